@@ -1,4 +1,4 @@
-"""Pictures as text: boxes of letters, with the lines between them as names inside."""
+"""Draw pictures as text: boxes of characters, in which each line to another box is listed by name."""
 
 from __future__ import annotations
 
@@ -9,14 +9,14 @@ from unicodedata import east_asian_width
 from envgraph.draw._diagram import Diagram
 
 _WIDTH = 100
-"""Columns that a row of boxes takes at most, unless one box is wider."""
+"""Maximum width of a row of boxes in columns, unless one box is wider."""
 
 _LINKS = 60
-"""Columns of the ends of lines, unless one name is longer."""
+"""Maximum width of a list of link targets in columns, unless one name is longer."""
 
 
 def picture_text(picture: Diagram) -> str:
-    """See `Picture.to_text`."""
+    """Return the picture as text; see `Picture.to_text`."""
     titles = {node.key: node.title for node in picture.nodes}
     links: dict[str, dict[str, list[str]]] = {node.key: {} for node in picture.nodes}
     for edge in picture.edges:
@@ -30,13 +30,13 @@ def picture_text(picture: Diagram) -> str:
 
 
 def _links(targets: Mapping[str, Sequence[str]]) -> Iterator[str]:
-    """Yield where the lines of each label lead, in one paragraph."""
+    """Yield the titles of the boxes to which the edges of each label lead, wrapped as one paragraph."""
     for label, ends in targets.items():
         yield from wrap(f"{label} -> {', '.join(ends)}".lstrip(), _LINKS, subsequent_indent="  ")
 
 
 def _box(title: str, lines: list[str]) -> list[str]:
-    """The lines of a box, all of one width."""
+    """Return the text lines of a box, all of the same width."""
     width = max(map(_columns, (title, *lines)))
 
     def row(text: str) -> str:
@@ -48,7 +48,7 @@ def _box(title: str, lines: list[str]) -> list[str]:
 
 
 def _rows(boxes: list[list[str]]) -> Iterator[list[list[str]]]:
-    """As many boxes beside each other as there is room for."""
+    """Yield rows of boxes side by side, each as wide as possible within the maximum width."""
     row: list[list[str]] = []
     used = 0
     for box in boxes:
@@ -69,5 +69,5 @@ def _beside(boxes: list[list[str]]) -> Iterator[str]:
 
 
 def _columns(text: str) -> int:
-    """Return how much room a text takes on a terminal."""
+    """Return the number of columns of a text on a terminal."""
     return sum(2 if east_asian_width(letter) in ("W", "F") else 1 for letter in text)

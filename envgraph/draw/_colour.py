@@ -1,4 +1,4 @@
-"""Colours, and text that can be read on them."""
+"""Parse, mix and compare colours, and choose text colours that are readable on a background."""
 
 from __future__ import annotations
 
@@ -10,11 +10,11 @@ PAPER: Colour = (255.0, 255.0, 255.0)
 _BLACK: Colour = (0.0, 0.0, 0.0)
 
 LEAST_CONTRAST = 4.5
-"""Of text and what it stands on: WCAG 2.2, success criterion 1.4.3."""
+"""Minimum contrast of text and background: WCAG 2.2, success criterion 1.4.3."""
 
 
 def parse_colour(text: str) -> Colour:
-    """The colour that "#rrggbb" stands for.
+    """Parse a colour "#rrggbb".
 
     >>> parse_colour("#0080ff")
     (0.0, 128.0, 255.0)
@@ -23,7 +23,7 @@ def parse_colour(text: str) -> Colour:
 
 
 def colour_text(colour: Colour) -> str:
-    """A colour as "#rrggbb".
+    """Format a colour as "#rrggbb".
 
     >>> colour_text((0.0, 128.0, 255.0))
     '#0080ff'
@@ -32,13 +32,13 @@ def colour_text(colour: Colour) -> str:
 
 
 def blend(one: Colour, other: Colour, share: float) -> Colour:
-    """A mixture with the given share of the second colour."""
+    """Return a mixture of two colours with the given share (0 to 1) of the second one."""
     red, green, blue = ((1.0 - share) * a + share * b for a, b in zip(one, other, strict=True))
     return red, green, blue
 
 
 def contrast(one: Colour, other: Colour) -> float:
-    """Return how much two colours differ, from 1 to 21 (WCAG 2.2, "contrast ratio").
+    """Return the contrast ratio of two colours, from 1 to 21 (WCAG 2.2, "contrast ratio").
 
     >>> round(contrast(PAPER, (0.0, 0.0, 0.0)), 3)
     21.0
@@ -56,14 +56,14 @@ def _luminance(colour: Colour) -> float:
 
 
 def ink_on(background: Colour, strength: float = 1.0) -> Colour:
-    """A colour for text that can be read on the background, with a contrast of at least 4.5.
+    """Return a text colour that is readable on the background, with a contrast of at least 4.5.
 
     Args:
-        background: what the text stands on.
-        strength: below 1 for text that keeps in the background, as far as it can still be read.
+        background: the colour behind the text.
+        strength: below 1 for text closer to the background colour, as far as it stays readable.
     """
     ink = max((INK, PAPER), key=lambda colour: contrast(background, colour))
-    if contrast(background, ink) < LEAST_CONTRAST:  # on colours in the middle, only black will do
+    if contrast(background, ink) < LEAST_CONTRAST:  # only black is readable on medium colours
         ink = _BLACK
     while strength < 1.0:
         faint = blend(background, ink, strength)

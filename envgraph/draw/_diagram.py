@@ -1,4 +1,4 @@
-"""What a picture of boxes and lines shows, before it is DOT text or SVG."""
+"""The content of a picture of boxes and lines, before it is rendered as DOT text or SVG."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from envgraph.draw._colour import colour_text, ink_on, parse_colour
 from envgraph.errors import visible
 
 End = Literal["none", "arrow", "diamond", "triangle"]
-"""What an edge ends with: a diamond sits at the container, a triangle at the superclass."""
+"""The symbol at an end of an edge: a diamond marks the container, a triangle the superclass."""
 
 LAYOUTS = ("dot", "neato", "fdp", "sfdp", "circo", "twopi")
 """The layouts of Graphviz that a picture may ask for."""
@@ -18,25 +18,25 @@ LAYOUTS = ("dot", "neato", "fdp", "sfdp", "circo", "twopi")
 INK = "#212529"
 MARK = "#e03131"
 LINE_COLOUR = "#5c636a"
-"""Of a line between two boxes."""
+"""The colour of a line between two boxes."""
 
 PALE = ("#e7f5ff", "#fff3bf", "#ebfbee", "#fff0f6", "#f3f0ff", "#e6fcf5", "#fff4e6", "#f1f3f5")
-"""Fills of boxes, one for each kind of thing; they begin again where there are more kinds."""
+"""Fill colours of boxes, one for each kind of object, repeated if there are more kinds."""
 
 _LONGEST = 40
 
 
 @dataclass(frozen=True, slots=True)
 class PictureNode:
-    """A box.
+    """A box of a picture.
 
     Attributes:
-        title: its first line; `stereotype` stands small above it.
-        lines: what else it says, top to bottom.
+        title: the first line; `stereotype` is written small above it.
+        lines: further lines, top to bottom.
         fill: "#rrggbb".
-        marks: what it is called in what is highlighted; None if it is not highlighted.
-        slanted: the title is in italics.
-        place: (x, y), y down, in units of the picture's own; None where the layout decides.
+        marks: the names of a highlighted box in the highlighted match; None if the box is not highlighted.
+        slanted: write the title in italics.
+        place: (x, y) with y downwards, in arbitrary units; None if the layout chooses the position.
     """
 
     key: str
@@ -51,7 +51,7 @@ class PictureNode:
 
 @dataclass(frozen=True, slots=True)
 class PictureEdge:
-    """A line between two boxes, from `source` to `target`; a layout in layers puts the source above the target."""
+    """A line between two boxes, from `source` to `target`; a layered layout puts the source above the target."""
 
     source: str
     target: str
@@ -62,10 +62,10 @@ class PictureEdge:
 
 @dataclass(frozen=True, slots=True)
 class Diagram:
-    """Boxes and lines in the order in which they are written; all text is as `envgraph.errors.visible` makes it.
+    """Boxes and lines in output order; all text is formatted by `envgraph.errors.visible`.
 
     Attributes:
-        note: stands below; "" for none.
+        note: a text below the picture; "" for none.
         layout: one of `LAYOUTS`.
     """
 
@@ -77,7 +77,7 @@ class Diagram:
 
 
 def markup(text: str) -> str:
-    r"""A text inside of HTML and SVG, between tags and in attributes.
+    r"""Escape a text for HTML and SVG, between tags and in attributes.
 
     >>> print(markup('<b> & "Rome"\x00'))
     &lt;b&gt; &amp; &quot;Rome&quot;\x00
@@ -86,12 +86,12 @@ def markup(text: str) -> str:
 
 
 def shortened(text: str, most: int = _LONGEST) -> str:
-    """The text, cut where it would be too wide."""
+    """Return the text, cut with "…" if it is longer than `most` characters."""
     return text if len(text) <= most else text[: most - 1] + "…"
 
 
 def shown_value(value: object) -> str:
-    r"""A data value in one line: strings in quotes, Booleans as in the languages.
+    r"""Format a data value in one line: strings in quotes, Booleans as in the languages.
 
     >>> print(shown_value('say "hi"\n'), shown_value(True), shown_value(2.0))
     "say \"hi\"\n" true 2.0
@@ -105,7 +105,7 @@ def shown_value(value: object) -> str:
 
 
 def text_on(fill: str) -> str:
-    """The colour of text that can be read on another.
+    """Return a text colour that is readable on the fill colour.
 
     >>> text_on("#ffffff"), text_on("#343a40")
     ('#212529', '#ffffff')

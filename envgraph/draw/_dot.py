@@ -1,4 +1,4 @@
-"""Pictures as DOT, the text that Graphviz draws; and Graphviz itself, where it is installed."""
+"""Draw pictures as DOT, the input language of Graphviz, and run Graphviz if it is installed."""
 
 from __future__ import annotations
 
@@ -27,9 +27,9 @@ _FONT = "Helvetica,Arial,sans-serif"
 
 
 def picture_dot(picture: Diagram) -> str:
-    """The picture as one `digraph`, a statement a line.
+    """Return the picture as one `digraph`, with one statement on each line.
 
-    If a box has a place, all are given one and pinned to it; `neato` and `fdp` keep to them.
+    If a box has a position, all boxes get one and are pinned to it; `neato` and `fdp` keep these positions.
     """
     return "\n".join([f"digraph {_quoted(picture.name)} {{", *_statements(picture), "}", ""])
 
@@ -40,7 +40,7 @@ def _statements(picture: Diagram) -> Iterator[str]:
     frames = arrange(picture) if pinned else {}
     if picture.layout != "dot":
         graph.update(overlap=str(pinned).lower(), outputorder="edgesfirst", start="1")
-        # Ways around the boxes take seconds to find where there are many.
+        # Routing edges around many boxes takes seconds.
         graph.update(splines="true" if len(picture.nodes) <= _CURVED else "line")
     if picture.note:
         graph.update(label=picture.note, labelloc="b")
@@ -52,7 +52,7 @@ def _statements(picture: Diagram) -> Iterator[str]:
     degrees = Counter(end for edge in picture.edges for end in (edge.source, edge.target))
     for edge in picture.edges:
         stretched = picture.layout != "dot" and edge.tail == "diamond" and degrees[edge.target] > 1
-        # A container of many would draw them all together, whatever else they are linked to.
+        # Otherwise a container pulls all its contents together, whatever else they are linked to.
         length = max(1.0, sqrt(degrees[edge.source]) / 2) if stretched else 1.0
         yield f"  {_quoted(edge.source)} -> {_quoted(edge.target)} {_edge(edge, length)};"
 
@@ -62,9 +62,9 @@ def _attributes(attributes: Mapping[str, str]) -> str:
 
 
 def _quoted(text: str) -> str:
-    r"""A text as a string of DOT that shows as it is.
+    r"""Quote a text as a DOT string that is displayed unchanged.
 
-    In labels Graphviz knows escapes (`\n`, `\N`) and entities (`&amp;`).
+    In labels Graphviz interprets escapes (`\n`, `\N`) and entities (`&amp;`).
     """
     plain = visible(text).replace("&", "&amp;").replace("\\", "\\\\").replace('"', '\\"')
     return f'"{plain}"'
@@ -80,7 +80,7 @@ def _node(node: PictureNode, frame: Frame | None) -> str:
 
 
 def _table(node: PictureNode) -> str:
-    """A label in the HTML of Graphviz."""
+    """Return the label of a box in Graphviz's HTML."""
     head = [f"<i>{_text(mark)}</i>" for mark in node.marks or ()]
     if node.stereotype:
         head.append(f'<font point-size="8">«{_text(node.stereotype)}»</font>')
@@ -94,7 +94,7 @@ def _table(node: PictureNode) -> str:
 
 
 def _text(text: str) -> str:
-    r"""A text inside such a label, where Graphviz knows the escapes `\N`, `\G` ... as well."""
+    r"""Escape a text inside an HTML label, in which Graphviz also interprets escapes such as `\N` and `\G`."""
     return markup(text).replace("\\", "\\\\") or " "
 
 
@@ -110,11 +110,11 @@ def _edge(edge: PictureEdge, length: float) -> str:
 
 
 def graphviz_svg(text: str, timeout: float) -> str | None:
-    """Return what the program `dot` makes of a DOT text, from `<svg` on.
+    """Return the SVG that the program `dot` creates from a DOT text, from `<svg` on.
 
     Args:
-        text: a graph.
-        timeout: how long it may take, in seconds.
+        text: a graph in DOT.
+        timeout: the maximum time in seconds.
 
     Returns:
         None if the program is not on the PATH, fails, takes too long or prints something else.

@@ -1,4 +1,4 @@
-"""Where the boxes of a picture stand without Graphviz: networkx spreads them, and overlaps are pushed apart."""
+"""Compute positions of boxes without Graphviz: networkx spreads the boxes, and overlapping boxes are moved apart."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from envgraph.code import dataclass
 from envgraph.draw._diagram import Diagram, PictureNode
 
 LINE = 14.0
-"""Height of a line of text, in CSS pixels, as all lengths here."""
+"""Height of a line of text; all lengths in this module are in CSS pixels."""
 
 _LETTER = 6.3
 _GAP = 30.0
@@ -20,7 +20,7 @@ _ROW = 1600.0
 
 @dataclass(slots=True)
 class Frame:
-    """A box: its middle, and half its width and height."""
+    """The position of a box: its center, and half of its width and height."""
 
     x: float
     y: float
@@ -29,21 +29,21 @@ class Frame:
 
 
 def text_width(text: str) -> float:
-    """About how wide a text is."""
+    """Return the approximate width of a text."""
     return sum(2 if east_asian_width(letter) in "WF" else 1 for letter in text) * _LETTER
 
 
 def head_lines(node: PictureNode) -> list[str]:
-    """The lines above the rule: what the box is called in a match, its stereotype, its title."""
+    """Return the lines above the rule of a box: its names in a match, its stereotype, and its title."""
     stereotype = [f"«{node.stereotype}»"] if node.stereotype else []
     return [*(node.marks or ()), *stereotype, node.title]
 
 
 def arrange(picture: Diagram) -> dict[str, Frame]:
-    """A frame for each box, all at positive coordinates, no two of them overlapping.
+    """Return a frame for each box by its key, at nonnegative coordinates and without overlaps.
 
-    Where boxes have places those are kept to, and the others stand beside what they are linked to. Else every connected
-    part is laid out by itself, and the parts are put into rows.
+    If some boxes have positions, these are kept, and other boxes are put beside the boxes linked to them. Otherwise
+    each connected part is laid out by itself, and the parts are put into rows.
     """
     frames = {node.key: _frame(node) for node in picture.nodes}
     label = max((text_width(edge.label) for edge in picture.edges), default=0.0)
@@ -82,7 +82,7 @@ def _from_zero(frames: dict[str, Frame], keys: Sequence[str] | dict[str, Frame])
 
 
 def _parts(picture: Diagram) -> list[list[str]]:
-    """Connected parts, the largest first, then in the order of the boxes."""
+    """Return the connected parts of the picture as lists of keys, the largest first, then in the order of the boxes."""
     above = {node.key: node.key for node in picture.nodes}
 
     def root(key: str) -> str:
@@ -99,7 +99,7 @@ def _parts(picture: Diagram) -> list[list[str]]:
 
 
 def _spread(picture: Diagram, part: list[str], frames: dict[str, Frame], gap: float) -> None:
-    """Springs along the edges of one connected part; they begin where the spectrum unfolds it."""
+    """Lay out one connected part by a spring layout along its edges, which starts from a spectral layout."""
     import networkx as nx
 
     if len(part) == 1:
@@ -112,7 +112,7 @@ def _spread(picture: Diagram, part: list[str], frames: dict[str, Frame], gap: fl
         if edge.source in graph and edge.source != edge.target
     )
     begin = nx.spectral_layout(graph) if len(part) > 3 else nx.circular_layout(graph)
-    # Boxes that the spectrum puts on one spot (equal leaves of a star) must differ for the springs to part them.
+    # A spring layout cannot separate boxes at equal positions, which the spectral layout gives to equal leaves.
     begin = {
         key: (x + 1e-3 * (number % 7), y + 1e-3 * (number % 11))
         for number, (key, (x, y)) in enumerate(begin.items())
@@ -167,7 +167,7 @@ def _push_apart(frames: list[Frame]) -> None:
         row = sorted(frames, key=lambda frame: frame.x)
         for number, one in enumerate(row):
             for other in row[number + 1 :]:
-                if other.x - one.x > 2 * widest:  # twice: boxes move while this goes on
+                if other.x - one.x > 2 * widest:  # twice the width, because boxes move during the loop
                     break
                 moved = _part(one, other) or moved
         if not moved:
@@ -175,7 +175,7 @@ def _push_apart(frames: list[Frame]) -> None:
 
 
 def _part(one: Frame, other: Frame) -> bool:
-    """Move two boxes apart; False if they are."""
+    """Move two boxes apart if they overlap; return True if they were moved."""
     across = one.half_width + other.half_width + _GAP / 2 - abs(one.x - other.x)
     along = one.half_height + other.half_height + _GAP / 2 - abs(one.y - other.y)
     if across <= 1e-6 or along <= 1e-6:

@@ -1,4 +1,4 @@
-"""Pictures of boxes and lines, and what they can be rendered to."""
+"""Pictures of boxes and lines that can be rendered as DOT, text and SVG."""
 
 from __future__ import annotations
 
@@ -9,26 +9,26 @@ from envgraph.draw._svg import picture_svg
 from envgraph.errors import InvalidArgument
 
 TIMEOUT = 10.0
-"""How long Graphviz may take for a picture, in seconds."""
+"""Default maximum time for Graphviz, in seconds."""
 
 
 class Picture(Diagram):
-    """A diagram that can be shown; see `Diagram` for what it is made of.
+    """A diagram that can be rendered; see `Diagram`.
 
     Attributes:
-        name, nodes, edges: boxes and lines in the order in which they are written.
-        note: stands below; "" for none.
+        name, nodes, edges: the title, and the boxes and lines in output order.
+        note: a text below the picture; "" for none.
         layout: one of `LAYOUTS`.
     """
 
     __slots__ = ()
 
     def to_dot(self) -> str:
-        """The picture as DOT, the text that Graphviz draws."""
+        """Return the picture as DOT, the input language of Graphviz."""
         return picture_dot(self)
 
     def to_text(self) -> str:
-        """The picture as boxes of letters, for terminals; each box lists the lines that begin at it.
+        """Return the picture as boxes of characters for terminals; each box lists the lines that start from it.
 
         >>> from envgraph.draw import PictureEdge, PictureNode
         >>> boxes = (PictureNode("a", "one"), PictureNode("b", "two", ("n = 1",)))
@@ -43,23 +43,22 @@ class Picture(Diagram):
         return picture_text(self)
 
     def to_svg(self, *, graphviz: bool | None = None, timeout: float = TIMEOUT) -> str:
-        """The picture as one `<svg>` element that can stand in an HTML page.
+        """Return the picture as one `<svg>` element, which can be part of an HTML page.
 
-        Where the boxes stand depends on who draws; do not compare pictures of different machines.
+        The positions of boxes depend on the program that draws; do not compare pictures of different machines.
 
         Args:
-            graphviz: True insists on Graphviz, False does without (then networkx places the boxes); None takes it where
-                it works.
-            timeout: how long Graphviz may take, in seconds.
+            graphviz: True requires Graphviz; False uses networkx to place the boxes; None uses Graphviz if it works.
+            timeout: the maximum time for Graphviz, in seconds.
 
         Raises:
-            InvalidArgument: Graphviz is insisted on, and its program `dot` is not on the PATH, fails or takes too long;
-                or there is neither Graphviz nor networkx.
+            InvalidArgument: Graphviz is required, but its program `dot` is not on the PATH, fails or takes too long; or
+                neither Graphviz nor networkx is installed.
         """
         return picture_svg(self, graphviz, timeout)
 
     def _repr_svg_(self) -> str | None:
-        """For notebooks; None where nothing can draw it, so that they show the `repr`."""
+        """Return the SVG for notebooks; None if nothing can draw it, so that notebooks show the `repr`."""
         try:
             return self.to_svg()
         except InvalidArgument:

@@ -1,4 +1,4 @@
-"""Pictures as SVG: by Graphviz where it is installed, else drawn here."""
+"""Draw pictures as SVG, by Graphviz if it is installed, otherwise by functions of this module."""
 
 from __future__ import annotations
 
@@ -22,13 +22,13 @@ from envgraph.errors import InvalidArgument
 
 _BORDER = 20.0
 _HALO = 'fill="#ffffff" stroke="#ffffff" stroke-width="3" stroke-linejoin="round" aria-hidden="true"'
-"""Of a text below another one, which is to be read over lines."""
+"""Attributes of a white copy behind a text, which makes the text readable over lines."""
 
 Point = tuple[float, float]
 
 
 def picture_svg(picture: Diagram, graphviz: bool | None, timeout: float) -> str:
-    """See `Picture.to_svg`."""
+    """Return the picture as SVG; see `Picture.to_svg`."""
     if graphviz is not False:
         found = graphviz_svg(picture_dot(picture), timeout)
         if found is not None:
@@ -45,7 +45,7 @@ def picture_svg(picture: Diagram, graphviz: bool | None, timeout: float) -> str:
 
 
 def drawn_svg(picture: Diagram, frames: dict[str, Frame]) -> str:
-    """The boxes at given places, and the lines between them."""
+    """Return SVG with the boxes at the given positions, and the lines between them."""
     width = max((f.x + f.half_width for f in frames.values()), default=0.0)
     height = max((f.y + f.half_height for f in frames.values()), default=0.0)
     width = max(width, text_width(picture.note)) + 2 * _BORDER
@@ -69,7 +69,7 @@ def drawn_svg(picture: Diagram, frames: dict[str, Frame]) -> str:
 
 
 def picture_title(picture: Diagram) -> str:
-    """Return what a picture shows, in a sentence, for those who do not see it."""
+    """Return a sentence that describes the picture for screen readers."""
     boxes, lines = len(picture.nodes), len(picture.edges)
     return (
         f"{picture.name}: {boxes} box{'es' * (boxes != 1)} and {lines} line{'s' * (lines != 1)} between them"
@@ -113,7 +113,7 @@ def _node(node: PictureNode, frame: Frame) -> Iterator[str]:
 
 
 def _bent(edges: tuple[PictureEdge, ...]) -> Iterator[tuple[PictureEdge, float]]:
-    """Each edge with how far it bends aside, so that several between two boxes are distinguished."""
+    """Yield each edge with the width of its bend, so that several edges between two boxes are distinguishable."""
     groups: dict[tuple[str, str], list[PictureEdge]] = {}
     for edge in edges:
         one, other = sorted((edge.source, edge.target))
@@ -142,7 +142,7 @@ def _edge(edge: PictureEdge, bend: float, frames: dict[str, Frame]) -> Iterator[
 
 
 _Line = tuple[str, Point, Point, tuple[Point, Point], Point]
-"""The path, its ends, the points from which it comes to them, and where the label stands."""
+"""The path, its start and end, the control points next to them, and the position of the label."""
 
 
 def _curve(source: Frame, target: Frame, bend: float) -> _Line:
@@ -172,7 +172,7 @@ def _path(*parts: str | Point) -> str:
 
 
 def _rim(frame: Frame, toward: Point) -> Point:
-    """Return where the line from the middle of a box to a point leaves the box."""
+    """Return the point where the line from the center of a box to `toward` leaves the box."""
     dx, dy = toward[0] - frame.x, toward[1] - frame.y
     share = max(abs(dx) / frame.half_width, abs(dy) / frame.half_height)
     if share <= 1.0:  # the point is inside

@@ -1,9 +1,9 @@
-"""An agent's behaviour over a model, and the environment that it makes: simulated, as arrays, in Gymnasium, drawn.
+"""Turn a behaviour and a model into an environment: simulated, as arrays, for Gymnasium, and drawn.
 
-`check_behaviour` says what is wrong with a behaviour; `Simulator` runs it on a live engine, and its docstring defines
-what a step is; `explore` makes it a `Tabular` of all reachable states, with pictures. `EnvgraphEnv`, `EnvgraphLiveEnv`
-and `EnvgraphVectorEnv` are the Gymnasium environments over them. `KeyIndex` holds the indices of objects over a family.
-Importing the package registers the bundled environments (`envgraph/BurningForest-v0`).
+`check_behaviour` reports what is wrong with a behaviour. `Simulator` runs it on a live engine, and its docstring
+defines a step. `explore` enumerates all reachable states as a `Tabular`, with pictures. `EnvgraphEnv`,
+`EnvgraphLiveEnv` and `EnvgraphVectorEnv` are the Gymnasium environments over them. `KeyIndex` holds the indices of
+objects over a family. Importing the package registers the bundled environments (`envgraph/BurningForest-v0`).
 
 >>> import gymnasium
 >>> gymnasium.spec("envgraph/BurningForest-v0").max_episode_steps

@@ -1,4 +1,4 @@
-"""Environments of Gymnasium whose transitions are known, as data: what `envgraph adopt` writes a domain of."""
+"""Read the transitions of Gymnasium environments that publish them, so that `envgraph adopt` can write a domain."""
 
 from __future__ import annotations
 
@@ -19,16 +19,16 @@ from envgraph.env._tabular import MOST_REWARD, Tabular
 from envgraph.errors import EnvgraphError, InvalidArgument
 
 _MOST_STARTS: Final = 10_000
-"""So many starts are equally likely at most."""
+"""Maximum number of equally likely start states."""
 _TOLERANCE: Final = 1e-9
 _MINIGRID: Final = ("MiniGrid-", "BabyAI-")
 _TRIED: Final = 2_000
-"""Steps: Taxi's fickle passenger shows in less than a hundred."""
+"""Number of trial steps; Taxi's fickle passenger is noticed in less than a hundred."""
 
 
 @short_repr
 class Transition(NamedTuple):
-    """One of the ways in which an action in a state may turn out."""
+    """One possible outcome of an action in a state."""
 
     probability: float
     state: int
@@ -38,14 +38,14 @@ class Transition(NamedTuple):
 
 @dataclass(frozen=True, slots=True)
 class Adopted:
-    """Transitions that are known.
+    """The published transitions of an environment.
 
     Attributes:
-        outcomes: for each state from 0, for each action from 0, what may come of it.
-        starts: how likely an episode begins in a state; states that are not there never begin one.
-        rows: the letters of its map, if it has one with a letter for each state, row by row; else ().
-        endings: the states in which an episode ends that begins in `starts`, each with whether that is a success: those
-            with the greatest reward for coming there are.
+        outcomes: the possible outcomes by state and action, both numbered from 0.
+        starts: the probability of each initial state; states without an entry are never initial.
+        rows: the letters of the environment's map, row by row, if it has one letter for each state; otherwise ().
+        endings: the states in which episodes can end, each with True for success. A state is a success if entering it
+            pays the greatest reward of all these states.
     """
 
     outcomes: Sequence[Sequence[Sequence[Transition]]]
@@ -55,21 +55,21 @@ class Adopted:
 
     @property
     def actions(self) -> int:
-        """How many actions there are."""
+        """Return the number of actions."""
         return len(self.outcomes[min(self.starts)])
 
     def merged(self, state: int, action: int) -> list[Transition]:
-        """What may come of an action, those that are the same put together."""
+        """Return the outcomes of an action; outcomes that differ only in probability are merged."""
         found: dict[tuple[int, float, bool], float] = defaultdict(float)
         for outcome in self.outcomes[state][action]:
             found[outcome[1:]] += outcome.probability
         return [Transition(chance, *key) for key, chance in found.items() if chance]
 
     def first(self) -> list[int]:
-        """States in which an episode begins, all equally likely: one may stand there several times.
+        """Return a list of initial states, in which each state occurs in proportion to its probability.
 
         Raises:
-            InvalidArgument: the chances are no multiples of 1/n, for an n up to 10,000.
+            InvalidArgument: the probabilities are not multiples of 1/n for any n up to 10,000.
         """
         chances = [*self.starts.values()]
         fractions = [Fraction(chance).limit_denominator(_MOST_STARTS) for chance in chances]
@@ -88,9 +88,9 @@ class Adopted:
         ]
 
     def differences(self, table: Tabular) -> Iterator[str]:
-        """What differs in a table whose observations are the numbers of the states; nothing if it steps identically.
+        """Yield a text for each difference to a table that observes state numbers; nothing if both step equally.
 
-        The states in which an episode ends are absorbing there, and not compared.
+        States in which an episode ends are not compared, because the table makes them absorbing.
         """
         starts = dict(
             zip(table.observation[table.start_states].tolist(), table.start_probability.tolist(), strict=True)
@@ -120,20 +120,20 @@ def _close(one: Mapping[Any, float], other: Mapping[Any, float]) -> bool:
 
 
 def adopt(id: str, seed: int = 0, **options: Any) -> tuple[Adopted | MiniGridLevel, int | None]:
-    """The transitions of an environment that tells them, as Gymnasium's toy texts do, or a level; and its time limit.
+    """Return the transitions or the MiniGrid level of a registered environment, and its time limit.
 
-    Its unwrapped environment is one of MiniGrid, or it has `P`, for each state and action a list of (probability, next
-    state, reward, terminated); `initial_state_distrib` if it does not begin in state 0; and `desc`, if it has a map of
-    letters.
+    The unwrapped environment is one of MiniGrid, or has `P`, for each state and action a list of (probability, next
+    state, reward, terminated). It may also have `initial_state_distrib` (by default, episodes begin in state 0), and
+    `desc`, a map of letters.
 
     Args:
-        id: of a registered environment.
-        seed: of the level that is drawn; environments that tell their transitions draw none.
-        options: of `gymnasium.make`.
+        id: the id of a registered environment.
+        seed: the seed that generates a MiniGrid level; unused for other environments.
+        options: options of `gymnasium.make`.
 
     Raises:
-        InvalidArgument: there is no such environment, it does not tell its transitions, an episode ends on some
-            ways into a state and goes on after others, or a level of MiniGrid has rules of its own.
+        InvalidArgument: the environment does not exist, publishes no transitions, has a state that ends the episode
+            only sometimes, or is a MiniGrid level with its own rules.
 
     >>> adopted, limit = adopt("FrozenLake-v1")
     >>> adopted.rows, adopted.endings, limit
@@ -161,12 +161,12 @@ def adopt(id: str, seed: int = 0, **options: Any) -> tuple[Adopted | MiniGridLev
 
 
 def _try_out(inner: Any, adopted: Adopted) -> None:
-    """Take some random steps: what happens must be among its transitions.
+    """Take random steps, and check that each is one of the published transitions.
 
-    Taxi with `fickle_passenger`, for one, does more than its `P` says.
+    Taxi with `fickle_passenger`, for example, makes transitions that its `P` does not contain.
 
     Raises:
-        InvalidArgument: a step is none of them, or what is observed is no number of a state.
+        InvalidArgument: a step is not among the transitions, or an observation is not a state number.
     """
     rng = np.random.default_rng(0)
     state, _ = inner.reset(seed=0)
@@ -202,7 +202,7 @@ def _adopted(inner: Any) -> Adopted:
 
 
 def _actions(table: Any, state: int, where: str) -> list[list[Transition]]:
-    """Return the outcomes of each action in a state; raise InvalidArgument if they are wrong."""
+    """Return the outcomes of each action in a state; raise InvalidArgument if they are malformed."""
     found, place = list[list[Transition]](), f"state {state}"
     try:
         for action in range(len(table[state])):
@@ -219,7 +219,7 @@ def _actions(table: Any, state: int, where: str) -> list[list[Transition]]:
 
 
 def _distribution_problems(outcomes: Sequence[Transition], states: int) -> Iterator[str]:
-    """Yield what is wrong with the outcomes of an action, or with the initial states."""
+    """Yield a text for each problem in the outcomes of an action, or in the initial states."""
     for probability, state, reward, _ in outcomes:
         if not 0.0 <= probability <= 1.0 + _TOLERANCE:
             yield f"has the probability {probability:g}, but must have one from 0 to 1"
@@ -260,7 +260,7 @@ def _letter(given: object) -> str:
 def _endings(
     outcomes: Sequence[Sequence[Sequence[Transition]]], starts: Mapping[int, float]
 ) -> dict[int, bool]:
-    """See `Adopted.endings`."""
+    """Return the states in which episodes can end, each with True for success; see `Adopted.endings`."""
     reward: dict[int, float] = {}
     going, todo = {*starts}, [*starts]
     while todo:

@@ -1,4 +1,4 @@
-"""The agents of a behaviour, and whose turn it is."""
+"""The agents of a behaviour in one model, and the order of their turns."""
 
 from __future__ import annotations
 
@@ -18,14 +18,14 @@ from envgraph.rewrite import Engine
 
 @dataclass(frozen=True, slots=True)
 class Seat:
-    """One agent, with the behaviour as it is for that agent.
+    """One agent of a model, with the behaviour prepared for the agent.
 
     Attributes:
-        name: of the agent: the key of its object. "" where a behaviour has no agents, and somebody from outside acts.
-        node: its object; None where a behaviour has no agents.
-        block: number of its `agent` block.
-        actions: one for each of the environment's actions; those that the agent does not have do nothing.
-        components: of its observation: the present value, and what it is multiplied with in an index.
+        name: the key of the agent's object; "" for the single agent of a behaviour without `agent` blocks.
+        node: the agent's object; None for a behaviour without `agent` blocks.
+        block: the number of the agent's `agent` block.
+        actions: one entry for each action of the environment; actions that the agent lacks do nothing.
+        components: for each component of the agent's observation, a function that reads it, and its factor in an index.
     """
 
     name: str
@@ -37,23 +37,23 @@ class Seat:
 
 
 class Agents:
-    """The agents of one model in the order in which they act: block by block, in a block by key.
+    """The agents of one model in the order of their turns: block by block, within a block by key.
 
-    An agent whose object is gone, or no longer of the class, is passed over.
+    An agent whose object is deleted, or no longer of the class, is skipped.
 
     Args:
-        behaviour: checked, without errors.
-        engine: its model is the initial state.
+        behaviour: a behaviour without errors.
+        engine: an engine whose model is the initial state.
         keys: the indices of objects over the family.
 
     Raises:
-        ResolutionError: a parameter has no object, or no `agent` block has one.
+        ResolutionError: a parameter cannot be bound to an object, or no `agent` block has an object.
 
     Attributes:
         seats: the agents.
-        action_names: of all actions; the same number is the same name for everybody.
-        shape: sizes of the components of an observation, the same for everybody. With several blocks the first
-            component says whose turn it is, by block.
+        action_names: the names of all actions; an action number means the same name for every agent.
+        shape: the sizes of the components of an observation, equal for all agents. With several `agent` blocks, the
+            first component is the block number of the agent whose turn it is.
     """
 
     def __init__(self, behaviour: Behaviour, engine: Engine, keys: KeyIndex) -> None:
@@ -82,7 +82,7 @@ class Agents:
         )
 
     def present(self, seat: Seat) -> bool:
-        """Whether an agent can act in the present state of the model."""
+        """Return True if the agent can act now: its object exists and has the agent's class."""
         if seat.node is None:
             return True
         model = self._model
@@ -91,14 +91,14 @@ class Agents:
         )
 
     def gone(self, number: int) -> bool:
-        """Whether the object of an agent was deleted: it will not be back."""
+        """Return True if the object of an agent was deleted, so that the agent cannot act again."""
         node = self.seats[number].node
         return node is not None and not self._model.graph.alive(node)
 
     def after(self, turn: int) -> int:
-        """Number of the agent that acts after another one; the same one where nobody else can.
+        """Return the number of the agent that acts after agent `turn`; `turn` itself if no other agent can act.
 
-        `after(-1)` is the first one.
+        `after(-1)` is the first agent that can act.
         """
         if self._alone:
             return 0
@@ -110,7 +110,7 @@ class Agents:
         return max(turn, 0)
 
     def observation(self, turn: int) -> int:
-        """What an agent sees of the present state, as an index; of itself, when it is gone, nothing."""
+        """Return the index of an agent's observation of the current state; components of a deleted agent are padded."""
         seat = self.seats[turn]
         index = seat.block if len(self._classes) > 1 else 0
         for read, weight in seat.components:
@@ -131,7 +131,7 @@ def _programs(
 
 
 def named_agents(behaviour: Behaviour, model: Model, keys: KeyIndex) -> list[tuple[str, tuple[int, int]]]:
-    """The name of each agent that a model has, with its object and the number of its block, in the order of turns."""
+    """Return the name, object and block number of each agent of a model, in the order of turns."""
     found = [
         (name, agent.variable, node, block)
         for block, agent in enumerate(behaviour.agents)
@@ -145,7 +145,7 @@ def named_agents(behaviour: Behaviour, model: Model, keys: KeyIndex) -> list[tup
 
 
 def _named(model: Model, agent: Agent, keys: KeyIndex) -> list[tuple[str, int]]:
-    """Name and object of each agent of a block that this member of the family has, by index."""
+    """Return the name and object of each agent of a block that exists in this model, ordered by index."""
     has_key = bool(key_attributes(model.metamodel, agent.cls))
     objects = zip(keys.of_class(agent.cls), keys.objects(model, agent.cls), strict=True)
     return [
@@ -156,7 +156,7 @@ def _named(model: Model, agent: Agent, keys: KeyIndex) -> list[tuple[str, int]]:
 
 
 def _names(own: Sequence[Sequence[PreparedAction]]) -> tuple[str, ...]:
-    """The names of everybody's actions: in the order of the agents where they differ."""
+    """Return the names of all agents' actions without duplicates, in the order of the agents."""
     names = [tuple(action.name for action in actions) for actions in own]
     if all(one == names[0] for one in names):
         return names[0]
@@ -171,5 +171,5 @@ def _numbered(actions: Sequence[PreparedAction], names: Sequence[str]) -> tuple[
 
 
 def _idle(name: str) -> PreparedAction:
-    """An action that only other agents have."""
+    """Return an action that does nothing, for an agent that lacks the action."""
     return PreparedAction(name, (), Alternatives(lambda _: (), ()), None, None, 0)

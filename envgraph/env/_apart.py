@@ -1,4 +1,4 @@
-"""The rewards of an environment apart: the same environment is stepped once more for each of them."""
+"""A wrapper that reports the rewards of an environment separately, by stepping one copy for each named reward."""
 
 from __future__ import annotations
 
@@ -10,14 +10,14 @@ import gymnasium
 
 
 class RewardsApart(gymnasium.Wrapper[Any, Any, Any, Any]):
-    """An environment whose infos tell each reward of a step, as `rewards`: by the name of what pays it.
+    """An environment whose infos contain each named part of a step's reward, as `rewards`.
 
-    What happens does not depend on what is paid for it, so environments that differ in their rewards alone have the
-    same episodes: beside the environment step those that pay the rewards of one name each. A step costs as many.
+    Rewards do not influence transitions, so environments that differ only in rewards have the same episodes. The
+    wrapper steps the environment and, for each name, a copy that pays only the rewards of this name.
 
     Args:
         env: the environment.
-        parts: by name, the same environment with the rewards of this name alone.
+        parts: by name, a copy of the environment that pays only the rewards of this name.
     """
 
     def __init__(self, env: gymnasium.Env[Any, Any], parts: Mapping[str, gymnasium.Env[Any, Any]]) -> None:
@@ -28,7 +28,7 @@ class RewardsApart(gymnasium.Wrapper[Any, Any, Any, Any]):
     def reset(
         self, *, seed: int | None = None, options: dict[str, Any] | None = None
     ) -> tuple[Any, dict[str, Any]]:
-        """Begin an episode; the info of a reset has no `rewards`."""
+        """Reset the environment and its copies; the info of a reset has no `rewards`."""
         if not self._begun and seed is None:
             for part in self._parts.values():
                 part.np_random = deepcopy(self.unwrapped.np_random)
@@ -38,7 +38,7 @@ class RewardsApart(gymnasium.Wrapper[Any, Any, Any, Any]):
         return self.env.reset(seed=seed, options=options)
 
     def step(self, action: Any) -> tuple[Any, Any, bool, bool, dict[str, Any]]:
-        """As that of the environment; the sum of `info["rewards"]` is the reward, but for rounding."""
+        """Step the environment and its copies; the sum of `info["rewards"]` is the reward, except for rounding."""
         observation, reward, terminated, truncated, info = self.env.step(action)
         info["rewards"] = {name: part.step(action)[1] for name, part in self._parts.items()}
         return observation, reward, terminated, truncated, info

@@ -1,4 +1,4 @@
-"""All states that an environment can reach, as arrays."""
+"""Enumerate all reachable states of an environment as arrays."""
 
 from __future__ import annotations
 
@@ -17,21 +17,21 @@ from envgraph.graph import Savepoint
 from envgraph.rewrite import Engine, SavepointWalk, walk_of_savepoints
 
 DEFAULT_LIMIT = 250_000
-"""About half a minute, and half a gigabyte: nobody should wait longer to learn that there are too many."""
+"""Default maximum of states: about 30 s and 0.5 GB until the error that the environment has too many states."""
 
 OUTCOMES = 10_000_000
-"""Outcomes of actions that there may be in all states together: they take the time and the space, too."""
+"""Default maximum of outcomes of actions in all states together; they need time and memory, too."""
 
 Progress = Callable[[int, int], None]
-"""Called now and then with how many states were found so far, and how many outcomes of actions (0: not counted)."""
+"""A callback that gets the numbers of states and of outcomes of actions so far (0: not counted) from time to time."""
 
 
 @dataclass(frozen=True, slots=True)
 class Explored:
-    """An enumerated environment.
+    """An environment whose reachable states are enumerated.
 
     Attributes:
-        pictures: the scene of every state, or () where none were asked for.
+        pictures: the scene of every state, or () if none were requested.
     """
 
     tabular: Tabular
@@ -50,20 +50,20 @@ def explore(
 ) -> Explored:
     """Enumerate the reachable states of an environment.
 
-    The engine is as before afterwards; this works inside a transaction, too.
+    The engine's model is restored afterwards, also inside a transaction.
 
     Args:
-        engine: its model is the initial state.
-        behaviour: what the environment does.
-        keys: indices of objects over a family; those of the engine's model alone if None.
-        limit: how many states there may be.
-        outcomes: how many outcomes of actions there may be in all states together.
-        pictures: whether to make a picture of every state, if the behaviour says how to draw it.
-        progress: is called with the numbers of states and outcomes so far.
+        engine: an engine whose model is the initial state.
+        behaviour: the behaviour of the environment.
+        keys: indices of objects over a family; None: those of the engine's model.
+        limit: the maximum number of states.
+        outcomes: the maximum number of outcomes of actions, in all states together.
+        pictures: draw every state, if the behaviour has a `draw` clause.
+        progress: a callback that gets the numbers of states and outcomes so far.
 
     Returns:
-        The states numbered breadth first from the start states, by action and outcome; outcomes of one action that
-        follow each other and are the same are put together.
+        The states numbered breadth-first from the start states, by action and outcome. Consecutive equal outcomes of
+        one action are merged.
 
     Raises:
         TooManyStates: more states than the limit, too many outcomes, of all actions together or of one in a state, or
@@ -86,16 +86,16 @@ Row = list[list[tuple[float, int, float, int]]]
 
 @dataclass(slots=True)
 class _Search:
-    """Enumerates the states depth first: each move is made once and then undone, so the next state is always near.
+    """A depth-first enumeration of states, which makes each move once and then undoes it.
 
     The key of a state is the hash of the model, whose turn it is, and whether the episode is over. A start state is not
     over, even if a step that leads to it ends the episode.
 
     Attributes:
-        most: the largest number of outcomes.
-        number: the number of each state, by key, in the order of the walk.
+        most: the maximum number of outcomes.
+        number: the number of each state by key, in the order of discovery.
         rows: the outcomes of every state; None if the episode is over.
-        did: for every state, whether each action changed something in one of its outcomes.
+        did: for every state and action, 1 if one of its outcomes changed something.
         starts: the probability that an episode begins in a state.
     """
 
@@ -116,7 +116,7 @@ class _Search:
     _drawn: dict[Scene, Scene] = field(default_factory=dict)
 
     def run(self) -> None:
-        """Walk from every start state."""
+        """Visit all states that can be reached from the start states."""
         simulator, first = self.simulator, self.simulator.turn
         try:
             with walk_of_savepoints(simulator.engine.model) as walk:
@@ -169,13 +169,13 @@ class _Search:
         return found
 
     def _masked(self, over: bool) -> bytearray:
-        """What each action does: seen when it is done, but of agents that act together asked before."""
+        """Return the initial action mask of a state: 0s to update, or the final mask if agents act together."""
         if self.simulator.together is not None and not over:
             return bytearray(self.simulator.allowed())
         return bytearray(len(self.simulator.action_names))
 
     def _count(self) -> None:
-        """See that there are not too many outcomes, and say how many there are."""
+        """Count an outcome, report progress, and raise an error if there are too many outcomes."""
         self.made += 1
         if self.made > self.most:
             raise TooManyStates(self.simulator.behaviour, self.limit, outcomes=self.most)
@@ -185,7 +185,7 @@ class _Search:
     # --- arrays
 
     def result(self) -> Explored:
-        """The table, with the states numbered anew, breadth first."""
+        """Return the table, with states renumbered breadth-first."""
         simulator, order = self.simulator, self._breadth_first()
         rows, states, place = [self.rows[state] or () for state in order], len(order), np.argsort(order)
         outcomes = max((len(found) for row in rows for found in row), default=0)

@@ -1,4 +1,4 @@
-"""Environments that are a map of Gymnasium's FrozenLake: one walker on a grid, with holes, and nothing else."""
+"""Export an environment as a map of Gymnasium's FrozenLake: a grid with holes and one walker."""
 
 from __future__ import annotations
 
@@ -17,28 +17,28 @@ Place = tuple[int, int]
 """Column and row."""
 
 Outcomes = Mapping[tuple[Place, float, bool], float]
-"""The probability of each place, reward and end that an action may lead to."""
+"""The probability of each (position, reward, end) that an action may lead to."""
 
 _WAYS: Final = ((-1, 0), (0, 1), (1, 0), (0, -1))
-"""Of the actions of FrozenLake: left, down, right, up."""
+"""The moves of the actions of FrozenLake: left, down, right, up."""
 
 _TOLERANCE: Final = 1e-9
 
 
 def frozen_lake(explored: Explored, limit: int | None) -> dict[str, Any]:
-    """The arguments of `gymnasium.make("FrozenLake-v1", ..)` that make an environment which steps as this one.
+    """Return the arguments of `gymnasium.make("FrozenLake-v1", ..)` that create an equal environment.
 
-    Everything that FrozenLake may do is compared with the table. Its observations are numbers of cells, row by row.
+    Every transition of FrozenLake is compared with the table. Observations of FrozenLake are cell numbers, row by row.
 
     Args:
-        explored: with pictures.
-        limit: steps after which an episode is truncated, or None.
+        explored: the enumerated environment, with pictures.
+        limit: the number of steps after which an episode is truncated, or None.
 
     Returns:
         `desc`, `is_slippery`, `success_rate`, `reward_schedule` and `max_episode_steps` (-1 for none).
 
     Raises:
-        InvalidArgument: there is none; the message says what FrozenLake would do otherwise.
+        InvalidArgument: no map of FrozenLake has these transitions; the message names a difference.
     """
     table, places = explored.tabular, _places(explored)
     if table.n_actions != len(_WAYS):
@@ -57,7 +57,7 @@ def frozen_lake(explored: Explored, limit: int | None) -> dict[str, Any]:
 
 
 def _places(explored: Explored) -> list[Place]:
-    """Where the walker stands in each state."""
+    """Return the walker's position in each state."""
     places = []
     for scene in explored.pictures:
         if not isinstance(scene, GridScene) or len(scene.marks) != 1:
@@ -81,7 +81,7 @@ def _outcomes(table: Tabular, places: list[Place], state: int, action: int) -> O
 
 
 def _letters(table: Tabular, places: list[Place]) -> tuple[dict[Place, str], dict[str, float]]:
-    """The letter of each place that is reached, and what it pays to come to a letter."""
+    """Return the letter of each position that is reached, and the reward for entering a cell of each letter."""
     letters = dict.fromkeys(places, "F")
     letters |= dict.fromkeys((places[state] for state in table.start_states.tolist()), "S")
     for at in np.argwhere(table.terminated > 0).tolist():
@@ -95,7 +95,7 @@ def _letters(table: Tabular, places: list[Place]) -> tuple[dict[Place, str], dic
 
 
 def _rows(explored: Explored, places: list[Place], letters: Mapping[Place, str]) -> list[str]:
-    """The map; what is never reached is a hole where it looks like one."""
+    """Return the rows of the map; cells that are never reached are holes if they look like reached holes."""
     scene = explored.pictures[0]
     assert isinstance(scene, GridScene)
 
@@ -112,7 +112,7 @@ def _rows(explored: Explored, places: list[Place], letters: Mapping[Place, str])
 
 
 def _success_rate(table: Tabular, places: list[Place]) -> float:
-    """How likely a walker goes where it wants to, by a step that may lead to three places."""
+    """Return the probability that a step goes in the wanted direction, from a step with three possible next cells."""
     for state, place in enumerate(places):
         for action, (dx, dy) in enumerate(_WAYS):
             outcomes = _outcomes(table, places, state, action)
@@ -124,7 +124,7 @@ def _success_rate(table: Tabular, places: list[Place]) -> float:
 
 
 def _compare(table: Tabular, places: list[Place], letters: Mapping[Place, str], lake: FrozenLakeEnv) -> None:
-    """Raise InvalidArgument where the two differ."""
+    """Raise InvalidArgument if a transition of the table differs from FrozenLake's."""
     width = lake.ncol
     for state, place in enumerate(places):
         for action, name in enumerate(table.action_names if letters[place] in "SF" else ()):
@@ -145,7 +145,7 @@ def _same(ours: Outcomes, theirs: Outcomes) -> bool:
 
 
 def _told(outcomes: Outcomes) -> str:
-    """What an action leads to, in words."""
+    """Return a description of the outcomes of an action."""
     return " or ".join(
         f"{_shown(place)} with reward {reward:g}{' and the end' * ended}" for place, reward, ended in outcomes
     )

@@ -1,4 +1,4 @@
-"""Environments with Gymnasium's interface."""
+"""Single environments with Gymnasium's interface, over a table or a live engine."""
 
 from __future__ import annotations
 
@@ -33,16 +33,16 @@ if TYPE_CHECKING:
     from envgraph.env.compiled._program import Program
 
 RENDER_MODES: Final = ("ansi", "rgb_array", "human")
-"""Text, pixels, and a window."""
+"""Render modes: text, pixels, and a window."""
 
 SUCCESS = 1
 
 
 def view_of_table(tabular: Tabular, kind: ObservationKind) -> View:
-    """How observations of a table are seen.
+    """Return the view that converts a table's observations to the kind.
 
     Raises:
-        InvalidArgument: a table cannot be seen so.
+        InvalidArgument: a table does not support the kind.
     """
     shape = tabular.observation_shape or (1,)
     return View(kind, shape, tabular.observation_names or [str(place) for place in range(1, len(shape) + 1)])
@@ -51,10 +51,12 @@ def view_of_table(tabular: Tabular, kind: ObservationKind) -> View:
 def view_of(
     observation: ObservationKind | ModelView, source: Simulator | Program, models: Sequence[Model]
 ) -> View | ModelView:
-    """Return how observations are seen. A view of the model that is not given is made for all of these models.
+    """Return the view for an observation kind; a given view is returned unchanged.
+
+    Views of the whole model are created with spaces that fit all `models`.
 
     Raises:
-        InvalidArgument: there is no such view, or it cannot be seen so.
+        InvalidArgument: the kind is unknown, or the source does not support it.
     """
     if isinstance(observation, ModelView):
         return observation
@@ -65,15 +67,15 @@ def view_of(
 
 
 def check_render_mode(render_mode: str | None, modes: Sequence[str] = RENDER_MODES, *, drawn: bool) -> None:
-    """See that there is such a way to render.
+    """Check that a render mode is known and possible.
 
     Args:
         render_mode: None, or one of the modes.
-        modes: those that there are.
-        drawn: whether the behaviour says how to draw.
+        modes: the supported modes.
+        drawn: True if the behaviour has a `draw` clause.
 
     Raises:
-        InvalidArgument: there is none.
+        InvalidArgument: the mode is unknown or not possible.
     """
     if render_mode is not None and render_mode not in modes:
         raise InvalidArgument(f"unknown render mode {render_mode!r}: there is {listed(modes)}")
@@ -84,10 +86,10 @@ def check_render_mode(render_mode: str | None, modes: Sequence[str] = RENDER_MOD
 
 
 def known_options(options: dict[str, Any] | None, known: Sequence[str] = ()) -> dict[str, Any]:
-    """The options of a reset.
+    """Return the options of a reset, {} for None, after a check that all are known.
 
     Raises:
-        InvalidArgument: one of them means nothing.
+        InvalidArgument: an option is unknown.
     """
     for name in options or {}:
         if name not in known:
@@ -98,10 +100,10 @@ def known_options(options: dict[str, Any] | None, known: Sequence[str] = ()) -> 
 
 
 class OfFamily:
-    """An environment that goes over to another member of its family, where it is of one.
+    """A base class of environments that can switch to another member of their family.
 
     Attributes:
-        members: the family, for `reset(options={"variant": ..})`; None where there is none.
+        members: the family, for `reset(options={"variant": ..})`; None without a family.
     """
 
     members: Members | None = None
@@ -109,15 +111,15 @@ class OfFamily:
     _variant: str | None = None
 
     def of_family(self, members: Members, place: int) -> None:
-        """Be of a member of a family, and go over to others when `reset` is asked to."""
+        """Set the family and the current member of the environment, so that `reset` can switch to other members."""
         self.members, self._about = members, members.about(place)
         self._variant = self._about["variant"]
 
     def _options(self, options: dict[str, Any] | None, known: Sequence[str] = ()) -> dict[str, Any]:
-        """The options of a reset; goes over to the variant that they name.
+        """Return the options of a reset; switch to the member that the option `variant` names.
 
         Raises:
-            InvalidArgument: one of them means nothing, or there is no such variant.
+            InvalidArgument: an option is unknown, or the variant does not exist.
         """
         if self.members is None:
             return known_options(options, known)
@@ -132,15 +134,15 @@ class OfFamily:
 
     @abstractmethod
     def _enter(self, found: Any) -> None:
-        """Step from now on what `members` gives."""
+        """Use a member's table, program or simulator from now on."""
 
     def _first(self, info: dict[str, Any]) -> dict[str, Any]:
-        """An info of a reset."""
+        """Return the info of a reset: the given info and, within a family, the member's certificates."""
         return info if self._about is None else {**info, "certificates": dict(self._about["certificates"])}
 
 
 class SingleEnvironment(OfFamily, gymnasium.Env[Any, Any]):
-    """What environments over a table, over a live engine and over a compiled program share."""
+    """The base class of environments over a table, over a live engine, and over a compiled program."""
 
     metadata: dict[str, Any] = {  # noqa: RUF012
         "render_modes": [mode for mode in RENDER_MODES if mode != "human" or has_window()],
@@ -168,19 +170,20 @@ class SingleEnvironment(OfFamily, gymnasium.Env[Any, Any]):
         self._masked = action_masks
 
     def action_masks(self) -> NDArray[np.bool_]:
-        """Whether each action does something in the present state [actions]; all do where none does, or it is over.
+        """Return for each action if it does something in the current state [actions]; all True if none does.
 
         An action does something if one of its branches is `nothing()`, or calls a rule that has a match, or a unit that
-        can succeed. With `action_masks=True` the infos have the same as `action_mask`, int8.
+        can succeed. All are True after the end of an episode. With `action_masks=True` the infos contain the same as
+        `action_mask`, int8.
         """
         return self._allowed() if self._running else np.ones(len(self.action_names), dtype=np.bool_)
 
     @abstractmethod
     def _allowed(self) -> NDArray[np.bool_]:
-        """`action_masks` within an episode."""
+        """Return the action mask of the current state, within an episode."""
 
     def _told(self, info: dict[str, Any], agent: str | None) -> dict[str, Any]:
-        """An info with what not all have; where there is a window, it shows the state."""
+        """Add optional entries (agent, variant, action mask) to an info, and show the state if a window is open."""
         if agent is not None:
             info["agent"] = agent
         if self._variant is not None:
@@ -208,9 +211,9 @@ class SingleEnvironment(OfFamily, gymnasium.Env[Any, Any]):
         return number
 
     def render(self) -> str | NDArray[np.uint8] | None:
-        """The current state as text ("ansi") or as pixels [height, width, 3] ("rgb_array"); None without a mode.
+        """Return the current state as text ("ansi") or as pixels [height, width, 3] ("rgb_array"); None without a mode.
 
-        With "human" each reset and step shows it in a window, and this gives None.
+        With "human", each reset and step shows the state in a window, and this method returns None.
         """
         if self.render_mode is None or self._window is not None:
             return None
@@ -218,37 +221,37 @@ class SingleEnvironment(OfFamily, gymnasium.Env[Any, Any]):
         return scene_text(scene) if self.render_mode == "ansi" else scene_rgb(scene, self._cell)
 
     def close(self) -> None:
-        """Close the window, if there is one."""
+        """Close the window, if one is open."""
         if self._window is not None:
             self._window.close()
 
     @abstractmethod
     def _scene(self) -> Scene:
-        """What the current state looks like."""
+        """Return the picture of the current state."""
 
 
 class EnvgraphEnv(SingleEnvironment):
     """An environment that steps through a table of its states.
 
     Observations are indices (`Discrete`), or with `observation="multi"` their components (`MultiDiscrete`). The info
-    has `state` (number of the state), `step` (steps since the reset), `success`, the same as `is_success`, the name of
-    the `variant` if there is a family, and where several agents take turns `agent`, the one that acts next. Time limits
-    are Gymnasium's own: registered, or `gymnasium.wrappers.TimeLimit`.
-    Stepping on after the end of an episode is an error.
+    contains `state` (number of the state), `step` (steps since the reset), `success`, `is_success` (the same), the
+    name of the `variant` within a family, and `agent`, the agent that acts next, if several agents take turns. Time
+    limits are Gymnasium's own: registered, or `gymnasium.wrappers.TimeLimit`. A step after the end of an episode is an
+    error.
 
-    `reset(options={"state": s})` begins in state s, `{"variant": v}` goes over to another member of the family, for
-    this episode and those that follow; other options are refused.
+    `reset(options={"state": s})` begins in state s. `{"variant": v}` switches to another member of the family, for this
+    episode and the following ones. Other options are refused.
 
     Args:
         tabular: the states.
-        pictures: one scene a state; needed for rendering alone.
+        pictures: one scene for each state; only needed for rendering.
         render_mode: None, "ansi", "rgb_array" or "human".
         observation: "index", "multi", "flat" or "dict".
-        cell: side of a cell in pixels.
-        action_masks: whether the infos have `action_mask`.
+        cell: the side of a cell in pixels.
+        action_masks: add `action_mask` to the infos.
 
     Raises:
-        InvalidArgument: a wrong mode, or a mode without pictures.
+        InvalidArgument: an unknown mode, or a mode without pictures.
     """
 
     def __init__(
@@ -302,14 +305,14 @@ class EnvgraphEnv(SingleEnvironment):
         return int(wanted)
 
     def step(self, action: Any) -> tuple[Any, float, bool, bool, dict[str, Any]]:
-        """Do one action; truncated, the last value but one, is what the behaviour says, not a time limit."""
+        """Do one action; `truncated` is True if the behaviour truncates the episode, and does not know time limits."""
         if type(action) is not int or not self._running or not 0 <= action < self._count:
             action = self._check_step(action)
         flat, generator = self._flat, self._np_random
         assert generator is not None, "an episode has begun"
         outcomes = flat.outcomes
         place = self._state * flat.row + action * outcomes
-        uniform = generator.random()  # drawn even where nothing is random, as the live environment does
+        uniform = generator.random()  # also for deterministic actions, as in the live environment
         if outcomes > 1:
             place = bisect_right(flat.sums, uniform, place, place + outcomes)
         self._state = flat.next_state[place]
@@ -326,7 +329,7 @@ class EnvgraphEnv(SingleEnvironment):
             "success": success,
             "is_success": success,
         }
-        if self._plain:  # the usual case, without a call
+        if self._plain:  # fast path of the most frequent case
             if self._variant is not None:
                 info["variant"] = self._variant
             return info
@@ -338,9 +341,9 @@ class EnvgraphEnv(SingleEnvironment):
 
 
 class _Flat:
-    """The arrays of a table as flat memory views: they give Python numbers, without a copy, faster than NumPy's.
+    """The arrays of a table as flat memory views, which return Python numbers faster than NumPy's indexing does.
 
-    Immutable, so that copies of an environment share it.
+    Instances are immutable, so that copies of an environment share them.
     """
 
     def __init__(self, tabular: Tabular) -> None:
@@ -366,16 +369,16 @@ def _view(array: NDArray[Any]) -> Any:
 
 
 class EnvgraphLiveEnv(SingleEnvironment):
-    """An environment that steps on a live engine, for those with more states than can be enumerated.
+    """An environment that steps a live engine, for environments with too many states to enumerate.
 
-    With the same seed it does what `EnvgraphEnv` over its table does; the info has no `state`.
+    With the same seed it does the same as `EnvgraphEnv` over its table; the info has no `state`.
 
     Args:
         simulator: the engine and its behaviour; nothing else may change its model in the meantime.
         render_mode: None, "ansi", "rgb_array" or "human".
-        observation: "index", "multi", "flat", "dict", "image" or "graph"; or a view over more members than this.
-        cell: side of a cell in pixels.
-        action_masks: whether the infos have `action_mask`.
+        observation: "index", "multi", "flat", "dict", "image" or "graph"; or a view made for several members.
+        cell: the side of a cell in pixels.
+        action_masks: add `action_mask` to the infos.
     """
 
     def __init__(
@@ -418,7 +421,7 @@ class EnvgraphLiveEnv(SingleEnvironment):
         return self._observed(index), self._first(self._info(success=False))
 
     def step(self, action: Any) -> tuple[Any, float, bool, bool, dict[str, Any]]:
-        """Do one action; truncated, the last value but one, is what the behaviour says, not a time limit."""
+        """Do one action; `truncated` is True if the behaviour truncates the episode, and does not know time limits."""
         outcome = self.simulator.step(self._check_step(action), self.np_random)
         self._steps += 1
         self._running = not outcome.terminated

@@ -1,4 +1,4 @@
-"""The members of a family that an environment may go over to, and what its infos tell of them."""
+"""The members of a family that an environment can switch to, and what its infos contain about them."""
 
 from __future__ import annotations
 
@@ -12,38 +12,41 @@ from envgraph.errors import InvalidArgument, listed
 
 
 class About(TypedDict):
-    """What infos tell of a member: its name, in each of them, and what was verified of it, in those of `reset`."""
+    """Facts about a member for infos: its name for each info, and its certificates for the infos of `reset`."""
 
     variant: str
     certificates: dict[str, float | None]
 
 
 class Members(Protocol):
-    """A family, as an environment asks for its members."""
+    """A family, as the environments that switch between its members need it."""
 
     def place(self, variant: int | str) -> int:
-        """The place of a member, from 0, by its name or its number from 1.
+        """Return the position of a member, from 0, given its name or its number from 1.
 
         Raises:
-            InvalidArgument: there is no such member.
+            InvalidArgument: the member does not exist.
         """
 
     def about(self, place: int) -> About:
-        """What infos tell of a member."""
+        """Return the facts about a member for infos."""
 
     def entered(self, place: int) -> Any:
-        """What steps a member: a table with pictures, a program, or a simulator, as the environment has it."""
+        """Return the data for stepping a member: a table with pictures, a program, or a simulator.
+
+        The kind depends on the environment.
+        """
 
 
 class Variants:
-    """The members that a vector environment is over, of a family.
+    """The members of a family that a vector environment contains.
 
     Args:
         members: the family.
-        places: of the members, in the order of their numbers in the vector environment.
+        places: the positions of the members in the family, by their number in the vector environment.
 
     Attributes:
-        names: of the members.
+        names: the names of the members.
     """
 
     def __init__(self, members: Members, places: Sequence[int]) -> None:
@@ -52,16 +55,16 @@ class Variants:
         self.names = np.array([about["variant"] for about in self._abouts], dtype=object)
 
     def of(self, which: NDArray[np.int64]) -> NDArray[Any]:
-        """The name of the member of each environment: one array for many infos, so nothing may write into it."""
+        """Return the member names of environments as a read-only array, which several infos share."""
         found = self.names[which]
         found.flags.writeable = False
         return found
 
     def numbers(self, wanted: object, count: int) -> NDArray[np.int64]:
-        """The number of the member of each environment: the same for all of them, or one for each.
+        """Return the member number for each environment, from one member for all or a list of one for each.
 
         Raises:
-            InvalidArgument: there is no such member, or it is none of those of this vector environment.
+            InvalidArgument: a member does not exist, or is not part of this vector environment.
         """
         each = [wanted] * count if isinstance(wanted, int | str) else list(wanted)  # type: ignore[call-overload]
         if len(each) != count:
@@ -75,13 +78,13 @@ class Variants:
         return np.array([self._places.index(place) for place in places], dtype=np.int64)
 
     def certificates(self, which: NDArray[np.int64], begun: NDArray[np.bool_]) -> dict[str, Any]:
-        """What was verified of the members, as infos tell where episodes begin, of which there are some.
+        """Return the certificates of the members for an info, in the format of Gymnasium's vector environments.
 
-        The types are those that Gymnasium's vector environments find: of the first value.
+        The dtype of each array is the type of the first value.
 
         Args:
-            which: the number of the member of each environment.
-            begun: where an episode begins.
+            which: the member number of each environment.
+            begun: True for environments in which an episode begins; at least one is True.
         """
         found: dict[str, Any] = {}
         every = [about["certificates"] for about in self._abouts]

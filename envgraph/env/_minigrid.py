@@ -1,4 +1,4 @@
-"""Levels of MiniGrid as data, and whether a domain steps as they do: what `envgraph adopt` writes domains of."""
+"""Read levels of MiniGrid as data for `envgraph adopt`, and check that a domain steps as the level does."""
 
 from __future__ import annotations
 
@@ -25,16 +25,16 @@ _DISCOUNT: Final = 0.9
 _TOLERANCE: Final = 1e-9
 
 End = Literal["goal", "held", "opened"]
-"""What a success is: to be on a goal, to hold a certain thing, or to have opened the door."""
+"""The kind of success: to stand on a goal, to hold the target object, or to have opened the door."""
 
 _Place = tuple[int, int]
 _State = tuple[tuple[Any, ...], _Place, int, Any, tuple[tuple[bool, bool], ...]]
-"""What is on the cells, where the agent is and which way it looks, what it carries; of each door: open, locked."""
+"""The contents of the cells, the agent's position, direction and carried object; for each door (is open, is locked)."""
 
 
 @dataclass(frozen=True, slots=True)
 class LevelDoor:
-    """A door, and the letter that stands for it in the rows; `lock` is "open", "closed" or "locked"."""
+    """A kind of door of a level, and its letter in the rows; `lock` is "open", "closed" or "locked"."""
 
     letter: str
     colour: str
@@ -43,7 +43,7 @@ class LevelDoor:
 
 @dataclass(frozen=True, slots=True)
 class LevelThing:
-    """A "Key", "Ball" or "Box" with a name: somewhere, or inside of the box that has its name in `inside`."""
+    """A "Key", "Ball" or "Box" with a name: on a cell, or inside the box whose name is `inside`."""
 
     name: str
     cls: str
@@ -53,17 +53,18 @@ class LevelThing:
 
 
 class MiniGridLevel:
-    """A level of MiniGrid as it is after a reset, whose environment is walked through to compare others with it.
+    """A level of MiniGrid after a reset; its environment is kept to compare others with it step by step.
 
     Attributes:
-        end: what a success is.
-        mission: what the agent is told to do.
-        rows: a letter for each cell: `#` a wall, `.` nothing, `~` lava, `_` painted floor, `G` a goal, or a door's.
-        doors: those that are alike are one.
-        things: what can be carried; what is inside of a box stands before it.
-        exit: the door to be opened, (column, row), if that is what a success is.
-        start, facing: where the agent is, (column, row), and which way it looks.
-        limit: steps of an episode.
+        end: the kind of success.
+        mission: the instruction for the agent.
+        rows: a letter for each cell: `#` a wall, `.` empty, `~` lava, `_` painted floor, `G` a goal, or a door's
+            letter.
+        doors: the kinds of doors; equal doors share one entry.
+        things: the objects that can be carried; the content of a box precedes the box.
+        exit: the position (column, row) of the door to open, if opening it is the success; otherwise None.
+        start, facing: the agent's position (column, row), and the direction it faces.
+        limit: the maximum number of steps of an episode.
     """
 
     def __init__(self, inner: Any, end: End) -> None:
@@ -90,14 +91,14 @@ class MiniGridLevel:
 
     @classmethod
     def of(cls, inner: Any, seed: int) -> MiniGridLevel:
-        """The level that `reset(seed=seed)` draws.
+        """Return the level that `reset(seed=seed)` generates.
 
         Raises:
-            InvalidArgument: its steps or rewards are not MiniGrid's own, or it has things that are not known here.
+            InvalidArgument: its steps or rewards are not MiniGrid's own, or it contains unsupported objects.
         """
         base = _base(inner)
         inner.reset(seed=seed)
-        inner.gen_obs = dict  # it takes most of the time of a step, and nobody looks
+        inner.gen_obs = dict  # skips the observation, which takes most of the time of a step
         ends: tuple[End, ...] = ("goal",) if type(inner).step is base.step else _ends(inner)
         if not ends or type(inner)._reward is not base._reward or inner.action_space.n != _ACTIONS:
             hint = "known are levels of a goal, of a thing to be picked up, and of a door to be opened"
@@ -127,7 +128,7 @@ class MiniGridLevel:
         return self.doors[-1].letter
 
     def _thing(self, found: Any, place: _Place | None) -> str:
-        """Add a thing, after what is inside of it; its name."""
+        """Add an object, after its content, and return its name."""
         if found.type not in _THINGS:
             raise InvalidArgument(
                 f"there is a {found.type} at {place}, which is not known", f"known are {[*_THINGS]}"
@@ -139,9 +140,9 @@ class MiniGridLevel:
         return name
 
     def differences(self, table: Tabular) -> Iterator[str]:
-        """What a table does in another way; nothing if it steps identically.
+        """Yield a text for each difference between the level and a table; nothing if both step equally.
 
-        Both are walked through side by side, every action in every state; a state of one has to be one of the other.
+        Every action is compared in every state; each state of the level must correspond to one state of the table.
         """
         if len(table.start_states) != 1 or not table.deterministic or table.n_actions != _ACTIONS:
             yield "it has chances, or other actions"
@@ -165,11 +166,13 @@ class MiniGridLevel:
                 todo.append((to, after))
 
     def ways(self, most: int) -> tuple[list[list[int]], list[int]]:
-        """The shortest ways to what changes what can be done, and to a success, of so many states breadth first.
+        """Return shortest action sequences to new situations and to a success, by breadth-first search.
+
+        The search visits up to `most` states.
 
         Returns:
-            Actions to the first state in which something else is carried, or a door is otherwise; and those to a
-            success, [] if there is none among these states.
+            The action sequences to the first state of each situation, in which the agent carries another object or a
+            door has changed; and the sequence to a success, [] if none was found.
         """
         known = {hash(_key(self._first)): list[int]()}
         situations = {_key(self._first)[3:]: list[int]()}
@@ -190,15 +193,16 @@ class MiniGridLevel:
         return [*situations.values()], []
 
     def played(self, simulator: Simulator, wanted: Iterable[Sequence[int]], tried: set[Any]) -> Iterator[str]:
-        """What a domain does in another way along a way: in each state that it comes to, by whatever action.
+        """Play an episode in a domain, and yield a text for each difference to the level in any visited state.
 
-        Its first components are the cell where the agent is, row by row, and which way it looks.
+        In each state all actions are compared. The domain's first two components must be the agent's cell, row by row,
+        and its direction.
 
         Args:
-            simulator: of the domain.
-            wanted: of each step the actions to choose from: the first that leads to where nothing was tried, or the
-                first.
-            tried: the states in which each action was tried already; those on the way come in.
+            simulator: a simulator of the domain.
+            wanted: for each step, the actions to choose from: the first one that leads to a state not in `tried`, or
+                the first.
+            tried: the states in which all actions were compared already; visited states are added.
         """
         rng = np.random.default_rng(0)
         simulator.reset(rng)
@@ -224,7 +228,7 @@ class MiniGridLevel:
     def _compared(
         self, simulator: Simulator, before: _State, action: int, found: tuple[float, int]
     ) -> Iterator[str]:
-        """What the domain, which is in the state after an action, does in another way."""
+        """Yield a text for each difference between an action in the level and its result in the domain."""
         told = self._step(before, action)
         yield from _apart(action, told, found)
         (x, y), way = self._state()[1:3]
@@ -233,7 +237,7 @@ class MiniGridLevel:
             yield f"action {action} leads elsewhere"
 
     def _step(self, before: _State, action: int) -> tuple[float, int]:
-        """Reward, and how it ended: 0 not at all, 1 in success, 2 in failure; steps cost a share of the discount."""
+        """Return the reward and end of an action (0 none, 1 success, 2 failure); steps cost a share of the discount."""
         inner = self._inner
         cells, inner.agent_pos, inner.agent_dir, inner.carrying, locks = before
         inner.grid.grid, inner.step_count = [*cells], 0
@@ -253,18 +257,18 @@ class MiniGridLevel:
 
 
 def is_minigrid(inner: Any) -> bool:
-    """Whether an environment is one of MiniGrid."""
+    """Return True if the environment is one of MiniGrid."""
     return _base(inner) is not None
 
 
 def _base(inner: Any) -> Any:
-    """The class of all environments of MiniGrid, if this is one of them; the package is not imported for it."""
+    """Return MiniGrid's base class if the environment is derived from it, else None; this imports no package."""
     named = (cls for cls in type(inner).__mro__ if cls.__name__ == "MiniGridEnv")
     return next((cls for cls in named if cls.__module__.startswith("minigrid.")), None)
 
 
 def _ends(inner: Any) -> tuple[End, ...]:
-    """What may be a success where a step does more than that of other levels."""
+    """Return the possible kinds of success of a level whose `step` extends MiniGrid's."""
     ends: list[End] = []
     if getattr(inner, "obj", None) is not None and inner.obj in inner.grid.grid:
         ends.append("held")
@@ -274,7 +278,7 @@ def _ends(inner: Any) -> tuple[End, ...]:
 
 
 def _key(state: _State) -> Any:
-    """A state that can be compared: objects are the same or not, whatever they look like."""
+    """Return a hashable key of a state; objects are compared by identity."""
     cells, place, way, carried, locks = state
     return tuple(map(id, cells)), place, way, id(carried), locks
 

@@ -1,7 +1,7 @@
-"""What an agent sees of the whole model: an image of its grid, or its graph.
+"""Observations of the whole model: an image of its grid, or its graph.
 
-The spaces are those of a family: an image has the size of its largest member, and what a number means is the same in
-all of them.
+The spaces fit all members of a family: an image has the size of the largest member, and each number has the same
+meaning in all members.
 """
 
 from __future__ import annotations
@@ -28,24 +28,24 @@ FULL = 255
 
 
 class ModelView(ABC):
-    """An observation that is made of a model.
+    """The base class of observations that are computed from the whole model.
 
     Attributes:
-        space: of the observations.
+        space: the Gymnasium space of the observations.
     """
 
     space: spaces.Space[Any]
 
     @abstractmethod
     def of(self, simulator: Simulator) -> Any:
-        """The observation of the present state, of the agent that acts next."""
+        """Return the observation of the current state, for the agent that acts next."""
 
 
 def model_view(kind: ObservationKind, behaviour: Behaviour, models: Sequence[Model]) -> ModelView:
-    """The view "image" or "graph" over the members of a family.
+    """Return the view "image" or "graph" for the members of a family.
 
     Raises:
-        InvalidArgument: an image of what is not drawn as a grid, or of what is out of sight.
+        InvalidArgument: agents may not see the whole model, or an image is wanted but no grid is drawn.
     """
     hidden = any(isinstance(one, ObservePath) and one.visible is not None for one in clauses_of(behaviour))
     if hidden:
@@ -57,22 +57,22 @@ def model_view(kind: ObservationKind, behaviour: Behaviour, models: Sequence[Mod
 
 
 class ImageView(ModelView):
-    """Planes over the grid of the `draw` clause, uint8 [height, width, channels], padded with 0.
+    """A view of the grid of the `draw` clause as planes, uint8 [height, width, channels], padded with 0.
 
-    A channel for each class that is drawn, as cell or token: 255 where an object of it is. A channel for each clause
-    of an observation: of an attribute or a number, `255 * (index + 1) // size` at the place of its object, so that 0 is
-    for no object; of an object, 255 at its place. What has no place fills the channel; so does `find`, with
-    `255 * index // (size - 1)`. With agents, a channel is 255 at the place of the one that acts next.
+    Each drawn class (cells or tokens) has a channel: 255 at the positions of its objects. Each `observe` clause has a
+    channel: for an attribute or a number, `255 * (index + 1) // size` at the position of its object, so that 0 means no
+    object; for an object, 255 at its position. A clause without a position fills its channel; `find` fills it with
+    `255 * index // (size - 1)`. With agents, one channel is 255 at the position of the agent that acts next.
 
     Args:
-        behaviour: what is drawn and observed.
-        models: of all members of the family.
+        behaviour: its `draw` and `observe` clauses define the channels.
+        models: the models of all members of the family.
 
     Raises:
         InvalidArgument: the behaviour draws no grid.
 
     Attributes:
-        channels: what each channel shows: a class, the text of an observation, or "agent".
+        channels: the content of each channel: a class, the text of an `observe` clause, or "agent".
     """
 
     def __init__(self, behaviour: Behaviour, models: Sequence[Model]) -> None:
@@ -94,7 +94,7 @@ class ImageView(ModelView):
         self.space = spaces.Box(0, FULL, (height, width, len(self.channels)), np.uint8)
 
     def of(self, simulator: Simulator) -> NDArray[np.uint8]:
-        """See `ModelView`."""
+        """Return the image of the current state, for the agent that acts next."""
         shape = self.space.shape
         assert shape is not None
         image = np.zeros(shape, dtype=np.uint8)
@@ -114,7 +114,7 @@ class ImageView(ModelView):
 
 
 def _show(plane: NDArray[np.uint8], component: Component, places: dict[int, tuple[int, int]]) -> None:
-    """One component of an observation on its channel."""
+    """Write one component of an observation to its channel."""
     if component.at is None:
         plane[...] = FULL * component.read() // max(component.size - 1, 1)
         return
@@ -126,21 +126,22 @@ def _show(plane: NDArray[np.uint8], component: Component, places: dict[int, tupl
 
 
 class GraphView(ModelView):
-    """The model as `gymnasium.spaces.GraphInstance`: its objects in the order of their creation, and their links.
+    """A view of the model as `gymnasium.spaces.GraphInstance`: its objects in order of creation, and their links.
 
-    `nodes`, float32 [objects, features]: of each class 1 for its objects; of each attribute with one value whether
-    there is one, and the value: a number, 0 or 1 for a bool, a column for each literal of an enum; no strings. Then of
-    each parameter of the environment 1 for its object, and of `agent` 1 for that which acts next. `edges`, int64
-    [links], the number of the reference; `edge_links`, int64 [links, 2], numbers of objects: from, to.
+    `nodes`, float32 [objects, features]: for each class, 1 for its objects; for each single-valued attribute, 1 if it
+    has a value, followed by the value: a number, 0 or 1 for a bool, one column for each literal of an enum; no strings.
+    Then for each parameter of the environment, 1 for its object, and in `agent`, 1 for the agent that acts next.
+    `edges`, int64 [links], the number of the reference; `edge_links`, int64 [links, 2], the numbers of source and
+    target.
 
     Args:
         behaviour: its parameters are features.
         metamodel: its classes, attributes and references are features.
 
     Attributes:
-        features: what each column of `nodes` is: "Tile", "Tile.x?" for whether there is a value, "Tile.x",
+        features: the meaning of each column of `nodes`: "Tile", "Tile.x?" for whether a value exists, "Tile.x",
             "Tile.kind=road".
-        references: what each number in `edges` is.
+        references: the meaning of each number in `edges`.
     """
 
     def __init__(self, behaviour: Behaviour, metamodel: Metamodel) -> None:
@@ -159,7 +160,7 @@ class GraphView(ModelView):
         self.space = spaces.Graph(features, spaces.Discrete(max(len(self.references), 1)))
 
     def of(self, simulator: Simulator) -> spaces.GraphInstance:
-        """See `ModelView`."""
+        """Return the graph of the current state, for the agent that acts next."""
         model, seat = simulator.engine.model, simulator.seat
         nodes = sorted(node for cls in self._classes for node in model.graph.exact_extent(cls))
         number = {node: place for place, node in enumerate(nodes)}
@@ -185,10 +186,10 @@ class GraphView(ModelView):
 
 
 def torch_graph(graph: spaces.GraphInstance) -> Any:
-    """An observation "graph" as `torch_geometric.data.Data` (`pip install "envgraph[pyg]"`).
+    """Convert an observation "graph" to `torch_geometric.data.Data` (`pip install "envgraph[pyg]"`).
 
-    `x`, float32 [objects, features]; `edge_index`, int64 [2, links]; `edge_type`, int64 [links], the number of the
-    reference, as relational layers take it.
+    The result has `x`, float32 [objects, features]; `edge_index`, int64 [2, links]; and `edge_type`, int64 [links], the
+    number of the reference, as relational layers take it.
 
     Raises:
         InvalidArgument: PyTorch Geometric is not installed.

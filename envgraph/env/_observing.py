@@ -1,4 +1,4 @@
-"""How the components of an observation are read."""
+"""Create functions that read the components of an observation from the model."""
 
 from __future__ import annotations
 
@@ -35,7 +35,7 @@ from envgraph.pattern import (
 
 
 class KeyedObjects:
-    """The objects of a class by index, wherever the model is."""
+    """The current objects of a class by index, which follow changes of the model."""
 
     def __init__(self, model: Model, keys: KeyIndex, cls: str) -> None:
         self.keys = keys.of_class(cls)
@@ -45,13 +45,13 @@ class KeyedObjects:
         self._revision = model.graph.store.revision
 
     def get(self, position: int) -> int | None:
-        """The object that has the index in the present state, or None."""
+        """Return the object that has the index in the current state, or None."""
         node = self._found[position]
         if node is not None and self._is(node, position):
             return node
         if (
             self._revision != self._model.graph.store.revision
-        ):  # objects may have come, gone, or changed their keys
+        ):  # objects may have been created or deleted, or have new keys
             self._found = self._index.objects(self._model, self._cls)
             self._revision = self._model.graph.store.revision
         return self._found[position]
@@ -64,7 +64,7 @@ class KeyedObjects:
 
 
 def size_of(observation: Observation, types: Types, keys: KeyIndex, metamodel: Metamodel) -> int:
-    """How many values each component of a clause has; where it may be out of sight, the last one says so."""
+    """Return the number of values of a clause's components; if objects can be hidden, the last value means hidden."""
     if isinstance(observation, ObserveFind):
         return 2 if observation.up_to is None else observation.up_to + 1
     unseen = observation.visible is not None
@@ -79,7 +79,7 @@ def size_of(observation: Observation, types: Types, keys: KeyIndex, metamodel: M
 
 
 def path_type(observation: ObservePath, types: Types, metamodel: Metamodel) -> StaticType | None:
-    """The type of what a path leads to."""
+    """Return the type of the value or object that a path leads to."""
     scope: dict[str, StaticType | None] = {name: ObjectType(cls) for name, cls in types.items()}
     if observation.each is not None:
         scope[observation.each.name] = ObjectType(observation.each.type or "")
@@ -95,16 +95,17 @@ def observer(
     padding: int,
     bound: Scope,
 ) -> Callable[[], int]:
-    """Reads a component of an observation.
+    """Return a function that reads a component of an observation.
 
     Args:
-        path: what is observed.
-        owner: the name whose object may be missing, and the object; then the component is the `padding`.
-        model: has the objects, which messages name.
-        read: reads its features.
-        index: of what the path leads to.
+        path: the observed path.
+        owner: the name at which the path begins, and a function that returns its object, or None if it is missing; then
+            the component is `padding`. None if the path begins at a bound name.
+        model: the model, which names objects for messages.
+        read: a function that reads features of objects.
+        index: converts the value of the path to the component.
         padding: see `owner`.
-        bound: what the other names stand for; if it has the owner's, then always the same object.
+        bound: the values of the other names; if it contains the owner's name, the owner never changes.
     """
     name, value = owner or ("", None)
     fixed = name in bound
@@ -131,7 +132,7 @@ def observer(
 def leading_to(
     path: Expression, owner: tuple[str, Callable[[], Value | None]], bound: Scope, read: Reader
 ) -> Callable[[], int | None]:
-    """The object that a path leads to now, from an object that may be missing; None if there is none."""
+    """Return a function that returns the object at the end of a path, or None if the path has no value."""
     name, value = owner
 
     def at() -> int | None:
@@ -140,7 +141,7 @@ def leading_to(
             return None
         try:
             found = follow(path, {**bound, name: node}, read)
-        except EvaluationError:  # an object on the way is gone
+        except EvaluationError:  # an object on the path was deleted
             return None
         return found if type(found) is int else None
 
@@ -148,13 +149,13 @@ def leading_to(
 
 
 def clauses_of(behaviour: Behaviour) -> list[Observation]:
-    """All different `observe` clauses: those of agents, then those that are shared."""
+    """Return all distinct `observe` clauses: those of agents, then shared ones."""
     own = (one for agent in behaviour.agents for one in agent.observations)
     return [*dict.fromkeys([*own, *behaviour.observations])]
 
 
 def clause_name(observation: Observation) -> str:
-    """What a clause observes, as it is written but for dots, which PyTorch takes in no name of a module: `hero at`."""
+    """Return the text of an `observe` clause, with spaces for dots, which PyTorch module names exclude: `hero at`."""
     if isinstance(observation, ObserveFind):
         what = _written(observation.call)
         return what if observation.up_to is None else f"count {what}"
@@ -162,7 +163,7 @@ def clause_name(observation: Observation) -> str:
 
 
 def component_names(behaviour: Behaviour, keys: KeyIndex, count: int) -> tuple[str, ...]:
-    """Different names for the components of an observation, of which there are so many."""
+    """Return distinct names for the `count` components of an observation."""
     rows = [
         [name for one, _ in together(own, {}, behaviour.observations, {}) for name in _names(one, keys)]
         for own in ([agent.observations for agent in behaviour.agents] or [()])
@@ -175,12 +176,12 @@ def component_names(behaviour: Behaviour, keys: KeyIndex, count: int) -> tuple[s
 def joint_component_names(
     behaviour: Behaviour, keys: KeyIndex, seats: Iterable[tuple[str, int]]
 ) -> tuple[str, ...]:
-    """Different names for what agents see that act together: what each one sees itself, then what all do.
+    """Return distinct names for the joint observation of agents that act together: own components, then shared ones.
 
     Args:
-        behaviour: of agents that act together.
+        behaviour: a behaviour whose agents act together.
         keys: the indices of objects.
-        seats: names of the agents, and the numbers of their blocks.
+        seats: the names of the agents, and the numbers of their blocks.
     """
     found = []
     for who, number in seats:
@@ -225,7 +226,7 @@ def _written(one: object) -> str:
 
 
 def _gap(model: Model, path: Expression, scope: Scope, read: Reader) -> str:
-    """Which object has no value of which feature, where a path ends too soon."""
+    """Return a text that names the object and feature without a value at which a path ends early."""
     while isinstance(path, Navigation):
         owner = follow(path.object, scope, read)
         if type(owner) is int:
@@ -237,14 +238,14 @@ def _gap(model: Model, path: Expression, scope: Scope, read: Reader) -> str:
 def object_index(
     model: Model, indexer: Callable[[int], int], missing: int | None, cls: str, static: str
 ) -> Callable[[Value | None], int]:
-    """The index of an object among a class.
+    """Return a function that converts an object to its index within a class.
 
     Args:
-        model: has the objects.
-        indexer: of objects of the class.
-        missing: where there is none; None if that is an error.
+        model: the model of the objects.
+        indexer: returns the index of an object of the class.
+        missing: the index for no object; None if no object is an error.
         cls: the class.
-        static: the class that a path leads to, of which others may be subclasses, too.
+        static: the class that a path leads to; objects may have subclasses of it.
     """
     metamodel = model.metamodel
     certain = metamodel.covers(cls, static)

@@ -1,4 +1,4 @@
-"""The parts of a behaviour, ready to run on one engine."""
+"""The clauses of a behaviour, prepared to run on one engine."""
 
 from __future__ import annotations
 
@@ -16,38 +16,38 @@ from envgraph.match import Row
 from envgraph.metamodel import Value
 
 Scope = Mapping[str, Value | None]
-"""What names stand for while a step is done: values, ids of objects, None for an object that is missing."""
+"""The values of names during a step: data values, ids of objects, or None for a missing object."""
 
 
 class Choices(Protocol):
-    """Makes the random choices of a step, in the order in which they come."""
+    """A source of the random choices of a step, which are made in a fixed order."""
 
     def choose(self, probabilities: Sequence[float]) -> int | None:
-        """One of the alternatives; None with the probability that is missing to 1."""
+        """Sample an alternative with given probabilities; None has the probability that is missing to 1."""
 
     def pick(self, count: int) -> int:
-        """One of `count` >= 1 alternatives, equally likely."""
+        """Sample one of `count` >= 1 alternatives uniformly."""
 
 
 Perform = Callable[[Sequence[Value | None], Choices, Model], Sequence[Value | None] | None]
-"""Applies a rule or runs a unit with values for its parameters; the values of its outputs, None if nothing was done."""
+"""A function that applies a rule or runs a unit with parameter values; returns the outputs, or None without effect."""
 
 Possible = Callable[[Sequence[Value | None]], bool]
-"""Whether the rule has a match with values for its parameters, or a run of the unit can succeed."""
+"""A function that returns True if a rule has a match with parameter values, or a unit can succeed."""
 
 
 @dataclass(frozen=True, slots=True)
 class PreparedCall:
-    """`rule(arguments)`, ready to run.
+    """A call `rule(arguments)`, prepared to run.
 
     Attributes:
         perform: applies the rule, or runs the unit, for the values of the arguments.
-        possible: says whether that would do something.
-        arguments: the argument expressions of the bound parameters, as functions of the scope.
-        objects: which of the arguments are objects.
+        possible: returns True if `perform` would do something.
+        arguments: for each bound parameter a function that evaluates the argument in a scope.
+        objects: for each argument True if it is an object.
         outputs: the names that get the outputs.
-        call: as it was written.
-        done: gets the call when something was done.
+        call: the call in the behaviour.
+        done: a list to which the call is appended if it did something.
     """
 
     perform: Perform
@@ -59,10 +59,10 @@ class PreparedCall:
     done: list[RuleCall]
 
     def run(self, scope: Scope, choices: Choices, model: Model) -> Scope | None:
-        """Apply the rule at one of its matches, or run the unit; None if that cannot be done.
+        """Apply the rule at one of its matches, or run the unit; return None if that is not possible.
 
         Returns:
-            The scope, with the outputs.
+            The scope, extended by the outputs.
         """
         values = self._values(scope, model)
         if values is None:
@@ -74,12 +74,12 @@ class PreparedCall:
         return {**scope, **dict(zip(self.outputs, result, strict=True))} if self.outputs else scope
 
     def can_run(self, scope: Scope, model: Model) -> bool:
-        """Whether `run` would do something."""
+        """Return True if `run` would do something."""
         values = self._values(scope, model)
         return values is not None and self.possible(values)
 
     def _values(self, scope: Scope, model: Model) -> list[Value | None] | None:
-        """The values of the arguments; None where one has none, or its object is gone."""
+        """Return the values of the arguments; None if a value is missing or an object was deleted."""
         values = [argument(scope) for argument in self.arguments]
         for value, is_object in zip(values, self.objects, strict=True):
             if value is None or (is_object and not model.graph.alive(value)):  # type: ignore[arg-type]
@@ -89,13 +89,13 @@ class PreparedCall:
 
 @dataclass(frozen=True, slots=True)
 class Alternatives:
-    """Branches of a stochastic choice; a call that is None does nothing."""
+    """The branches of a stochastic choice; a call that is None does nothing."""
 
     probabilities: Callable[[Scope], Sequence[float]]
     calls: tuple[PreparedCall | None, ...]
 
     def run(self, scope: Scope, choices: Choices, model: Model) -> Scope | None:
-        """Draw a branch and run it; None if no rule was applied."""
+        """Sample a branch and run it; return None if no rule was applied, otherwise the extended scope."""
         position = choices.choose(self.probabilities(scope))
         if position is None:
             return None
@@ -103,7 +103,7 @@ class Alternatives:
         return scope if call is None else call.run(scope, choices, model)
 
     def can_run(self, scope: Scope, model: Model) -> bool:
-        """Whether one of the branches would do something; also where it would be an error, for `run` to raise."""
+        """Return True if a branch would do something; also if the evaluation fails, so that `run` raises the error."""
         try:
             branches = zip(self.probabilities(scope), self.calls, strict=True)
             return any(
@@ -118,11 +118,11 @@ Reward = Callable[[Scope], float]
 
 @dataclass(frozen=True, slots=True)
 class PreparedAction:
-    """One action: a name of the behaviour with one value for each parameter.
+    """One action: an `action` clause of the behaviour with one value for each parameter.
 
     Attributes:
-        values: functions that give the values of its parameters: objects may come and go.
-        before: how many effects stand before the action in the file; rewards are summed in that order.
+        values: for each parameter a function that returns its current value, as objects are created and deleted.
+        before: how many effects precede the action in the file; rewards are summed in this order.
     """
 
     name: str
@@ -133,24 +133,24 @@ class PreparedAction:
     before: int
 
     def scope(self, bound: Scope) -> Scope:
-        """What names stand for in the present state."""
+        """Return the values of all names in the current state."""
         return {**bound, **{name: value() for name, value in self.values}} if self.values else bound
 
 
 def never_acts(action: PreparedAction) -> bool:
-    """Whether an action leaves every state as it is, and pays nothing."""
+    """Return True if an action never changes the state and never pays a reward."""
     return not any(action.branches.calls) and action.reward is None and action.else_reward is None
 
 
 @dataclass(frozen=True, slots=True)
 class PreparedClause:
-    """`on find ..`.
+    """An `on find ..` clause, prepared to run.
 
     Attributes:
-        matches: the rows of its named variables on the present state.
-        holds: whether one of them is still a match.
+        matches: returns the rows of its named variables in the current state.
+        holds: returns True if a row still is a match.
         names: the named variables.
-        weight: of a match where one of them is drawn; None where each has its turn.
+        weight: the weight for sampling one match; None if all matches are applied.
     """
 
     matches: Callable[[], list[Row]]
@@ -162,16 +162,16 @@ class PreparedClause:
     weight: Reward | None
 
     def scope(self, bound: Scope, row: Row) -> Scope:
-        """What names stand for at one of its matches."""
+        """Return the values of all names at one of its matches."""
         return {**bound, **dict(zip(self.names, row, strict=True))}
 
 
 Pending = tuple[Scope, PreparedClause, Row]
-"""A match whose `apply` is to run, and what the names outside of it stand for."""
+"""A match whose `apply` is to run: the scope outside the match, the clause, and the row of the match."""
 
 
 def run_pending(pending: Sequence[Pending], choices: Choices, model: Model) -> None:
-    """Run the `apply`s of some matches, clause by clause in turn, each only if its match still is one.
+    """Run the `apply` of pending matches, clause by clause, each only if its match still is one.
 
     Raises:
         EvaluationError: a weight is negative, or has no value.
@@ -183,16 +183,16 @@ def run_pending(pending: Sequence[Pending], choices: Choices, model: Model) -> N
             turns = [turn for turn in turns if first or turn[0].holds(turn[2])]
             turns = turns[(place := _drawn(turns, choices)) : place + 1]
         for clause, scope, row in turns:
-            if first or clause.holds(row):  # nothing can have changed before the first
+            if first or clause.holds(row):  # the first match cannot have changed
                 assert clause.apply is not None
                 clause.apply.run(scope, choices, model)
             first = False
 
 
 def _drawn(turns: Sequence[tuple[PreparedClause, Scope, Row]], choices: Choices) -> int:
-    """The place of one of some matches, drawn by weight: each by its share in what is left. Behind all for none."""
+    """Return the position of a match sampled by weight; the number of matches if none has a positive weight."""
     weights = [0.0 if clause.weight is None else clause.weight(scope) for clause, scope, _ in turns]
-    left = reduce(add, weights, 0.0)  # `sum` rounds otherwise from Python 3.12 on
+    left = reduce(add, weights, 0.0)  # `sum` rounds differently from Python 3.12 on
     for place, weight in enumerate(weights):
         if weight > 0.0 and choices.choose([min(weight / left, 1.0)]) is not None:
             return place
@@ -202,7 +202,7 @@ def _drawn(turns: Sequence[tuple[PreparedClause, Scope, Row]], choices: Choices)
 
 @dataclass(frozen=True, slots=True)
 class PreparedEach:
-    """`each step ..`."""
+    """An `each step ..` clause, prepared to run."""
 
     reward: Reward | None
     apply: Alternatives | None
@@ -213,10 +213,10 @@ class Component:
     """One component of an observation.
 
     Attributes:
-        size: how many values there are.
-        read: the present value, from 0.
-        observation: its clause.
-        at: the object that a path leads to, or whose attribute it reads, if there is one now; None of `find`.
+        size: the number of values.
+        read: returns the current value, from 0.
+        observation: the `observe` clause.
+        at: returns the object that the path leads to, or whose attribute it reads, or None; None for `find`.
     """
 
     size: int
@@ -226,25 +226,28 @@ class Component:
 
     @property
     def clause(self) -> Span | None:
-        """Where it is written."""
+        """Return the source position of the clause."""
         return self.observation.span
 
     @property
     def number(self) -> bool:
-        """Whether it is `in` a range."""
+        """Return True if the component is a number `in` a range."""
         return isinstance(self.observation, ObserveRange)
 
 
 Clause = TypeVar("Clause", bound=Action | Effect | Observation)
 
 Types = Mapping[str, str]
-"""Names that a clause knows, and the classes of their objects."""
+"""The names in the scope of a clause, and the classes of their objects."""
 
 
 def together(
     own: Sequence[Clause], own_types: Types, shared: Sequence[Clause], shared_types: Types
 ) -> list[tuple[Clause, Types]]:
-    """Clauses with the names that they know, in the order of the text; an agent's own first where there is no text."""
+    """Merge an agent's own and the shared clauses, each with the names in its scope, in the order of the text.
+
+    Clauses without a source position keep their order, the agent's own first.
+    """
     both = [*((clause, own_types) for clause in own), *((clause, shared_types) for clause in shared)]
     starts = [clause.span.start for clause, _ in both if clause.span is not None]
     if len(starts) < len(both):

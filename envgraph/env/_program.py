@@ -1,4 +1,4 @@
-"""A behaviour made ready to run on one engine: names resolved, patterns and rules prepared."""
+"""Prepare a behaviour to run on one engine: resolve names, and prepare patterns and rules."""
 
 from __future__ import annotations
 
@@ -79,31 +79,31 @@ from envgraph.pattern import (
 from envgraph.rewrite import Engine
 
 ENDS = {None: 0, "success": 1, "failure": 2, "truncation": -1}
-"""The numbers of ends: what terminates an episode is above 0, what truncates it below."""
+"""The numbers of ends: positive if the episode is terminated, negative if it is truncated, 0 if it continues."""
 
 
 def worst(one: int, other: int) -> int:
-    """Of two ends the one that counts: failure before success before truncation before going on."""
+    """Return the end that takes precedence: failure before success before truncation before no end."""
     return max(one, other) or min(one, other)
 
 
 class Program:
-    """A behaviour on one engine, as one agent has it.
+    """A behaviour on one engine, prepared for one agent.
 
     Args:
-        behaviour: checked, without errors.
-        engine: its model is the initial state. Helper patterns are added to it.
+        behaviour: a behaviour without errors.
+        engine: an engine whose model is the initial state. Helper patterns are added to it.
         keys: the indices of objects over the family.
-        agent: the block of the agent, whose clauses are added to those that are shared, and its object; None for a
+        agent: the agent's block, whose clauses are added to the shared ones, and the agent's object; None for a
             behaviour without agents.
 
     Raises:
-        ResolutionError: a parameter has no object.
+        ResolutionError: a parameter cannot be bound to an object.
 
     Attributes:
-        effects, components: of the agent, in the order of the text.
-        shared, shared_components: which of them stand outside of `agent` blocks.
-        asked: the effects as they were written, with the names that they know.
+        effects, components: the agent's prepared effects and observation components, in the order of the text.
+        shared, shared_components: for each of them, True if it stands outside of `agent` blocks.
+        asked: the effects as clauses, with the names in their scope.
     """
 
     def __init__(
@@ -204,7 +204,7 @@ class Program:
         return value
 
     def _of(self, given: Sequence[Expression], scope: Scope) -> str:
-        """Of which objects the expressions are, in words: "" where they are of none."""
+        """Return a text that names the objects an expression reads from, for messages; "" if it reads from none."""
         found = {root.name: scope[root.name] for one in given for root in roots(one)}
         told = [
             f"`{name}` is {repr(self.model.node(node))[1:-1]}"
@@ -270,7 +270,7 @@ class Program:
         return value
 
     def lost(self, name: str, cls: str | None, what: str, span: Span | None) -> EvaluationError:
-        """The error of a clause that reads from an object that is gone, with what took it away in this step."""
+        """Return the error of a clause that reads from a deleted object; it names the rule that deleted the object."""
         return lost(self.engine, self._behaviour, name, cls, what, span, self.done)
 
     # --- effects
@@ -338,7 +338,7 @@ class Program:
         matches: Callable[[], list[Row]],
         holds: Callable[[Row], bool],
     ) -> tuple[Callable[[], list[Row]], Callable[[Row], bool]]:
-        """What a negation asks: nothing holds of an object that is gone, so the negation does."""
+        """Return the functions of a negated condition: it holds if nothing matches, and also for deleted objects."""
         bound = [(self.bound[name], types[name]) for name in question.bound]
 
         def gone() -> bool:
@@ -347,7 +347,10 @@ class Program:
         return lambda: matches() or ([()] if gone() else []), lambda row: holds(row) or gone()
 
     def in_the_way(self, end: int) -> Callable[[], int]:
-        """How many matches have to go before an episode can end so: those of `on neg find .. terminate`."""
+        """Return a function that counts the matches which must vanish before an episode can have this end.
+
+        The matches are those of `on neg find .. terminate` clauses.
+        """
         questions = [
             self._counting(effect.condition.relation, types)
             for effect, types in self.asked
@@ -382,7 +385,10 @@ class Program:
         seen: Callable[[], int],
         hidden: int,
     ) -> Callable[[], int]:
-        """What is seen where the clause says that it is, else `hidden`; of what is not there nothing is asked."""
+        """Return a function that reads a component if its visibility condition holds, and otherwise returns `hidden`.
+
+        If the observed object is missing, the condition is not evaluated.
+        """
         each, call = observation.each, observation.visible
         assert call is not None
         question = self._ask(call, types if each is None else {**types, each.name: each.type or ""})
@@ -399,13 +405,13 @@ class Program:
         return read
 
     def _owner(self, path: Expression, types: Types) -> tuple[str, Callable[[], Value | None]]:
-        """The name that a path begins with, and its object, None when that is gone."""
+        """Return the name at which a path begins, and a function that returns its object, or None if it was deleted."""
         name = root_of(path).name
         node, cls = self.bound[name], types[name]
         return name, lambda: None if is_gone(self.model, node, cls) else node
 
     def _owners(self, each: Parameter) -> Iterator[tuple[str, Callable[[], Value | None]]]:
-        """One entry a component: the name that `for` gives to an object, and the object."""
+        """Yield for each component of a `for` observation its name and a function that returns the current object."""
         assert each.type is not None
         objects = self._keyed(each.type)
         yield from ((each.name, _item(objects, i)) for i in range(len(objects.keys)))
@@ -413,7 +419,7 @@ class Program:
     def _meaning(
         self, observation: ObservePath, types: Types
     ) -> tuple[int, Callable[[Value | None], int], int]:
-        """Number of values, the index of what a path leads to, and the index where an object is missing."""
+        """Return the number of values, a function from a path's value to its index, and the index without an owner."""
         metamodel = self.model.metamodel
         size = size_of(observation, types, self._keys, metamodel)
         type_ = path_type(observation, types, metamodel)
@@ -449,7 +455,7 @@ class Program:
 
 
 def added(engine: Engine, behaviour: str, make: Callable[[str], Question]) -> Question:
-    """A helper pattern under a name that is free, or under which the same pattern stands already."""
+    """Add a helper pattern to the engine under a free name, or reuse an equal pattern that is already there."""
     library = engine.library
     known = set(library.names())
     number = 0

@@ -1,4 +1,4 @@
-"""Whether an episode can end in some way, without visiting every state."""
+"""Search for an episode with a given end, without visiting every state."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from envgraph.graph import Savepoint
 from envgraph.rewrite import Engine, walk_of_savepoints
 
 REACH_LIMIT = 50_000
-"""A search for a family asks again and again: a model without a way to the end must not hold it up for minutes."""
+"""Default maximum of states; bounds the time that the search for a family spends on a model without such an end."""
 
 
 def can_end(
@@ -24,21 +24,20 @@ def can_end(
     limit: int = REACH_LIMIT,
     progress: Progress | None = None,
 ) -> bool:
-    """Whether some episode ends in success (1) or in failure (2).
+    """Return True if some episode ends in success (1) or in failure (2).
 
-    A best-first search: from the states where the fewest matches stand in the way of an `on neg find .. terminate`, and
-    among them first from those that look like no state before, where numbers in ranges are not looked at. (After the
-    best-first width search of Lipovetzky and Geffner 2017, with what is observed as the one feature.) Of equals the
-    latest and the earliest go first by turns: the one is soon at an end, the other is never far from the start. Every
-    state gets its turn, so the answer is exact up to the limit. The engine is as before afterwards; this works inside a
-    transaction, too.
+    This is a best-first search. States with the fewest matches of `on neg find .. terminate` clauses come first; among
+    them, states whose observation is new, without numbers in ranges (after best-first width search, Lipovetzky and
+    Geffner 2017, with the observation as the only feature). Equal states are taken alternately latest first and
+    earliest first. Every state is visited in the end, so the answer is exact up to the limit. The engine's model is
+    restored afterwards, also inside a transaction.
 
     Args:
-        engine: its model is the initial state.
-        behaviour: what the environment does.
+        engine: an engine whose model is the initial state.
+        behaviour: the behaviour of the environment.
         outcome: 1 or 2.
-        limit: how many states are looked at; when none of them is the end, the answer is False.
-        progress: called with the number of states that were met, now and then.
+        limit: the maximum number of states; if none of them has the end, the answer is False.
+        progress: a callback that gets the number of states from time to time.
 
     Raises:
         ResolutionError: the behaviour has errors.
@@ -50,7 +49,7 @@ def can_end(
 
 
 class _Search:
-    """Searches for an outcome, from one start after the other."""
+    """A best-first search for an end, from one start state after the other."""
 
     def __init__(self, simulator: Simulator, outcome: int, limit: int, progress: Progress | None) -> None:
         self._simulator, self._outcome, self._limit = simulator, outcome, limit
@@ -61,7 +60,7 @@ class _Search:
         self._looks: set[tuple[int, ...]] = set()
 
     def run(self) -> bool:
-        """Return whether the outcome was found."""
+        """Return True if the end was found."""
         with closing(self._simulator.starts()) as starts:
             return any(self._from_here() for _ in starts)
 
@@ -69,7 +68,7 @@ class _Search:
         rank = self._rank()
         if rank is None:
             return False
-        turns, number = [self._simulator.turn], 0  # whose turn it is, by state
+        turns, number = [self._simulator.turn], 0  # for each state, whose turn it is
         queues, waiting = ([(*rank, 0)], [(*rank, 0)]), {0}
         with walk_of_savepoints(self._model) as walk:
             while waiting and len(self._known) < self._limit:
@@ -93,7 +92,7 @@ class _Search:
         return False
 
     def _successors(self) -> Iterator[tuple[tuple[int, bool] | None, Savepoint]]:
-        """Move to each new state that an action leads to, and yield its rank, or None if the outcome is reached."""
+        """Move to each new state that an action leads to, and yield its rank, or None if the end is reached."""
         simulator, turn = self._simulator, self._simulator.turn
         for action in range(len(simulator.action_names)):
             for _, _, ended, savepoint in simulator.attempts(action):

@@ -1,4 +1,4 @@
-"""The rules of an engine as a behaviour calls them."""
+"""Prepare calls of the engine's rules and units for a behaviour."""
 
 from __future__ import annotations
 
@@ -18,14 +18,15 @@ from envgraph.rewrite import Branches, Engine, Firing
 def applying(
     engine: Engine, name: str, bound: Sequence[str], outputs: Sequence[str]
 ) -> tuple[Perform, Possible]:
-    """Applies a rule at one of its matches, or runs a unit, whose choices are equally likely or go by weight; and asks
-    whether that can be done.
+    """Return a function that applies a rule at a random match, or runs a unit, and a function that tests if it can.
+
+    Choices of a unit are uniform, or by weight.
 
     Args:
-        engine: that has it.
-        name: of the rule or unit.
-        bound: the parameters that values are given for, in order.
-        outputs: the parameters whose values are wanted.
+        engine: the engine that has the rule or unit.
+        name: the name of the rule or unit.
+        bound: the parameters that get values, in order.
+        outputs: the parameters whose values are returned.
     """
     if engine.signature(name).kind == "rule":
         return _applying_rule(engine, name, bound, outputs)
@@ -42,7 +43,7 @@ def _applying_rule(
     def perform(
         values: Sequence[Value | None], choices: Choices, model: Model
     ) -> Sequence[Value | None] | None:
-        # Sorted: the order that a matcher lists rows in may depend on how a state was reached.
+        # Sorted, because a matcher's order of rows may depend on how the state was reached.
         rows = sorted(find(*values))
         if not rows:
             return None
@@ -71,7 +72,7 @@ def _running_unit(engine: Engine, name: str, bound: Sequence[str], outputs: Sequ
         except BaseException:
             model.graph.history.rollback(savepoint)
             raise
-        if not result:  # what it did before the step that failed is undone: the state stays
+        if not result:  # undo the steps before the failed step
             model.graph.history.rollback(savepoint)
             return None
         model.graph.history.release(savepoint)
@@ -82,14 +83,14 @@ def _running_unit(engine: Engine, name: str, bound: Sequence[str], outputs: Sequ
 
 
 def _succeeding(perform: Perform, model: Model) -> Possible:
-    """Whether a unit can succeed: it is run with all choices, and what it did is rolled back."""
+    """Return a function that tests if a unit can succeed: it runs the unit with all choices, and rolls back."""
 
     def possible(values: Sequence[Value | None]) -> bool:
         for choices in islice(all_choices(), MOST_OUTCOMES):
             savepoint = model.graph.history.savepoint()
             try:
                 done = perform(values, choices, model) is not None
-            except RuleError:  # for those who do it
+            except RuleError:  # `run` raises the error
                 done = True
             finally:
                 model.graph.history.rollback(savepoint)
@@ -101,7 +102,7 @@ def _succeeding(perform: Perform, model: Model) -> Possible:
 
 
 class _Drawn(Branches):
-    """The choices of a unit, made like those of a step."""
+    """The choices of a unit, sampled like other choices of a step."""
 
     ordered = True
 
@@ -110,12 +111,12 @@ class _Drawn(Branches):
         self._choices = choices
 
     def choose(self, count: int) -> int:
-        """See `Branches`."""
+        """Sample one of `count` alternatives uniformly."""
         return self._choices.pick(count)
 
     def weigh(self, weights: Sequence[float]) -> int:
-        """See `Branches`."""
-        total = reduce(add, weights)  # `sum` rounds otherwise from Python 3.12 on
+        """Sample an alternative with probability proportional to its weight."""
+        total = reduce(add, weights)  # `sum` rounds differently from Python 3.12 on
         return self._choices.choose([weight / total for weight in weights]) or 0
 
 

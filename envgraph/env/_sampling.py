@@ -1,9 +1,9 @@
-"""Drawing outcomes: one uniform number decides everything that is random in a step, or in a reset.
+"""Sample outcomes so that one uniform random number determines all random choices of a step or reset.
 
 A behaviour makes its random choices one after the other (a branch, a match, another branch ...). One number u in
-[0, 1) is enough for all of them: choice i takes the stretch of the unit interval that its probability gives it, and
-u, measured within that stretch, decides the next choice. So a table whose outcomes are listed in the order of the
-choices, and the live engine that makes the choices themselves, do the same for the same u.
+[0, 1) is enough: each choice divides the unit interval by the probabilities, takes the part that contains u, and
+rescales u within this part for the next choice. Therefore a table, whose outcomes are listed in the order of the
+choices, and the live engine, which makes the choices, reach the same state for the same u.
 """
 
 from __future__ import annotations
@@ -14,11 +14,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 MOST_OUTCOMES = 10_000
-"""Of one action in one state, equal ones included: some seconds. Units that make many choices have millions."""
+"""Maximum outcomes of one action in one state, equal ones included: some seconds. Units may have millions."""
 
 
 class Draw:
-    """The rest of one uniform number, used up choice by choice.
+    """A uniform random number, which successive choices use up.
 
     >>> draw = Draw(0.65)
     >>> draw.choose([0.5, 0.5]), round(draw.rest, 12)
@@ -33,7 +33,7 @@ class Draw:
         self.rest = uniform
 
     def choose(self, probabilities: Sequence[float]) -> int | None:
-        """One of the alternatives; None with the probability that is missing to 1."""
+        """Sample an alternative with given probabilities; None has the probability that is missing to 1."""
         start = 0.0
         for position, probability in enumerate(probabilities):
             if self.rest < start + probability:
@@ -48,7 +48,7 @@ class Draw:
         return len(probabilities) - 1
 
     def pick(self, count: int) -> int:
-        """One of `count` >= 1 alternatives, equally likely."""
+        """Sample one of `count` >= 1 alternatives uniformly."""
         scaled = self.rest * count
         position = min(int(scaled), count - 1)
         self.rest = min(scaled - position, _BELOW_ONE)
@@ -63,7 +63,7 @@ def _within(offset: float, width: float) -> float:
 
 
 def lacking(probabilities: Sequence[float]) -> float:
-    """1 less the probabilities, added up in their order as `Draw` does; `sum` rounds differently in some Pythons."""
+    """Return 1 minus the probabilities, added up in order as `Draw` does; `sum` rounds differently in some Pythons."""
     total = 0.0
     for probability in probabilities:
         total += probability
@@ -71,12 +71,12 @@ def lacking(probabilities: Sequence[float]) -> float:
 
 
 class Recorded:
-    """Choices made by a script: the first ones given, the others the first alternative.
+    """Choices that follow a script, and take the first alternative after its end.
 
     Attributes:
-        places: number of the alternative taken at each choice, among those that are possible.
-        counts: how many alternatives each choice had.
-        probability: of all the choices together.
+        places: for each choice, the number of the alternative taken, among those with positive probability.
+        counts: the number of alternatives of each choice.
+        probability: the probability of all choices together.
     """
 
     def __init__(self, script: Sequence[int]) -> None:
@@ -86,7 +86,7 @@ class Recorded:
         self.probability = 1.0
 
     def choose(self, probabilities: Sequence[float]) -> int | None:
-        """See `Choices`."""
+        """Take the scripted alternative with positive probability; None stands for the probability missing to 1."""
         possible: list[tuple[int | None, float]] = [(i, p) for i, p in enumerate(probabilities) if p > 0.0]
         missing = lacking(probabilities)
         if missing > 1e-12:
@@ -96,7 +96,7 @@ class Recorded:
         return position
 
     def pick(self, count: int) -> int:
-        """See `Choices`."""
+        """Take the scripted one of `count` equally likely alternatives."""
         self.probability /= count
         return self._take(count)
 
@@ -108,7 +108,7 @@ class Recorded:
 
 
 def all_choices() -> Iterator[Recorded]:
-    """Every way to make the choices, in lexicographic order; each must be used before the next is asked for."""
+    """Yield every possible sequence of choices, in lexicographic order; use each before requesting the next."""
     script: list[int] = []
     while True:
         choices = Recorded(script)
@@ -122,9 +122,9 @@ def all_choices() -> Iterator[Recorded]:
 
 
 def cumulative(probability: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Running sums along the last axis, such that `searchsorted(.., u, "right")` never finds an impossible outcome.
+    """Return cumulative sums along the last axis, for `searchsorted(.., u, "right")`.
 
-    From the last possible outcome on the sum is exactly 1, whatever the rounding.
+    From the last possible outcome on, the sum is exactly 1, so that rounding never selects an impossible outcome.
     """
     sums = np.cumsum(probability, axis=-1)
     possible = np.cumsum(probability[..., ::-1] > 0.0, axis=-1)[..., ::-1] > 0

@@ -1,4 +1,4 @@
-"""The step of an environment, on the live engine."""
+"""Simulate an environment on a live engine; defines the semantics of a step."""
 
 from __future__ import annotations
 
@@ -48,12 +48,12 @@ GOES_ON, SUCCESS, FAILURE = 0, 1, 2
 
 @dataclass(frozen=True, slots=True)
 class Outcome:
-    """What a step gave.
+    """The result of a step.
 
     Attributes:
         reward: the sum of all rewards.
         terminated: 0, or the episode ended in success (1) or in failure (2), or was truncated (-1).
-        observation: index of what the agent sees.
+        observation: the index of the agent's observation.
     """
 
     reward: float
@@ -62,47 +62,47 @@ class Outcome:
 
 
 class Simulator:
-    """Runs a behaviour on an engine, with the exact semantics of a step.
+    """A simulator that runs a behaviour on an engine, with the exact semantics of a step.
 
-    The state of the engine when the simulator is made is the initial one. From the first `reset` to `close` the
-    simulator keeps a savepoint open, so that meanwhile nothing else may commit or check out.
+    The engine's state when the simulator is created is the initial state. From the first `reset` to `close` the
+    simulator keeps a savepoint open, so that no other code may commit or check out.
 
-    A step: (a) draws a branch of the action, with probabilities as they are in that state, then one of the matches of
-    its rule, and applies it; without a match the state stays. (b) `each step` rules in the same way. (c) All `on`
-    clauses are matched on this one state. (d) All rewards are evaluated on it and summed in the order of the file;
-    failure beats success, and that truncation. (e) The `apply`s of the clauses run in that order, each only if its
-    match still is one; (f) the agent observes.
+    A step: (a) Sample a branch of the action, with the probabilities of the current state, then one match of its rule,
+    and apply the rule; without a match the state does not change. (b) Run the `each step` rules in the same way. (c)
+    Match all `on` clauses on the resulting state. (d) Evaluate all rewards on this state and sum them in the order of
+    the file; failure takes precedence over success, and success over truncation. (e) Run the `apply`s of the clauses
+    in that order, each only if its match still is one. (f) The agent observes.
 
-    `reward` of an action counts when its rule was applied or the branch `nothing()` was drawn, `else reward` when there
-    was no match, or when the probability that is missing to 1 was drawn.
+    `reward` of an action is paid if its rule was applied or the branch `nothing()` was sampled. `else reward` is paid
+    if the rule had no match, or if the probability that is missing to 1 was sampled.
 
-    With `agent` blocks a step is the turn of one agent: it does what its block and the shared clauses say, the reward
-    is that of its turn, and then the next agent observes. Agents take turns block by block, in a block by key; one that
-    is gone is passed over.
+    With `agent` blocks a step is the turn of one agent. The step runs the agent's block and the shared clauses, and its
+    reward is that of the turn; then the next agent observes. Agents take turns block by block, within a block by key;
+    agents whose object does not exist are skipped.
 
-    Agents that act `together` make one step: (a) each one that is there does its action, in the order of the turns, on
-    the state that those before it have left; (b) to (e) happen once, clause by clause in the order of the file, a
-    clause of a block for each of its agents that were there. An agent gets what its block and what the shared clauses
-    pay; the reward of the step counts what is shared once. Its action is one of each agent in one number, and its
-    observation all that the agents see.
+    Agents that act `together` do one step: (a) Each agent that exists does its action, in the order of turns, on the
+    state that earlier agents have left. (b) to (e) happen once, clause by clause in the order of the file; a clause of
+    a block runs for each of its agents that existed. An agent gets the rewards of its block and of shared clauses; the
+    reward of the step counts shared rewards once. A joint action combines one action of each agent in one number, and
+    the joint observation contains all that the agents observe.
 
     Args:
-        engine: with the model, its patterns and rules.
-        behaviour: what the environment does.
-        keys: indices of objects over a family; those of the engine's model alone if None.
+        engine: the engine with the model, its patterns and rules.
+        behaviour: the behaviour of the environment.
+        keys: indices of objects over a family; None: those of the engine's model.
 
     Raises:
         ResolutionError: the behaviour has errors, or the model has no object for a parameter, or no agent.
 
     Attributes:
-        players: names of the agents, in the order in which they act; () for a behaviour without `agent` blocks.
-        agent_names: the same, () also for agents that act together.
-        agents: the same themselves; one from outside for a behaviour without `agent` blocks.
-        together: makes the step of agents that act together; None where they take turns.
-        turn: number of the agent that acts next; 0 where they act together.
+        players: the names of the agents in the order of turns; () for a behaviour without `agent` blocks.
+        agent_names: as `players`, but also () for agents that act together.
+        agents: the agents; a single one without object for a behaviour without `agent` blocks.
+        together: does the step of agents that act together; None if agents take turns.
+        turn: the number of the agent that acts next; 0 if agents act together.
         action_names, observation_shape, n_observations: of a step.
-        did: whether the action of the last step did something: a rule was applied, or the branch `nothing()` drawn;
-            True where agents act together.
+        did: True if the action of the last step applied a rule or sampled the branch `nothing()`; always True if agents
+            act together.
     """
 
     def __init__(self, engine: Engine, behaviour: Behaviour, keys: KeyIndex | None = None) -> None:
@@ -130,22 +130,22 @@ class Simulator:
 
     @property
     def action_names(self) -> tuple[str, ...]:
-        """The names of the actions of a step."""
+        """Return the names of the actions of a step."""
         return (self.together or self.agents).action_names
 
     @property
     def observation_shape(self) -> tuple[int, ...]:
-        """Sizes of the components of the observation of a step."""
+        """Return the sizes of the components of an observation."""
         return (self.together or self.agents).shape
 
     @property
     def n_observations(self) -> int:
-        """How many observations of a step there are."""
+        """Return the number of possible observations."""
         return prod(self.observation_shape)
 
     @property
     def observation_names(self) -> tuple[str, ...]:
-        """Different names for the components of the observation of a step."""
+        """Return distinct names for the components of an observation."""
         if self.together is not None:
             return self.together.observation_names
         return component_names(self.behaviour, self.keys, len(self.observation_shape))
@@ -153,7 +153,7 @@ class Simulator:
     # --- live
 
     def reset(self, rng: np.random.Generator) -> int:
-        """Go to a start state, drawn with one number; returns the observation."""
+        """Put the model into a start state, sampled with one random number; return the observation."""
         self.close()
         self._start, uniform = self._model.graph.history.savepoint(), rng.random()
         self._begin(Draw(uniform))
@@ -161,10 +161,10 @@ class Simulator:
         return self.observe()
 
     def step(self, action: int, rng: np.random.Generator) -> Outcome:
-        """Do an action, drawing one number.
+        """Do an action, sampled with one random number.
 
         Raises:
-            InvalidArgument: no episode has begun, or there is no such action.
+            InvalidArgument: no episode has begun, or the action does not exist.
             RuleError: a rule matches but cannot be applied.
             EvaluationError: a reward has no value, or an observed object no index.
         """
@@ -172,7 +172,7 @@ class Simulator:
         return Outcome(reward, terminated, self.observe())
 
     def move(self, action: int, rng: np.random.Generator) -> tuple[float, int]:
-        """`step` without an observation: reward and end."""
+        """Do a step without an observation; return the reward and the end (0, 1, 2 or -1)."""
         if self._start is None:
             raise InvalidArgument("no episode has begun: call `reset` first")
         uniform = rng.random()
@@ -195,33 +195,33 @@ class Simulator:
         return _replayed, (engine_copy, self.behaviour, self.keys, self._drawn[:], key)
 
     def act(self, action: int, uniform: float) -> Outcome:
-        """`step` in the present state of the model, whether or not an episode has begun, with a number from [0, 1)."""
+        """Do a step in the model's current state, with or without an episode, decided by `uniform` in [0, 1)."""
         reward, terminated = self._step(action, Draw(uniform))
         return Outcome(reward, terminated, self.observe())
 
     def begin(self, uniform: float) -> int:
-        """`reset` from the present state of the model, with a number from [0, 1)."""
+        """Do a reset from the model's current state, decided by `uniform` in [0, 1); return the observation."""
         self._begin(Draw(uniform))
         return self.observe()
 
     def close(self) -> None:
-        """Go back to the initial state and release the model."""
+        """Restore the initial state and release the model."""
         if self._start is not None:
             self._model.graph.history.rollback(self._start)
             self._start, self._drawn = None, []
             self.turn = self._first
 
     def observe(self) -> int:
-        """The index of what the agent that acts next sees of the present state; the first component varies fastest."""
+        """Return the index of the next agent's observation of the current state; the first component varies fastest."""
         if self.together is not None:
             return self.together.observation()
         return self.agents.observation(self.turn)
 
     def allowed(self) -> NDArray[np.bool_]:
-        """Whether each action would do something in the present state [actions]; where none would, all are True.
+        """Return for each action if it would do something in the current state [actions]; all True if none would.
 
-        That is: a branch of it is `nothing()`, a rule that has a match, or a unit that can succeed. A joint action of
-        agents that act together needs that of all of them, whatever those before may do in the same step.
+        An action does something if a branch of it is `nothing()`, a rule that has a match, or a unit that can succeed.
+        For a joint action this must be true of each agent's action, tested on the state before the step.
         """
         if self.together is None:
             return self.allowed_to(self.turn)
@@ -231,7 +231,7 @@ class Simulator:
         return found
 
     def allowed_to(self, number: int) -> NDArray[np.bool_]:
-        """`allowed` for the actions of one agent; where it is gone, all are True."""
+        """Return the action mask of one agent; all True if the agent cannot act."""
         seat, model = self.agents.seats[number], self._model
         if not self.agents.present(seat):
             return np.ones(len(seat.actions), dtype=np.bool_)
@@ -240,21 +240,24 @@ class Simulator:
         return allowed_or_all(np.array(can))
 
     def state_key(self) -> tuple[int, int]:
-        """What tells states apart: the model, and whose turn it is; of new objects the order in which they came."""
+        """Return a key that identifies the state: the model's hash and whose turn it is.
+
+        New objects are identified by the order of their creation.
+        """
         return self._model.state_hash(self._fresh), self.turn
 
     def look(self) -> tuple[int, ...]:
-        """The components of the observation that are no number in a range."""
+        """Return the components of the observation, except for numbers in ranges."""
         seats = self.agents.seats if self.together else (self.agents.seats[self.turn],)
         components = (component for seat in seats for component in seat.program.components)
         return tuple(component.read() for component in components if not component.number)
 
     def in_the_way(self, end: int) -> Callable[[], int]:
-        """Counts the matches that have to go before an episode can end in success (1) or failure (2)."""
+        """Return a function that counts the matches which must vanish before success (1) or failure (2) is possible."""
         return self.agents.seats[0].program.in_the_way(end)
 
     def painter(self) -> Painter:
-        """Draws the states of this simulator.
+        """Return the painter that draws the current state, created at the first call.
 
         Raises:
             InvalidArgument: the behaviour has no `draw`.
@@ -268,13 +271,13 @@ class Simulator:
 
     @property
     def seat(self) -> Seat:
-        """The agent that acts next; that from outside where a behaviour has no agents."""
+        """Return the agent that acts next; the single agent without object if the behaviour has no agents."""
         return self.agents.seats[self.turn]
 
     # --- all outcomes
 
     def starts(self) -> Generator[float]:
-        """The probability of each start, as often as the choices can be made; meanwhile the model is in that state."""
+        """Yield the probability of each way to reset, with the model in that start state; states may be repeated."""
         for probability, _, _, savepoint in self.attempts(None):
             try:
                 yield probability
@@ -283,10 +286,10 @@ class Simulator:
                 self.turn = self._first
 
     def outcomes(self, action: int) -> Generator[tuple[float, float, int]]:
-        """Probability, reward and end of an action in the present state, in the order of the choices.
+        """Yield the probability, reward and end of each outcome of an action, in the order of the choices.
 
-        While the caller looks at an outcome the model is in the successor state, which it may `observe`; afterwards it
-        is as before. Outcomes that are the same are not put together.
+        The model is in the successor state while the caller handles an outcome, and is restored afterwards. Equal
+        outcomes are not merged.
         """
         turn = self.turn
         for probability, reward, terminated, savepoint in self.attempts(action):
@@ -299,10 +302,10 @@ class Simulator:
     def attempts(self, action: int | None) -> Iterator[tuple[float, float, int, Savepoint]]:
         """Yield the outcomes of an action, or the starts for None, each with a savepoint before it.
 
-        The caller undoes each outcome before it asks for the next: it rolls back to the savepoint, or shelves it.
+        The caller must undo each outcome before the next: roll back to the savepoint, or shelve it.
 
         Raises:
-            TooManyOutcomes: there are more than 10,000 of them.
+            TooManyOutcomes: the action has more than 10,000 outcomes.
         """
         turn = self.turn
         for number, choices in enumerate(all_choices()):
@@ -373,7 +376,7 @@ class Simulator:
     def _judge(
         self, program: Program, action: PreparedAction, scope: Scope, done: Scope | None
     ) -> tuple[float, int, list[Pending]]:
-        """Reward and end of a step on the present state, and the matches whose `apply` is to run."""
+        """Return the reward and end of a step in the current state, and the matches whose `apply` is to run."""
         effects = program.effects
         total, terminated = 0.0, GOES_ON
         pending: list[Pending] = []
@@ -398,7 +401,7 @@ class Simulator:
 def _replayed(
     engine: Engine, behaviour: Behaviour, keys: KeyIndex, drawn: list[tuple[int, float]], key: tuple[int, int]
 ) -> Simulator:
-    """Make a simulator and play an episode; raises TypeError if it ends in another state than that of the key."""
+    """Create a simulator and replay an episode; raise TypeError if the final state differs from `key`."""
     made = Simulator(engine, behaviour, keys)
     if behaviour.draw is not None:
         made.painter()  # finds the objects of parameters in the initial state
@@ -412,14 +415,14 @@ def _replayed(
 
 
 def _check_needed(program: Program, needed: Sequence[Reading], model: Model) -> None:
-    """Raise an error if an object that each step reads is gone: later nobody knows which rule deleted it."""
+    """Raise an error if an object that each step reads was deleted; now the rule that deleted it is still known."""
     for each in needed:
         if is_gone(model, program.bound[each.name], each.cls):
             raise program.lost(each.name, each.cls, each.what, each.span)
 
 
 def _first_new(model: Model, keys: KeyIndex) -> int | None:
-    """The id of the first object that a rule creates; None if objects are known by such ids in other members."""
+    """Return the id of the first object that a rule creates; None if keys of other members contain such ids."""
     first = model.graph.store.next_id
     unnamed = (cls for cls in keys.keys if not key_attributes(model.metamodel, cls))
     return None if any(key >= (first,) for cls in unnamed for key in keys.of_class(cls)) else first

@@ -1,4 +1,4 @@
-"""Enumerated environments as files: NumPy's `.npz` with the arrays, and JSON for the rest; no pickle.
+"""Read and write enumerated environments as files: NumPy's `.npz` with the arrays, and JSON for the rest; no pickle.
 
 Equal environments give equal files.
 """
@@ -35,7 +35,7 @@ _OPTIONAL = {"turn": np.int32, "allowed": np.bool_}
 _NAMES = ("n_observations", "observation_shape", "observation_names", "action_names", "agent_names")
 _DATA = {cls.__name__: cls for cls in (GridScene, GraphScene, Mark, Edge, Glyph)}
 _MOST_BYTES = 2**31
-"""Of all arrays of a file, unpacked; the largest tables that are written have a fifth of it."""
+"""Maximum size of all arrays of a file, unpacked; the largest tables that are written have a fifth of it."""
 _DAMAGED = (
     OSError,
     ValueError,
@@ -66,16 +66,16 @@ def write_explored(explored: Explored, file: IO[bytes]) -> None:
 
 
 def read_explored(path: Path) -> Explored:
-    """Read what `write_explored` wrote.
+    """Read an environment from a file of `write_explored`.
 
     Raises:
-        InvalidArgument: there is no such file, or it was damaged or written by another version.
+        InvalidArgument: the file does not exist, is damaged, or was written by another version.
     """
     try:
         with zipfile.ZipFile(path) as archive:
             if sum(part.file_size for part in archive.infolist()) > _MOST_BYTES:
                 raise ValueError(f"it holds more than {_MOST_BYTES:,} bytes")
-            bad = archive.testzip()  # first, so that no damaged size is believed
+            bad = archive.testzip()  # before any damaged size is used
         if bad is not None:
             raise ValueError(f"`{bad}` is damaged")
         with np.load(path, allow_pickle=False) as found:
@@ -98,7 +98,7 @@ def _explored(found: Mapping[str, NDArray[Any]]) -> Explored:
 
 
 def _plain(value: Any) -> Any:
-    """Scenes as JSON-ready data."""
+    """Return scenes as JSON-ready data."""
     if isinstance(value, tuple):
         return [_plain(one) for one in value]
     if isinstance(value, bytes):
@@ -112,7 +112,7 @@ def _plain(value: Any) -> Any:
 
 
 def _made(value: Any) -> Any:
-    """What `_plain` was given."""
+    """Return the value from the JSON-ready data of `_plain`."""
     if isinstance(value, list):
         return tuple(_made(one) for one in value)
     if not isinstance(value, dict):

@@ -14,10 +14,10 @@ from envgraph.errors import InvalidArgument
 PROBABILITY_TOLERANCE = 1e-9
 
 MOST_REWARD = 1e100
-"""Largest absolute value of a reward of a clause, and of a weight. Sums, returns and their squares stay finite."""
+"""Largest absolute value of a clause's reward, and of a weight, so that sums, returns and squares stay finite."""
 
 _MOST_OF_STEP = 1e10 * MOST_REWARD
-"""Largest absolute value of the reward of a step: that of 1e10 matches."""
+"""Largest absolute value of the reward of a step: 1e10 matches with the largest reward."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -25,7 +25,7 @@ class Tabular:
     """A Markov decision process with observations; S states, A actions, at most K outcomes of an action.
 
     An action with fewer than K outcomes is padded with outcomes of probability 0. A state in which an episode has
-    ended is an absorbing row: it leads to itself with reward 0 and `terminated` 0, and nobody steps from it.
+    ended is an absorbing row: it leads to itself with reward 0 and `terminated` 0, and is never stepped from.
 
     Two tables are equal only if they are the same object, as for the arrays in them.
 
@@ -33,18 +33,18 @@ class Tabular:
         next_state: int32 [S, A, K], a state from 0.
         probability: float64 [S, A, K]; sums to 1 over K.
         reward: float64 [S, A, K], in the units of the behaviour's `reward` clauses; from -1e110 to 1e110.
-        terminated: int8 [S, A, K]; the outcome goes on (0), ends the episode in success (1) or in failure (2), or
+        terminated: int8 [S, A, K]; the outcome continues (0), ends the episode in success (1) or in failure (2), or
             truncates it (-1).
-        observation: int64 [S]; what the agent sees of a state, an index from 0. States may look alike.
-        start_states: int32 [N], different states.
+        observation: int64 [S]; the observation of a state, an index from 0. States may have equal observations.
+        start_states: int32 [N], distinct states.
         start_probability: float64 [N]; sums to 1.
-        n_observations: how many observations there are, the same for all members of a family.
+        n_observations: the number of possible observations, the same for all members of a family.
         observation_shape: sizes of the components of an observation; the first varies fastest in the index.
-        action_names: one name an action, in the order of the indices.
-        agent_names: of the agents that take turns, in the order in which they act; () where there is only one.
-        turn: int32 [S], which of them acts in a state; None where there is only one.
-        observation_names: of the components of an observation; () for numbers from 1.
-        allowed: bool [S, A], the actions that do something in a state, or all where none does; None for all.
+        action_names: one name for each action, in the order of the indices.
+        agent_names: the agents that take turns, in the order in which they act; () for a single agent.
+        turn: int32 [S], the agent that acts in a state; None for a single agent.
+        observation_names: the names of the components of an observation; () for numbers from 1.
+        allowed: bool [S, A], the actions that do something in a state, or all if none does; None for all.
     """
 
     next_state: NDArray[np.int32]
@@ -64,22 +64,22 @@ class Tabular:
 
     @property
     def n_states(self) -> int:
-        """S, the number of states."""
+        """Return S, the number of states."""
         return int(self.next_state.shape[0])
 
     @property
     def n_actions(self) -> int:
-        """A, the number of actions."""
+        """Return A, the number of actions."""
         return int(self.next_state.shape[1])
 
     @property
     def deterministic(self) -> bool:
-        """Whether every action has one outcome (K is 1); the start may still be drawn."""
+        """Return True if every action has one outcome (K is 1); the start state may still be random."""
         return int(self.next_state.shape[2]) == 1
 
     @property
     def masks(self) -> NDArray[np.bool_]:
-        """`allowed`, or that all are [S, A]."""
+        """Return `allowed`, or an all-True array [S, A] if it is None."""
         return np.ones((self.n_states, self.n_actions), np.bool_) if self.allowed is None else self.allowed
 
     def __repr__(self) -> str:
@@ -101,10 +101,10 @@ class Tabular:
         }
 
     def check(self) -> None:
-        """Verify what the attributes promise.
+        """Check that the arrays are consistent with the documented attributes.
 
         Raises:
-            InvalidArgument: a shape, an index, a probability or a name is wrong; the message says which.
+            InvalidArgument: a shape, an index, a probability or a name is wrong; the message names it.
         """
         self._check_shapes()
         self._check_indices()
@@ -157,7 +157,7 @@ class Tabular:
 
 
 def allowed_or_all(allowed: NDArray[np.bool_]) -> NDArray[np.bool_]:
-    """The actions that do something [.., actions]; all where none does: one of them has to be chosen."""
+    """Return action masks [.., actions] in which a row without a True is replaced by all True."""
     return allowed | ~allowed.any(axis=-1, keepdims=True)
 
 

@@ -1,4 +1,4 @@
-"""The step of agents that act together, and what one observer sees who plays all of them."""
+"""The step of agents that act together, and the joint observation of a policy that controls all of them."""
 
 from __future__ import annotations
 
@@ -18,16 +18,16 @@ from envgraph.errors import Diagnostic, EvaluationError, ResolutionError
 from envgraph.graph import Model
 
 MOST_JOINT_ACTIONS = 100_000
-"""As many as an agent may have."""
+"""Maximum number of joint actions; a single agent may have as many actions."""
 
 
 @dataclass(frozen=True, slots=True)
 class Clause:
-    """An effect, ready to run for one agent.
+    """A prepared effect for one agent.
 
     Attributes:
-        seat: number of the agent; 0 for what is shared.
-        shared: whether it stands outside of `agent` blocks.
+        seat: the number of the agent; 0 for shared effects.
+        shared: True if the effect stands outside of `agent` blocks.
     """
 
     seat: int
@@ -38,7 +38,7 @@ class Clause:
 
 @dataclass(frozen=True, slots=True)
 class Move:
-    """What the action of one agent came to: what it paid, and how many clauses of this agent stand before it."""
+    """The reward of one agent's action, and how many of the agent's clauses precede the action in the file."""
 
     seat: int
     paid: float
@@ -46,13 +46,13 @@ class Move:
 
 
 class Together:
-    """Makes a step of one action of each agent; what a step is, says the docstring of `Simulator`.
+    """A stepper of joint actions; the docstring of `Simulator` defines the step.
 
-    A joint action is a number whose digits are the actions of the agents, that of the first varies fastest.
+    A joint action is a number whose digits are the agents' actions; the first agent's action varies fastest.
 
     Args:
-        behaviour: whose agents act together.
-        agents: all that the family has are in the model.
+        behaviour: a behaviour whose agents act together.
+        agents: all agents of the family, which must exist in the model.
         model: the state.
         keys: the indices of objects over the family.
 
@@ -60,9 +60,9 @@ class Together:
         ResolutionError: the model lacks an agent that another member of the family has.
 
     Attributes:
-        rewards: of the last step, by agent; 0.0 of those that were not there.
-        shape: sizes of the components of what an observer of all sees: those of each agent's own, then the shared ones.
-        observation_names: of these, in the order of the file: "left at", "right at", .. "parcel at".
+        rewards: the reward of each agent in the last step; 0.0 for agents that did not exist.
+        shape: the sizes of the components of a joint observation: each agent's own ones, then the shared ones.
+        observation_names: the names of these components: "left at", "right at", .. "parcel at".
     """
 
     def __init__(self, behaviour: Behaviour, agents: Agents, model: Model, keys: KeyIndex) -> None:
@@ -81,20 +81,20 @@ class Together:
 
     @property
     def n_actions(self) -> int:
-        """How many joint actions there are."""
+        """Return the number of joint actions."""
         return int(len(self._agents.action_names) ** len(self._seats))
 
     @cached_property
     def action_names(self) -> tuple[str, ...]:
-        """Of the joint actions: "left: lift, right: wait".
+        """Return the names of the joint actions: "left: lift, right: wait".
 
         Raises:
-            EvaluationError: there are too many.
+            EvaluationError: the number of joint actions is too large.
         """
         return joint_names([seat.name for seat in self._seats], self._agents.action_names)
 
     def digits(self, number: int) -> list[int]:
-        """The actions of the agents that a joint action has."""
+        """Return the action of each agent in a joint action."""
         found, base = [], len(self._agents.action_names)
         for _ in self._seats:
             number, digit = divmod(number, base)
@@ -102,16 +102,16 @@ class Together:
         return found
 
     def number(self, actions: Sequence[int]) -> int:
-        """The joint action of some actions, one for each agent."""
+        """Return the joint action of one action for each agent."""
         base = len(self._agents.action_names)
         return sum(action * base**place for place, action in enumerate(actions))
 
     def observation(self) -> int:
-        """What an observer of all agents sees, as an index."""
+        """Return the index of the joint observation of the current state."""
         return sum(read() * weight for read, weight in self._reads)
 
     def step(self, number: int, choices: Choices) -> tuple[float, int]:
-        """Make a step of a joint action: the reward of all agents together, and the end; `rewards` has each one's."""
+        """Do a joint action; return the summed reward and the end, and store each agent's reward in `rewards`."""
         there = [self._agents.present(seat) for seat in self._seats]
         clauses = [clause for clause in self._clauses if clause.shared or there[clause.seat]]
         for seat in self._seats:
@@ -134,7 +134,7 @@ class Together:
         return _of_all(moves, paid, gained), reduce(worst, (ends for *_, ends in judged), 0)
 
     def _do(self, place: int, number: int, choices: Choices) -> Callable[[], Move]:
-        """Do the action of one agent; what is returned says later, on the state that all have left, what it pays."""
+        """Do one agent's action; return a callback that evaluates its reward later, after all agents have acted."""
         program, action = self._seats[place].program, self._seats[place].actions[number]
         scope = action.scope(program.bound)
         done = action.branches.run(scope, choices, self._model)
@@ -143,7 +143,7 @@ class Together:
 
 
 def _judged(clause: Clause, pending: list[Pending]) -> tuple[list[float], int]:
-    """The rewards of a clause on the present state, and the end; matches whose `apply` is to run go to `pending`."""
+    """Return the rewards and the end of a clause in the current state; append matches to apply to `pending`."""
     effect, bound = clause.effect, clause.program.bound
     if isinstance(effect, PreparedEach):
         return [effect.reward(bound)] if effect.reward else [], 0
@@ -155,27 +155,27 @@ def _judged(clause: Clause, pending: list[Pending]) -> tuple[list[float], int]:
 
 
 def _total(move: Move, gained: Sequence[tuple[Clause, list[float]]], *, common: bool) -> float:
-    """The reward of one agent, summed in the order of the text; without what is shared unless that is `common`."""
+    """Return the reward of one agent, summed in the order of the text; `common` includes shared rewards."""
     parts = [
         gains if common or not clause.shared else []
         for clause, gains in gained
         if clause.shared or clause.seat == move.seat
     ]
     parts.insert(move.before, [move.paid])
-    return reduce(add, chain.from_iterable(parts), 0.0)  # `sum` rounds otherwise from Python 3.12 on
+    return reduce(add, chain.from_iterable(parts), 0.0)  # `sum` rounds differently from Python 3.12 on
 
 
 def _of_all(
     moves: Sequence[Move], paid: dict[int, float], gained: Sequence[tuple[Clause, list[float]]]
 ) -> float:
-    """The reward of all agents: what the first one gets, and what the others get of their own."""
+    """Return the reward of all agents: the first one's with shared rewards, the others' without."""
     if not moves:
         return reduce(add, chain.from_iterable(gains for _, gains in gained), 0.0)
     return reduce(add, (_total(move, gained, common=False) for move in moves[1:]), paid[moves[0].seat])
 
 
 def _in_order(seats: Sequence[Seat]) -> tuple[Clause, ...]:
-    """The effects of all agents."""
+    """Return the prepared effects of all agents, in the order of the text."""
     found = []
     written = [
         [*zip((effect for effect, _ in seat.program.asked), seat.program.shared, strict=True)]
@@ -188,13 +188,13 @@ def _in_order(seats: Sequence[Seat]) -> tuple[Clause, ...]:
 
 
 def in_order(written: Sequence[Sequence[tuple[Effect, bool]]]) -> list[tuple[int, int]]:
-    """Effects in the order of the text, one of a block for each of its agents in turn, a shared one once.
+    """Order the effects of all agents by the text: a block's effect once for each of its agents, a shared one once.
 
     Args:
-        written: of each agent those that it has, and whether they are shared.
+        written: for each agent its effects, each with True if it is shared.
 
     Returns:
-        Numbers of the agents, and which of their effects it is.
+        Pairs of the agent's number and the position of the effect among the agent's effects.
     """
     found = [
         (effect.span.start if effect.span is not None else int(shared), number, place)
@@ -206,10 +206,10 @@ def in_order(written: Sequence[Sequence[tuple[Effect, bool]]]) -> list[tuple[int
 
 
 def joint_names(agents: Sequence[str], actions: Sequence[str]) -> tuple[str, ...]:
-    """The names of all actions of agents that act together; that of the first one varies fastest.
+    """Return the names of all joint actions; the action of the first agent varies fastest.
 
     Raises:
-        EvaluationError: there are too many.
+        EvaluationError: the number of joint actions is too large.
     """
     count = len(actions) ** len(agents)
     if count > MOST_JOINT_ACTIONS:
@@ -225,7 +225,7 @@ def _parts(program: Program, shared: bool) -> list[Component]:
 
 
 def check_complete(behaviour: Behaviour, model: Model, keys: KeyIndex) -> None:
-    """See that a member has all the agents of its family: else its joint actions would not be those of the others."""
+    """Check that a member has all agents of its family, so that joint actions mean the same in all members."""
     problems = [
         Diagnostic(
             "missing-agent",

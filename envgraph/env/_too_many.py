@@ -1,4 +1,4 @@
-"""What there is too much of for a table; `make` and `envgraph train` then go on with the compiled program."""
+"""Errors for environments too large for a table; `make` and `envgraph train` then use the compiled program instead."""
 
 from __future__ import annotations
 
@@ -11,11 +11,11 @@ from envgraph.behaviour import MOST_VALUES, Behaviour
 from envgraph.errors import EvaluationError, Span
 
 MOST_ENTRIES: Final = 50_000_000
-"""Of a table, with 21 bytes each: it has room for the outcomes of each action in each state that the widest has."""
+"""Maximum size of a table, with 21 bytes for each entry: states, times actions, times the most outcomes of one."""
 
 
 class TooManyStates(EvaluationError):
-    """An environment has more states than it may, or more outcomes of actions in all of them together."""
+    """An environment has more states than allowed, or more outcomes of actions in all states together."""
 
     def __init__(self, behaviour: Behaviour, limit: int, outcomes: int | None = None) -> None:
         most = f"{limit:,} states" if outcomes is None else f"{outcomes:,} outcomes of actions in its states"
@@ -30,14 +30,14 @@ class TooManyStates(EvaluationError):
     def again(
         cls, behaviour: Behaviour, message: str, hint: str | None, span: Span | None = None
     ) -> TooManyStates:
-        """Return what was raised before, of which these words were kept, or at the place of what asked for a table."""
+        """Recreate an error from its stored message, at the behaviour or at the place that requested a table."""
         error = cls.__new__(cls)
         EvaluationError.__init__(error, message, span or behaviour.span, hint)
         return error
 
 
 class TooManyOutcomes(TooManyStates):
-    """An action has more outcomes in one state than it may."""
+    """An action has more outcomes in one state than allowed."""
 
     def __init__(self, behaviour: Behaviour, action: str, limit: int) -> None:
         EvaluationError.__init__(
@@ -49,7 +49,7 @@ class TooManyOutcomes(TooManyStates):
 
 
 class TooLargeTable(TooManyStates):
-    """Few states have so many outcomes that a table with room for them in all states takes too much memory."""
+    """A table needs too much memory, because it reserves space for the largest number of outcomes in every state."""
 
     def __init__(self, behaviour: Behaviour, states: int, actions: int, outcomes: int) -> None:
         EvaluationError.__init__(
@@ -62,7 +62,7 @@ class TooLargeTable(TooManyStates):
 
 
 class TooManyObservations(TooManyStates):
-    """Observations cannot be numbered, as a table does."""
+    """An environment has more possible observations than a table can number."""
 
     def __init__(self, behaviour: Behaviour, count: int) -> None:
         EvaluationError.__init__(
@@ -74,20 +74,20 @@ class TooManyObservations(TooManyStates):
 
 
 def check_observations(behaviour: Behaviour, shape: Sequence[int]) -> None:
-    """See that each observation with components of these sizes can have a number.
+    """Check that each observation with components of these sizes can be numbered.
 
     Raises:
-        TooManyStates: there are too many.
+        TooManyStates: the number of observations is too large.
     """
     if prod(shape) > MOST_VALUES:
         raise TooManyObservations(behaviour, prod(shape))
 
 
 def check_entries(behaviour: Behaviour, shape: tuple[int, int, int]) -> None:
-    """See that a table of states, actions and outcomes can be made.
+    """Check that a table [states, actions, outcomes] is not too large.
 
     Raises:
-        TooManyStates: it would be too large.
+        TooManyStates: the table would be too large.
     """
     if prod(shape) > MOST_ENTRIES:
         raise TooLargeTable(behaviour, *shape)

@@ -1,4 +1,4 @@
-"""Many environments stepped at once by indexing arrays."""
+"""Vector environments, which step many environments at once by indexing arrays."""
 
 from __future__ import annotations
 
@@ -30,31 +30,31 @@ Floats = NDArray[np.float64]
 
 
 class VectorEnvironmentBase(VectorEnv[Any, Any, Any]):
-    """What vector environments over tables and over compiled programs share: spaces, the order of a step, infos.
+    """The base class of vector environments over tables and over compiled programs: spaces, order of a step, infos.
 
     Args:
-        num_envs: how many environments.
-        n_actions: of each.
-        view: how observations are seen.
-        max_episode_steps: after so many steps an episode is truncated; None for no limit.
+        num_envs: the number of environments.
+        n_actions: the number of actions of each environment.
+        view: converts observations.
+        max_episode_steps: the number of steps after which an episode is truncated; None for no limit.
         render_mode: None or "rgb_array".
         autoreset_mode: one of `gymnasium.vector.AutoresetMode`, or its value.
-        members: how many members the environments are over.
-        schedule: says of which member each episode is; None: each environment stays with its own.
-        action_masks: whether the infos have `action_mask`.
+        members: the number of members that the environments use.
+        schedule: chooses the member of each episode; None: each environment keeps its member.
+        action_masks: add `action_mask` to the infos.
 
     Raises:
         InvalidArgument: a count below 1, or an unknown mode.
 
     Attributes:
-        variants: the members that it is over, for `reset(options={"variant": ..})`; None where there is no family.
+        variants: the members of the environments, for `reset(options={"variant": ..})`; None without a family.
     """
 
     variants: Variants | None = None
     _named: NDArray[Any]
 
     def of_family(self, variants: Variants) -> None:
-        """Tell in infos of which members the environments are, and go over to others when `reset` is asked to."""
+        """Set the members of the environments, so that infos name them and `reset` can switch between them."""
         self.variants, self._named = variants, variants.of(self._which)
 
     metadata: dict[str, Any] = {  # noqa: RUF012
@@ -100,41 +100,44 @@ class VectorEnvironmentBase(VectorEnv[Any, Any, Any]):
 
     @property
     def schedule(self) -> Schedule | None:
-        """What says of which member each episode is."""
+        """Return the schedule that chooses the member of each episode, or None."""
         return self._seats.schedule if self._seats else None
 
     @abstractmethod
     def action_masks(self) -> Bools:
-        """Whether each action does something in each environment [environments, actions]; see `EnvgraphEnv`."""
+        """Return the action masks [environments, actions] of all environments; see `EnvgraphEnv`."""
 
     @abstractmethod
     def _enter(self, mask: Bools, members: Ints) -> None:
-        """Some environments are over these members from their next episode on; there is an entry for each."""
+        """Switch the environments in `mask` to other members from the next episode on.
+
+        `members` has an entry for every environment.
+        """
 
     @abstractmethod
     def _begin(self, mask: Bools) -> None:
-        """Draw a start for some environments."""
+        """Sample a start state for the environments in the mask."""
 
     @abstractmethod
     def _advance(self, actions: Ints) -> tuple[Floats, Ints, Bools]:
-        """A step: rewards, ends (0, 1, 2, -1), and what was truncated; those that were over may begin anew."""
+        """Step all environments; return rewards, ends (0, 1, 2, -1), and the truncated ones; may reset ended ones."""
 
     @abstractmethod
     def _observed(self) -> Any:
-        """What is seen now."""
+        """Return the current observations of all environments."""
 
     @abstractmethod
     def _facts(self) -> dict[str, NDArray[Any]]:
-        """Infos of this kind of environment."""
+        """Return the infos that only this kind of environment has."""
 
     def reset(
         self, *, seed: int | None = None, options: dict[str, Any] | None = None
     ) -> tuple[Any, dict[str, Any]]:
         """Begin an episode in every environment, or in those of `options={"reset_mask": mask}`.
 
-        `options={"variant": v}` goes over to another member, of those that there are, or to one for each environment.
+        `options={"variant": v}` switches to another available member, or to one member for each environment.
         """
-        variants = None if self._seats else self.variants  # else the schedule chooses
+        variants = None if self._seats else self.variants  # a schedule chooses the members itself
         wanted = known_options(options, ("reset_mask", "variant") if variants else ("reset_mask",))
         mask, variant = self._mask(wanted.get("reset_mask")), wanted.get("variant")
         members = None if variants is None or variant is None else variants.numbers(variant, self.num_envs)
@@ -155,13 +158,13 @@ class VectorEnvironmentBase(VectorEnv[Any, Any, Any]):
             self._named = self.variants.of(self._which)
 
     def _choose(self, mask: Bools) -> None:
-        """Ask the schedule which members come next."""
+        """Let the schedule choose the next members of the environments in the mask."""
         if self._seats:
             self._seats.begin(mask)
             self._go_over(mask, self._seats.member)
 
     def _mask(self, wanted: Any) -> Bools:
-        """Which environments to reset."""
+        """Return a mask of the environments to reset, from the option `reset_mask`; all for None."""
         if wanted is None:
             return np.ones(self.num_envs, dtype=np.bool_)
         mask = np.asarray(wanted)
@@ -174,7 +177,7 @@ class VectorEnvironmentBase(VectorEnv[Any, Any, Any]):
         return mask
 
     def step(self, actions: Any) -> tuple[Any, Floats, Bools, Bools, dict[str, Any]]:
-        """Do one action in every environment; what happens to those that have ended says the autoreset mode."""
+        """Do one action in every environment; the autoreset mode determines what happens to ended episodes."""
         if not self._begun:
             raise ResetNeeded("call `reset` before `step`")
         chosen = np.asarray(actions)
@@ -202,7 +205,7 @@ class VectorEnvironmentBase(VectorEnv[Any, Any, Any]):
         return self._observed(), reward, terminated, truncated, infos
 
     def _final(self, success: Bools) -> dict[str, Any]:
-        """What there is to see of the episodes that are over."""
+        """Return the info entries about the final states of the episodes that just ended."""
         over, observed = self._done.copy(), self._observed()
         seen = np.full(self.num_envs, None, dtype=object)
         for place in np.flatnonzero(over).tolist():
@@ -215,7 +218,7 @@ class VectorEnvironmentBase(VectorEnv[Any, Any, Any]):
         }
 
     def _info(self, success: Bools, mask: Bools | None = None, begun: Bools | None = None) -> dict[str, Any]:
-        """Infos of the environments of the mask, of all for None; some have just begun."""
+        """Return the infos of the environments in `mask` (None: all); `begun` marks those whose episode just began."""
         values: dict[str, NDArray[Any]] = {
             **self._facts(),
             "step": self._steps.copy(),
@@ -243,29 +246,29 @@ class EnvgraphVectorEnv(VectorEnvironmentBase):
     """Copies of one environment, or members of a family side by side, stepped by NumPy indexing.
 
     Environment i is table i modulo the number of tables; all tables need the same actions and observations, as the
-    members of a family have. Infos are arrays: `state`, `step`, `success`, the same as `is_success`, names of the
-    `variant` if there is a family, and where several agents take turns `agent`, the names of those that act next;
-    `_state` and so on say for which environments.
+    members of a family have. Infos are arrays: `state`, `step`, `success`, `is_success` (the same), `variant` (names
+    within a family), and, if several agents take turns, `agent`, the names of the agents that act next; `_state` and
+    so on mark the environments that have the entry.
 
-    The autoreset mode says what happens after the end of an episode, as Gymnasium has it. NEXT_STEP: the next step
-    ignores the action of that environment, and begins anew. SAME_STEP: the step that ends an episode also begins the
-    next one; `final_obs` and `final_info` are those of the end. DISABLED: `reset(options={"reset_mask": mask})` begins
-    anew where the mask, an array of bools, says so; stepping an environment that has ended is an error.
+    The autoreset mode is Gymnasium's. NEXT_STEP: after the end of an episode, the next step ignores the action of that
+    environment, and resets it. SAME_STEP: the step that ends an episode also resets; `final_obs` and `final_info` are
+    those of the end. DISABLED: `reset(options={"reset_mask": mask})` resets the environments that the mask, an array of
+    bools, selects; stepping an environment that has ended is an error.
 
-    With a schedule, each episode is of the table that it gives, whose number is `member` in the infos; `learn` says
-    whether it is given to be learned on. The schedule is told of each episode that ends, and draws from a generator of
-    its own, which the seed of `reset` determines; what it knows stays over a `reset`.
+    With a schedule, each episode uses the table that the schedule chooses, whose number is `member` in the infos;
+    `learn` is True if the agent should learn from the episode. The schedule is notified of each episode that ends. It
+    has its own random generator, which the seed of `reset` determines; its state is kept over a `reset`.
 
     Args:
         tabulars: one table, or several.
-        num_envs: how many environments; one for each table if None.
-        max_episode_steps: after so many steps an episode is truncated; None for no limit.
-        pictures: scenes of every state of each table; needed for rendering alone.
+        num_envs: the number of environments; None: one for each table.
+        max_episode_steps: the number of steps after which an episode is truncated; None for no limit.
+        pictures: scenes of every state of each table; only needed for rendering.
         render_mode: None or "rgb_array".
         observation: "index", "multi", "flat" or "dict".
         autoreset_mode: one of `gymnasium.vector.AutoresetMode`, or its value.
-        schedule: says of which table each episode is.
-        action_masks: whether the infos have `action_mask`.
+        schedule: chooses the table of each episode.
+        action_masks: add `action_mask` to the infos.
 
     Raises:
         InvalidArgument: no table, tables that differ in actions or observations, or a count below 1.
@@ -308,7 +311,7 @@ class EnvgraphVectorEnv(VectorEnvironmentBase):
         self._state: Ints = np.zeros(self.num_envs, dtype=np.int64)
 
     def _join(self, tables: Sequence[Tabular]) -> None:
-        """One table after the other; its states are numbered on from those before."""
+        """Concatenate the arrays of all tables; states of later tables get higher numbers."""
         outcomes = max(table.next_state.shape[2] for table in tables)
         sizes = [table.n_states for table in tables]
         self._first = np.cumsum([0, *sizes[:-1]])
@@ -317,7 +320,7 @@ class EnvgraphVectorEnv(VectorEnvironmentBase):
             for table, first in zip(tables, self._first, strict=True)
         ]
         self._outcomes = outcomes
-        self._next = np.concatenate(shifted).ravel()  # flat: one index is found sooner than three
+        self._next = np.concatenate(shifted).ravel()  # flat, because one index is faster than three
         self._reward = np.concatenate([_pad(table.reward, outcomes) for table in tables]).ravel()
         self._ended = np.concatenate([_pad(table.terminated, outcomes) for table in tables]).ravel()
         sums = np.concatenate([cumulative(_pad(table.probability, outcomes)) for table in tables])
@@ -334,10 +337,10 @@ class EnvgraphVectorEnv(VectorEnvironmentBase):
         self._start_sums = cumulative(chances)
 
     def _enter(self, mask: Bools, members: Ints) -> None:
-        """The tables are joined, and `_which` says where the states of each begin."""
+        """Do nothing: the tables are joined already, and `_which` selects the table of each environment."""
 
     def action_masks(self) -> Bools:
-        """Whether each action does something in each environment [environments, actions]; see `EnvgraphEnv`."""
+        """Return the action masks [environments, actions] of all environments; see `EnvgraphEnv`."""
         return np.asarray(self._allowed[self._state])
 
     def _begin(self, mask: Bools) -> None:
@@ -349,9 +352,7 @@ class EnvgraphVectorEnv(VectorEnvironmentBase):
 
     def _advance(self, actions: Ints) -> tuple[Floats, Ints, Bools]:
         state, again = self._state, self._done
-        uniform = self.np_random.random(
-            self.num_envs
-        )  # also where nothing is random: equal draws for all tables
+        uniform = self.np_random.random(self.num_envs)  # also for deterministic tables: equal draws for all
         at = state * self._n_actions + actions
         if self._outcomes > 1:
             at = at * self._outcomes + (self._sums[at] <= uniform[:, None]).sum(axis=1)
@@ -379,7 +380,7 @@ class EnvgraphVectorEnv(VectorEnvironmentBase):
         return facts if self._agent is None else {**facts, "agent": self._agent[self._state]}
 
     def render(self) -> tuple[NDArray[np.uint8], ...] | None:
-        """One picture an environment, or None without a render mode."""
+        """Return one picture for each environment, or None without a render mode."""
         if self.render_mode is None:
             return None
         if not self._begun:
@@ -390,17 +391,17 @@ class EnvgraphVectorEnv(VectorEnvironmentBase):
 
 
 def _one(observed: Any, place: int) -> Any:
-    """The observation of one environment."""
+    """Return the observation of one environment from a batch."""
     if isinstance(observed, dict):
         return {name: values[place] for name, values in observed.items()}
     return observed[place]
 
 
 def autoreset_of(wanted: AutoresetMode | str) -> AutoresetMode:
-    """Gymnasium's mode of a name.
+    """Return Gymnasium's autoreset mode with a value or name.
 
     Raises:
-        InvalidArgument: there is none.
+        InvalidArgument: the mode is unknown.
     """
     try:
         return AutoresetMode(wanted)
@@ -423,11 +424,11 @@ def _check(tables: Sequence[Tabular]) -> None:
 
 
 def _acting(table: Tabular) -> NDArray[Any]:
-    """Name of the agent that acts in each state."""
+    """Return the name of the agent that acts in each state."""
     return np.array(table.agent_names, dtype=object)[table.turn]
 
 
 def _pad(array: NDArray[Any], outcomes: int) -> NDArray[Any]:
-    """With more outcomes: impossible ones, that lead to state 0 of the table."""
+    """Return an array [states, actions, `outcomes`], padded with zeros: impossible outcomes that lead to state 0."""
     missing = outcomes - array.shape[2]
     return np.pad(array, ((0, 0), (0, 0), (0, missing)))

@@ -1,7 +1,7 @@
-"""What an agent sees, in Gymnasium's spaces: made of the components of an observation.
+"""Convert the components of an observation to an observation in a Gymnasium space.
 
-`observation="index"` is one number, "multi" its components, "flat" the same as one-hot vectors side by side, "dict" the
-same by name. What is made of the whole model instead is in `_model_views`.
+`observation="index"` is one number, "multi" the components, "flat" the components as concatenated one-hot vectors,
+"dict" the components by name. Observations of the whole model are in `_model_views`.
 """
 
 from __future__ import annotations
@@ -22,29 +22,29 @@ ObservationKind = Literal["index", "multi", "flat", "dict", "image", "graph"]
 
 KINDS: Final = ("index", "multi", "flat", "dict", "image", "graph")
 OF_MODEL: Final = ("image", "graph")
-"""The kinds that are made of the model, which tables do not have."""
+"""The kinds that are computed from the model; tables do not support them."""
 
 MOST_KNOWN: Final = 2**14
-"""Observations that are remembered; then they are made anew, each in some microseconds."""
+"""Maximum number of cached observations; a full cache is cleared. Computing one takes some microseconds."""
 
 
 def check_kind(kind: object) -> None:
-    """See that there are observations of this kind.
+    """Check that an observation kind is known.
 
     Raises:
-        InvalidArgument: there are none.
+        InvalidArgument: the kind is unknown.
     """
     check_known(kind, KINDS, f"unknown kind of observation {kind!r}")
 
 
 class Memory:
-    """Observations that were made before, by what they depend on."""
+    """A cache of observations by the state or index that they are computed from."""
 
     def __init__(self) -> None:
         self._known: dict[Hashable, Any] = {}
 
     def get(self, key: Hashable, make: Callable[[], Any]) -> Any:
-        """The observation for a key, as an object of its own."""
+        """Return a copy of the observation for a key, which `make` computes if it is not cached."""
         found = self._known.get(key)
         if found is None:
             if len(self._known) >= MOST_KNOWN:
@@ -57,18 +57,18 @@ class Memory:
 
 
 class View:
-    """An observation in a space, made of its components.
+    """A conversion of observation components to observations in a Gymnasium space.
 
     Args:
         kind: "index", "multi", "flat" or "dict".
         shape: sizes of the components; the first varies fastest in an index.
-        names: of the components.
+        names: the names of the components.
 
     Raises:
-        InvalidArgument: another kind, or more observations than can be numbered with "index".
+        InvalidArgument: another kind, or more observations than "index" can number.
 
     Attributes:
-        space: of the observations.
+        space: the space of the observations.
     """
 
     def __init__(self, kind: ObservationKind, shape: Sequence[int], names: Sequence[str]) -> None:
@@ -100,17 +100,17 @@ class View:
                 return spaces.Dict({name: spaces.Discrete(size) for name, size in sizes})
 
     def of_index(self, index: int) -> Any:
-        """The observation that has an index, however large."""
+        """Return the observation that has an index, however large the index is."""
         if self.kind == "index":
             return np.int64(index)
         return self._memory.get(index, lambda: self.of_components(components(index, self._shape)))
 
     def of_one(self, parts: NDArray[np.int64]) -> Any:
-        """The observation with these components, remembered; not for "index"."""
+        """Return the observation with these components, cached; not for "index"."""
         return self._memory.get(parts.tobytes(), lambda: self.of_components(parts.copy()))
 
     def of_components(self, parts: NDArray[np.int64]) -> Any:
-        """Observations given by their components, on the last axis; of a dictionary each value has the other axes."""
+        """Convert components, on the last axis of `parts`, to observations; "dict" gives an array for each name."""
         match self.kind:
             case "index":
                 return np.ravel_multi_index(tuple(np.moveaxis(parts, -1, 0)), self._shape, order="F")
@@ -129,7 +129,7 @@ class View:
 
 
 def components(observation: NDArray[np.int64] | int, shape: Sequence[int]) -> NDArray[np.int64]:
-    """The components of observations given by index, on a new last axis; the first component varies fastest."""
+    """Return the components of observations given by index, on a new last axis; the first component varies fastest."""
     if isinstance(observation, int):
         found = []
         for size in shape or (1,):

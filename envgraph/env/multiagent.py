@@ -1,7 +1,7 @@
-"""Environments with several agents as PettingZoo has them; it needs the extra `multiagent`.
+"""Environments with several agents, with the interfaces of PettingZoo; they need the extra `multiagent`.
 
-`TurnEnv` is an AEC environment, of agents that take turns; `TogetherEnv` a parallel one, of agents that act together.
-Both step on the live engine, so that every agent can be asked at any time what it sees.
+`TurnEnv` is an AEC environment of agents that take turns; `TogetherEnv` is a parallel environment of agents that act
+together. Both step a live engine, so that each agent can be asked for its observation at any time.
 """
 
 from __future__ import annotations
@@ -28,27 +28,28 @@ from envgraph.errors import InvalidArgument, listed
 _PETTINGZOO: Any = import_module("pettingzoo") if find_spec("pettingzoo") else None
 _AEC: Any = (
     _PETTINGZOO.AECEnv if _PETTINGZOO else object
-)  # that it is missing is said when an environment is made
+)  # a missing package is reported when an environment is made
 _PARALLEL: Any = _PETTINGZOO.ParallelEnv if _PETTINGZOO else object
 
 _OF_TESTS = "options"
-"""The option that PettingZoo's own tests give to see that `reset` takes options: it means nothing."""
+"""An ignored reset option, which PettingZoo's own tests pass."""
 
 
 class _Several(OfFamily):
-    """What both kinds share: agents, what they see, and pictures.
+    """The base class of both kinds of environments: agents, observations, and pictures.
 
-    An agent whose object was deleted has `terminated`; one whose object has another class stays, and does nothing.
-    `state()` has what each agent sees, in the order of the agents, as components. `reset(options={"variant": v})` goes
-    over to a member of the family that has the same agents.
+    An agent whose object was deleted is `terminated`; an agent whose object has another class stays, and does nothing.
+    `state()` returns the observation components of all agents, in the order of the agents.
+    `reset(options={"variant": v})` switches to a member of the family that has the same agents.
 
     Args:
         simulator: the engine and its behaviour; nothing else may change its model in the meantime.
-        limit: steps (turns, where agents take turns) after which an episode is truncated; None for no limit.
+        limit: the number of steps (turns, if agents take turns) after which an episode is truncated; None for no limit.
         render_mode: None, "ansi" or "rgb_array".
         observation: "index", "multi", "flat" or "dict".
-        cell: side of a cell in pixels.
-        action_masks: whether infos have `action_mask`, int8 [actions]: what this agent could do in the present state.
+        cell: the side of a cell in pixels.
+        action_masks: add `action_mask`, int8 [actions], to infos: the actions that the agent can do in the current
+            state.
     """
 
     def __init__(
@@ -102,32 +103,32 @@ class _Several(OfFamily):
             found.painter()  # finds parameters in the initial state
 
     def observation_space(self, agent: str) -> spaces.Space[Any]:
-        """The space of what an agent sees."""
+        """Return the observation space of an agent."""
         return self.observation_spaces[agent]
 
     def action_space(self, agent: str) -> spaces.Discrete:
-        """The space of what an agent can do: places in `action_names`."""
+        """Return the action space of an agent: positions in `action_names`."""
         return self.action_spaces[agent]
 
     def observe(self, agent: str) -> Any:
-        """What an agent sees of the present state, whoever is next."""
+        """Return an agent's observation of the current state, whoever acts next."""
         return self._view.of_index(self.simulator.agents.observation(self._number[agent]))
 
     def state(self) -> NDArray[np.int64]:
-        """What all agents see of the present state, as components, one after the other."""
+        """Return the observation components of all agents in the current state, one agent after the other."""
         agents = self.simulator.agents
         seen = [components(agents.observation(number), self._shape) for number in self._number.values()]
         return np.concatenate(seen)
 
     def render(self) -> str | NDArray[np.uint8] | None:
-        """The present state as text ("ansi") or as pixels [height, width, 3] ("rgb_array"); None without a mode."""
+        """Return the current state as text ("ansi") or pixels [height, width, 3] ("rgb_array"); None without a mode."""
         if self.render_mode is None:
             return None
         scene = self.simulator.painter().scene()
         return scene_text(scene) if self.render_mode == "ansi" else scene_rgb(scene, self._cell)
 
     def close(self) -> None:
-        """Release the model."""
+        """Restore the initial state and release the model."""
         self.simulator.close()
 
     def _begin(self, seed: int | None, options: dict[str, Any] | None) -> None:
@@ -140,7 +141,7 @@ class _Several(OfFamily):
         self._steps = 0
 
     def _do(self, action: int) -> tuple[float, int, dict[str, bool], bool]:
-        """Make a step: the reward, the end, whom it ended for, and whether the episode is truncated."""
+        """Do a step; return the reward, the end, which agents are terminated, and True if the episode is truncated."""
         if self._random is None:
             raise ResetNeeded("no episode has begun: call `reset` first")
         reward, end = self.simulator.move(action, self._random)
@@ -165,9 +166,9 @@ class _Several(OfFamily):
 
 
 class TurnEnv(_Several, _AEC):  # type: ignore[misc]
-    """Agents that take turns, as PettingZoo's AEC environment.
+    """Agents that take turns, with PettingZoo's AEC interface.
 
-    The reward of a turn is that of the agent whose turn it was. With the same seed the turns are those of
+    The reward of a turn is paid to the agent whose turn it was. With the same seed the turns are those of
     `EnvgraphLiveEnv`.
     """
 
@@ -212,10 +213,10 @@ class TurnEnv(_Several, _AEC):  # type: ignore[misc]
 
 
 class TogetherEnv(_Several, _PARALLEL):  # type: ignore[misc]
-    """Agents that act together, as PettingZoo's parallel environment.
+    """Agents that act together, with PettingZoo's parallel interface.
 
-    Each gets the reward of its own and what is shared. With the same seed the steps are those of `EnvgraphLiveEnv`,
-    whose action is one of each agent.
+    Each agent gets its own and the shared rewards. With the same seed the steps are those of `EnvgraphLiveEnv`, whose
+    joint action has one action for each agent.
     """
 
     def __init__(self, simulator: Simulator, **options: Any) -> None:
@@ -226,7 +227,7 @@ class TogetherEnv(_Several, _PARALLEL):  # type: ignore[misc]
     def reset(
         self, seed: int | None = None, options: dict[str, Any] | None = None
     ) -> tuple[dict[str, Any], dict[str, dict[str, Any]]]:
-        """Begin an episode: observations and infos."""
+        """Begin an episode; return observations and infos."""
         self._begin(seed, options)
         infos = self._infos(success=False)
         return self._seen(), {name: self._first(info) for name, info in infos.items()}
@@ -240,10 +241,10 @@ class TogetherEnv(_Several, _PARALLEL):  # type: ignore[misc]
         dict[str, bool],
         dict[str, dict[str, Any]],
     ]:
-        """Do an action of each agent: observations, rewards, terminations, truncations and infos.
+        """Do one action of each agent; return observations, rewards, terminations, truncations and infos.
 
         Raises:
-            InvalidArgument: an agent has no action, or one that there is not.
+            InvalidArgument: an agent has no action, or an action that does not exist.
         """
         together = self.simulator.together
         assert together is not None
@@ -268,7 +269,7 @@ class TogetherEnv(_Several, _PARALLEL):  # type: ignore[misc]
 
 
 def _other(simulator: Simulator, other: str | None) -> InvalidArgument:
-    """The error of an environment that is of another kind."""
+    """Return the error for an environment that needs another interface."""
     name = simulator.behaviour.name
     if other is None:
         return InvalidArgument(f"environment `{name}` has no `agent` blocks", "`envgraph.make` makes it")

@@ -1,10 +1,10 @@
-"""Names of environments for `gymnasium.make`.
+"""Register environments for `gymnasium.make`.
 
-Gymnasium 1.x runs no plugins: an environment is known once `envgraph.env` has been imported, by an import of the user's
-or by the prefix of `gymnasium.make("envgraph.env:envgraph/BurningForest-v0")`.
+Gymnasium 1.x runs no plugins: an environment is known once `envgraph.env` has been imported, by the user or by the
+prefix of `gymnasium.make("envgraph.env:envgraph/BurningForest-v0")`.
 
-What is registered is the name of a function as text. Gymnasium imports it when an environment is made, so that this
-package needs to know nothing of files, families and run stores, which are the business of later layers.
+Entry points are registered as text, the name of a function. Gymnasium imports the function when an environment is
+made, so that this package does not depend on the layers above, which know files, families and run stores.
 """
 
 from __future__ import annotations
@@ -52,7 +52,7 @@ def environment_spec(
     limit: int | None = None,
     **kwargs: Any,
 ) -> EnvSpec:
-    """What Gymnasium has to know to make `envgraph/<name>-v0`; the arguments are those of `register`.
+    """Return the Gymnasium spec of `envgraph/<name>-v0`; the arguments are those of `register`.
 
     Raises:
         InvalidArgument: the name is malformed.
@@ -78,20 +78,20 @@ def make_vec_spec(
     vector_kwargs: dict[str, Any] | None = None,
     **options: Any,
 ) -> VectorEnvironment:
-    """`gymnasium.make_vec` of what need not be registered.
+    """Make a vector environment as `gymnasium.make_vec` does, from a spec that need not be registered.
 
-    A list as `variant` is for all modes: environment i is of variant i, modulo their number.
+    A list as `variant` works in all modes: environment i is of variant i, modulo the number of variants.
 
     Args:
-        spec: what to make; its vector entry point is not for the live engine.
-        num_envs: how many.
-        vectorization_mode: as Gymnasium has it.
-        autoreset_mode: for the vector environment, whichever makes it.
-        vector_kwargs: as Gymnasium has it.
+        spec: the environment to make; its vector entry point does not support the live engine.
+        num_envs: the number of environments.
+        vectorization_mode: as in Gymnasium.
+        autoreset_mode: the autoreset mode, in any vectorization mode.
+        vector_kwargs: as in Gymnasium.
         options: passed on to `gymnasium.make_vec`.
 
     Raises:
-        InvalidArgument: no environment, or an unknown mode.
+        InvalidArgument: `num_envs` is below 1, or a mode is unknown.
     """
     if num_envs < 1:
         raise InvalidArgument(f"`num_envs` is {num_envs}, it must be at least 1")
@@ -118,12 +118,12 @@ def make_vec_spec(
         spec, num_envs, vectorization_mode=vectorization_mode, vector_kwargs=vector_kwargs, **options
     )
     if isinstance(made, SyncVectorEnv):
-        made.env_fns = ()  # functions of Gymnasium that cannot be pickled, and have done their work
+        made.env_fns = ()  # functions of Gymnasium that are no longer needed and cannot be pickled
     return made
 
 
 def _refuse_copy(_: AsyncVectorEnv) -> NoReturn:
-    """Refuse to copy an environment, since the copy would share its processes."""
+    """Raise an error instead of copying an environment, because the copy would share its processes."""
     raise TypeError('an async vector environment cannot be copied: use `vectorization_mode="sync"`')
 
 
@@ -133,7 +133,7 @@ copyreg.pickle(AsyncVectorEnv, _refuse_copy)
 def _single(
     spec: EnvSpec, wrappers: Sequence[Callable[[Environment], Environment]], options: dict[str, Any]
 ) -> Environment:
-    """One of the environments of a vector, as Gymnasium makes them."""
+    """Return one of the environments of a vector, created and wrapped as Gymnasium does."""
     environment: Environment = spec.make(**options)
     for wrapper in wrappers:
         environment = wrapper(environment)
@@ -149,20 +149,20 @@ def register(
     limit: int | None = None,
     **kwargs: Any,
 ) -> str:
-    """Register an environment as `envgraph/<name>-v0`; the same again changes nothing.
+    """Register an environment as `envgraph/<name>-v0`; repeating the same registration changes nothing.
 
     Args:
         name: letters, digits, `_`, `.` and `-`.
-        entry_point: "module:function"; the function is called with `kwargs` and those of `gymnasium.make`.
-        vector_entry_point: the same for `gymnasium.make_vec`; without it that steps copies one after the other.
-        limit: steps after which Gymnasium truncates an episode.
-        **kwargs: ready for JSON.
+        entry_point: "module:function"; the function is called with `kwargs` and the options of `gymnasium.make`.
+        vector_entry_point: the same for `gymnasium.make_vec`; without it, Gymnasium steps copies one after the other.
+        limit: the number of steps after which Gymnasium truncates an episode.
+        **kwargs: JSON-serializable arguments.
 
     Returns:
         The id.
 
     Raises:
-        InvalidArgument: the id stands for something else already, or is malformed.
+        InvalidArgument: the id is malformed, or registered for another environment.
     """
     wanted = environment_spec(
         name, entry_point=entry_point, vector_entry_point=vector_entry_point, limit=limit, **kwargs
@@ -182,6 +182,6 @@ def register(
 
 
 def register_entry_point() -> None:
-    """Register the bundled environments; `envgraph.env` does so when it is imported."""
+    """Register the bundled environments; called when `envgraph.env` is imported."""
     for name, domain, limit, options in BUNDLED:
         register(name, limit=limit, vector_entry_point=MAKE_VECTOR_ENVIRONMENT, domain=domain, **options)

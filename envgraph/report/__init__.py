@@ -1,4 +1,4 @@
-"""Pictures, charts and the HTML report.
+"""Charts and HTML reports about families, training and audits.
 
 >>> from envgraph.report import Series, line_chart
 >>> line_chart([Series("a", (0, 1), (2, 3))], x_label="x", y_label="y", title="t").startswith("<svg")

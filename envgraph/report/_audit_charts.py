@@ -1,4 +1,4 @@
-"""Charts of an audit: points of several kinds, and intervals beside a line."""
+"""Charts of an audit: scatter plots of several kinds of points, and intervals beside a zero line."""
 
 from __future__ import annotations
 
@@ -13,11 +13,11 @@ _PANEL, _LEFT = 200, 40
 
 @dataclass(frozen=True, slots=True)
 class Panel:
-    """One of several plots of points beside each other.
+    """One of several scatter plots side by side.
 
     Attributes:
-        title: above it.
-        points: of each kind x and y, in the order of the kinds.
+        title: the text above the plot.
+        points: for each kind, its points (x, y).
     """
 
     title: str
@@ -26,13 +26,13 @@ class Panel:
 
 @dataclass(frozen=True, slots=True)
 class Interval:
-    """A value with an interval, in a row of its own.
+    """A value with its interval, in one row of a chart.
 
     Attributes:
-        label: on the left.
-        value, low, high: of the dot and of the bar.
-        text: on the right.
-        strong: whether it is drawn in colour.
+        label: the text on the left.
+        value, low, high: the value of the dot, and the ends of the bar.
+        text: the text on the right.
+        strong: draw the row in colour.
     """
 
     label: str
@@ -46,13 +46,13 @@ class Interval:
 def scatter_chart(
     panels: Sequence[Panel], kinds: Sequence[str], *, x_label: str, y_label: str, title: str
 ) -> str:
-    """An SVG element with three panels in a row, each with its own scale, and a legend of the kinds of points.
+    """Return an SVG element with rows of three scatter plots, each with its own scale, and a legend of the kinds.
 
     Args:
         panels: at least one.
-        kinds: what the points are, each with a colour.
-        x_label, y_label: what the axes of all panels show.
-        title: for readers that see no picture.
+        kinds: the names of the kinds of points, each of which has a colour.
+        x_label, y_label: the labels of the axes of all panels.
+        title: the description for screen readers.
     """
     if not panels:
         raise InvalidArgument("a chart needs at least one panel")
@@ -80,12 +80,12 @@ def _panel(panel: Panel, left: float, top: float, x_label: str, y_label: str) ->
 
 
 def interval_chart(rows: Sequence[Interval], *, x_label: str, title: str) -> str:
-    """An SVG element with a row for each value, its interval as a bar, and a line at 0.
+    """Return an SVG element with one row for each value, its interval as a bar, and a line at 0.
 
     Args:
         rows: at least one, from the top.
-        x_label: what the axis shows, with the unit.
-        title: for readers that see no picture.
+        x_label: the label of the axis, with the unit.
+        title: the description for screen readers.
     """
     if not rows:
         raise InvalidArgument("a chart needs at least one row")

@@ -1,4 +1,4 @@
-"""What the page of an audit says."""
+"""Write the report page of an audit of level scores."""
 
 from __future__ import annotations
 
@@ -32,12 +32,12 @@ _DRAWN_EXACT = ("SFL, exact learnability", "PLR, exact regret", "PLR, exact lear
 def audit_report(
     studies: Sequence[Study], findings: Sequence[Finding], facts: Mapping[str, str] | None = None
 ) -> Report:
-    """The report of an audit of one or several domains.
+    """Return the report of an audit of one or several domains.
 
     Args:
-        studies: of the domains.
-        findings: `findings_of` them.
-        facts: how to make the same again.
+        studies: the studies of the domains.
+        findings: the result of `findings_of` for the studies.
+        facts: what is needed to repeat the audit, shown at the end.
     """
     names = ", ".join(study.name for study in studies)
     counts = {word: sum(one.verdict == word for one in findings) for word in ("stands", "fails", "undecided")}
@@ -57,7 +57,7 @@ def audit_report(
 
 
 def audit_figures(studies: Sequence[Study], findings: Sequence[Finding]) -> dict[str, str]:
-    """The charts of the page by the names of files."""
+    """Return the charts of the report by file name without extension."""
     found: dict[str, str] = {}
     for study in studies:
         name = "".join(one if one.isalnum() else "_" for one in study.name)
@@ -89,7 +89,7 @@ def _verdict(one: Finding | None) -> str:
 
 
 def _ranks(study: Study) -> Section:
-    """Figures 1 and 2, and table 1."""
+    """Return the section with figures 1 and 2, and table 1: the ranking of levels by scores."""
     charts = []
     shown = next((run.shown for run in study.runs if run.shown), None)
     if shown is not None:
@@ -180,7 +180,7 @@ def _along_rollouts(study: Study) -> str:
 
 
 def _taught(study: Study, findings: Sequence[Finding]) -> Section:
-    """Figures 3 and 4, and tables 2 and 3."""
+    """Return the section with figures 3 and 4, and tables 2 and 3: the success of training methods."""
     found = summaries(study)
     levels, settings = study.levels, study.settings
     solvable = levels.solvable[levels.training].mean()

@@ -1,4 +1,4 @@
-"""Line charts as SVG text: no plotting library, nothing to load, crisp at any size."""
+"""Draw line charts as SVG text, without a plotting library."""
 
 from __future__ import annotations
 
@@ -16,23 +16,24 @@ from envgraph.errors import InvalidArgument
 # each has a contrast of at least 4.5.
 COLOURS = ("#0072b2", "#b34700", "#00785a", "#a8437b", "#8a6100", "#4b4fc4", "#6e4f1f", "#555555")
 COLOURS_ON_DARK = ("#56b4e9", "#ff9d5c", "#2fc79a", "#e79fc4", "#e69f00", "#a9a4ff", "#c9a86a", "#aab2b9")
-"""Variables `--line-0` ... of a dark page may stand in for those above."""
+"""Colours for dark pages, which the page sets as the CSS variables `--line-0` and so on."""
 
 WIDTH: Final = 720
-"""Of every chart, in pixels."""
+"""Width of every chart, in pixels."""
 
 
 @dataclass(frozen=True, slots=True)
 class Series:
-    """A line, and optionally a band around it.
+    """A line of a chart, with an optional band around it.
 
     Attributes:
-        label: for the legend.
-        x, y: coordinates of the points, of one length.
+        label: the label in the legend.
+        x, y: the coordinates of the points, of equal length.
         low, high: the band's edges at the points, or ().
-        marked: draw its points, too.
-        dashed: draw it broken, for a baseline. So are, with longer dashes, lines for which no colour is left.
-        number: which colour it has, so that one line has one in several charts; None for that of its place.
+        marked: also draw the points.
+        dashed: draw the line dashed, for a baseline. Lines without a colour of their own get longer dashes.
+        number: the number of the line's colour, so that a line has the same colour in several charts; None for the
+            position of the line.
     """
 
     label: str
@@ -53,7 +54,9 @@ class Series:
 
 
 def ticks(low: float, high: float, about: int = 6, *, least: float = 0.0) -> list[float]:
-    """Round numbers from at most `low` to at least `high`, a 1, 2 or 5 times a power of ten apart, and `least`.
+    """Return evenly spaced round numbers that cover `low` to `high`, about `about` of them.
+
+    The step is 1, 2 or 5 times a power of ten, and at least `least`.
 
     >>> ticks(0, 2.585)
     [0.0, 0.5, 1.0, 1.5, 2.0, 2.5, 3.0]
@@ -61,7 +64,7 @@ def ticks(low: float, high: float, about: int = 6, *, least: float = 0.0) -> lis
     [0.0, 1.0, 2.0]
     """
     if not high > low:
-        apart = max(0.5, 1e-9 * abs(low))  # one more or less is lost in the rounding of large numbers
+        apart = max(0.5, 1e-9 * abs(low))  # for large numbers a difference of 1 is lost by rounding
         low, high = low - apart, high + apart
     rough = (high - low) / about
     power = 10.0 ** floor(log10(rough))
@@ -71,26 +74,26 @@ def ticks(low: float, high: float, about: int = 6, *, least: float = 0.0) -> lis
 
 
 def line_chart(series: Sequence[Series], *, x_label: str, y_label: str, title: str) -> str:
-    """An SVG element with axes, grid, lines, bands and a legend below.
+    """Return an SVG element with axes, grid, lines, bands and a legend below.
 
     Args:
         series: at least one; drawn in order, later ones on top.
-        x_label, y_label: what the axes show, with the unit.
-        title: for readers that see no picture.
+        x_label, y_label: the labels of the axes, with the unit.
+        title: the description for screen readers.
     """
     if not series:
         raise InvalidArgument("a chart needs at least one series")
     xs = [value for one in series for value in one.x]
     ys = [value for one in series for value in (*one.y, *one.low, *one.high)]
-    whole = all(float(value).is_integer() for value in xs)  # there is no half a generation
+    whole = all(float(value).is_integer() for value in xs)  # no tick at half a generation
     x_ticks, y_ticks = ticks(min(xs), max(xs), 8, least=float(whole)), ticks(min(ys), max(ys))
-    # The x axis ends at the data: a curve that stops before the frame looks unfinished.
+    # The x axis ends at the data, because a curve that stops before the frame looks unfinished.
     x_range = min(xs), max(*xs, min(xs) + 1e-9)
     frame = Frame(74, 14, WIDTH - 100, 242, x_range, y_ticks)
     x_ticks = [tick for tick in x_ticks if min(xs) <= tick <= max(xs)]
     numbers = [place if one.number is None else one.number for place, one in enumerate(series)]
     drawn = [(one, colour(number), _dash(number, one)) for number, one in zip(numbers, series, strict=True)]
-    # Letters of the legend are 7.5 wide, or less.
+    # Letters of the legend are at most 7.5 pixels wide.
     columns = max(1, min(4, int(frame.width / (36 + 7.5 * max(len(one.label) for one in series)))))
     parts = [
         *frame.axes(x_ticks, y_ticks, x_label, y_label),
@@ -104,7 +107,7 @@ def line_chart(series: Sequence[Series], *, x_label: str, y_label: str, title: s
 
 
 def standalone(drawn: str) -> str:
-    """A drawn chart as a file of its own: a page has the name space, the styles and the colours that this adds.
+    """Return a chart as the text of an SVG file, with the namespace, styles and colours that a page would provide.
 
     >>> drawn = line_chart([Series("a", (0, 1), (2, 3))], x_label="x", y_label="y", title="t")
     >>> standalone(drawn).startswith('<svg xmlns="http://www.w3.org/2000/svg"')
@@ -124,7 +127,7 @@ def standalone(drawn: str) -> str:
 
 
 def png(picture: str) -> bytes | None:
-    """A chart that stands alone as pixels, two for each unit of its size; None without the extra `png`."""
+    """Return a standalone chart as PNG, two pixels for each unit of its size; None without the extra `png`."""
     if find_spec("resvg_py") is None:
         return None
     from resvg_py import svg_to_bytes
@@ -133,41 +136,41 @@ def png(picture: str) -> bytes | None:
 
 
 def chart(height: float, title: str, parts: Iterable[str]) -> str:
-    """Return an SVG element `WIDTH` wide; readers that see no picture get the title."""
+    """Return an SVG element that is `WIDTH` wide; the title is its description for screen readers."""
     head = f'<svg class="chart" viewBox="0 0 {WIDTH} {height}" role="img" aria-label="{markup(title)}">'
     return "\n".join([head, f"<title>{markup(title)}</title>", *parts, "</svg>"])
 
 
 def text(x: float, y: float, words: str, anchor: str = "", *, turned: bool = False) -> str:
-    """Return a text at a place, `turned` to be read from below."""
+    """Return an SVG text element at a position; `turned` rotates it to be read from bottom to top."""
     style = f' text-anchor="{anchor}"' if anchor else ""
     style += f' transform="rotate(-90 {x:.1f} {y:.1f})"' if turned else ""
     return f'<text x="{x:.1f}" y="{y:.1f}"{style}>{markup(words)}</text>'
 
 
 def line(kind: str, xs: tuple[float, float], ys: tuple[float, float], style: str = "", dash: str = "") -> str:
-    """Return a line from one point to another; `kind` is its class in the style sheet."""
+    """Return an SVG line from one point to another; `kind` is its class in the style sheet."""
     ends = f'x1="{xs[0]:.1f}" x2="{xs[1]:.1f}" y1="{ys[0]:.1f}" y2="{ys[1]:.1f}"'
     return f'<line class="{kind}" {ends}' + (f' style="{style}"' if style else "") + f"{dash}/>"
 
 
 def dot(x: float, y: float, style: str, radius: float = 3) -> str:
-    """Return a filled circle."""
+    """Return a filled SVG circle."""
     return f'<circle cx="{x:.1f}" cy="{y:.1f}" r="{radius}" style="fill: {style}"/>'
 
 
 def colour(number: int) -> str:
-    """Return the colour of a line or kind of points; a dark page has others."""
+    """Return the CSS colour of a line or kind of points; pages in dark mode override it."""
     place = number % len(COLOURS)
     return f"var(--line-{place}, {COLOURS[place]})"
 
 
 @dataclass(frozen=True, slots=True)
 class Frame:
-    """A rectangle of a chart, in pixels, and the data in it.
+    """The plot area of a chart, in pixels, and the ranges of its data.
 
     Attributes:
-        x_range, y_range: the first value is at the left and at the bottom, the last one at the right and at the top.
+        x_range, y_range: the first value is at the left or bottom edge, the last value at the right or top edge.
     """
 
     left: float
@@ -179,26 +182,26 @@ class Frame:
 
     @property
     def right(self) -> float:
-        """The right edge, in pixels."""
+        """Return the right edge, in pixels."""
         return self.left + self.width
 
     @property
     def bottom(self) -> float:
-        """The lower edge, in pixels from the top of the chart."""
+        """Return the lower edge, in pixels from the top of the chart."""
         return self.top + self.height
 
     def x(self, value: float) -> float:
-        """Return where a value is, in pixels from the left."""
+        """Return the position of a data value, in pixels from the left."""
         return self.left + (value - self.x_range[0]) / (self.x_range[-1] - self.x_range[0]) * self.width
 
     def y(self, value: float) -> float:
-        """Return where a value is, in pixels from the top."""
+        """Return the position of a data value, in pixels from the top."""
         return self.bottom - (value - self.y_range[0]) / (self.y_range[-1] - self.y_range[0]) * self.height
 
     def axes(
         self, x_ticks: Sequence[float], y_ticks: Sequence[float], x_label: str, y_label: str
     ) -> Iterator[str]:
-        """Yield the axes with their labels, and a line of the grid for each tick on the left."""
+        """Yield SVG elements of the axes with their labels, and a horizontal grid line for each y tick."""
         across, bottom = (self.left, self.right), self.bottom
         for tick in y_ticks:
             y = self.y(tick)
@@ -214,7 +217,7 @@ class Frame:
             yield text(10, self.top + self.height / 2, y_label, "middle", turned=True)
 
     def points(self, xs: Sequence[float], ys: Sequence[float]) -> str:
-        """Return points as SVG writes them."""
+        """Return data points in the format of SVG's `points` attribute."""
         return " ".join(f"{self.x(x):.1f},{self.y(y):.1f}" for x, y in zip(xs, ys, strict=True))
 
 
@@ -232,12 +235,12 @@ def _band(frame: Frame, series: Series, shade: str) -> str:
 
 
 def _dash(place: int, series: Series) -> str:
-    """The attribute by which lines of one colour are distinguished."""
+    """Return the dash attribute that distinguishes lines of the same colour."""
     round_ = place // len(COLOURS)
     dash = [5 + 9 * round_, 4] if series.dashed or round_ else []
     return f' stroke-dasharray="{" ".join(map(str, dash))}"' if dash else ""
 
 
 def _number(value: float) -> str:
-    """A tick's label: thousands separated by a thin space, no trailing zeros."""
+    """Format a tick's label: thousands separated by a thin space, no trailing zeros."""
     return f"{value:,.0f}".replace(",", "\u2009") if abs(value) >= 1000 else f"{value:g}"

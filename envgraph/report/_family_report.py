@@ -1,4 +1,4 @@
-"""What the report of a family says."""
+"""Write the report page of a family."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ History = Sequence[tuple[int, float, int, int]]
 
 
 Cell = str | int | float | None
-"""Of a table: a number as it is."""
+"""A cell of a table; numbers are not formatted."""
 
 
 def family_report(
@@ -27,13 +27,13 @@ def family_report(
     trained: Sequence[Trained] = (),
     facts: Mapping[str, str] | None = None,
 ) -> Report:
-    """The report of a family, of the search that made it, and of what agents learned on it.
+    """Return the report of a family, of the search that created it, and of the agents trained on it.
 
     Args:
-        family: the environments.
-        history: of the search, if there was one.
-        trained: what agents learned, by rising budget.
-        facts: how to make the same again.
+        family: the family.
+        history: the generations of the search, if there was one.
+        trained: the results of training, by increasing budget.
+        facts: what is needed to repeat the run, shown at the end.
     """
     sections, outcome = [], Outcome.of(family)
     if len(history) > 1:
@@ -57,14 +57,14 @@ def family_report(
 
 
 def _unverified(family: Family) -> str:
-    """That nothing is known for certain of a family with an environment."""
+    """Return a note if a family with environments has no certificates, otherwise ""."""
     if family.domain.behaviour is None or any(one.certificates for one in family.members):
         return ""
     return " Shortest plans and optimal returns are not computed: `envgraph verify` does it."
 
 
 def _order(family: Family) -> str:
-    """How the members follow each other; the initial model is the target even where others are harder."""
+    """Return a sentence on the order of the members; an initial model is the target even if others are harder."""
     target, spec = family.members[-1], family.domain.spec
     if spec.climbs and spec.curriculum.order is None:
         return f"In the order that was searched for; the target {target.name}, the initial model, comes last."
@@ -74,16 +74,16 @@ def _order(family: Family) -> str:
 
 
 def stage_rows(family: Family, trained: Sequence[Trained] = ()) -> list[dict[str, Cell]]:
-    """`stage_table` with numbers as they are: success from 0 to 1, None for what is not known."""
+    """Return the rows of `stage_table` as numbers: success from 0 to 1, None for unknown values."""
     columns, rows = _stage_cells(family, trained)
     return [dict(zip([name for name, _ in columns], row, strict=True)) for row in rows]
 
 
 def stage_table(family: Family, trained: Sequence[Trained] = ()) -> Table:
-    """One row an environment: its measures, how many objects of each class that varies, and what agents reach.
+    """Return a table with one row for each environment: measures, numbers of objects of varying classes, and results.
 
     Success and return are those of agents that were trained on the curriculum up to the environment, on that
-    environment; a last row tells of training on the target alone, where that was done.
+    environment. A last row has the results of training on the target alone, if there was any.
     """
     columns, rows = _stage_cells(family, trained)
     measures = {
@@ -105,7 +105,7 @@ def stage_table(family: Family, trained: Sequence[Trained] = ()) -> Table:
 def _stage_cells(
     family: Family, trained: Sequence[Trained]
 ) -> tuple[list[tuple[str, str]], list[tuple[Cell, ...]]]:
-    """The columns, each with the format of its numbers, and the rows."""
+    """Return the columns, each with the format of its numbers, and the rows."""
     measures = list(family.members[0].measures)
     varying = family.class_counts()
     reached = [

@@ -1,4 +1,4 @@
-"""The report: one HTML page that needs nothing but itself."""
+"""Render a report as one HTML page without external files."""
 
 from __future__ import annotations
 
@@ -17,13 +17,13 @@ from envgraph.report._charts import COLOURS_ON_DARK
 
 @dataclass(frozen=True, slots=True)
 class Card:
-    """One environment of the family.
+    """One environment of the family on the page.
 
     Attributes:
-        name: such as "E6".
+        name: the name, such as "E6".
         picture: SVG text.
-        facts: label and value, shown below the picture.
-        fixed: whether it is the initial environment.
+        facts: labels and values, shown below the picture.
+        fixed: True for the initial environment.
     """
 
     name: str
@@ -37,10 +37,10 @@ class Table:
     """A table of text.
 
     Attributes:
-        caption: what it shows.
-        columns: heads.
-        rows: as many cells each as there are heads.
-        numeric: places of the columns that are set flush right.
+        caption: a description of the table.
+        columns: the column heads.
+        rows: rows with one cell for each column.
+        numeric: the positions of right-aligned columns.
     """
 
     caption: str
@@ -51,7 +51,7 @@ class Table:
 
 @dataclass(frozen=True, slots=True)
 class Section:
-    """A headed part of the page: paragraphs, then charts (SVG text), then tables."""
+    """A part of the page with a heading: paragraphs, then charts (SVG text), then tables."""
 
     title: str
     text: tuple[str, ...] = ()
@@ -61,14 +61,14 @@ class Section:
 
 @dataclass(frozen=True, slots=True)
 class Report:
-    """Everything that a report shows; the page is a function of it alone.
+    """The content of a report page.
 
     Attributes:
-        title, summary: head of the page.
+        title, summary: the head of the page.
         cards: the family, from the easiest environment to the target.
-        legend: what is drawn on the cards.
+        legend: the symbols that occur on the cards.
         sections: in order.
-        facts: how to make the same again (seed, versions, settings), shown at the end.
+        facts: what is needed to repeat the run (seed, versions, settings), shown at the end.
     """
 
     title: str
@@ -80,7 +80,7 @@ class Report:
 
 
 def render_html(report: Report) -> str:
-    """The page, as text. Everything but the pictures and charts is escaped.
+    """Return the HTML text of a report. Everything except pictures and charts is escaped.
 
     >>> "<h1>A &lt; B</h1>" in render_html(Report("A < B", ""))
     True

@@ -1,4 +1,4 @@
-"""What the report says of training: tables, curves, and what holds of a curriculum beside its controls."""
+"""Write the report sections on training: tables, learning curves, and comparisons of a curriculum with its controls."""
 
 from __future__ import annotations
 
@@ -26,18 +26,18 @@ from envgraph.report._page import Section, Table
 T = TypeVar("T")
 
 _MOST_POINTS = 400
-"""A line of more points than pixels only makes the page large."""
+"""Maximum number of points of a line; more points than pixels only make the page larger."""
 
 
 @dataclass(frozen=True, slots=True)
 class Trained:
-    """What agents learned with one budget.
+    """The results of training with one budget.
 
     Attributes:
-        steps: training steps an environment.
+        steps: training steps for each environment.
         experiment: curricula and baselines, evaluated on the target.
-        stages: the curriculum up to each environment, evaluated there; None where no curriculum was trained on.
-        can_succeed: whether an episode on the target can end in success.
+        stages: the curriculum up to each environment, evaluated there; None if no curriculum was trained on.
+        can_succeed: True if an episode on the target can end in success.
         student: the kind of agent that learned, one of `STUDENTS`.
     """
 
@@ -58,7 +58,7 @@ class Trained:
 
 
 def _panels(found: Iterable[tuple[str, str]], target: str) -> dict[str, list[tuple[str, str]]]:
-    """What is drawn together, by kind and label, under what it is: each beside the target alone but for the last."""
+    """Return the lines (kind, label) of each chart, by chart title; the target alone is in all charts but the last."""
     every = list(found)
     taught, compared, alone = (
         [one for one in every if one[0] == kind] for kind in ("curriculum", "control", "baseline")
@@ -75,22 +75,24 @@ def _panels(found: Iterable[tuple[str, str]], target: str) -> dict[str, list[tup
 
 
 def _numbers(panels: Mapping[str, Iterable[tuple[str, str]]]) -> dict[tuple[str, str], int]:
-    """Which colour what is drawn has in every panel: in the order in which it occurs."""
+    """Return the colour number of each line, the same in every chart, in the order of occurrence."""
     found = dict.fromkeys(one for panel in panels.values() for one in panel)
     return {one: number for number, one in enumerate(found)}
 
 
 def _line(kind: str, label: str) -> str:
-    """Of a legend, which has little room."""
+    """Return the label of a line for the legend; controls omit their kind."""
     return label if kind == "control" else f"{kind} {label}"
 
 
 def budget_charts(trained: Sequence[Trained], target: str) -> tuple[str, ...]:
-    """Success on the target over the budget: it need not rise with it."""
+    """Return charts of the success on the target by training budget; success need not increase with the budget."""
     lines: dict[tuple[str, str], list[Summary]] = {}
     for budget in trained:
         for one in budget.experiment.best_optimistic().summaries():
-            label = "optimistic" if one.label.startswith("optimistic") else one.label  # its values differ
+            label = (
+                "optimistic" if one.label.startswith("optimistic") else one.label
+            )  # its initial values differ
             lines.setdefault((one.kind, label), []).append(one)
     panels = _panels(lines, target)
     numbers = _numbers(panels)
@@ -153,7 +155,7 @@ def training_section(trained: Trained, target: str) -> Section:
 
 
 def _agents(summaries: Sequence[Summary], target: str) -> Table:
-    """One row a curriculum, baseline or control."""
+    """Return a table with one row for each curriculum, baseline or control."""
     rows = tuple(
         (
             f"{one.kind} {one.label}",
@@ -183,7 +185,7 @@ def _agents(summaries: Sequence[Summary], target: str) -> Table:
 
 
 def _comparisons(comparisons: Sequence[Comparison]) -> Table:
-    """One row a control."""
+    """Return a table with one row for each control."""
     first = comparisons[0]
     as_ = ".0%" if first.by == "success" else "z.2f"
     rows = tuple(
@@ -211,7 +213,7 @@ def _interval(ends: tuple[float, float] | None, as_: str) -> str:
 
 
 def _profiles(experiment: Experiment, panels: Mapping[str, Sequence[tuple[str, str]]]) -> tuple[str, ...]:
-    """Which share of the agents gets more than a return, of what is drawn together first."""
+    """Return a chart of the share of agents whose return exceeds a value, for the first chart with controls; or ()."""
     panel = next((panel for name, panel in panels.items() if "controls" in name), [])
     numbers = _numbers(panels)
     returns = {
@@ -244,7 +246,7 @@ def runs_of(experiment: Experiment, summary: Summary) -> list[RunResult]:
 
 
 def curve(summary: Summary, runs: Sequence[RunResult]) -> Series:
-    """Mean cumulative reward over runs of one curriculum; they have the same checkpoints."""
+    """Return the mean cumulative reward over runs of one curriculum, as a line; all runs have the same checkpoints."""
     steps = runs[0].curve.steps
     if any(run.curve.steps != steps for run in runs):
         raise InvalidArgument(f"the runs of {summary.label} have different checkpoints")
@@ -262,13 +264,13 @@ def curve(summary: Summary, runs: Sequence[RunResult]) -> Series:
 
 
 def thinned(points: Sequence[T]) -> list[T]:
-    """At most `_MOST_POINTS` of them, evenly spaced, the last one included."""
+    """Return at most `_MOST_POINTS` of the points, evenly spaced, including the last one."""
     stride = -(-len(points) // _MOST_POINTS)
     return [*points[: len(points) - 1 : stride], points[-1]]
 
 
 def thousands(number: int) -> str:
-    """Whole thousands in short, other numbers in full.
+    """Format whole thousands in short, other numbers in full.
 
     >>> thousands(50_000), thousands(2_500)
     ('50k', '2500')

@@ -1,4 +1,4 @@
-"""A member of a family as data: its objects numbered, and what is asked about them once."""
+"""Encode a member of a family as numbers: number its objects, and answer each query on its initial model once."""
 
 from __future__ import annotations
 
@@ -17,47 +17,47 @@ from envgraph.rewrite import Engine
 
 NO_OBJECT = -1
 NO_INT = -(2**31)
-"""Stands for the absence of an int; ints in states have 32 bits."""
+"""Represents a missing int; ints in states have 32 bits."""
 MOST_INT = 2**31 - 1
 SPARE = 64
-"""How many objects there may be that rules have created, where nobody says it."""
+"""The default maximum number of created objects in a state."""
 
 Cell: TypeAlias = "int | float"
 Row: TypeAlias = "tuple[Cell, ...]"
 
 
 class Relation(Protocol):
-    """Something that can be asked of a member."""
+    """A source of rows, such as a reference or a pattern, that can be evaluated on a member."""
 
     def rows(self, member: Member) -> list[Row]:
-        """The tuples."""
+        """Return the tuples of the relation in the member's initial model, as numbers."""
 
     def __hash__(self) -> int: ...
 
 
 def absent(type_: StaticType) -> code.Expression:
-    """Code for the absence of a value."""
+    """Emit code for the number that represents a missing value of the type."""
     return code.Name("NAN") if type_ is Scalar.FLOAT else code.Constant(int(missing(type_)))
 
 
 def missing(type_: StaticType) -> Cell:
-    """What stands for the absence of a value."""
+    """Return the number that represents a missing value: NaN for floats, `NO_INT` for ints, else `NO_OBJECT`."""
     if type_ is Scalar.FLOAT:
         return float("nan")
     return NO_INT if type_ is Scalar.INT else NO_OBJECT
 
 
 def ranks(type_: EnumType) -> dict[str, int]:
-    """The number of each literal: in alphabetical order, in which rows are sorted."""
+    """Return the number of each literal of the enum: its position in alphabetical order, in which rows are sorted."""
     return {literal: rank for rank, literal in enumerate(sorted(type_.literals))}
 
 
 class Borrowed(NamedTuple):
-    """How to come to the initial state of a member whose engine is that of others, too.
+    """Access to the initial state of a member whose engine is shared with other members.
 
     Attributes:
-        engine: takes the engine there, until somebody takes it to another member.
-        own: makes an engine that is the member's alone.
+        engine: returns the shared engine, in this member's state until another member's `engine` is called.
+        own: creates an engine that only this member uses.
     """
 
     engine: Callable[[], Engine]
@@ -65,20 +65,20 @@ class Borrowed(NamedTuple):
 
 
 class Member:
-    """The initial state of one member, with its objects numbered in the order of their ids.
+    """The initial state of one member as numbers; its objects are numbered in the order of their ids.
 
     Args:
-        home: an engine whose model is that state, now and whenever something is asked; a borrowed one is asked after
-            `arrive` alone.
+        home: an engine whose model stays in the member's initial state, or access to a shared engine, which may only be
+            used after `arrive`.
         keys: the indices of objects over the family.
-        library: of the domain: has the patterns that are asked about.
+        library: the patterns of the domain.
 
     Attributes:
-        objects: the ids of those that are there, by number.
+        objects: the ids of the objects of the initial model, by number.
         texts: the strings in the model.
-        strings: number of each string that the family has, in alphabetical order.
-        created: the concrete classes of objects that rules create.
-        spare: the numbers of those that rules may create: they are in none of the extents.
+        strings: the number of each string of the family, in alphabetical order.
+        created: the concrete classes whose objects rules create.
+        spare: the numbers reserved for objects that rules create; extents do not contain these numbers.
     """
 
     def __init__(self, home: Engine | Borrowed, keys: KeyIndex, library: Library) -> None:
@@ -100,30 +100,30 @@ class Member:
         self._rows: dict[Relation, list[Row]] = {}
 
     def within(self, strings: dict[str, int], created: frozenset[str], spare: int) -> Member:
-        """The same in a family and a program, whose rules may create so many objects of some classes."""
+        """Return a copy for a family and its program, without cached rows; `spare` is ignored if `created` is empty."""
         other = self.with_spare(spare if created else 0)
         other.strings, other.created, other._rows = strings, created, {}
         return other
 
     def arrive(self) -> Member:
-        """Take the engine to the initial state, if others use it, too."""
+        """Put a shared engine into this member's initial state, and return the member."""
         if isinstance(self._home, Borrowed) and self.engine:
             self._home.engine()
         return self
 
     def __getstate__(self) -> dict[str, Any]:
-        """Return what `pickle` keeps: the model, what was asked of it, and bytes from which an engine can be made."""
+        """Return the data to pickle: the model, the cached rows, and bytes from which an engine can be created."""
         engine = self.own_engine()
         own = partial(pickle.loads, pickle.dumps(engine))
         changed = {"_home": Borrowed(own, own), "engine": None, "_library": None, "model": engine.model}
         return {**vars(self), **changed}
 
     def own_engine(self) -> Engine:
-        """An engine in the initial state that may be changed."""
+        """Return an engine in the member's initial state that the caller may change."""
         return self._home if isinstance(self._home, Engine) else self._home.own()
 
     def with_spare(self, spare: int) -> Member:
-        """The same with space for so many new objects."""
+        """Return a copy of the member with `spare` reserved numbers for created objects."""
         other = Member.__new__(Member)
         vars(other).update(vars(self))
         other.spare = range(len(self.objects), len(self.objects) + spare)
@@ -131,22 +131,22 @@ class Member:
 
     @property
     def size(self) -> int:
-        """How many objects there may be."""
+        """Return the number of object numbers: objects of the initial model and reserved numbers."""
         return self.spare.stop
 
     def rows(self, relation: Relation) -> list[Row]:
-        """The tuples of a relation, asked for once."""
+        """Return the tuples of a relation in the initial model; each relation is evaluated once and cached."""
         if relation not in self._rows:
             self._rows[relation] = relation.rows(self)
         return self._rows[relation]
 
     def extent(self, cls: str, exact: bool = False) -> list[int]:
-        """The objects of a class, ascending."""
+        """Return the numbers of the objects of a class, ascending; `exact` excludes objects of its subclasses."""
         classes = (cls,) if exact else self.metamodel.concrete(cls)
         return sorted(number for one in classes for number in self._extents.get(one, ()))
 
     def encoded(self, value: Value | None, type_: StaticType) -> Cell:
-        """The number for a value."""
+        """Return the number that represents a value of the type in a state."""
         if value is None:
             return missing(type_)
         match type_:
@@ -164,7 +164,7 @@ class Member:
                 return int(value)
 
     def decoded(self, value: Cell, type_: StaticType) -> Value | None:
-        """The value that a number stands for."""
+        """Return the value that a number of a state represents, or None if the number represents a missing value."""
         if value == missing(type_) or value != value:  # noqa: PLR0124
             return None
         match type_:
@@ -182,13 +182,13 @@ class Member:
                 return int(value)
 
     def value(self, number: int, attribute: Attribute) -> Cell:
-        """The value of an object in an attribute."""
+        """Return the initial value of an object's attribute as a number; reserved numbers have the missing value."""
         if number in self.spare:
             return missing(attribute.type)
         return self.encoded(self.model.graph.value(self.objects[number], attribute), attribute.type)
 
     def links(self, feature: Reference | Attribute) -> list[Row]:
-        """The links of a reference, or an object with each of its values."""
+        """Return the links of a reference as pairs of objects, or an attribute's values as pairs (object, value)."""
         found: list[Row] = []
         if isinstance(feature, Reference):
             targets = self.model.graph.store.forward[feature.index]
@@ -204,7 +204,11 @@ class Member:
         return found
 
     def matches(self, pattern: str) -> list[Row]:
-        """The matches of a pattern."""
+        """Return the matches of a pattern in the initial model, as numbers.
+
+        Raises:
+            NotCompiled: a match contains a computed string that the family has no number for.
+        """
         types = self._library.parameter_types(pattern)
         if not self._knows(pattern):
             self.engine.add(self._library.get(pattern))
@@ -217,7 +221,7 @@ class Member:
         return [tuple(map(self.encoded, row, types)) for row in rows]
 
     def _knows(self, pattern: str) -> bool:
-        """Whether the engine has a pattern; those of paths come when what has the path is asked for."""
+        """Return True if the engine's library contains the pattern; helper patterns of paths may not be added yet."""
         try:
             self.engine.library.get(pattern)
         except InvalidArgument:
@@ -225,7 +229,7 @@ class Member:
         return True
 
     def reached(self, step: str, star: bool) -> list[Row]:
-        """The pairs of a closure."""
+        """Return the transitive closure of the binary pattern `step`; `star` adds (x, x) for each object x."""
         following: dict[Cell, list[Cell]] = {}
         for source, target in self.matches(step):
             following.setdefault(source, []).append(target)
@@ -246,10 +250,10 @@ class Member:
 
 
 def checked(value: int) -> int:
-    """An int that fits a state.
+    """Return the int unchanged.
 
     Raises:
-        NotCompiled: it does not.
+        NotCompiled: the int does not fit into 32 bits, the size of ints in states.
     """
     if not NO_INT < value <= MOST_INT:
         raise NotCompiled(f"an int beyond 32 bits ({value})")
@@ -257,7 +261,7 @@ def checked(value: int) -> int:
 
 
 def strings_of(engine: Engine) -> set[str]:
-    """The strings in a model."""
+    """Return all attribute values of type string in the engine's model."""
     model = engine.model
     found: set[str] = set()
     for attribute in model.metamodel.attributes:
@@ -271,7 +275,11 @@ def strings_of(engine: Engine) -> set[str]:
 
 
 def width(type_: StaticType) -> int | None:
-    """How many values a type has, for a table by value; 0 for objects, of which the member knows; None: too many."""
+    """Return how many values a type has, for a table indexed by value.
+
+    Returns:
+        0 for objects, whose number depends on the member; None for types with too many values (numbers, strings).
+    """
     match type_:
         case ObjectType():
             return 0

@@ -1,4 +1,4 @@
-"""Texts of programs, compiled with numba or run by Python."""
+"""Load the source text of programs, compiled with numba or run as ordinary Python."""
 
 from __future__ import annotations
 
@@ -30,13 +30,13 @@ def has_numba() -> bool:
 def functions(
     source: str, modules: tuple[ModuleType, ...], called: tuple[str, ...], *, native: bool
 ) -> Mapping[str, Callable[..., Any]]:
-    """The functions of a program that are called from outside; what several families share is compiled once.
+    """Return the functions of a program that Python calls, by name; programs with equal text are compiled once.
 
     Args:
-        source: text of its own.
-        modules: those whose text stands before it.
-        called: names of the functions.
-        native: whether numba compiles them.
+        source: the program's own text.
+        modules: fixed modules whose source precedes `source`.
+        called: names of the functions to return.
+        native: compile the functions with numba.
     """
     text = "\n\n".join([*map(inspect.getsource, modules), source])
     namespace = _native(text, called) if native else _interpreted(text)
@@ -45,7 +45,7 @@ def functions(
 
 
 def _interpreted(source: str) -> dict[str, Any]:
-    """The functions of a text, run by Python."""
+    """Return the namespace of a program's text that Python runs without numba."""
     namespace: dict[str, Any] = {"__name__": "program"}
     code.define_text(source, "<program of envgraph>", namespace)
     namespace.update({name: getattr(_plain, name) for name in _plain.__all__})
@@ -53,7 +53,7 @@ def _interpreted(source: str) -> dict[str, Any]:
 
 
 def _native(source: str, called: Sequence[str]) -> dict[str, Any]:
-    """The functions of a text, compiled by numba; the cache keeps the machine code."""
+    """Return the namespace of a program's text compiled by numba; the machine code of `called` is cached on disk."""
     import numba
 
     from envgraph.env.compiled import _arrays, _machine_code
@@ -61,7 +61,7 @@ def _native(source: str, called: Sequence[str]) -> dict[str, Any]:
     text = "\n".join([inspect.getsource(_arrays), source])
     path = Path("programs") / f"program_{sha256(text.encode()).hexdigest()[:32]}.py"
     module = ModuleType(path.stem)
-    sys.modules[path.stem] = module  # numba looks there for the functions of what it has cached
+    sys.modules[path.stem] = module  # numba finds the functions of cached code there
     namespace = vars(module)
     namespace.update({name: getattr(_arrays, name) for name in _arrays.__all__})
     code.define_text(source, str(path), namespace)

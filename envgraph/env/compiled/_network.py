@@ -1,7 +1,7 @@
-"""What is added to a program to act as a network says that sees the components of an observation as one-hot vectors.
+"""Functions, added to a program's text, that choose actions by a neural network on one-hot encoded observations.
 
-Part of the program's text, between `values` and `_playing`. All sums begin with the bias and go on in the order of
-the inputs, so that they are the same with numba and without.
+In the text they follow `values` and precede `_playing`. Each sum starts with the bias and adds the inputs in order, so
+that results are equal with numba and without.
 """
 
 # ruff: noqa: F821
@@ -11,9 +11,9 @@ from math import exp
 
 
 def outputs(C, FIRSTS, W, SIZES, X):
-    """Write the units of all layers, one layer behind the other, before rectification; where the last one begins.
+    """Write the outputs of all layers, before rectification, to `X`; return where the last layer begins.
 
-    `W` has the bias and the weights [inputs, outputs] of each layer, `SIZES` the inputs and the outputs of each.
+    `W` contains the bias and the weights [inputs, outputs] of each layer; `SIZES` contains the sizes of all layers.
     """
     place, at, size = 0, 0, SIZES[1]
     for unit in range(size):
@@ -36,7 +36,10 @@ def outputs(C, FIRSTS, W, SIZES, X):
 
 
 def softmax(X, first, actions, u):
-    """One of the actions whose preferences begin at a place, as a number in [0, 1) decides."""
+    """Sample an action with the softmax of the preferences at `X[first:first + actions]`, decided by `u` in [0, 1).
+
+    The preferences in `X` are overwritten.
+    """
     best, total = X[first + greedy(X, first, actions)], 0.0
     for place in range(first, first + actions):
         X[place] = exp(X[place] - best)
@@ -50,7 +53,7 @@ def softmax(X, first, actions, u):
 
 
 def decide(T, G, L, K, S, F, BITS, RI, RF, D, m, R, C, POLICY):
-    """What the network does, and whether it has drawn that; -1 after an error."""
+    """Return the action of the network and True if the action was sampled; return (-1, False) after an error."""
     FIRSTS, W, SIZES, X, DRAWS = POLICY
     if S[0, 0] == 0:
         look(T[m], G[m], L, K, S[0], F[0], RI, RF, D, 0, C[0])

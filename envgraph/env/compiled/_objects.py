@@ -1,4 +1,4 @@
-"""Code of a rule for objects: they are created, change their class, and are deleted."""
+"""Emit code for the changes that a rule makes to objects: creation, deletion and change of class."""
 
 from __future__ import annotations
 
@@ -25,10 +25,10 @@ from envgraph.rewrite.plans import ChangeClass, Delete, New
 
 
 class Objects:
-    """Writes changes of objects.
+    """An emitter of the code that creates, retypes and deletes the objects of one match.
 
     Args:
-        site: the match that they are made for.
+        site: the match, and the statements that the code is added to.
     """
 
     def __init__(self, site: Site) -> None:
@@ -36,7 +36,7 @@ class Objects:
         self._facts = site.facts
 
     def create(self, new: New) -> None:
-        """A new object is there; its attributes have their initial values."""
+        """Emit code that adds a new object to the set of its class and gives its attributes their initial values."""
         facts, node, there = self._facts, self._site.slots[new.node], self._facts.module.fresh("p")
         group = facts.changes.group_of(new.cls)
         assert group is not None
@@ -46,7 +46,11 @@ class Objects:
             self._begin(attribute, node)
 
     def retype(self, retype: ChangeClass) -> None:
-        """An object is of another class: what that has not goes, and is refused if it is links; what it adds comes."""
+        """Emit code that changes the class of an object.
+
+        Attributes that the new class lacks are cleared, attributes that it adds get their initial values. Links that
+        the new class does not allow are removed if the rule is `lossy`; otherwise the rule is refused if they exist.
+        """
         facts, node, new = self._facts, self._site.slots[retype.node], retype.cls
         cls, group = self._site.frame.plan.classes[retype.node], facts.changes.group_of(new)
         assert cls is not None
@@ -74,18 +78,18 @@ class Objects:
                 self._begin(attribute, node)
 
     def _begin(self, attribute: Attribute, node: code.Expression) -> None:
-        """An attribute has its initial value."""
+        """Emit code that sets an attribute to its initial value."""
         place, _ = self._facts.attribute_cell(attribute, node, sure=True)
         value = attribute.initial
         assert not isinstance(value, tuple)
         self._site.add(code.Assign(place, literal(self._facts, value, attribute.type).number))
 
     def _leave_sets(self, group: tuple[str, ...], slot: int) -> None:
-        """An object is in none of the sets of its group."""
+        """Emit code that removes an object from the sets of all classes of its group."""
         self._site.add(*left(self._facts, group, self._site.slots[slot], sure=True))
 
     def delete(self, delete: Delete) -> None:
-        """An object goes, with all that it contains."""
+        """Emit code that deletes an object together with all objects that it contains."""
         cls = self._site.frame.plan.classes[delete.node]
         assert cls is not None
         facts, node = self._facts, self._site.slots[delete.node]
@@ -107,7 +111,7 @@ class Objects:
         self._leave_sets(group, delete.node)
 
     def outside(self, delete: Delete) -> list[code.Expression]:
-        """Tests that an object does not go along with another one that the rule deletes."""
+        """Return tests that the object to delete is not contained in another object that the rule deletes."""
         facts, slots, classes = self._facts, self._site.slots, self._site.frame.plan.classes
         found: list[code.Expression] = []
         for other in self._site.frame.plan.deletes:
@@ -121,7 +125,7 @@ class Objects:
         return found
 
     def _delete_whole(self, concrete: tuple[str, ...], slot: int) -> None:
-        """An object that may contain others goes with them."""
+        """Emit a call of the function that deletes an object and its contents, and returns -1 if that is refused."""
         facts, site = self._facts, self._site
         function = deleting(facts, concrete, site.plan.lossy)
         levels = len(site.blocks.frames) - 1
@@ -133,7 +137,13 @@ class Objects:
     def _drop(
         self, reference: Reference, node: code.Expression, cls: str, *, forward: bool, clears: bool
     ) -> None:
-        """The links of an object at one end of a reference go, or are a refusal."""
+        """Emit code that removes an object's links at one end of a reference, or, unless `clears`, refuses the rule.
+
+        Args:
+            reference, node, cls: the reference, the object, and the object's known class.
+            forward: True if the object is the source of the links.
+            clears: True to remove links; if False, the rule is refused if links exist.
+        """
         facts = self._facts
         kept, _ = facts.links.kept(reference)
         sure = facts.metamodel.is_a(cls, reference.owner if forward else reference.target)

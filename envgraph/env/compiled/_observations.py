@@ -1,4 +1,4 @@
-"""What an agent sees of a state, component by component."""
+"""Emit code that computes the components of an agent's observation."""
 
 from __future__ import annotations
 
@@ -30,16 +30,16 @@ from envgraph.metamodel import EnumType
 from envgraph.pattern import ObjectType, PatternCall
 
 SEEN, NEXT, INDEX = code.Local("C"), code.Local("j", "int"), code.Local("index", "int")
-"""What is seen, by component; the number of the next one; and the index that they make."""
+"""Variables: the components of the observation, the number of the next component, and the index they form."""
 
 
 class Observations:
-    """Writes what is observed: each component, and the index that all of them make.
+    """An emitter of the code for observations: each component, and the index that the components form together.
 
     Args:
-        writer: of the function.
+        writer: the emitter of the function that observes.
         keys: the indices of objects over the family.
-        shape: sizes of the components.
+        shape: the sizes of the components.
     """
 
     def __init__(self, writer: Writer, keys: KeyIndex, shape: Sequence[int]) -> None:
@@ -47,7 +47,7 @@ class Observations:
         self._keys = keys
         self._layout: Layout = writer.facts.layout
         self._metamodel = writer.facts.metamodel
-        # Where no number of 64 bits is large enough the index is 0, and nobody asks for it.
+        # The index is 0 and never used if the product of the sizes exceeds 64 bits.
         numbered = prod(shape) <= MOST_VALUES
         weights = [prod(shape[:place]) * numbered for place in range(len(shape))]
         self._weights = self._layout.offset(Constants("components", (len(shape), *weights)))
@@ -55,11 +55,11 @@ class Observations:
         writer.assign(INDEX, ZERO)
 
     def write(self, observations: Sequence[tuple[Observation, Types]], scope: Mapping[str, Term]) -> None:
-        """The components of some clauses come next.
+        """Emit code for the components of `observe` clauses, after those emitted before.
 
         Args:
-            observations: with the classes of the names that they know.
-            scope: what the names stand for.
+            observations: the clauses, each with the classes of the names in its scope.
+            scope: code for the value of each name.
         """
         for observation, types in observations:
             with standing(observation.span):
@@ -69,7 +69,7 @@ class Observations:
                     self._see_path(observation, types, scope)
 
     def end(self) -> None:
-        """What is left of the components is 0."""
+        """Emit code that sets the remaining components to 0, and returns the index."""
         padding = self._writer.module.fresh("i")
         rest = code.Assign(entry(SEEN, padding), ZERO)
         last = entry(L, self._weights)
@@ -77,7 +77,7 @@ class Observations:
         self._writer.add(code.Return(INDEX))
 
     def see(self, value: code.Expression) -> None:
-        """The next component."""
+        """Emit code that stores the next component of the observation and adds it to the index."""
         writer, weight = self._writer, entry(L, plus(self._weights, 1, NEXT))
         writer.add(code.Assign(entry(SEEN, NEXT), value))
         writer.add(code.Assign(INDEX, code.Operation("*", (value, weight)), "+="))
@@ -129,7 +129,11 @@ class Observations:
         scope: Mapping[str, Term],
         gone: code.Expression | None,
     ) -> None:
-        """The index of what a path leads to, the padding where it begins nowhere, or the last one out of sight."""
+        """Emit code for the component that an object, number or literal at the end of a path gives.
+
+        The component is the padding value if the path's first object is deleted, which the test `gone` tells (None if
+        it cannot be), and the last value if the object is not visible.
+        """
         writer = self._writer
         local = writer.module.fresh("seen")
         padding: code.Expression = ZERO
@@ -160,11 +164,11 @@ class Observations:
         self.see(local)
 
     def _size(self, cls: str) -> code.Expression:
-        """How many objects of a class the family has."""
+        """Emit code for the number of indices that the family has for a class."""
         return entry(L, self._layout.offset(Constants(("keys", cls), (self._keys.size(cls),))))
 
     def _holds(self, call: PatternCall, types: Types, scope: Mapping[str, Term]) -> code.Expression:
-        """Whether a condition has a match; none has one of an object that is gone."""
+        """Emit a test that a condition has a match; conditions on deleted objects have no match."""
         writer = self._writer
         question = added(writer.engine, writer.behaviour, lambda n: condition_question(n, call, types))
         values = [scope[bound].value for bound in question.bound]
@@ -172,7 +176,7 @@ class Observations:
         return code.joined("and", [*writer.bound_alive(question, scope), exists], True)
 
     def _hidden(self, observation: ObservePath, types: Types) -> code.Expression:
-        """The number of what is out of sight: behind all others."""
+        """Emit code for the component's value if the object is not visible: the number after all others."""
         if isinstance(observation, ObserveObject):
             return plus(self._size(observation.among), int(observation.or_none))
         return code.Constant(size_of(observation, types, self._keys, self._metamodel) - 1)
@@ -208,7 +212,7 @@ class Observations:
 
 
 def _literal_index(term: Term, layout: Layout) -> code.Expression:
-    """Code for the place of a literal in its enum; those of other types are what they are."""
+    """Emit code for the position of an enum literal in its enum; values of other types are used unchanged."""
     if not isinstance(term.type, EnumType):
         return term.number
     literals = term.type.literals

@@ -1,6 +1,6 @@
-"""What Python makes of names that all programs use, where there is no numba: `_arrays` has the same.
+"""Python versions of array access and bit operations, for programs that run without numba; `_arrays` has numba's.
 
-What of `kernels` calculates with words of 64 bits is here again, with Python's ints.
+`uniform` and `hash_row` of `kernels` use 64-bit words, and are replaced here by versions that use Python's ints.
 """
 
 from __future__ import annotations
@@ -28,7 +28,7 @@ WORD: Final = 2**64 - 1
 
 
 def same(array: Any) -> Any:
-    """Arrays are those of NumPy."""
+    """Return the argument: without numba, the array arguments of programs are NumPy arrays already."""
     return array
 
 
@@ -36,32 +36,32 @@ vector = matrix = fixed = arrays_at = same
 
 
 def width(array: Any) -> int:
-    """The length of a row."""
+    """Return the number of columns of a two-dimensional array."""
     return int(array.shape[1])
 
 
 def bit(word: int, place: int) -> int:
-    """A bit of a word of a set."""
+    """Return the bit (0 or 1) of an element of a bit set, from the 32-bit word that contains the element."""
     return (word >> (place & 31)) & 1
 
 
 def bit_at(place: int) -> int:
-    """The word with one bit."""
+    """Return a 32-bit word in which only the bit of an element of a bit set is set."""
     return 1 << (int(place) & 31)
 
 
 def count_bits(word: int) -> int:
-    """How many bits of a word are set."""
+    """Return the number of bits that are set in a word."""
     return int(word).bit_count()
 
 
 def lowest_bit(word: int) -> int:
-    """The number of the lowest bit that is set."""
+    """Return the position of the lowest bit that is set in a word."""
     return int(word & -word).bit_length() - 1
 
 
 def uniform(states: Any, row: int) -> float:
-    """NumPy's PCG64: the next double of a stream; its state is a row."""
+    """Return the next double of NumPy's PCG64 in [0, 1), and update the generator state in a row of `states`."""
     lo, hi, inc_lo, inc_hi = (int(part) for part in states[row])
     state = (hi << 64 | lo) * 0x2360ED051FC65DA44385DF649FCCF645 + (inc_hi << 64 | inc_lo)
     lo, hi = state & WORD, state >> 64 & WORD
@@ -72,5 +72,5 @@ def uniform(states: Any, row: int) -> float:
 
 
 def hash_row(states: Any, floats: Any, row: int) -> Any:
-    """A hash of a state."""
+    """Return a hash of a state, which is one row of ints and one row of floats."""
     return np.uint64(crc32(states[row].tobytes() + floats[row].tobytes()))

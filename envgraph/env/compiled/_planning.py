@@ -1,4 +1,4 @@
-"""A way to an end in a compiled environment: breadth-first up to a bound, then a beam."""
+"""Search for a plan, actions that lead to a terminal state, in a compiled environment: breadth-first, then a beam."""
 
 from __future__ import annotations
 
@@ -27,33 +27,33 @@ from envgraph.rewrite import Engine
 
 BREADTH: Final = 20_000
 WIDTH: Final = 500
-"""States that are met breadth first; and how many a beam then keeps at each step."""
+"""Default number of states visited breadth-first, and default number of states that a beam keeps of a layer."""
 NARROW: Final = 1_000, 100
-"""Limit and width of the first search where any plan will do: in `warehouse` 6 of 7 plans in a quarter of the time."""
+"""Limit and width of the first search if any plan will do: it finds 6 of 7 `warehouse` plans in 1/4 of the time."""
 MOST_STATES: Final = 200_000
-"""States after which `Plans` gives up a search: 80 ms with numba, 20 s in Python."""
+"""Number of states after which `Plans` aborts a search: 80 ms with numba, 20 s in Python."""
 SEARCHES_OF_PYTHON: Final = 20
-"""Small searches that take Python as long as that."""
+"""Number of small searches that `Plans` runs in Python before it compiles; together they take at most about 20 s."""
 MOST_MATCHES: Final = 255
-"""Matches of a guide that are distinguished."""
+"""Maximum match count of a guide; greater counts are observed as this number."""
 HORIZON: Final = 1_000
-"""Steps of a beam in an environment without a limit."""
+"""Maximum number of steps of a beam in an environment without a time limit."""
 ENDS: Final = {1: "success", 2: "failure"}
 
 
 @dataclass(frozen=True, slots=True)
 class Plan:
-    """What a search for a way to an end has found.
+    """The result of a search for a sequence of actions that ends an episode with success or failure.
 
     >>> str(Plan(inf, (), 124, 20_000, None)), str(Plan(2.0, ("go", "eat"), 25_040, 20_000, 500))
     ('none: 124 states are all there are', 'at most 2 steps, found by a beam of 500 states after the first 20,000')
 
     Attributes:
-        steps: of the plan, infinite if none was found.
-        actions: their names. What is drawn may have to come out right for them to lead to the end.
-        states: how many were met.
-        limit: how many were to be met before layers are cut.
-        width: how many were kept of a layer; None if no layer was cut: then there is no shorter plan, or none at all.
+        steps: the length of the plan; infinite if the search found no plan.
+        actions: the names of its actions. With random effects they reach the end only for suitable outcomes.
+        states: the number of states visited.
+        limit: the number of visited states after which layers are cut.
+        width: the number of states kept of a layer; None if no layer was cut, so that the result is exact.
     """
 
     steps: float
@@ -64,7 +64,7 @@ class Plan:
 
     @property
     def exact(self) -> bool:
-        """Whether there is no shorter plan; without a plan, whether there is none at all."""
+        """Return True if no shorter plan exists, or, for a result without a plan, if no plan exists."""
         return self.width is None
 
     def __str__(self) -> str:
@@ -83,14 +83,14 @@ class Plan:
 
 
 def guided(behaviour: Behaviour, outcome: int = 1, guide: PatternCall | None = None) -> tuple[Behaviour, int]:
-    """A behaviour whose observations begin with numbers of matches, and how many of them do.
+    """Return a behaviour with match counts added to its observations, and how many counts were added.
 
-    Where agents act together they end with these: what all of them share comes last.
+    The counts are the first components of an observation, or the last components if agents act together.
 
     Args:
-        behaviour: free of errors.
+        behaviour: a behaviour without errors.
         outcome: 1 for success, 2 for failure.
-        guide: what is counted; None: the queries of `on neg find .. terminate`, shared by all agents, for that outcome.
+        guide: the query to count; None: the queries of the shared clauses `on neg find .. terminate` with that outcome.
     """
     calls = [
         effect.condition.relation
@@ -109,15 +109,15 @@ def guided(behaviour: Behaviour, outcome: int = 1, guide: PatternCall | None = N
 
 
 class Plans:
-    """Plans in many models with one behaviour, which an engine comes to one after the other.
+    """A planner for one behaviour in many models, which an engine holds one after the other.
 
-    Python searches a few states of the first models; then numba compiles the program, where it is installed.
+    The first, small searches run in Python. Later searches are compiled with numba if numba is installed.
 
     Args:
-        behaviour: free of errors.
+        behaviour: a behaviour without errors.
         outcome: 1 for success, 2 for failure.
-        guide: a pattern: a beam keeps the states with the fewest matches; None: see `guided`.
-        shortest: search for a shortest plan; False: try a narrow beam first, whose plan may be longer.
+        guide: a pattern: the beam keeps the states with the fewest matches; None: see `guided`.
+        shortest: search for a shortest plan; False: try a narrow beam first, which may find a longer plan.
     """
 
     def __init__(
@@ -128,16 +128,18 @@ class Plans:
         self._programs: dict[Any, Program] = {}
 
     def plan(self, engine: Engine, progress: Progress | None = None) -> Plan:
-        """A plan in the present model of an engine, whose objects are numbered among themselves alone.
+        """Search for a plan in the engine's current model, with objects numbered within this model.
 
         Raises:
-            NotCompiled: something in the behaviour only the live engine has.
+            NotCompiled: the behaviour contains a construct that only the live engine supports.
             EvaluationError, RuleError, ResolutionError: as `explore`.
         """
         return self._searched(engine, progress)[1]
 
     def episode(self, engine: Engine) -> Iterator[Simulator]:
-        """Meanwhile the engine is in one state of a plan after the other, first and last included; in none without one.
+        """Search for a plan and put the engine into each of its states in turn, from the initial to the last one.
+
+        Yields nothing if the search finds no plan.
 
         Raises:
             NotCompiled, EvaluationError, RuleError, ResolutionError: as `plan`.
@@ -166,7 +168,7 @@ class Plans:
         return search, search.plan(guides)
 
     def _guided(self, engine: Engine) -> tuple[Program, int]:
-        """The program over the present model, and how many of its observations are guides."""
+        """Return the program for the engine's current model, and how many observation components are match counts."""
         call = None
         if self._guide is not None:
             pattern = engine.library.resolve(self._guide) or engine.library.get(self._guide)
@@ -177,10 +179,10 @@ class Plans:
 
 
 def different_actions(program: Program) -> NDArray[np.int64]:
-    """The numbers of the actions that may lead to different states.
+    """Return the numbers of the actions that can lead to different states.
 
-    Of the joint actions of agents that act together, each agent has those that may do something, and the first of those
-    that never do: `nothing()`, and the actions of other blocks.
+    Actions that never change a state are represented by one of them. For agents that act together, the result contains
+    the joint actions in which each agent uses only its first inactive action, and the actions that can act.
     """
     if not program.behaviour.together:
         return np.arange(len(program.action_names))
@@ -199,42 +201,46 @@ _Rows = tuple[np.ndarray[Any, np.dtype[Any]], ...]
 
 @dataclass(slots=True)
 class _Layer:
-    """What a beam left out of the layer that it cut last, the best ones first; and how many steps away they are."""
+    """The states that the beam removed from the layer it cut last, best states first.
+
+    Attributes:
+        depth: the number of steps that lead to the layer.
+        rows: the arrays of the removed states.
+    """
 
     depth: int
     rows: _Rows
 
     @property
     def count(self) -> int:
-        """How many there are."""
+        """Return the number of removed states that are left."""
         return len(self.rows[0]) if self.rows else 0
 
     def take(self, width: int) -> _Rows:
-        """The first of them, which are left out no longer."""
+        """Remove the first `width` states from the layer and return them."""
         taken = tuple(array[:width] for array in self.rows)
         self.rows = tuple(array[width:] for array in self.rows)
         return taken
 
 
 class PlanSearch(Visit):
-    """A search for a way to an end: breadth-first, so that the first one found is a shortest one.
+    """A search for a shortest plan: breadth-first, and by a beam once `limit` states are visited.
 
-    Once more than `limit` states were met, each layer is cut to `width` states before it is left: those with the fewest
-    matches of the guides, drawn by lot among equals, always the same. Where nothing comes after them, the next ones of
-    the layer take their turn. Such a beam goes on up to the time limit of the behaviour, and has no shortest plan. What
-    is found does not depend on whether numba is installed.
+    The beam cuts each layer to the `width` states with the fewest matches of the guides; a fixed seed breaks ties. If a
+    layer has no successors, the search continues with the states cut from the layer before. A beam stops at the time
+    limit of the behaviour, and its plans may be longer than necessary. Results do not depend on numba.
 
     Args:
         program: the compiled behaviour.
         outcome: 1 for success, 2 for failure.
-        limit: how many states may be met before layers are cut.
-        width: how many states are kept of a layer.
-        most: how many states may be met in all; None: any number.
-        progress: called now and then with the number of states.
+        limit: the number of visited states after which layers are cut.
+        width: the number of states kept of a layer.
+        most: the maximum number of visited states; None: no maximum.
+        progress: a callback that gets the number of states from time to time.
 
     Attributes:
-        before, by: of each state, the one that it was met from, and the action; -1 for those that an episode begins in.
-        outcomes: how many it may make before it is given up; None: any number.
+        before, by: the predecessor of each state, and the action that led from there; -1 for initial states.
+        outcomes: the maximum number of outcomes before the search is aborted; None: no maximum.
     """
 
     outcomes: int | None = None
@@ -254,7 +260,7 @@ class PlanSearch(Visit):
         self.before, self.by = np.zeros(FIRST, np.int64), np.zeros(FIRST, np.int64)
 
     def plan(self, guides: int) -> Plan:
-        """Search layer by layer, with this many of the observations as guides: see `guided`.
+        """Search layer by layer for a plan; the first `guides` match counts of observations guide the beam.
 
         Raises:
             EvaluationError, RuleError, NotCompiled: as `enumerated`.
@@ -262,7 +268,7 @@ class PlanSearch(Visit):
         behaviour = self._program.behaviour
         start = len(self._program.observation_shape) - guides
         if not behaviour.together:
-            start = int(len(behaviour.agents) > 1)  # behind the number of the block
+            start = int(len(behaviour.agents) > 1)  # after the component of the block number
         guide = slice(start, start + guides)
         lot = np.random.default_rng(0)
         first, (last, _, _) = 0, self.begin()
@@ -292,7 +298,10 @@ class PlanSearch(Visit):
         return Plan(inf, (), met, self._limit, self._width if cut else None)
 
     def _expanded(self, first: int, last: int) -> tuple[tuple[int, int] | None, int]:
-        """The state and the action that lead to the end, if any of a layer do, and how many states there are now."""
+        """Visit the successors of states `first` to `last`; return (state, action) that end the episode, and the count.
+
+        The first item is None if no successor has the wanted outcome. The second item is the number of stored states.
+        """
         head, states = first, last
         while True:
             how, head, states, self._made, action = self._kernels["expand"](
@@ -325,7 +334,7 @@ class PlanSearch(Visit):
                 self._raise(head, action, states)
 
     def _cut(self, first: int, last: int, kept: np.ndarray[tuple[int], np.dtype[np.int64]]) -> int:
-        """Keep some states of the last layer, and forget the others; how many there are then."""
+        """Reduce the last layer to the states `kept`, and return the new number of states."""
         bits = self.floats.view(np.int64)
         self._kernels["forget_last"](self.states, bits, self.hashed, first, last)
         end = first + len(kept)
@@ -335,7 +344,7 @@ class PlanSearch(Visit):
         return end
 
     def _put(self, first: int, rows: _Rows) -> int:
-        """Go on with states that were left out of a layer; how many there are then."""
+        """Append states that were cut earlier from a layer, and return the new number of states."""
         end = first + len(rows[0])
         if end >= len(self.states) - 1:
             self._grow(first, 0)
@@ -352,7 +361,7 @@ class PlanSearch(Visit):
         self.before, self.by = longer(self.before, len(self.states)), longer(self.by, len(self.states))
 
     def episode(self) -> Iterator[Simulator]:
-        """The states of the plan that was found, on the live engine of the member."""
+        """Put a live engine of the member into each state of the plan found last, and yield its simulator."""
         state, action = self._found
         way = [state]
         while self.before[way[-1]] >= 0:
@@ -365,7 +374,7 @@ class PlanSearch(Visit):
             twin.at(self.states[state], self.floats[state]) as simulator,
             closing(simulator.outcomes(action)) as outcomes,
         ):
-            if any(ended == self._outcome for _, _, ended in outcomes):  # it stops where that is so
+            if any(ended == self._outcome for _, _, ended in outcomes):  # the generator pauses in that state
                 yield simulator
 
     def _actions_to(self, state: int, action: int) -> Iterable[int]:

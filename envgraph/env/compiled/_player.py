@@ -1,4 +1,4 @@
-"""Episodes of a policy in a compiled program, in one environment."""
+"""Play episodes of a policy inside a compiled program, in one environment."""
 
 from __future__ import annotations
 
@@ -12,11 +12,11 @@ from envgraph.errors import EvaluationError
 
 
 class Player:
-    """One environment of a program, that a function of it acts in.
+    """One environment of a compiled program, and calls of the program's functions that act in the environment.
 
     Args:
         program: the compiled behaviour.
-        purpose: what the function is for.
+        purpose: selects the functions that can be called.
     """
 
     def __init__(self, program: Program, purpose: Purpose) -> None:
@@ -30,7 +30,7 @@ class Player:
         self._seen = np.zeros((1, max(1, len(program.observation_shape))), dtype=np.int64)
 
     def call(self, name: str, member: int, rng: np.random.Generator, *arguments: Any) -> Any:
-        """Call a function with the environment of a member, and advance the generator by what it draws."""
+        """Call a function of the program on a member's environment; advance `rng` by the numbers it draws."""
         stream = streams([rng])
         found = self._functions[name](*self._before, member, *self._starts, stream, self._seen, *arguments)
         set_stream(rng, stream[0])
@@ -39,29 +39,29 @@ class Player:
     def play(
         self, member: int, policy: tuple[Any, ...], episodes: int, limit: int, rng: np.random.Generator
     ) -> tuple[float, float, float]:
-        """Episodes of a policy: how many succeed, from 0 to 1, mean sum of rewards, and mean steps.
+        """Play episodes of a policy; return the share of successes (0 to 1), the mean return, and the mean steps.
 
-        For each beginning a number is drawn, and for each step, behind what the policy draws.
+        One random number is drawn for each reset and each step, after any numbers that the policy draws.
 
         Args:
-            member: its number.
-            policy: what `decide` of the purpose's text takes.
-            episodes: how many.
-            limit: steps after which an episode is over.
-            rng: over PCG64; it is advanced.
+            member: the member's number.
+            policy: the argument `POLICY` of the function `decide` in the program's text.
+            episodes: the number of episodes.
+            limit: the maximum number of steps of an episode.
+            rng: a generator over PCG64, which is advanced.
 
         Raises:
-            EvaluationError: something has no value in a state, or a rule cannot be applied.
+            EvaluationError: a value is missing in a state, or a rule cannot be applied.
         """
         well, successes, total, steps = self.call("follow", member, rng, policy, episodes, limit)
         self.check(well)
         return successes / episodes, total / episodes, steps / episodes
 
     def check(self, well: bool) -> None:
-        """See that nothing went wrong.
+        """Raise an error unless `well` is True.
 
         Raises:
-            EvaluationError: something did.
+            EvaluationError: `well` is False: a step of the program failed.
         """
         if not well:
             behaviour = self.program.behaviour

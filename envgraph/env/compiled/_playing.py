@@ -1,6 +1,7 @@
-"""What is added to a program to play episodes of a policy. Part of the program's text, behind what has `decide`.
+"""Functions, added to a program's text, that play episodes of a policy; they follow the text that defines `decide`.
 
-`decide` gives the action in the present state by `POLICY`, or -1 after an error, and whether it has drawn it.
+`decide` returns the action that `POLICY` chooses in the current state, or -1 after an error, and True if the action was
+sampled at random.
 """
 
 # ruff: noqa: F821
@@ -8,9 +9,9 @@
 
 
 def follow(T, G, L, S, F, BITS, RI, RF, D, m, S0, F0, R, C, POLICY, EPISODES, LIMIT):
-    """Episodes of a policy; whether all went well, how many succeeded, the total reward, and all steps.
+    """Play episodes of a policy; return True if no error occurred, the successes, the total reward, and all steps.
 
-    Where an episode draws nothing, every other one is the same, and is not played.
+    If the first episode draws no random number, all episodes are equal; its results are multiplied instead.
     """
     T, G, L, S, F, BITS = fixed(T), fixed(G), vector(L), matrix(S), matrix(F), matrix(BITS)
     RI, RF, D, R, C, S0, F0 = matrix(RI), matrix(RF), vector(D), matrix(R), matrix(C), fixed(S0), fixed(F0)

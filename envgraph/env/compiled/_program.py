@@ -1,4 +1,4 @@
-"""A behaviour compiled: text, compiled with numba or run by Python, and the data of a family."""
+"""Compile a behaviour and a family to a program: source text, run with numba or by Python, and the members' data."""
 
 from __future__ import annotations
 
@@ -35,26 +35,26 @@ PURPOSES: Final[Mapping[Purpose, tuple[tuple[ModuleType, ...], tuple[str, ...]]]
     "learn": ((kernels, values, _learning, _playing), ("learn", "follow", "hash_all")),
     "play": ((kernels, values, _network, _playing), ("follow",)),
 }
-"""The texts that a program has besides its own, and the functions that are called from outside."""
+"""For each purpose the fixed modules that precede a program's own text, and the functions that Python calls."""
 
 MOST_PROGRAMS: Final = 16
-"""Programs cached for models with different objects; writing a program takes as long as a hundred small searches."""
+"""Maximum number of cached programs; generating a program takes as long as a hundred small searches."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Program:
-    """A compiled behaviour with a family.
+    """A compiled behaviour, with the data of the members of a family.
 
     Attributes:
-        source: the text of the program, without what all programs have.
+        source: the program's own text, without the text that all programs share.
         arrays: the data of the members.
-        action_names: of the actions.
-        observation_shape, observation_names: sizes and names of the components of an observation.
-        members: as data.
-        layout: what is where.
-        levels, width: how many stretches of rows there are, and how many columns.
-        native: whether numba has compiled it.
-        spare: how many objects there may be that rules have created.
+        action_names: the names of the actions, by number.
+        observation_shape, observation_names: the sizes and names of the components of an observation.
+        members: the members as numbers.
+        layout: the offsets of tables and columns.
+        levels, width: the number of regions of the row buffers, and the number of columns of a row.
+        native: True if numba compiles the program.
+        spare: how many objects created by rules a state may contain.
     """
 
     source: str
@@ -72,32 +72,32 @@ class Program:
     spare: int
 
     def functions(self, purpose: Purpose) -> Mapping[str, Callable[..., Any]]:
-        """The functions for a purpose; compiled when they are first asked for."""
+        """Return the functions for a purpose, by name; they are compiled at the first request."""
         modules, called = PURPOSES[purpose]
         return functions(self.source, modules, called, native=self.native)
 
     @property
     def tables(self) -> NDArray[Any]:
-        """The tables of the members, as functions take them."""
+        """Return the integer tables of the members, in the dtype that the program's functions take."""
         return self.arrays.tables_for(self.native)
 
     @property
     def space(self) -> tuple[int, int]:
-        """How many rows the program's questions may have, and how many columns."""
+        """Return the number of rows and columns of the row buffers that the program needs."""
         return kernels.CAPACITY * self.levels, self.width
 
     def __deepcopy__(self, _: object) -> Program:
         return self
 
     def over(self, engine: Engine, keys: KeyIndex) -> Program:
-        """The program with another model as its only member.
+        """Return a copy of the program whose only member is the engine's current model.
 
         Args:
-            engine: its model is the member.
-            keys: the indices of its objects.
+            engine: the engine whose model becomes the member.
+            keys: the indices of the model's objects.
 
         Raises:
-            Misfit: it was written for other members; `program_over` writes another.
+            Misfit: the program does not fit the model; `program_over` compiles another program.
         """
         if keys != self.keys:
             raise Misfit("keys")
@@ -110,14 +110,14 @@ class Program:
         return replace(self, arrays=arrays, members=(member,))
 
     def agent_names(self, number: int) -> tuple[str, ...]:
-        """The names of a member's agents, in the order of their turns; () where nobody takes turns."""
+        """Return the names of a member's agents in the order of their turns; () if agents do not take turns."""
         if not self.behaviour.agents or self.behaviour.together:
             return ()
         member = self.members[number].arrive()
         return tuple(name for name, _ in named_agents(self.behaviour, member.model, self.keys))
 
     def twin(self, number: int) -> Twin:
-        """The live engine of a member, put into states."""
+        """Return a live engine of a member, which can be put into states of the program."""
         member = self.members[number].arrive()
         simulator = Simulator(member.own_engine(), self.behaviour, self.keys)
         return Twin(simulator, member, self.layout, self.arrays.offsets)
@@ -133,20 +133,19 @@ def program_of(
     broken: Iterable[Hashable] = (),
     spare: int = SPARE,
 ) -> Program:
-    """Compile a behaviour.
+    """Compile a behaviour for the members of a family.
 
     Args:
-        engine: of the domain: has the patterns and rules; plans go by the sizes of its model.
-        behaviour: free of errors.
-        members: an engine for each member of the family, in its initial state, which several may share; that one alone
-            if None.
-        keys: the indices of objects over the family; those of the first engine's model alone if None.
-        native: whether to compile it with numba; None: if that is installed.
-        broken: assumptions that are not made, because other members do not meet them.
-        spare: how many objects there may be that rules have created.
+        engine: supplies the patterns and rules; the sizes of its model guide the match plans.
+        behaviour: a behaviour without errors.
+        members: an engine in its initial state, or a shared engine, for each member; None: `engine` is the only member.
+        keys: the indices of objects over the family; None: those of the first engine's model.
+        native: compile the program with numba; None: if numba is installed.
+        broken: assumptions that the program must not make, because other members violate them.
+        spare: how many objects created by rules a state may contain.
 
     Raises:
-        NotCompiled: something in it only the live engine has.
+        NotCompiled: the behaviour contains a construct that only the live engine supports.
     """
     behaviour = engine.library.resolved(behaviour)
     keys = keys or KeyIndex.of(engine.model, indexed_classes(behaviour, engine.model.metamodel))
@@ -172,14 +171,14 @@ def program_of(
 
 
 def program_over(known: dict[Any, Program], engine: Engine, behaviour: Behaviour, keys: KeyIndex) -> Program:
-    """Return a program whose only member is the present model of an engine; reuse the text of a known one if it fits.
+    """Return a program whose only member is the engine's current model; reuse the text of a known program that fits.
 
     Args:
-        known: programs of the same behaviour by the indices of objects, the last used last; the result is added.
+        known: a cache of programs of the behaviour by object indices, most recently used last; the result is added.
         engine, behaviour, keys: see `program_of`.
 
     Raises:
-        NotCompiled: something in it only the live engine has.
+        NotCompiled: the behaviour contains a construct that only the live engine supports.
     """
     indices = tuple(keys.keys.items())
     last = known.pop(indices, None) or next(reversed(known.values()), None)
@@ -195,12 +194,12 @@ def program_over(known: dict[Any, Program], engine: Engine, behaviour: Behaviour
 
 
 def _numbered(texts: Iterable[str], layout: Layout) -> dict[str, int]:
-    """The number of each string of a family and of its program."""
+    """Return the number of each string of the family and its program, in alphabetical order."""
     return {text: number for number, text in enumerate(sorted({*texts, *layout.texts}))}
 
 
 def _seats(behaviour: Behaviour, engine: Engine, keys: KeyIndex) -> tuple[tuple[str, int], ...]:
-    """The names of agents that act together, and the numbers of their blocks."""
+    """Return the name and block number of each agent if all agents act together; otherwise ()."""
     named = named_agents(behaviour, engine.model, keys) if behaviour.together else ()
     return tuple((name, block) for name, (_, block) in named)
 
@@ -242,7 +241,7 @@ def _compiled(
 
 
 def set_stream(generator: np.random.Generator, row: NDArray[np.uint64]) -> None:
-    """Put a generator where a row of `streams` is."""
+    """Set the state of a PCG64 generator from a row of `streams`."""
     state: Any = generator.bit_generator.state
     for name, (low, high) in zip(("state", "inc"), row.reshape(2, 2).tolist(), strict=True):
         state["state"][name] = high << 64 | low

@@ -1,4 +1,4 @@
-"""What keeps a behaviour from being compiled."""
+"""Exceptions for behaviours that cannot be compiled, and for members that a compiled program does not fit."""
 
 from __future__ import annotations
 
@@ -9,11 +9,11 @@ from envgraph.errors import Span
 
 
 class NotCompiled(Exception):
-    """A construct that only the live engine has.
+    """A construct that the compiler does not support, so that only the live engine can run the behaviour.
 
     Attributes:
-        construct: what it is, for a sentence that starts with "it has".
-        span: where it stands, if that is known.
+        construct: a noun phrase that completes a sentence beginning with "it has".
+        span: the source position of the construct, or None if it is unknown.
     """
 
     def __init__(self, construct: str, span: Span | None = None) -> None:
@@ -24,7 +24,7 @@ class NotCompiled(Exception):
 
 @contextmanager
 def standing(span: Span | None) -> Iterator[None]:
-    """Meanwhile what is not compiled stands there, if nobody knows better."""
+    """Add this span to each `NotCompiled` raised in the `with` block that has no span."""
     try:
         yield
     except NotCompiled as reason:
@@ -33,10 +33,10 @@ def standing(span: Span | None) -> Iterator[None]:
 
 
 class Misfit(Exception):
-    """A member of the family does not have what the program was written for, so it has to be written again.
+    """A member violates an assumption of the program, which must be generated again without the assumption.
 
     Attributes:
-        assumption: that does not hold.
+        assumption: the violated assumption.
     """
 
     def __init__(self, assumption: Hashable) -> None:

@@ -1,4 +1,4 @@
-"""The match that statements are about: what its slots are, and what is written so far."""
+"""Collect the statements of a rule that act on one match, of the rule itself or of one of its blocks."""
 
 from __future__ import annotations
 
@@ -12,18 +12,18 @@ from envgraph.rewrite.plans import RulePlan
 
 
 class Site(Statements):
-    """The statements of a rule, and the match that they are about: of the rule first.
+    """The statements of a rule, and the match that they act on: first the rule's match, after `enter` one of a block.
 
     Args:
-        matching: finds matches of blocks, and reads the model.
-        plan: of the rule.
-        slots: variables for the slots of the match.
-        leave: what the function returns where the rule is refused.
+        matching: emits code that finds matches of blocks, and that reads the model.
+        plan: the plan of the rule.
+        slots: code for the values of the rule's match, by position in the plan.
+        leave: the return statement of the function if the rule is refused.
 
     Attributes:
         rule: the frame of the rule.
-        frame, slots: the rule or block at hand, and variables for the slots of its match.
-        row: the place of that match among those of a block.
+        frame, slots: the frame of the current rule or block, and code for the values of its match.
+        row: the variable for the number of the current match among those of its block; None for the rule's match.
     """
 
     def __init__(
@@ -37,11 +37,11 @@ class Site(Statements):
         self.enter(self.rule, self.rule.slots, None)
 
     def enter(self, frame: Frame, slots: Slots, row: code.Local | None) -> None:
-        """From now on statements are about a match of a frame."""
+        """Let later statements act on a match of this frame."""
         self.frame, self.slots, self.row = frame, slots, row
 
     def unless(self, test: code.Expression) -> None:
-        """The rule is refused unless something holds."""
+        """Emit code that refuses the rule unless the test is true."""
         self.fail_if(code.inverse(test), "REFUSED")
 
     def sure(self, slot: int, cls: str) -> bool:

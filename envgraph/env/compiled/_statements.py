@@ -1,4 +1,4 @@
-"""Statements of a function in the making."""
+"""Collect the statements of a generated function."""
 
 from __future__ import annotations
 
@@ -9,10 +9,10 @@ from envgraph.env.compiled._layout import failed
 
 
 class Statements:
-    """Collects statements.
+    """A list of statements of a generated function, to which methods append.
 
     Args:
-        leave: how the function ends where the live engine raises an error.
+        leave: the return statement of the function after an error.
     """
 
     def __init__(self, leave: code.Return) -> None:
@@ -20,34 +20,34 @@ class Statements:
         self._statements: list[code.Statement] = []
 
     def add(self, *statements: code.Statement) -> None:
-        """Add statements."""
+        """Append statements."""
         self._statements += statements
 
     def assign(self, target: code.Local, value: code.Expression) -> None:
-        """Give a variable a value."""
+        """Append an assignment of `value` to the variable `target`."""
         self.add(code.Assign(target, value))
 
     def collected(self, write: Callable[[], None]) -> code.Body:
-        """The statements that something writes."""
+        """Return the statements that the callback `write` adds, without appending them."""
         before, self._statements = self._statements, []
         write()
         made, self._statements = self.written(), before
         return made
 
     def when(self, test: code.Expression, write: Callable[[], None]) -> None:
-        """Statements under a test."""
+        """Append an if statement around the statements that `write` adds; append nothing if it adds none."""
         body = self.collected(write)
         if body:
             self.add(code.If(test, body))
 
     def fail(self, error: str = "FAILED") -> code.Body:
-        """What is done where the live engine raises an error, or the program has no space."""
+        """Return the statements that store an error code in the state and leave the function."""
         return failed(error), self.leave
 
     def fail_if(self, test: code.Expression, error: str = "FAILED") -> None:
-        """There is an error if a test holds."""
+        """Append a statement that fails with `error` if the test is true."""
         self.add(code.If(test, self.fail(error)))
 
     def written(self) -> code.Body:
-        """All statements."""
+        """Return all collected statements."""
         return tuple(self._statements)

@@ -1,4 +1,4 @@
-"""What a program is written over: tables that a member fills, and columns of its state."""
+"""Define the tables of a program, which hold facts of a member, and the columns, which hold the changeable state."""
 
 from __future__ import annotations
 
@@ -17,11 +17,11 @@ from envgraph.metamodel import Attribute, Metamodel, Reference, Scalar
 from envgraph.pattern import Library, ObjectType, Parameter, StaticType
 
 WORD: Final = 32
-"""Bits of a word of a set."""
+"""Number of bits of a word of a bit set."""
 
 
 class Whole:
-    """A table or column of whole numbers."""
+    """The base class of tables and columns of ints."""
 
     __slots__ = ()
     is_float = False
@@ -32,65 +32,65 @@ class Whole:
 
 @dataclass(frozen=True, slots=True)
 class Instances:
-    """The objects of a class."""
+    """The objects of a class, as rows of one column."""
 
     cls: str
     exact: bool = False
 
     def types(self, library: Library) -> tuple[StaticType, ...]:
-        """Types of the columns."""
+        """Return the types of the columns."""
         return (ObjectType(self.cls),)
 
     def rows(self, member: Member) -> list[Row]:
-        """The tuples."""
+        """Return the tuples in the member's initial model."""
         return [(number,) for number in member.extent(self.cls, self.exact)]
 
 
 @dataclass(frozen=True, slots=True)
 class Links:
-    """The links of a reference, or the objects with their values of an attribute."""
+    """The links of a reference, or the objects with their values of an attribute, as rows of two columns."""
 
     feature: Reference | Attribute
 
     def types(self, library: Library) -> tuple[StaticType, ...]:
-        """Types of the columns."""
+        """Return the types of the columns."""
         feature = self.feature
         end = ObjectType(feature.target) if isinstance(feature, Reference) else feature.type
         return ObjectType(feature.owner), end
 
     def rows(self, member: Member) -> list[Row]:
-        """The tuples."""
+        """Return the tuples in the member's initial model."""
         return member.links(self.feature)
 
 
 @dataclass(frozen=True, slots=True)
 class Matches:
-    """The matches of a pattern."""
+    """The matches of a pattern, as rows with one column for each parameter."""
 
     pattern: str
 
     def types(self, library: Library) -> tuple[StaticType, ...]:
-        """Types of the columns."""
+        """Return the types of the columns."""
         return library.parameter_types(self.pattern)
 
     def rows(self, member: Member) -> list[Row]:
-        """The tuples."""
+        """Return the tuples in the member's initial model."""
         return member.matches(self.pattern)
 
 
 @dataclass(frozen=True, slots=True)
 class Reached:
-    """What is reached by the steps of a closure."""
+    """The transitive closure of the binary pattern `step`, as pairs; `star` adds the pair (x, x) for each object x."""
 
     step: str
     star: bool
 
     def types(self, library: Library) -> tuple[StaticType, ...]:
-        """Types of the columns."""
+        """Return the types of the columns."""
         return library.parameter_types(self.step)
 
     def rows(self, member: Member) -> list[Row]:
-        """The tuples."""
+        """Return the tuples in the member's initial model."""
         return member.reached(self.step, self.star)
 
 
@@ -102,10 +102,10 @@ Relation: TypeAlias = "Instances | Links | Matches | Reached"
 
 @dataclass(frozen=True, slots=True)
 class Keys:
-    """Columns of a relation whose values have numbers below known ones: they make a place in a table.
+    """The columns of a relation whose values, combined to one number, are the position of a row in a table.
 
     Attributes:
-        widths: of each column how many values it may have; 0: as many as there are objects.
+        widths: the number of possible values of each column; 0: the number of objects.
     """
 
     relation: Relation
@@ -113,11 +113,11 @@ class Keys:
     widths: tuple[int, ...]
 
     def sizes(self, stride: int) -> tuple[int, ...]:
-        """How many values each column may have, where there are so many objects."""
+        """Return the number of possible values of each column, with `stride` objects."""
         return tuple(width or stride for width in self.widths)
 
     def places(self, rows: Sequence[Row], sizes: Sequence[int]) -> list[int]:
-        """The place of each row."""
+        """Return the position of each row in the table."""
         places = [0] * len(rows)
         for position, size in zip(self.positions, sizes, strict=True):
             places = [place * size + int(row[position]) for place, row in zip(places, rows, strict=True)]
@@ -126,12 +126,12 @@ class Keys:
 
 @dataclass(frozen=True, slots=True)
 class Bits(Whole):
-    """Whether there is a row with some values: one bit for each place."""
+    """A table with one bit for each position: 1 if the relation has a row with these key values."""
 
     keys: Keys
 
     def fill(self, member: Member, stride: int) -> Sequence[Cell]:
-        """The table of a member."""
+        """Return the member's table."""
         sizes = self.keys.sizes(stride)
         bits = np.zeros(-(-max(prod(sizes), 1) // WORD) * WORD, dtype=np.uint8)
         bits[self.keys.places(member.rows(self.keys.relation), sizes)] = 1
@@ -140,7 +140,7 @@ class Bits(Whole):
 
 @dataclass(frozen=True, slots=True)
 class Values:
-    """The value in a column of the one row with some values."""
+    """A table of the value that one column has in the row with given key values; at most one such row may exist."""
 
     keys: Keys
     position: int
@@ -149,14 +149,14 @@ class Values:
 
     @property
     def is_float(self) -> bool:
-        """Whether the values are."""
+        """Return True if the values are floats."""
         return self.type is Scalar.FLOAT
 
     def fill(self, member: Member, stride: int) -> Sequence[Cell]:
-        """The table of a member.
+        """Return the member's table; positions without a row contain the missing value.
 
         Raises:
-            Misfit: it has several rows for some values.
+            Misfit: the member has several different rows for the same key values.
         """
         sizes = self.keys.sizes(stride)
         found = [missing(self.type)] * max(prod(sizes), 1)
@@ -176,13 +176,13 @@ class Values:
 
 @dataclass(frozen=True, slots=True)
 class Starts(Whole):
-    """Where the rows with some values begin, and behind the last one where they end."""
+    """A table of the position in `Listed` where the rows with given key values begin, and of the last row's end."""
 
     keys: Keys
     shown: tuple[int, ...]
 
     def fill(self, member: Member, stride: int) -> Sequence[Cell]:
-        """The table of a member."""
+        """Return the member's table."""
         sizes = self.keys.sizes(stride)
         groups = _grouped(self.keys, self.shown, member, sizes)
         found = [0]
@@ -193,7 +193,7 @@ class Starts(Whole):
 
 @dataclass(frozen=True, slots=True)
 class Listed:
-    """The values in a column, of rows in the order of `Starts`."""
+    """A table of the values in one column, of the distinct rows sorted by key values; `Starts` divides the table."""
 
     keys: Keys
     shown: tuple[int, ...]
@@ -201,7 +201,7 @@ class Listed:
     is_float: bool
 
     def fill(self, member: Member, stride: int) -> Sequence[Cell]:
-        """The table of a member."""
+        """Return the member's table."""
         column = self.shown.index(self.position)
         groups = _grouped(self.keys, self.shown, member, self.keys.sizes(stride))
         return [row[column] for place in sorted(groups) for row in groups[place]]
@@ -209,14 +209,14 @@ class Listed:
 
 @dataclass(frozen=True, slots=True)
 class SetsOf(Whole):
-    """Which objects of a group the rows with some values have in a column: as many words as a set of the group has."""
+    """A table of bit sets: for given key values, the objects of a group that the rows have in a column."""
 
     keys: Keys
     position: int
     group: tuple[str, ...]
 
     def fill(self, member: Member, stride: int) -> Sequence[Cell]:
-        """The table of a member."""
+        """Return the member's table."""
         sizes = self.keys.sizes(stride)
         objects = members(member, self.group)
         bits = np.zeros((max(prod(sizes), 1), -(-len(objects) // WORD) * WORD), dtype=np.uint8)
@@ -229,14 +229,14 @@ class SetsOf(Whole):
 
 
 def _packed(bits: NDArray[np.uint8], kind: str = "<i4") -> list[int]:
-    """Truth values, as many as words have bits, as words."""
+    """Return bits packed into 32-bit words, the lowest bit first; the number of bits is a multiple of 32."""
     words: list[int] = np.packbits(bits, bitorder="little").view(kind).tolist()
     return words
 
 
 @dataclass(frozen=True, slots=True)
 class One:
-    """The assumption that some values have one row at most."""
+    """The assumption that each member has at most one distinct row for given key values."""
 
     keys: Keys
     shown: tuple[int, ...]
@@ -245,7 +245,7 @@ class One:
 def _grouped(
     keys: Keys, shown: tuple[int, ...], member: Member, sizes: Sequence[int]
 ) -> dict[int, list[Row]]:
-    """The different rows, of some columns, by the place that others make; sorted."""
+    """Return the distinct rows of the columns `shown`, sorted, by the table position of their key values."""
     groups: dict[int, set[Row]] = {}
     rows = member.rows(keys.relation)
     for place, row in zip(keys.places(rows, sizes), rows, strict=True):
@@ -255,14 +255,17 @@ def _grouped(
 
 @dataclass(frozen=True, slots=True)
 class Extent(Whole):
-    """The objects of some classes: all of them, ascending; how many they are; how many words a set of them has; or the
-    place of each object among them, -1 for others."""
+    """A table about the objects of some classes, selected by `of`.
+
+    `objects`: their numbers, ascending; `count`: how many; `words`: the words of a bit set of them; `places`: the
+    position of each object of the member among them, -1 for objects of other classes.
+    """
 
     classes: tuple[str, ...]
     of: Literal["objects", "count", "words", "places"]
 
     def fill(self, member: Member, stride: int) -> Sequence[Cell]:
-        """The table of a member."""
+        """Return the member's table."""
         objects = members(member, self.classes)
         match self.of:
             case "objects":
@@ -279,22 +282,22 @@ class Extent(Whole):
 
 @dataclass(frozen=True, slots=True)
 class Single:
-    """The assumption that there is one object at most of some classes."""
+    """The assumption that each member has at most one object of some classes."""
 
     classes: tuple[str, ...]
 
     def check(self, member: Member) -> None:
-        """See that a member is so.
+        """Check that the member satisfies the assumption.
 
         Raises:
-            Misfit: it is not.
+            Misfit: the member has several objects of the classes.
         """
         if len(members(member, self.classes)) > 1:
             raise Misfit(self)
 
 
 def members(member: Member, classes: Sequence[str]) -> list[int]:
-    """The objects of some concrete classes, ascending, and behind them those that rules may create."""
+    """Return the objects of some concrete classes, ascending, followed by the numbers reserved for created objects."""
     found = sorted(number for cls in classes for number in member.extent(cls, exact=True))
     return found if member.created.isdisjoint(classes) else [*found, *member.spare]
 
@@ -304,33 +307,33 @@ def members(member: Member, classes: Sequence[str]) -> list[int]:
 
 @dataclass(frozen=True, slots=True)
 class AttributeColumn:
-    """The value of each object that has an attribute."""
+    """A column of an attribute's value, for each object of the classes that have the attribute."""
 
     attribute: Attribute
     classes: tuple[str, ...]
 
     @property
     def is_float(self) -> bool:
-        """Whether the values are."""
+        """Return True if the values are floats."""
         return self.attribute.type is Scalar.FLOAT
 
     def initial(self, member: Member) -> Sequence[Cell]:
-        """The column in the initial state."""
+        """Return the column in the member's initial state."""
         return [member.value(number, self.attribute) for number in self.objects(member)]
 
     def objects(self, member: Member) -> list[int]:
-        """The objects that the entries are about."""
+        """Return the objects that the entries belong to, in order."""
         return members(member, self.classes)
 
 
 @dataclass(frozen=True, slots=True)
 class LinkColumn(Whole):
-    """The other end of each object at one end of a reference, where it has one at most.
+    """A column of the linked object, for each object at an end of a reference with at most one link; -1 for no link.
 
     Attributes:
-        reference: of a pair of opposites the first.
-        at_source: whether that is the end where links begin.
-        classes: concrete classes of the objects at that end.
+        reference: the reference; of two opposite references, the first.
+        at_source: True if the column's objects are the sources of the links.
+        classes: the concrete classes of the column's objects.
     """
 
     reference: Reference
@@ -338,7 +341,7 @@ class LinkColumn(Whole):
     classes: tuple[str, ...]
 
     def initial(self, member: Member) -> Sequence[Cell]:
-        """The column in the initial state."""
+        """Return the column in the member's initial state."""
         links = member.rows(Links(self.reference))
         held = {ends[not self.at_source]: ends[self.at_source] for ends in links}
         return [held.get(number, NO_OBJECT) for number in members(member, self.classes)]
@@ -346,14 +349,14 @@ class LinkColumn(Whole):
 
 @dataclass(frozen=True, slots=True)
 class LinkMatrix(Whole):
-    """Whether each object at one end of a reference has a link to each at the other, where both may have many."""
+    """A matrix [sources, targets] of a reference with many links at both ends: 1 if the two objects are linked."""
 
     reference: Reference
     sources: tuple[str, ...]
     targets: tuple[str, ...]
 
     def initial(self, member: Member) -> Sequence[Cell]:
-        """The column in the initial state, row by row."""
+        """Return the matrix in the member's initial state, row by row."""
         links = {(int(source), int(target)) for source, target in member.rows(Links(self.reference))}
         ends = members(member, self.sources), members(member, self.targets)
         return [int((source, target) in links) for source in ends[0] for target in ends[1]]
@@ -361,13 +364,13 @@ class LinkMatrix(Whole):
 
 @dataclass(frozen=True, slots=True)
 class ClassSet(Whole):
-    """Which of the objects of a group are of a class: a bit for each."""
+    """A bit set of the objects of a group that currently have a class."""
 
     group: tuple[str, ...]
     cls: str
 
     def initial(self, member: Member) -> Sequence[Cell]:
-        """The column in the initial state."""
+        """Return the words of the bit set in the member's initial state."""
         objects = members(member, self.group)
         inside = {*member.extent(self.cls, exact=True)}
         bits = np.zeros(-(-len(objects) // WORD) * WORD, dtype=np.uint8)
@@ -377,21 +380,21 @@ class ClassSet(Whole):
 
 @dataclass(frozen=True, slots=True)
 class Made(Whole):
-    """How many of the spare objects rules have taken."""
+    """A column with one entry: how many reserved numbers are in use by objects that rules created."""
 
     def initial(self, member: Member) -> Sequence[Cell]:
-        """The column in the initial state."""
+        """Return the column in the initial state: 0."""
         return [0]
 
 
 @dataclass(frozen=True, slots=True)
 class Spare(Whole):
-    """The number of the first object that rules may create, or how many there are of these."""
+    """A table with one entry: the first number reserved for created objects, or how many numbers are reserved."""
 
     of: Literal["first", "count"]
 
     def fill(self, member: Member, stride: int) -> Sequence[Cell]:
-        """The table of a member."""
+        """Return the member's table."""
         return [member.spare.start if self.of == "first" else len(member.spare)]
 
 
@@ -400,27 +403,27 @@ class Spare(Whole):
 
 @dataclass(frozen=True, slots=True)
 class Bound(Whole):
-    """The object that a parameter of the behaviour stands for."""
+    """A table with one entry: the object that a parameter of the behaviour is bound to."""
 
     parameter: Parameter
 
     def fill(self, member: Member, stride: int) -> Sequence[Cell]:
-        """The table of a member."""
+        """Return the member's table."""
         return [member.number[bind_parameter(member.model, self.parameter)]]
 
 
 @dataclass(frozen=True, slots=True)
 class Keyed(Whole):
-    """The object that has each index among a class, or will have it when it is retyped; -1 for none."""
+    """A table of the object at each index of a class, also of objects that may be retyped to the class; -1 for none."""
 
     cls: str
     candidates: tuple[str, ...]
 
     def fill(self, member: Member, stride: int) -> Sequence[Cell]:
-        """The table of a member.
+        """Return the member's table.
 
         Raises:
-            NotCompiled: two objects may have one index.
+            NotCompiled: two objects may have the same index.
         """
         found = [NO_OBJECT] * member.keys.size(self.cls)
         for number, index in _indexed(member, self.cls, self.candidates):
@@ -433,13 +436,13 @@ class Keyed(Whole):
 
 @dataclass(frozen=True, slots=True)
 class IndexOf(Whole):
-    """The index of each object among a class; -1 for those that have none."""
+    """A table of the index of each object within a class; -1 for objects without an index."""
 
     cls: str
     candidates: tuple[str, ...]
 
     def fill(self, member: Member, stride: int) -> Sequence[Cell]:
-        """The table of a member."""
+        """Return the member's table."""
         found = [NO_OBJECT] * stride
         for number, index in _indexed(member, self.cls, self.candidates):
             found[number] = index
@@ -447,7 +450,7 @@ class IndexOf(Whole):
 
 
 def indexable(metamodel: Metamodel, cls: str) -> tuple[str, ...]:
-    """The concrete classes of the objects that have the key of a class."""
+    """Return the concrete classes that have the key attributes of a class, so that their objects can have an index."""
     key = key_attributes(metamodel, cls)
     return tuple(
         one.name
@@ -461,10 +464,10 @@ def indexable(metamodel: Metamodel, cls: str) -> tuple[str, ...]:
 
 
 def _indexed(member: Member, cls: str, classes: Sequence[str]) -> Iterator[tuple[int, int]]:
-    """The objects of some classes with their indices among a class.
+    """Yield the initial objects of some classes, each with its index within a class, or -1 without an index.
 
     Raises:
-        NotCompiled: one that a rule creates may have an index.
+        NotCompiled: an object that a rule creates may have an index.
     """
     key_of = key_reader(member.model, cls)
     rank = {key: position for position, key in enumerate(member.keys.of_class(cls))}
@@ -480,13 +483,13 @@ def _indexed(member: Member, cls: str, classes: Sequence[str]) -> Iterator[tuple
 
 @dataclass(frozen=True, slots=True)
 class Seats(Whole):
-    """The agents in the order of their turns: their objects, or the numbers of their blocks."""
+    """A table of the agents in the order of their turns: their objects, their block numbers, or their count."""
 
     classes: tuple[str, ...]
     of: Literal["object", "block", "count"]
 
     def fill(self, member: Member, stride: int) -> Sequence[Cell]:
-        """The table of a member."""
+        """Return the member's table."""
         seats = [
             (member.number[node], block)
             for block, cls in enumerate(self.classes)
@@ -505,7 +508,7 @@ Column: TypeAlias = "AttributeColumn | LinkColumn | LinkMatrix | ClassSet"
 
 
 def keys_of(relation: Relation, library: Library, bound: Sequence[int]) -> tuple[Keys, tuple[int, ...]]:
-    """Those of the bound columns that make a place, and the others."""
+    """Split bound columns into the columns that form a table position, and the columns with too many values."""
     types = relation.types(library)
     widths = {position: width(types[position]) for position in bound}
     usable = tuple(position for position in bound if widths[position] is not None)

@@ -1,4 +1,4 @@
-"""Code for expressions: values are numbers, and what may be missing or fail is asked first."""
+"""Emit code for expressions on encoded values, with tests for missing values and for errors."""
 
 from __future__ import annotations
 
@@ -37,15 +37,15 @@ _MOST_BITS: Final = 64
 
 @dataclass(frozen=True, slots=True)
 class Term:
-    """Code for a value.
+    """The code of an expression's value, with the tests that must pass before the value is used.
 
     Attributes:
-        value: a truth value for bools, else the number of the value; to be evaluated where the tests hold.
-        type: None for `none`.
-        valid: what has to hold for the expression not to fail; each may rely on those before it.
-        present: what has to hold besides for there to be a value.
-        sure: the class that an object certainly is of.
-        bits: how many an int may have; those of variables have 32.
+        value: a truth value for bools, otherwise the value's number; it may be evaluated only if the tests pass.
+        type: the type of the value; None for `none`.
+        valid: tests that the evaluation does not fail; each test may assume that the earlier ones pass.
+        present: tests, to run after `valid`, that the expression has a value.
+        sure: a class that the object certainly has; None if no class is certain.
+        bits: the maximum number of bits of an int; variables have 32.
     """
 
     value: code.Expression
@@ -57,12 +57,12 @@ class Term:
 
     @property
     def tests(self) -> tuple[Test, ...]:
-        """What has to hold for there to be a value."""
+        """Return all tests that must pass for the expression to have a value."""
         return (*self.valid, *self.present)
 
     @property
     def beyond(self) -> Test | None:
-        """Code for whether an int is too large for a variable, if that can be."""
+        """Return a test that an int is too large for a variable; None if it always fits."""
         if self.type is not Scalar.INT or self.bits <= _INT_BITS:
             return None
         low = code.Operation("<=", (self.value, code.Constant(NO_INT)))
@@ -71,27 +71,27 @@ class Term:
 
     @property
     def number(self) -> code.Expression:
-        """Code for the number of the value."""
+        """Return code for the number that encodes the value: 0 or 1 for bools."""
         if self.type is Scalar.BOOL:
             return code.Choice(self.value, code.Constant(1), code.Constant(0))
         return self.value
 
 
 def named(value: code.Expression, type_: StaticType | None, sure: str | None = None) -> Term:
-    """A variable that has a value."""
+    """Return the term of a variable that certainly has a value."""
     truth = code.equal(value, code.Constant(1)) if type_ is Scalar.BOOL else value
     return Term(truth, type_, sure=sure)
 
 
 class Terms:
-    """Writes expressions over some variables.
+    """An emitter of code for expressions over some variables.
 
     Args:
-        facts: reads features.
-        names: what the variables stand for.
+        facts: emits code that reads features.
+        names: the term of each variable.
 
     Attributes:
-        steps: what has to be computed first, whether or not it is needed then: it changes nothing, and cannot fail.
+        steps: statements to run before the emitted expressions. They change nothing, and cannot fail.
     """
 
     def __init__(self, facts: Facts, names: Mapping[str, Term]) -> None:
@@ -100,20 +100,20 @@ class Terms:
         self.steps: list[code.Statement] = []
 
     def _kept(self, value: code.Expression, type_: StaticType) -> code.Local:
-        """A variable for a value."""
+        """Store a value in a new variable, by a statement in `steps`, and return the variable."""
         local = self._facts.local(type_)
         self.steps.append(code.Assign(local, value))
         return local
 
     def write(self, node: Expression, expected: StaticType | None = None) -> Term:
-        """Code for an expression.
+        """Emit code for an expression.
 
         Args:
             node: the expression.
-            expected: the type of the value, if that is known: a literal of an enum tells no more than its name.
+            expected: the type of the value if it is known; it determines the enum of a literal without enum name.
 
         Raises:
-            NotCompiled: something in it is not compiled.
+            NotCompiled: the expression contains a construct that the compiler does not support.
         """
         match node:
             case Variable():
@@ -145,7 +145,7 @@ class Terms:
                 return self._function(node)
 
     def _present(self, node: Expression) -> Term:
-        """An operand that has to have a value."""
+        """Emit code for an operand; if the operand has no value, the evaluation fails."""
         term = self.write(node)
         return replace(term, valid=term.tests, present=())
 
@@ -174,7 +174,7 @@ class Terms:
         return Term(named(local, type_).value, type_, owner.valid, present, sure)
 
     def _having(self, owner: Term, cls: str) -> Term:
-        """An object that a feature of a class is read of: that fails where it is no longer of the class, or deleted."""
+        """Add a test that an object is not deleted and still has the class of a feature, unless that is certain."""
         if owner.sure is not None or self._facts.changes.fixed_class(cls):
             return owner
         has = self._facts.is_instance(owner.value, cls)
@@ -230,7 +230,7 @@ class Terms:
         return Term(local, Scalar.FLOAT, (*valid, finite))
 
     def _logical(self, node: Binary) -> Term:
-        """`&&` and `||` look at what they need: what stands behind is asked for only where that matters."""
+        """Emit code for `&&` and `||`; an operand may fail only if the operands before it do not decide the result."""
         operator = "and" if node.operator == "&&" else "or"
         terms = [self._present(part) for part in children(node)]
         valid = [*terms[0].valid]
@@ -258,7 +258,7 @@ class Terms:
         return Term(same, Scalar.BOOL, (*left.valid, *right.valid))
 
     def _sides(self, left: Expression, right: Expression) -> tuple[Term, Term]:
-        """Both sides of a comparison; an enum literal is one of the other side's enum."""
+        """Emit code for both sides of a comparison; an enum literal gets the enum of the other side."""
         if _is_literal(left) and not _is_literal(right):
             other, one = self._sides(right, left)
             return one, other
@@ -305,26 +305,26 @@ class Terms:
 
 
 def _as(term: Term, type_: StaticType | None) -> code.Expression:
-    """The code of a value, as a float where it has to be one."""
+    """Return the value's code, converted to float if `type_` is float."""
     if type_ is Scalar.FLOAT and term.type is not Scalar.FLOAT:
         return code.call("float", term.value)
     return term.value
 
 
 def as_float(term: Term) -> code.Expression:
-    """The code of a number as a float."""
+    """Return the code of a number converted to float."""
     return _as(term, Scalar.FLOAT)
 
 
 def _is_literal(node: Expression) -> bool:
-    """Whether an expression does not tell which enum its value is of."""
+    """Return True if the expression's enum cannot be inferred from the expression itself."""
     if isinstance(node, Conditional):
         return _is_literal(node.then) and _is_literal(node.otherwise)
     return isinstance(node, EnumLiteral | Constant)
 
 
 def literal(facts: Facts, value: Value, type_: StaticType) -> Term:
-    """Code for a literal of a type."""
+    """Emit code for a literal of a type."""
     match type_:
         case EnumType():
             return Term(code.Constant(ranks(type_)[str(value)]), type_)
@@ -340,5 +340,5 @@ def literal(facts: Facts, value: Value, type_: StaticType) -> Term:
 
 
 def zero_of(type_: StaticType | None) -> code.Expression:
-    """Code for what stands in a variable of a type before it has a value."""
+    """Return the constant that initializes a variable of a type before it is assigned: 0, or 0.0 for floats."""
     return code.Constant(0.0 if type_ is Scalar.FLOAT else 0)

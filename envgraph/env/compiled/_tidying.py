@@ -1,4 +1,7 @@
-"""Objects that rules create take spare places one after the other; between steps those that are left close the gaps."""
+"""Emit the function that renumbers created objects between steps, to close the gaps that deleted ones leave.
+
+Objects that rules create take reserved numbers in order.
+"""
 
 from __future__ import annotations
 
@@ -18,11 +21,11 @@ from envgraph.env.compiled._tables import (
 
 
 def tidied(facts: Facts, group: tuple[str, ...]) -> code.Body:
-    """The body of a function that closes the gaps; the order of objects stays, which is that of their ids.
+    """Emit the body of the function that closes gaps in the numbers of created objects, without changing their order.
 
     Args:
-        facts: has been asked for all columns that there are.
-        group: the classes of objects that rules create.
+        facts: emits code that reads the model; all columns of the program must be registered already.
+        group: the classes whose objects rules create.
     """
     layout, fresh = facts.layout, facts.module.fresh
     if facts.changes.deleted.isdisjoint(group):
@@ -53,7 +56,7 @@ def tidied(facts: Facts, group: tuple[str, ...]) -> code.Body:
 def _matrix_moved(
     facts: Facts, matrix: LinkMatrix, first: code.Local, used: code.Local
 ) -> list[code.Statement]:
-    """What happens to the rows of new objects, and to their columns."""
+    """Emit code that moves the rows and columns of created objects in a link matrix."""
     layout = facts.layout
     start, width = layout.offset(matrix), table(layout.offset(Extent(matrix.targets, "count")))
     found: list[code.Statement] = []
@@ -75,7 +78,7 @@ def _matrix_moved(
 
 
 def _moved(facts: Facts, column: Column, first: code.Local, used: code.Local) -> list[code.Statement]:
-    """What happens to a column."""
+    """Emit code that moves the entries of created objects in a column, and updates the object numbers stored there."""
     layout = facts.layout
     start = layout.offset(column)
     if isinstance(column, LinkMatrix):

@@ -1,4 +1,4 @@
-"""A step as one function: the actions, what happens in each step, the judgement, what follows."""
+"""Emit the function of one step: actions, effects of `each step`, rewards and ends, then pending rule applications."""
 
 from __future__ import annotations
 
@@ -36,15 +36,16 @@ NOTHING = code.Return(code.tuple_of(code.Constant(0.0), ZERO, ZERO))
 
 @dataclass(frozen=True, slots=True)
 class Player:
-    """Somebody who acts in a step.
+    """An agent that acts in a step.
 
     Attributes:
-        scope: the objects of parameters, and of the agent.
+        scope: the terms of the behaviour's parameters and of the agent itself.
         actions: the `action` clauses.
-        before: for each of them how many effects, shared ones and the agent's own, stand before it.
-        choose: writes which of them it is, -1 for none, and what the parameters of each stand for; on the state before.
-        there: 1 if its object is there when the step begins; None if it always is.
-        total: what it gets.
+        before: for each action, how many effects (shared ones and the agent's own) precede it in the file.
+        choose: emits code that selects the action in the state before the step; returns the variable of its number (-1
+            for none), and for each action the terms of its parameters.
+        there: a variable that is 1 if the agent's object exists when the step begins; None if it always exists.
+        total: the variable that sums up the agent's reward.
     """
 
     scope: Mapping[str, Term]
@@ -57,12 +58,12 @@ class Player:
 
 @dataclass(frozen=True, slots=True)
 class Clause:
-    """An effect, for one player.
+    """An effect of the behaviour, for one agent.
 
     Attributes:
-        types: names that it knows, with their classes.
-        player: number of the player; 0 for what is shared.
-        shared: whether it stands outside of `agent` blocks.
+        types: the classes of the names in scope.
+        player: the number of the agent; 0 for shared effects.
+        shared: True if the effect stands outside of `agent` blocks.
     """
 
     effect: Effect
@@ -73,11 +74,11 @@ class Clause:
 
 @dataclass(frozen=True, slots=True)
 class Pending:
-    """Rows of a clause that wait for their `apply`.
+    """The matches of a clause whose rule is applied at the end of the step.
 
     Attributes:
-        number: how many there are.
-        top: where they begin.
+        number: the variable of the number of matches.
+        top: code for the position of the first match in the row buffers.
     """
 
     effect: OnFind
@@ -88,11 +89,11 @@ class Pending:
 
 
 class Turn:
-    """Writes a step: of one player, or of several that act together.
+    """An emitter of the code of a step, of one agent or of several agents that act together.
 
     Args:
-        writer: of the function.
-        players: in the order in which they act.
+        writer: the emitter of the function.
+        players: the agents in the order in which they act.
         clauses: the effects in the order of the file.
     """
 
@@ -104,7 +105,7 @@ class Turn:
         self._pending: list[Pending] = []
 
     def write(self) -> None:
-        """All of the step but what comes after the last `apply`."""
+        """Emit the code of a whole step; the caller adds what follows the last `apply`."""
         writer = self.writer
         waiting = sum(isinstance(one.effect, OnFind) and bool(one.effect.apply) for one in self.clauses)
         if waiting:
@@ -135,7 +136,7 @@ class Turn:
         self._apply_pending()
 
     def _if_there(self, clause: Clause, write: Callable[[], None]) -> None:
-        """Something that a clause of an agent does if that was there when the step began."""
+        """Emit the code that `write` adds for a clause, to run only if its agent existed when the step began."""
         there = None if clause.shared else self.players[clause.player].there
         with standing(clause.effect.span):
             if there is None:
@@ -156,7 +157,10 @@ class Turn:
     # --- the action
 
     def _play(self, player: Player) -> Callable[[int], None]:
-        """A player acts; what is returned writes later what the actions pay that stand behind so many effects."""
+        """Emit code for an agent's action; return a callback that emits the rewards of actions at a place of the file.
+
+        The callback's argument is the number of effects that precede these actions.
+        """
         clause, parameters = player.choose()
         if player.there is not None:
             self.writer.add(code.If(code.equal(player.there, ZERO), (code.Assign(clause, NOBODY),)))
@@ -221,7 +225,7 @@ class Turn:
         writer.when(chosen, write)
 
     def _earn(self, clause: Clause, reward: Expression, scope: Mapping[str, Term]) -> None:
-        """What a clause pays: to its player, or, if it is shared, to the first one that is there."""
+        """Emit code that adds a clause's reward to its agent, or, if it is shared, to the first agent that exists."""
         number = self.writer.number(reward, scope)
         if not clause.shared:
             self.writer.add(code.Assign(self.players[clause.player].total, number, "+="))
@@ -314,7 +318,7 @@ class Turn:
         writer.add(code.For(row, code.call("range", number), writer.collected(write)))
 
     def _row(self, question: Question, place: code.Expression, *, sure: bool) -> dict[str, Term]:
-        """The variables of a row."""
+        """Emit code that loads a match from the row buffers; return the terms of its variables."""
         writer, scope = self.writer, {}
         key = writer.key(question)
         loads, values = writer.matching.loaded(key, place)
@@ -350,7 +354,7 @@ class Turn:
         self.writer.when(code.equal(holds, ONE), write)
 
     def _apply_one(self, each: Pending, given: Expression, row: code.Local, first: code.Local) -> None:
-        """One of the matches is drawn by weight: each by its share in what is left."""
+        """Emit code that samples one pending match, with probabilities by weight, and applies the rule."""
         writer, rows = self.writer, code.call("range", each.number)
         left, weight, share = (writer.module.fresh(name, "float") for name in ("left", "w", "p"))
         none = code.Constant(0.0)
@@ -390,7 +394,11 @@ class Turn:
     def _held(
         self, each: Pending, row: code.Local, first: code.Local
     ) -> tuple[Mapping[str, Term], code.Local]:
-        """What names stand for at a match, and whether it still is one."""
+        """Emit code that loads a pending match and tests that it still is a match.
+
+        Returns:
+            The terms in scope, and a variable that is 1 if the rule may be applied. The first match needs no test.
+        """
         writer, question = self.writer, each.question
         scope = {
             **self.players[each.clause.player].scope,

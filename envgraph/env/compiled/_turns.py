@@ -1,4 +1,4 @@
-"""Agents that take turns, and somebody from outside: a step is the turn of one of them."""
+"""Emit the step of behaviours whose agents take turns, or that have a single agent without an object."""
 
 from __future__ import annotations
 
@@ -15,15 +15,15 @@ from envgraph.env.compiled._writer import Writer
 
 
 class Turns:
-    """Writes a step in which one agent acts.
+    """An emitter of the functions of a step in which one agent acts.
 
     Args:
-        clauses: of the behaviour.
+        clauses: the clauses of the behaviour.
 
     Attributes:
-        action_names: of a step.
-        shape, observation_names: sizes and names of the components of an observation; with several blocks the first
-            says whose turn it is.
+        action_names: the names of the actions.
+        shape, observation_names: the sizes and names of the observation's components. With several `agent` blocks, the
+            first component is the block number of the agent whose turn it is.
     """
 
     def __init__(self, clauses: Clauses) -> None:
@@ -35,7 +35,7 @@ class Turns:
         self.observation_names = component_names(clauses.behaviour, clauses.keys, len(self.shape))
 
     def bodies(self) -> tuple[code.Body, code.Body, code.Body]:
-        """A step, whether an action would do something, and what is seen."""
+        """Emit the bodies of three functions: do a step, test if an action would act, and observe."""
         blocks = range(len(self._clauses.blocks))
         return (
             self._dispatched([*map(self._turn, blocks)], (ACTION,), NOTHING),
@@ -44,7 +44,7 @@ class Turns:
         )
 
     def begin(self, writer: Writer) -> None:
-        """The first agent that is there acts first; until then it is the first one's turn."""
+        """Emit code for a reset that gives the turn to the first agent whose object exists."""
         agents = self._clauses.behaviour.agents
         if not all(self._clauses.changes.fixed_class(agent.cls) for agent in agents):
             self._advance(writer, code.Operation("-", (self._clauses.seat("count"), ONE)))
@@ -52,7 +52,7 @@ class Turns:
     def _dispatched(
         self, functions: Sequence[str], arguments: tuple[code.Local, ...], nothing: code.Return
     ) -> code.Body:
-        """The function of the block whose turn it is."""
+        """Emit code that calls the function of the block whose turn it is."""
         agents = self._clauses.behaviour.agents
         if not agents:
             return (code.Return(call(functions[0], NOBODY, *arguments)),)
@@ -93,7 +93,7 @@ class Turns:
             return clauses.module.add("look", (SELF, SEEN), writer.written())
 
     def _advance(self, writer: Writer, turn: code.Expression) -> None:
-        """The next agent after a turn that is there acts next; the turn stays where nobody is."""
+        """Emit code that gives the turn to the next agent whose object exists; without such an agent it stays."""
         count, agents = self._clauses.seat("count"), self._clauses.behaviour.agents
         if all(self._clauses.changes.fixed_class(agent.cls) for agent in agents):
             writer.add(code.Assign(cell(TURN), code.Operation("%", (plus(turn, 1), count))))

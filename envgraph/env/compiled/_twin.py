@@ -1,4 +1,4 @@
-"""A state as a model again: for pictures, and for the message where something went wrong."""
+"""Restore a state of a program in a live engine, to draw it or to reproduce an error message."""
 
 from __future__ import annotations
 
@@ -26,13 +26,13 @@ Numbers = NDArray[Any]
 
 
 class Twin:
-    """The live engine of a member, put into states of the program.
+    """A live engine of a member that can be put into states of the compiled program.
 
     Args:
-        simulator: of the member, in its initial state.
-        member: the same as data.
-        layout: of the program.
-        offsets: where its columns begin.
+        simulator: a simulator of the member in its initial state.
+        member: the member as numbers.
+        layout: the layout of the program.
+        offsets: where the program's columns begin.
     """
 
     def __init__(self, simulator: Simulator, member: Member, layout: Layout, offsets: Numbers) -> None:
@@ -42,11 +42,11 @@ class Twin:
         self._columns = [(column, int(offsets[number])) for column, number in layout.columns()]
         for column, _ in self._columns:
             if isinstance(column, LinkColumn | LinkMatrix):
-                member.rows(Links(column.reference))  # asked for while the model is in its initial state
+                member.rows(Links(column.reference))  # caches the links of the initial state
 
     @contextmanager
     def at(self, state: Numbers, floats: Numbers) -> Iterator[Simulator]:
-        """Meanwhile the model is in a state."""
+        """Put the model into a state for the duration of the `with` block, then roll it back; yield the simulator."""
         model = self.simulator.engine.model
         turn = self.simulator.turn
         savepoint = model.graph.history.savepoint()
@@ -91,7 +91,7 @@ class Twin:
 
     def _restore_links(self, matrix: LinkMatrix, cells: Numbers) -> None:
         pairs = product(members(self._member, matrix.sources), members(self._member, matrix.targets))
-        for (source, target), linked in zip(pairs, cells, strict=False):  # behind them are other columns
+        for (source, target), linked in zip(pairs, cells, strict=False):  # other columns follow in `cells`
             if linked:
                 self.simulator.engine.model.graph.link(
                     self._objects[source], matrix.reference, self._objects[target]

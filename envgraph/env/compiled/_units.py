@@ -1,6 +1,6 @@
-"""Units that have nothing to undo, as functions: where a step fails no rule has been applied before.
+"""Emit functions for units that need no rollback, because no rule is applied before a step that can fail.
 
-Only where the model refuses a rule at a match the state is put back, and another match is tried.
+If the model refuses a rule at a match, the state is restored and another match is tried.
 """
 
 from __future__ import annotations
@@ -39,19 +39,21 @@ if TYPE_CHECKING:
     from envgraph.env.compiled._writer import Writer
 
 Scope = dict[str, Term]
-"""The variables of a unit that have a value."""
+"""The terms of the unit's variables that have a value at a point of its code."""
 
 
 def unit_function(
     outer: Writer, call: RuleCall, bound: Sequence[str], wanted: Sequence[str], *, asks: bool = False
 ) -> tuple[list[code.Local], code.Body]:
-    """Parameters and body of a function that runs a unit: 1 and the outputs, 0 if it fails, -1 where that is an error.
+    """Emit the parameters and body of a function that runs a unit.
+
+    The function returns 1 and the outputs, 0 if the unit fails, and -1 after an error.
 
     Args:
-        outer: writes the function that calls it.
-        call: of the unit.
+        outer: the emitter of the function that calls it.
+        call: the call of the unit.
         bound, wanted: the parameters that get values, and the outputs.
-        asks: it only says whether the unit can succeed, which it can where there is an error.
+        asks: only test if the unit can succeed, without changes; an error counts as success.
     """
     checked, fixed = checked_unit(outer.engine, call), outer.facts.changes.fixed_class
     parameters = [outer.facts.local(checked.types[name] or ObjectType("")) for name in bound]
@@ -73,16 +75,16 @@ def unit_function(
 
 
 NOT_REFUSED = code.If(code.equal(cell(ERROR), code.Name("REFUSED")), (code.Assign(cell(ERROR), ZERO),))
-"""A step that fails leaves there whether a rule was refused for that; other errors stay."""
+"""Clears the error code if it is `REFUSED`, which a failed step leaves behind; other errors stay."""
 
 
 class _Steps:
-    """Writes the steps of a unit.
+    """An emitter of the steps of a unit.
 
     Args:
-        writer: of its function.
+        writer: the emitter of the unit's function.
         checked: the unit.
-        asks: nothing is done, but asked whether it can be.
+        asks: only test if steps can be done.
     """
 
     def __init__(self, writer: Writer, checked: CheckedUnit, asks: bool) -> None:
@@ -93,7 +95,7 @@ class _Steps:
         self._asks = asks
 
     def write(self, step: Step, scope: Scope, done: code.Local) -> None:
-        """Make a variable, which is 0, 1 if a step succeeds; its outputs join the scope."""
+        """Emit code that sets `done` from 0 to 1 if the step succeeds; add the step's outputs to the scope."""
         with standing(step.span or self._checked.unit.span):
             match step:
                 case Call():
@@ -118,7 +120,7 @@ class _Steps:
                     raise NotCompiled(f"`{type(step).__name__.lower()}` in a unit (`{self._name}`)")
 
     def _branch(self, step: Step | None, scope: Scope, done: code.Local) -> None:
-        """A block; one that is not there succeeds."""
+        """Emit code for a block; a missing block succeeds."""
         if step is None:
             self._writer.assign(done, ONE)
         else:
@@ -128,7 +130,11 @@ class _Steps:
         self._writer.when(code.equal(done, ZERO), write)
 
     def _sequence(self, steps: Sequence[Step], scope: Scope, done: code.Local) -> None:
-        """Steps of which only the first may fail."""
+        """Emit code for a sequence of steps.
+
+        Raises:
+            NotCompiled: a step other than the first may fail.
+        """
         if not steps:
             self._writer.assign(done, ONE)
             return
@@ -150,7 +156,7 @@ class _Steps:
     # --- choices
 
     def _choice(self, step: Choice, scope: Scope, done: code.Local) -> None:
-        """The alternatives by priority, and by weight among equals."""
+        """Emit code that tries alternatives by priority, those of equal priority in random order by weight."""
         tiers: dict[int, list[tuple[float, Step]]] = {}
         for alternative in step.alternatives:
             callee = self._checked.calls[id(alternative)] if isinstance(alternative, Call) else None
@@ -160,7 +166,7 @@ class _Steps:
         self._writer.assign(refused, ZERO)
 
         def attempt(alternative: Step) -> None:
-            """The refusal of any of them is a reason for all of them to fail."""
+            """Emit code that tries an alternative, and records if a rule was refused."""
             self._branch(alternative, scope, done)
             self._unless_done(
                 done, lambda: self._writer.assign(refused, code.call("max", refused, cell(ERROR)))
@@ -195,7 +201,7 @@ class _Steps:
         total: code.Expression,
         attempt: Callable[[Step], None],
     ) -> None:
-        """One of the alternatives that are left is drawn, and tried; one that was tried has weight 0."""
+        """Emit code that samples one of the untried alternatives by weight and tries it; its weight becomes 0."""
         writer = self._writer
         whole, drawn = writer.module.fresh("total", "float"), writer.module.fresh("b")
         writer.assign(whole, total)
@@ -215,7 +221,7 @@ class _Steps:
     # --- calls
 
     def _call(self, step: Call, scope: Scope, done: code.Local) -> None:
-        """A rule or another unit is applied, or asked for."""
+        """Emit code that applies a rule or runs a unit, or only tests if it can be applied."""
         callee, writer = self._checked.calls[id(step)], self._writer
         words = {"all": step.every, "first": step.first, "top": step.limit is not None, "where": step.where}
         for word, used in words.items():
@@ -236,7 +242,11 @@ class _Steps:
     def _arguments(
         self, step: Call, callee: Signature, scope: Scope
     ) -> tuple[dict[str, code.Expression], list[code.Expression], dict[str, str]]:
-        """The values of parameters, tests that they are there, and the variables that get a value from outputs."""
+        """Emit code for the arguments of a call.
+
+        Returns:
+            The values by parameter, tests that they exist, and the unit's variable for each output parameter.
+        """
         given: dict[str, code.Expression] = {}
         tests: list[code.Expression] = []
         wanted: dict[str, str] = {}
@@ -255,7 +265,10 @@ class _Steps:
     def _value(
         self, argument: Expression, scope: Scope, expected: StaticType | None, tests: list[code.Expression]
     ) -> Term:
-        """Code for an argument, with tests: where a path has no value the step fails, where it fails itself the run."""
+        """Emit code for an argument, and add its tests to `tests`.
+
+        The step fails if a path in the argument has no value. The unit ends with an error if the evaluation fails.
+        """
         self.check_known([variable.name for variable in variables_in(argument)], scope)
         writer = self._writer
         tests += self._paths(argument, scope)
@@ -270,12 +283,16 @@ class _Steps:
         return term
 
     def _paths(self, expression: Expression, scope: Scope) -> list[code.Expression]:
-        """Tests that the paths of an expression have values."""
+        """Return tests that all paths in an expression have values."""
         terms = [self._writer.value(path, scope) for path in navigations(expression)]
         return [test for term in terms for test in term.tests]
 
     def _fitting(self, term: Term, cls: str, callee: Signature) -> list[code.Expression]:
-        """Tests that an object can be one of a rule's matches; a unit takes it as it is."""
+        """Return tests that an object exists and has the class of a rule's parameter; units need no tests.
+
+        Raises:
+            NotCompiled: the class of a unit's argument is not certain.
+        """
         assert isinstance(term.type, ObjectType)
         sure = self._facts.metamodel.is_a(term.type.cls, cls)
         if callee.kind == "unit":
@@ -289,13 +306,13 @@ class _Steps:
         return tests
 
     def _may_be_refused(self, call: RuleCall, given: Mapping[str, code.Expression]) -> bool:
-        """Whether a rule may come upon a change that the model refuses: the unit tries another match then."""
+        """Return True if the model may refuse a change of the rule, so that the unit has to try another match."""
         module, found = self._writer.module, False
         with module.trial():
             name = self._writer.applying(call, tuple(given), ())
             bodies = {function.name: function.body for function in module.functions}
             reached = [name]
-            for each in reached:  # grows meanwhile
+            for each in reached:  # the loop appends to `reached`
                 names = {node.name for node in code.walk(bodies[each]) if isinstance(node, code.Name)}
                 found = found or "REFUSED" in names
                 reached += sorted(names & bodies.keys() - {*reached})
@@ -307,7 +324,7 @@ class _Steps:
     # --- conditions
 
     def _holds(self, step: If, scope: Scope) -> code.Expression:
-        """Code for whether the condition of an `if` holds."""
+        """Emit a test for the condition of an `if`."""
         if id(step) in self._checked.asked:
             raise NotCompiled(f"an `if` in a unit that asks whether a rule can be applied (`{self._name}`)")
         if isinstance(step.condition, Check):
@@ -330,10 +347,10 @@ class _Steps:
         return code.inverse(test) if found.negated else test
 
     def check_known(self, names: Sequence[str], scope: Scope) -> None:
-        """What is asked for has a value.
+        """Check that all variables have a value at this point of the unit.
 
         Raises:
-            NotCompiled: it may have none.
+            NotCompiled: a variable may have no value.
         """
         for name in names:
             if name not in scope:

@@ -1,4 +1,4 @@
-"""The arrays that a program works on, in the order in which `advance` of `kernels` names them."""
+"""Arrays of families and environments, in the order in which `advance` of `kernels` takes them."""
 
 # The text of this module is part of exported packages.
 
@@ -15,7 +15,7 @@ NO_NUMBERS, NO_ACTIONS = np.zeros(0), np.zeros(0, dtype=np.int64)
 
 
 class Arrays(NamedTuple):
-    """A family as data.
+    """The data of a family, with a row for each member.
 
     Attributes:
         tables: int32 [members, ..], `T`.
@@ -31,12 +31,12 @@ class Arrays(NamedTuple):
     floats: NDArray[np.float64]
 
     def tables_for(self, native: bool) -> NDArray[Any]:
-        """The tables; Python calculates with their entries, so there they have 64 bits."""
+        """Return the tables in the dtype that programs need: int32 with numba (`native`), int64 in Python."""
         return self.tables if native else self.tables.astype(np.int64)
 
 
 class Rows(NamedTuple):
-    """What environments are: of each array a row is one."""
+    """The arrays of a batch of environments; each array has one row for each environment."""
 
     ints: NDArray[np.int64]
     floats: NDArray[np.float64]
@@ -52,7 +52,7 @@ class Rows(NamedTuple):
 
 
 def rows_of(count: int, arrays: Arrays, components: int) -> Rows:
-    """Rows of so many environments whose observations have so many components; in no state yet."""
+    """Return zeroed arrays for `count` environments, with `components` components of an observation."""
     ints, floats = arrays.ints.shape[1], arrays.floats.shape[1]
     widths = {"ints": (ints,), "floats": (floats,), "streams": (4,), "components": (components,)}
     reals, truths = ("floats", "reward", "drawn"), ("over", "cut")
@@ -63,24 +63,24 @@ def rows_of(count: int, arrays: Arrays, components: int) -> Rows:
 
 
 def space_of(shape: tuple[int, int]) -> tuple[NDArray[np.int64], NDArray[np.float64]]:
-    """Space for the rows of questions."""
+    """Return zeroed row buffers (ints, floats) of a shape."""
     return np.zeros(shape, dtype=np.int64), np.zeros(shape)
 
 
 class World:
-    """Environments, and the space that a thread needs for their steps.
+    """The arrays of a batch of environments, and the buffers that one thread needs to step them.
 
     Args:
-        arrays: of their members.
-        members: number of the member of each.
-        rows: what they are.
-        space: how many rows of questions there are, and how many columns.
+        arrays: the data of the members.
+        members: the number of the member of each environment.
+        rows: the arrays of the environments.
+        space: the numbers of rows and columns of the row buffers.
         function: `advance` of the program.
-        native: whether that takes addresses.
+        native: True if `function` takes addresses of arrays.
 
     Attributes:
-        before: in the second row of each the state before the step in which something went wrong last.
-        advance: begins episodes, or does steps; the last environment in which something went wrong, or -1.
+        before: two arrays (ints, floats); their second row is the state before the last step that failed.
+        advance: resets or steps the environments; returns the last environment with an error, or -1.
     """
 
     def __init__(
@@ -103,12 +103,12 @@ class World:
         self.advance: Callable[..., int] = partial(function, self._given)
 
     def call(self, function: Callable[..., Any], *arguments: Any) -> Any:
-        """Another function of the program that takes the environments."""
+        """Call another function of the program with the arrays of the environments."""
         return function(self._given, *arguments)
 
 
 def _addresses(arrays: Sequence[NDArray[Any]]) -> NDArray[np.int64]:
-    """Where arrays are, and their shapes; they have to outlive that."""
+    """Return the address and shape of each array; the arrays must exist as long as the result is used."""
     rows = np.zeros((len(arrays), 3), dtype=np.int64)
     for row, array in zip(rows, arrays, strict=True):
         assert array.flags.c_contiguous
@@ -117,7 +117,7 @@ def _addresses(arrays: Sequence[NDArray[Any]]) -> NDArray[np.int64]:
 
 
 def streams(generators: Sequence[np.random.Generator]) -> NDArray[np.uint64]:
-    """The states of NumPy's generators, a row each."""
+    """Return the states of PCG64 generators, one row for each generator."""
     rows = []
     for generator in generators:
         state: Any = generator.bit_generator.state["state"]

@@ -1,4 +1,4 @@
-"""What the clauses of a behaviour say, as statements: values, calls of rules, questions."""
+"""Emit statements for the clauses of a behaviour: values, calls of rules, and queries."""
 
 from __future__ import annotations
 
@@ -31,11 +31,11 @@ from envgraph.rewrite.plans import RulePlan
 
 @dataclass(frozen=True, slots=True)
 class Called:
-    """A call of a rule that has been written.
+    """The variables that hold the result of a rule call after its code has run.
 
     Attributes:
-        done: the variable that is 1 if a rule was applied, or there was nothing to do.
-        outputs: the values of the names that get outputs.
+        done: the variable that is 1 if a rule was applied or the call is `nothing()`, otherwise 0.
+        outputs: the terms of the output names.
     """
 
     done: code.Local
@@ -43,13 +43,13 @@ class Called:
 
 
 class Writer(Statements):
-    """Writes the statements of one function of a behaviour.
+    """An emitter of the statements of one function of a behaviour.
 
     Args:
-        matching: finds matches.
-        engine: has the rules.
-        behaviour: name of the behaviour.
-        leave: what is done where the live engine raises an error.
+        matching: emits code that finds matches.
+        engine: supplies the rules.
+        behaviour: the name of the behaviour.
+        leave: the return statement of the function after an error.
     """
 
     def __init__(self, matching: Matching, engine: Engine, behaviour: str, leave: code.Return) -> None:
@@ -63,7 +63,7 @@ class Writer(Statements):
         self.levels = 0
 
     def call(self, name: str, *arguments: code.Expression) -> code.Call:
-        """Code for a call of a function."""
+        """Return code that calls a function of the program, and record that the current function calls it."""
         self.module.uses(name, self.levels)
         return call(name, *arguments, top=self.top)
 
@@ -72,14 +72,14 @@ class Writer(Statements):
     def value(
         self, expression: Expression, scope: Mapping[str, Term], expected: StaticType | None = None
     ) -> Term:
-        """Code for an expression."""
+        """Emit code for an expression, and return its term."""
         terms = Terms(self.facts, scope)
         term = terms.write(expression, expected)
         self.add(*terms.steps)
         return term
 
     def number(self, expression: Expression, scope: Mapping[str, Term]) -> code.Expression:
-        """Code for a reward or a weight; where it has no value, or is too large, that is an error."""
+        """Emit code for a reward or weight as a float; a missing, failing or too large value is an error."""
         term = self.value(expression, scope)
         if term.tests:
             self.fail_if(code.inverse(code.joined("and", term.tests, True)))
@@ -92,7 +92,7 @@ class Writer(Statements):
         return local
 
     def keyed(self, cls: str, index: code.Expression) -> code.Local:
-        """The object that has an index among a class, -1 where there is none."""
+        """Emit code that looks up the object with an index within a class, -1 for none; return its variable."""
         local, changes = self.facts.local(ObjectType(cls)), self.facts.changes
         objects = self.facts.layout.offset(Keyed(cls, changes.becoming(cls)))
         self.assign(local, table(plus(objects, index)))
@@ -103,20 +103,20 @@ class Writer(Statements):
         return local
 
     def gone(self, term: Term, cls: str) -> code.Expression | None:
-        """Code for whether an object is deleted, or no longer of a class; None if it cannot be."""
+        """Return a test that an object is deleted or no longer of a class; None if neither can happen."""
         if self.facts.changes.fixed_class(cls):
             return None
         return code.inverse(self.facts.is_instance(term.value, cls))
 
     def alive(self, term: Term) -> code.Expression | None:
-        """Code for whether an object is not deleted; None if it cannot be."""
+        """Return a test that an object is not deleted; None if it cannot be deleted."""
         assert isinstance(term.type, ObjectType)
         return self.facts.alive(term.value, term.type.cls)
 
     # --- calls
 
     def run(self, rule: RuleCall, scope: Mapping[str, Term]) -> Called:
-        """Apply a rule at one of its matches, or run a unit."""
+        """Emit code that evaluates the arguments of a call, then applies its rule at one match or runs its unit."""
         if rule.rule is None:
             done = self.module.fresh("done")
             self.assign(done, ONE)
@@ -146,9 +146,14 @@ class Writer(Statements):
         *,
         tried: bool = False,
     ) -> Called:
-        """Apply a rule, or run a unit, with values for parameters, if tests hold; names get outputs.
+        """Emit code that applies a rule or runs a unit if all tests pass.
 
-        A rule that is `tried` is applied at another match where it is refused.
+        Args:
+            rule: the call.
+            given: the values of parameters.
+            tests: tests that have to pass.
+            wanted: the name that gets each output parameter.
+            tried: if the model refuses the rule at a match, apply it at another match.
         """
         done = self.module.fresh("done")
         self.assign(done, ZERO)
@@ -166,7 +171,7 @@ class Writer(Statements):
         return Called(done, dict(zip(wanted.values(), terms, strict=True)))
 
     def can_run(self, branches: Sequence[Branch], scope: Mapping[str, Term], can: code.Local) -> None:
-        """Make a variable 1 if one of the branches would do something."""
+        """Emit code that sets the variable `can` to 1 if a branch with positive probability can act."""
         for chance, branch in zip(self._chances(branches, scope)[0], branches, strict=True):
             possible = code.Operation(">", (chance, code.Constant(0.0)))
             self.when(possible, lambda call=branch.call: self._can_call(call, scope, can))  # type: ignore[misc]
@@ -178,16 +183,16 @@ class Writer(Statements):
         given, tests = self._given(rule, scope)
         found = code.joined("and", [*tests, self.possible(rule, given)], True)
         self.add(code.If(found, (code.Assign(can, ONE),)))
-        if self._is_unit(rule):  # what is refused is for those who do it
+        if self._is_unit(rule):  # only running the unit reports the error
             wrong = code.Operation("!=", (cell(ERROR), ZERO))
             self.add(code.If(wrong, (code.Assign(can, ONE), code.Assign(cell(ERROR), ZERO))))
 
     def possible(
         self, rule: RuleCall, given: Mapping[str, code.Expression], *, tried: bool = False
     ) -> code.Expression:
-        """Code for whether a rule has a match, or a unit can succeed, with values for parameters.
+        """Return code that tests if a rule has a match, or a unit can succeed, with values for parameters.
 
-        Of a rule that is `tried`: whether it has a match at which it is not refused.
+        With `tried`, only a match at which the model does not refuse the rule counts.
         """
         if tried:
             return code.equal(
@@ -205,7 +210,7 @@ class Writer(Statements):
         return self.call(exists, *(places[position] for position in sorted(places)))
 
     def another(self, leave: code.Return) -> Writer:
-        """Writes another function, which ends so where the live engine raises an error."""
+        """Return an emitter for another function, with its own return statement after an error."""
         return Writer(self.matching, self.engine, self.behaviour, leave)
 
     def _is_unit(self, rule: RuleCall) -> bool:
@@ -215,7 +220,7 @@ class Writer(Statements):
     def _given(
         self, rule: RuleCall, scope: Mapping[str, Term]
     ) -> tuple[dict[str, code.Expression], list[code.Expression]]:
-        """The values of a rule's parameters that are no outputs, and tests that they are there."""
+        """Emit code for the arguments of a call; return input values by parameter, and tests of the values."""
         assert rule.rule is not None
         parameters = self.engine.signature(rule.rule).parameters
         given: dict[str, code.Expression] = {}
@@ -236,7 +241,11 @@ class Writer(Statements):
         return given, tests
 
     def _of_class(self, rule: RuleCall, term: Term, taken: StaticType | None) -> list[code.Expression]:
-        """Tests that an object is of the class of a rule's parameter, where that is not sure."""
+        """Return tests that an object has the class of a rule's parameter; none if its class is certain.
+
+        Raises:
+            NotCompiled: the class of a unit's argument is not certain.
+        """
         assert isinstance(term.type, ObjectType)
         assert isinstance(taken, ObjectType)
         if self.facts.metamodel.is_a(term.type.cls, taken.cls):
@@ -248,12 +257,12 @@ class Writer(Statements):
         return [self.facts.is_instance(term.value, taken.cls)]
 
     def _check_argument(self, argument: Expression, scope: Mapping[str, Term], term: Term) -> None:
-        """An argument that fails is an error, unless it reads from an object that is gone."""
+        """Emit code that fails if the evaluation of an argument fails, unless it reads from a deleted object."""
         wrong = code.inverse(code.joined("and", term.valid, True))
         self.fail_if(code.joined("and", [*self._there(argument, scope), wrong], True))
 
     def _there(self, expression: Expression, scope: Mapping[str, Term]) -> list[code.Expression]:
-        """Tests that the objects from which an expression reads are not deleted."""
+        """Return tests that the objects from which an expression reads are not deleted."""
         there: list[code.Expression] = []
         for root in roots(expression):
             there += scope[root.name].present
@@ -261,7 +270,10 @@ class Writer(Statements):
         return there
 
     def applying(self, rule: RuleCall, bound: tuple[str, ...], wanted: tuple[str, ...]) -> str:
-        """The function that applies a rule: 1 and the outputs, 0 without a match, -1 where that is refused."""
+        """Return the name of the function that applies a rule, generated once.
+
+        The function returns 1 and the outputs, 0 without a match, and -1 if the model refuses the rule.
+        """
         key = "apply", rule.rule, bound, wanted
         write = unit_function if self._is_unit(rule) else Writer._application
         return self.module.once(key, "apply", lambda: write(self, rule, bound, wanted))
@@ -283,7 +295,7 @@ class Writer(Statements):
     def asked(
         self, rule: RuleCall, bound: tuple[str, ...]
     ) -> tuple[RulePlan, dict[int, code.Local], ViewKey]:
-        """The plan of a rule, variables for the places that are bound, and what asks for the others."""
+        """Return a rule's plan, variables for the bound positions of its match, and the view of the other positions."""
         plan = plan_of(self.engine, rule)
         positions = tuple(sorted(plan.variables.index(name) for name in bound))
         others = tuple(p for p in range(len(plan.variables)) if p not in positions)
@@ -291,7 +303,7 @@ class Writer(Statements):
         return plan, given, ViewKey(plan.body.pattern, positions, others)
 
     def fired(self, rule: RuleCall, slots: Mapping[int, code.Expression], wanted: Sequence[str]) -> code.Body:
-        """What a rule does at a match; it ends with a return."""
+        """Emit the statements that apply a rule at a match and return its outputs."""
         plan = plan_of(self.engine, rule)
         nothing = [zero_of(type_) for type_ in self.output_types(rule, wanted)]
         refused, places = code.Return(listed(NOBODY, nothing)), dict(plan.outputs)
@@ -303,21 +315,22 @@ class Writer(Statements):
     def _trying(
         self, rule: RuleCall, bound: tuple[str, ...], wanted: tuple[str, ...], *, asks: bool = False
     ) -> str:
-        """As `applying`, but where the rule is refused the state is put back, and another match is drawn.
+        """Return the name of a function like that of `applying`, which tries another match if the rule is refused.
 
-        If it is refused at all of them the error stays; if it only `asks` so does the state.
+        After a refusal the state is restored. If every match is refused, the function leaves the error in the state.
+        With `asks` the function only tests, and restores the state in any case.
         """
         key = "try", rule.rule, bound, wanted, asks
         return self.module.once(key, "attempt", lambda: attempts(self, rule, bound, wanted, asks=asks))
 
     def output_types(self, rule: RuleCall, wanted: Sequence[str]) -> list[StaticType]:
-        """The types of outputs."""
+        """Return the types of the output parameters `wanted`."""
         assert rule.rule is not None
         types = {taken.name: taken.type for taken in self.engine.signature(rule.rule).parameters}
         return [types[name] or ObjectType("") for name in wanted]
 
     def alternatives(self, branches: Sequence[Branch], scope: Mapping[str, Term]) -> Called:
-        """Draw a branch and run it."""
+        """Emit code that samples a branch and runs it."""
         if [branch.probability for branch in branches] == [1.0]:
             return self.run(branches[0].call, scope)
         done, drawn = self.module.fresh("done"), self.module.fresh("b")
@@ -343,7 +356,7 @@ class Writer(Statements):
     def _chances(
         self, branches: Sequence[Branch], scope: Mapping[str, Term]
     ) -> tuple[list[code.Expression], code.Expression]:
-        """Code for the probabilities of branches, and for what they lack to 1."""
+        """Return code for the probabilities of branches, and for the remainder to 1, the probability of no branch."""
         given = [branch.probability for branch in branches]
         fixed = [float(one) for one in given if isinstance(one, int | float)]
         if len(fixed) == len(given):
@@ -358,7 +371,7 @@ class Writer(Statements):
         return chances, left
 
     def _chance(self, given: float | Expression, scope: Mapping[str, Term]) -> code.Expression:
-        """Code for a probability, which is 0 where it has no value because an object is gone."""
+        """Emit code for a probability: 0 if it has no value because an object was deleted."""
         if isinstance(given, int | float):
             return code.Constant(float(given))
         term = self.value(given, scope)
@@ -382,7 +395,7 @@ class Writer(Statements):
     # --- questions
 
     def question(self, condition: Negation | object, types: Types) -> Question:
-        """The helper pattern of a condition."""
+        """Add the helper pattern of a condition to the engine, and return it with its variables."""
         return added(
             self.engine,
             self.behaviour,
@@ -390,11 +403,11 @@ class Writer(Statements):
         )
 
     def key(self, question: Question, free: bool = True) -> ViewKey:
-        """The view that asks for the free variables of a question, or whether there are any."""
+        """Return the view that finds the free variables of a helper pattern; with `free=False`, only if any exist."""
         bound = len(question.bound)
         outputs = tuple(range(bound, bound + len(question.free))) if free else ()
         return ViewKey(question.pattern.qualified_name, tuple(range(bound)), outputs)
 
     def bound_alive(self, question: Question, scope: Mapping[str, Term]) -> list[code.Expression]:
-        """Tests that the objects which a question names are not deleted."""
+        """Return tests that the objects in the bound variables of a helper pattern are not deleted."""
         return [test for name in question.bound if (test := self.alive(scope[name])) is not None]

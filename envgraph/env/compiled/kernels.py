@@ -1,8 +1,7 @@
-"""What every program has: drawing, sorting, sets, and the loops over environments.
+"""Functions that every program contains: sampling, sorting, bit sets, hashing, and the loop over environments.
 
-The text of these functions becomes part of each program, which `_program` compiles, with numba where that is
-installed. They know arrays alone. Names of the program's own functions: `begin`, `step_one`, `may_one`, `look`,
-`places`; names of `_arrays` and `_plain`: what arrays are, and operations on bits.
+The text of these functions precedes the program's own text. They only know arrays. They call functions of the program
+(`begin`, `step_one`, `may_one`, `look`, `places`), and array access and bit operations of `_arrays` or `_plain`.
 """
 
 # ruff: noqa: F821, SIM110
@@ -13,18 +12,18 @@ from math import inf, nan
 import numpy as np
 
 CAPACITY = 4096
-"""Rows of one question; more are an error."""
+"""Maximum number of rows of one query; more are the error `OVERFLOW`."""
 BELOW = 1.0 - 2.0**-53
 NAN, INFINITY = nan, inf
 FAILED, REFUSED, OVERFLOW, BEYOND, FULL = 1, 2, 3, 4, 5
-"""What went wrong in an environment: no value, a rule that cannot be applied, more rows, a larger int, or more new
-objects than there is space for."""
+"""Error codes of an environment: a missing value, a refused rule, too many rows, an int too large, or too many created
+objects."""
 WHOLE = 2**32 - 1
 U64 = np.uint64
 
 
 def pick(D, count):
-    """One of `count` alternatives; what is left of the number that was drawn decides the next choice."""
+    """Sample one of `count` alternatives uniformly from the random number `D[0]`; store its unused rest in `D[0]`."""
     scaled = D[0] * count
     place = min(int(scaled), count - 1)
     D[0] = min(scaled - place, BELOW)
@@ -32,7 +31,10 @@ def pick(D, count):
 
 
 def choose(D, chances, lacking):
-    """One of the alternatives with these probabilities, or -1 with what they lack to 1."""
+    """Sample an alternative with given probabilities from `D[0]`; -1 has the probability that is missing to 1.
+
+    The part of the random number that the choice does not use is stored in `D[0]`.
+    """
     rest = D[0]
     start = 0.0
     for number in range(len(chances)):
@@ -50,7 +52,7 @@ def choose(D, chances, lacking):
 
 
 def uniform(R, e):
-    """NumPy's PCG64: the next double of the stream of an environment; its state is a row of `R`."""
+    """Return the next double of NumPy's PCG64 in [0, 1), and update the generator state in row `e` of `R`."""
     lo, hi = R[e, 0], R[e, 1]
     m_lo, m_hi = U64(4865540595714422341), U64(2549297995355413924)
     mask, half = U64(0xFFFFFFFF), U64(32)
@@ -70,14 +72,17 @@ def uniform(R, e):
 
 
 def nth_bit(word, number):
-    """The place of a bit that is set, counted from the lowest one."""
+    """Return the position of a set bit of a word; `number` 0 is the lowest set bit."""
     for _ in range(number):
         word &= word - 1
     return lowest_bit(word)
 
 
 def slide(A, start, step, used, RI, top, nothing):
-    """Entries for new objects, so far apart, move as the rows from `top` on say: to a place before, or nowhere."""
+    """Move the entries of created objects, which are `step` apart, to the front, and fill the rest with `nothing`.
+
+    An entry is removed if `RI[top + number, 0]` is negative.
+    """
     kept = 0
     for number in range(used):
         if RI[top + number, 0] >= 0:
@@ -88,7 +93,7 @@ def slide(A, start, step, used, RI, top, nothing):
 
 
 def slide_bits(S, words, place, used, RI, top):
-    """The same for the bits of a set, where new objects begin at a place."""
+    """Move the bits of created objects, which begin at `place`, as `slide` moves entries."""
     kept = place
     for number in range(place, place + used):
         word = S[words + (number >> 5)]
@@ -100,14 +105,14 @@ def slide_bits(S, words, place, used, RI, top):
 
 
 def renumber(S, start, count, first, RI, top):
-    """Entries that are objects name them as they are numbered now; new ones begin at `first`."""
+    """Replace object numbers from `first` on by their new numbers, which the rows from `top` on contain."""
     for number in range(start, start + count):
         if S[number] >= first:
             S[number] = first + RI[top + S[number] - first, 0]
 
 
 def keep(S, F, ints, floats, RI, RF, top):
-    """Write a state to the rows from `top` on."""
+    """Copy a state to the rows of the row buffers from `top` on."""
     for number in range(ints):
         RI[top + number, 0] = S[number]
     for number in range(floats):
@@ -115,7 +120,7 @@ def keep(S, F, ints, floats, RI, RF, top):
 
 
 def put_back(S, F, ints, floats, RI, RF, top):
-    """Make a state what `keep` wrote."""
+    """Restore the state that `keep` copied to the row buffers."""
     for number in range(ints):
         S[number] = RI[top + number, 0]
     for number in range(floats):
@@ -123,7 +128,7 @@ def put_back(S, F, ints, floats, RI, RF, top):
 
 
 def drop_row(RI, RF, row, end):
-    """The rows behind one, before `end`, go up by one place."""
+    """Remove a row, and move the rows after it, up to `end`, one position to the front."""
     for number in range(row + 1, end):
         for column in range(width(RI)):
             RI[number - 1, column] = RI[number, column]
@@ -131,7 +136,7 @@ def drop_row(RI, RF, row, end):
 
 
 def add_exactly(RF, top, parts, value):
-    """Floats from the row `top` on add up exactly to a sum: so many there are after a value has joined it."""
+    """Add a value to an exact sum of floats, stored as partial sums in the rows from `top` on; return their number."""
     kept = 0
     for number in range(parts):
         other = RF[top + number, 0]
@@ -148,7 +153,7 @@ def add_exactly(RF, top, parts, value):
 
 
 def sum_exactly(RF, top, parts):
-    """The float that is nearest to the sum of those that `add_exactly` has left, as `math.fsum` rounds it."""
+    """Return the float nearest to the exact sum stored by `add_exactly`, rounded as by `math.fsum`."""
     whole, lost = 0.0, 0.0
     while parts > 0 and lost == 0.0:
         parts -= 1
@@ -158,7 +163,7 @@ def sum_exactly(RF, top, parts):
         lost = other - (whole - before)
     if parts > 0 and (lost < 0.0) == (
         RF[top + parts - 1, 0] < 0.0
-    ):  # half way between two: what is left decides
+    ):  # half way between two floats: the remaining parts decide
         doubled = whole + 2.0 * lost
         if 2.0 * lost == doubled - whole:
             whole = doubled
@@ -166,7 +171,7 @@ def sum_exactly(RF, top, parts):
 
 
 def quotient(left, right):
-    """The quotient, truncated toward zero."""
+    """Return the quotient of two ints, truncated toward zero."""
     result = left // right
     if result < 0 and result * right != left:
         result += 1
@@ -174,17 +179,17 @@ def quotient(left, right):
 
 
 def rest(left, right):
-    """The remainder, with the sign of the left side."""
+    """Return the remainder of two ints, with the sign of the left operand."""
     return left - quotient(left, right) * right
 
 
 def fmod(left, right):
-    """The remainder of floats, with the sign of the left side."""
+    """Return the remainder of two floats, with the sign of the left operand."""
     return np.fmod(left, right)
 
 
 def less(RI, RF, one, other, width, floats):
-    """Whether a row comes before another."""
+    """Return True if row `one` precedes row `other` in lexicographic order; bit i of `floats` marks a float column."""
     for column in range(width):
         if (floats >> column) & 1:
             if RF[one, column] != RF[other, column]:
@@ -195,7 +200,7 @@ def less(RI, RF, one, other, width, floats):
 
 
 def sort_rows(RI, RF, top, count, width, floats, repeated):
-    """Sort rows as tuples, and drop those that are repeated; returns how many there are."""
+    """Sort rows lexicographically, remove duplicates if `repeated` is true, and return the number of rows."""
     for number in range(top + 1, top + count):
         place = number
         while place > top and less(RI, RF, place, place - 1, width, floats):
@@ -216,7 +221,7 @@ def sort_rows(RI, RF, top, count, width, floats, repeated):
 
 
 def hash_row(S, BITS, row):
-    """A hash of a state."""
+    """Return a hash of the state in a row."""
     value = np.uint64(14695981039346656037)
     for column in range(width(S)):
         value = (value ^ np.uint64(S[row, column])) * np.uint64(1099511628211)
@@ -228,7 +233,7 @@ def hash_row(S, BITS, row):
 
 
 def same_row(S, BITS, one, other):
-    """Whether two states are the same."""
+    """Return True if the states in two rows are equal."""
     for column in range(width(S)):
         if S[one, column] != S[other, column]:
             return False
@@ -239,12 +244,12 @@ def same_row(S, BITS, one, other):
 
 
 def hash_place(S, BITS, HASHED, row):
-    """Where a hash table is first looked into for a row."""
+    """Return the first slot of the hash table to look up for the state in a row."""
     return np.int64(hash_row(S, BITS, row) & np.uint64(len(HASHED) - 1))
 
 
 def number_of(S, BITS, HASHED, row):
-    """The number of a state that is as a row, which is put into the hash table if there is none."""
+    """Return the row of a known state equal to the state in `row`; if none exists, add `row` to the hash table."""
     place = hash_place(S, BITS, HASHED, row)
     while HASHED[place] >= 0:
         if same_row(S, BITS, HASHED[place], row):
@@ -255,14 +260,14 @@ def number_of(S, BITS, HASHED, row):
 
 
 def hash_all(S, BITS, HASHED, first, count):
-    """Put states, from the first one on, into a table that has none of them."""
+    """Add the states of the rows `first` to `count` to the hash table, which contains none of them."""
     S, BITS = matrix(S), matrix(BITS)
     for row in range(first, count):
         number_of(S, BITS, HASHED, row)
 
 
 def forget(S, BITS, HASHED, row):
-    """Take the state that was put into the hash table last out of it."""
+    """Remove the state that was added last from the hash table."""
     place = hash_place(S, BITS, HASHED, row)
     while HASHED[place] != row:
         place = (place + 1) & (len(HASHED) - 1)
@@ -270,7 +275,7 @@ def forget(S, BITS, HASHED, row):
 
 
 def reset_one(T, G, L, K, S, F, RI, RF, D, e, m, S0, F0):
-    """Put an environment into a start state, which `D` decides."""
+    """Reset an environment to a start state, sampled with the random number in `D`."""
     for column in range(width(S)):
         S[e, column] = S0[m, column]
     for column in range(width(F)):
@@ -279,10 +284,10 @@ def reset_one(T, G, L, K, S, F, RI, RF, D, e, m, S0, F0):
 
 
 def advance(W, WHICH, STARTS, A, UNIFORM, LIMIT):
-    """Begin episodes where `WHICH` says so, and one step of each other environment, unless there are no actions.
+    """Reset the environments marked in `WHICH`, and step the others with actions `A`; without actions, only reset.
 
-    The numbers drawn are given, or come from the streams `R`. Returns the last environment in which something went
-    wrong; its state before a step is the second row of `B` and `BF`.
+    Random numbers are taken from `STARTS` and `UNIFORM`, or, if these are empty, from the streams `R`. Returns the last
+    environment with an error, or -1; the second row of `B` and `BF` is its state before the step.
     """
     T, G, L, S, F, RI, RF, D, M, S0, F0, R, C, STEPS, OVER, OBS, REWARD, END, CUT, U, B, BF = arrays_at(W)
     failed = -1

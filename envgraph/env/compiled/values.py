@@ -1,14 +1,14 @@
-"""What the values of actions say, a row of them: which is best, which is taken. Part of the texts of learners.
+"""Read a row of action values: best value, sampled action. The text of this module is part of learning programs.
 
-The row of double Q-learning has two values of each action, the second ones behind the first, whose sum says what is
-best; all others have one. Loops on lists call these as they are.
+For double Q-learning a row has two values of each action, first all first values, then all second ones; their sum
+determines the best action. Other methods have one value of each action. Python calls the functions on lists, too.
 """
 
 # mypy: ignore-errors
 
 
 def best_of(row, actions):
-    """The greatest value: a chain of maxima, which is quicker than finding the action first."""
+    """Return the greatest value; a chain of maxima is faster than finding the action first."""
     best = row[0]
     for action in range(1, actions):
         best = max(best, row[action])
@@ -16,7 +16,7 @@ def best_of(row, actions):
 
 
 def mean_of(row, actions, epsilon):
-    """The value of what an agent does that explores so often."""
+    """Return the expected value of an epsilon-greedy action."""
     total = 0.0
     for action in range(actions):
         total += row[action]
@@ -24,7 +24,7 @@ def mean_of(row, actions, epsilon):
 
 
 def greedy(row, first, actions):
-    """The best of the actions whose values begin at a place, the lowest of equals."""
+    """Return the action with the greatest of the values from `row[first]` on; the lowest action of equal ones."""
     found = 0
     for action in range(1, actions):
         if row[first + action] > row[first + found]:
@@ -33,20 +33,20 @@ def greedy(row, first, actions):
 
 
 def worth(row, action, actions):
-    """The value of an action, or the sum of both."""
+    """Return the value of an action, or the sum of its two values."""
     return row[action] if len(row) == actions else row[action] + row[actions + action]
 
 
 def drawn_of(share, count):
-    """One of so many things by a number in [0, 1), and what is left of that: another such number."""
+    """Return a number below `count` selected by `share` in [0, 1), and the remainder, a new number in [0, 1)."""
     place = min(int(share * count), count - 1)
     return place, share * count - place
 
 
 def drawn_action(row, actions, u, epsilon, ties):
-    """What an agent does that explores so often, as `u` decides; and a number in [0, 1) that is still free.
+    """Sample an epsilon-greedy action from the random number `u`; return it and a random number still unused.
 
-    The lowest of the best actions; with `ties` each of them is as likely.
+    Of equally good actions the lowest is chosen, or, with `ties`, each with the same probability.
     """
     if u < epsilon:
         return drawn_of(u / epsilon, actions)

@@ -1,11 +1,11 @@
-"""The experiments of the paper, made again with many seeds and beside controls.
+"""Repeat the experiments of the paper with many seeds and with controls.
 
 X. Liu and I. David, "A Model-Driven Approach for Developing Families of Reinforcement Learning Environments", MODELS
 2026, section 6: tables 3 (agents on the target), 4 (time of generation) and 5 (against random families), and the curves
-beside them. What was published comes from one training seed; here each number is a mean over seeds with its interval.
+beside them. The published numbers come from one training seed; here each number is a mean over seeds with its interval.
 
-`reproduce` trains, `claims` says what holds, `reproduction_report` is the page, `write_tables` writes CSV files and
-`figures` gives the charts.
+`reproduce` trains, `claims` tests the claims of the paper, `reproduction_report` returns the report, `write_tables`
+writes CSV files, and `figures` returns the charts.
 """
 
 from typing import TYPE_CHECKING

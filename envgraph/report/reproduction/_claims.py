@@ -1,4 +1,4 @@
-"""What the paper says, beside what many seeds say."""
+"""Compare the claims of the paper with the results of many seeds."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ from envgraph.report.reproduction._runs import Budget, Reproduction, Sample
 Verdict = Literal["holds", "does not hold", "depends on the seed", "undecided"]
 
 NEARLY_ALL, NEARLY_NONE = 0.95, 0.05
-"""An interval of success above the one, or below the other, is what the paper calls 100 % and 0 %."""
+"""Bounds of success: an interval above 0.95 counts as the paper's 100 %, an interval below 0.05 as its 0 %."""
 
 _EASY, _AGENTS = "from easy to hard is the order that teaches", "agents of the published family"
 _DIFFERENCES: Final = (
@@ -36,7 +36,7 @@ _DIFFERENCES: Final = (
     (f"In the published family {_EASY}", "not compared", "E1-E6", "reversed"),
     (f"In families that are searched for {_EASY}", "not compared", "own", "own, reversed"),
 )
-"""Claims that one way to train reaches more than another: sentence, published numbers, first way, second way."""
+"""Claims that one training method is better than another: sentence, published numbers, first and second method."""
 
 _UNITS: Final = {
     "random": "random families",
@@ -44,20 +44,20 @@ _UNITS: Final = {
     "own": "searches",
     "own, reversed": "searches",
 }
-"""Independent units of each sample, each with the mean of its agents. Of the published family the units are agents."""
+"""The independent units of each sample, each with the mean of its agents; for the published family they are agents."""
 
 
 @dataclass(frozen=True, slots=True)
 class Claim:
-    """A sentence of the paper, or what it lets one expect.
+    """A sentence of the paper, or an expectation that follows from the paper, with its test.
 
     Attributes:
         text: the sentence.
-        paper: what was published.
-        here: what was found.
+        paper: the published result.
+        here: the result of the reproduction.
         if_significant: the verdict if the test is significant, or if nothing is tested.
         over: the units of the test, such as "200 searches".
-        p_value: of the two-sided test, after Holm for all claims that are tested; None: not tested.
+        p_value: of the two-sided test, with Holm's correction for all tested claims; None: not tested.
         if_not_significant: the verdict if the test is not significant.
     """
 
@@ -71,27 +71,27 @@ class Claim:
 
     @property
     def verdict(self) -> Verdict:
-        """The verdict; "depends on the seed" if some agents do as the published agent did, and some not."""
+        """Return the verdict; "depends on the seed" if only some agents behave as the published agent."""
         is_clear = self.p_value is None or self.p_value < SIGNIFICANT
         return self.if_significant if is_clear else self.if_not_significant
 
     @property
     def test(self) -> str:
-        """The p-value and the units, in words; "" if nothing was tested."""
+        """Return the p-value and the units as text; "" if nothing was tested."""
         if self.p_value is None:
             return ""
         return f"p {'< 0.001' if self.p_value < 0.001 else f'= {self.p_value:.2g}'}, {self.over}"
 
 
 def claims(found: Reproduction) -> list[Claim]:
-    """What of the paper holds, in the order of its text; without what was not trained or measured."""
+    """Return the claims in the order of the paper, without claims that were not trained or measured."""
     stated = [*_rates(found), *_differences(found), *_times(found)]
     corrected = iter(holm([one.p_value for one in stated if one.p_value is not None]))
     return [one if one.p_value is None else replace(one, p_value=next(corrected)) for one in stated]
 
 
 def percent(rate: float, interval: tuple[float, float] | None = None) -> str:
-    """A rate, and where it lies at 95 %.
+    """Format a rate and its 95 % interval.
 
     >>> percent(0.5, (0.41, 0.59))
     '50 % (41-59)'
@@ -102,12 +102,15 @@ def percent(rate: float, interval: tuple[float, float] | None = None) -> str:
 
 
 def summaries(budget: Budget) -> dict[str, Summary]:
-    """What became of the published family, by label."""
+    """Return the summaries of the published family's agents, by label."""
     return {one.label: one for one in budget.experiment.summaries()}
 
 
 def interval(sample: Sample) -> tuple[float, float]:
-    """Of the mean success over the families, at 95 %: the bootstrap's, or Wilson's where each has one agent."""
+    """Return the 95 % interval of the mean success over the families.
+
+    It is the bootstrap interval, or Wilson's interval if each family has one agent.
+    """
     if sample.agents == 1:
         return wilson_interval(fmean(sample.success), len(sample.success))
     return bootstrap_interval(sample.success) or (0.0, 1.0)
@@ -146,12 +149,12 @@ def _rates(found: Reproduction) -> Iterator[Claim]:
 
 
 def _rate(text: str, wanted: float, parts: Mapping[str, Sequence[float]], units: str) -> Claim:
-    """Test that success is near the published 100 % or 0 % in every part; or beyond a half of it in at least one.
+    """Test if success is near the published 100 % or 0 % in every part, or on the other side of 50 % in some part.
 
-    The first must be significant in all parts, the second in one. Wilson's interval inverts these score tests.
+    The first test must be significant in all parts, the second in one. Wilson's interval inverts these score tests.
     """
     number, rates = min(map(len, parts.values())), {name: fmean(part) for name, part in parts.items()}
-    alike = [rate if wanted else 1.0 - rate for rate in rates.values()]  # do as the published agent did
+    alike = [rate if wanted else 1.0 - rate for rate in rates.values()]  # behave as the published agent
     holds = max(_score(NEARLY_ALL - rate, NEARLY_ALL, number) for rate in alike)
     fails = len(parts) * min(_score(rate - 0.5, 0.5, number) for rate in alike)
     depends = any(NEARLY_NONE < rate < NEARLY_ALL for rate in alike)
@@ -166,7 +169,7 @@ def _score(difference: float, bound: float, number: int) -> float:
 
 
 def _differences(found: Reproduction) -> Iterator[Claim]:
-    """Test `_DIFFERENCES` on the means of the budgets; by pairs, if both ways have the same units."""
+    """Test `_DIFFERENCES` on the means of the budgets; the tests are paired if both samples have the same units."""
     for text, paper, name, other in _DIFFERENCES:
         pairs = [[_reached_by(budget, one) for budget in found.budgets] for one in (name, other)]
         first, second = (np.mean(one, axis=0) for one in pairs)
@@ -192,7 +195,10 @@ def _tested(
     units: Mapping[str, int],
     otherwise: Verdict = "undecided",
 ) -> Claim:
-    """Return a claim, tested by one-sided p-values: that it holds, and that it does not; few units decide nothing."""
+    """Return a claim with the result of two one-sided tests: that it holds, and that it does not.
+
+    With few units, the claim is undecided.
+    """
     p_value = min(1.0, 2 * min(sides)) if min(units.values()) >= FEWEST_UNITS else 1.0
     over = " and ".join(f"{number:,} {name}" for name, number in units.items())
     return Claim(
@@ -201,7 +207,7 @@ def _tested(
 
 
 def _times(found: Reproduction) -> Iterator[Claim]:
-    """Table 4."""
+    """Yield the claim of table 4, about the time of generation."""
     if found.times:
         sizes = {size: seconds for size, seconds in found.times[min(found.times)].items()}
         small, large = min(sizes), max(sizes)

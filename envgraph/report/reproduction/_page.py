@@ -1,4 +1,4 @@
-"""The page of a reproduction, its charts, and its tables as CSV."""
+"""Write the report page of a reproduction, its charts, and its tables as CSV."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ _SAMPLES = {
 
 
 def reproduction_report(found: Reproduction, facts: dict[str, str] | None = None) -> Report:
-    """The page: what holds, the tables of the paper beside ours, and all that was trained on the published family."""
+    """Return the report: the verdicts, the paper's tables beside ours, and all training on the published family."""
     target, drawn = found.family.members[-1].name, figures(found)
     stated = claims(found)
     held = Section(
@@ -50,7 +50,8 @@ def reproduction_report(found: Reproduction, facts: dict[str, str] | None = None
 
 
 def _sentence(claim: Claim) -> str:
-    """
+    """Format a claim as text.
+
     >>> _sentence(Claim("Nothing is learnt", "0 %", "3 % (1-5)", "holds", "90 agents", 0.04321))
     'Nothing is learnt: holds (p = 0.043, 90 agents). In the paper 0 %; here 3 % (1-5).'
     """
@@ -70,14 +71,14 @@ _SUMMARY = (
 
 
 def claims_table(found: Reproduction) -> Table:
-    """A row a claim."""
+    """Return a table with one row for each claim."""
     rows = tuple((one.text, one.paper, one.here, one.test, one.verdict) for one in claims(found))
     columns = ("claim", "paper", "here", "p after Holm", "verdict")
     return Table("Claims of the paper, and what follows from them.", columns, rows)
 
 
 def table_3(found: Reproduction) -> Table:
-    """Agents of the published family on the target."""
+    """Return table 3: success of agents of the published family on the target."""
     rows = []
     for budget in found.budgets:
         if budget.steps == NORMAL:
@@ -93,7 +94,7 @@ def table_3(found: Reproduction) -> Table:
 
 
 def table_4(found: Reproduction) -> Table:
-    """Time of generation."""
+    """Return table 4: time of generation."""
     rows = tuple(
         (str(population), f"{size}x{size}", f"{TIMES[population][size]:,}", f"{seconds:.1f}")
         for population, sizes in found.times.items()
@@ -106,7 +107,7 @@ def table_4(found: Reproduction) -> Table:
 
 
 def table_5(found: Reproduction) -> Table:
-    """Random families, and those of our own."""
+    """Return table 5: success with random families and with families of our own."""
     rows = []
     for budget in found.budgets:
         published, every = RANDOM.get(budget.steps, {}), summaries(budget)
@@ -141,7 +142,7 @@ def table_5(found: Reproduction) -> Table:
 
 
 def figures(found: Reproduction) -> dict[str, str]:
-    """A chart for each budget, as SVG text: cumulative reward of the published family beside all others."""
+    """Return an SVG chart for each budget: cumulative reward of the published family and of all other families."""
     return {f"random_families_{one.steps}": _chart(one) for one in found.budgets}
 
 
@@ -162,9 +163,9 @@ def _line(label: str, sample: Sample) -> Series:
 
 
 def write_tables(found: Reproduction, directory: Path) -> list[Path]:
-    """Write every table as a CSV file, and what each agent of the published family came to; returns the tables.
+    """Write every table as a CSV file, and the results of each agent of the published family; return the tables' paths.
 
-    The directories are made where they are missing; files of the same name are replaced.
+    Missing directories are created; files of the same name are replaced.
     """
     named = {
         "claims": claims_table(found),
@@ -187,7 +188,7 @@ def write_tables(found: Reproduction, directory: Path) -> list[Path]:
 
 
 def _families(found: Reproduction) -> Table:
-    """What the agents of each family of a sample came to."""
+    """Return a table of the results of each family of a sample."""
     rows = tuple(
         (str(budget.steps), name, str(place), repr(success), repr(mean))
         for budget in found.budgets

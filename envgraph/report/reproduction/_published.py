@@ -1,4 +1,4 @@
-"""What the paper says: the numbers of its tables, and where its data is."""
+"""The published numbers of the paper's tables, and its published data files."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ from typing import Final
 from envgraph.errors import Source
 
 BUDGETS: Final = (10_000, 50_000, 100_000)
-"""Training steps an environment: the paper's shorter, normal and longer budget."""
+"""Training steps for each environment: the paper's shorter, normal and longer budget."""
 
 SHORT, NORMAL = BUDGETS[:2]
 
@@ -25,7 +25,7 @@ AGENTS: Final = {
     "E4-E6": (1.0, 10.2),
     "E5-E6": (0.0, 0.0),
 }
-"""Table 3: success rate and mean return on E6, after 50,000 steps an environment, by what an agent was trained on."""
+"""Table 3: success rate and mean return on E6, by the training environments, after 50,000 steps on each."""
 
 RANDOM: Final = {
     10_000: {
@@ -47,18 +47,18 @@ RANDOM: Final = {
         "curriculum": (1.0, 10.2),
     },
 }
-"""Table 5: success rate and mean return on E6 by budget: 30 random families, as drawn and ordered by complexity."""
+"""Table 5: success rate and mean return on E6 by budget: 30 random families, as generated and ordered by complexity."""
 
 TIMES: Final = {
     6: {8: 47, 9: 49, 10: 49, 11: 49, 12: 50},
     10: {8: 208, 9: 211, 10: 212, 11: 215, 12: 225},
     20: {8: 1594, 9: 1718, 10: 1617, 11: 1642, 12: 1659},
 }
-"""Table 4: seconds that 1,000 generations take, by size of the family and of the map."""
+"""Table 4: seconds for 1,000 generations, by size of the family and of the map."""
 
 
 def published_files() -> tuple[Source, tuple[Source, ...]]:
-    """The published family, and the 30 random ones in the order of their numbers."""
+    """Return the published family, and the 30 random families in the order of their numbers."""
     folder = Path(__file__).with_name("data")
     random = sorted((folder / "random-families").glob("*.json"))
     return _source(folder / "environment-config.json"), tuple(map(_source, random))

@@ -1,4 +1,4 @@
-"""Train what the paper trains, with many seeds: its family, its random families, and families of our own."""
+"""Train the paper's family, its random families, and families of our own, with many seeds."""
 
 from __future__ import annotations
 
@@ -33,20 +33,20 @@ from envgraph.solve.learning import Backend, choose_backend
 FAMILY: Final = "burning_forest/paper.toml"
 
 POINTS: Final = 20
-"""Of a learning curve, on each environment."""
+"""Number of points of a learning curve on each environment."""
 
 Progress = Callable[[str, int, int], None]
-"""Told of what is going on, how much of it is done, and of how much."""
+"""A callback that gets the name of the current task, the number of parts done, and the number of all parts."""
 
 
 @dataclass(frozen=True, slots=True)
 class Sample:
-    """What agents reach that were trained on one family each, of several.
+    """The results of agents that were each trained on one family of a set.
 
     Attributes:
         success, returns: on the target; for each family the mean over its agents.
-        agents: how many a family.
-        steps, reward, spread: of the learning curves, mean and standard deviation over the families of the cumulative
+        agents: the number of agents for each family.
+        steps, reward, spread: the learning curves: mean and standard deviation over the families of the cumulative
             reward up to a step.
     """
 
@@ -60,13 +60,13 @@ class Sample:
 
 @dataclass(frozen=True, slots=True)
 class Budget:
-    """What was trained with one budget.
+    """The results of training with one budget.
 
     Attributes:
-        steps: training steps an environment.
+        steps: training steps for each environment.
         experiment: the published family: its suffixes, its environments alone, and controls.
-        samples: "random" and "ordered": the 30 published random families as drawn and by complexity; "own" and
-            "own, reversed": families generated with the paper's configuration, another one for each seed.
+        samples: "random" and "ordered": the 30 published random families as generated and by complexity; "own" and
+            "own, reversed": families generated with the paper's configuration, one for each seed.
     """
 
     steps: int
@@ -76,14 +76,14 @@ class Budget:
 
 @dataclass(frozen=True, slots=True)
 class Reproduction:
-    """All that was trained and measured.
+    """All results of training and measuring.
 
     Attributes:
-        family: the published one.
-        seeds: training seeds of the published family, and how many families of our own there are.
-        budgets: the smallest first.
+        family: the published family.
+        seeds: the number of training seeds of the published family, and of families of our own.
+        budgets: the results by budget, the smallest first.
         diversity: entropy of each family of our own, in bits.
-        times: CPU seconds of `generation_times`; {} where they were not measured.
+        times: CPU seconds of `generation_times`; {} if not measured.
     """
 
     family: Family
@@ -103,15 +103,15 @@ def reproduce(
 ) -> Reproduction:
     """Train agents on the published family with its controls, on the published random families, and on our own.
 
-    Each of the 30 random families gets a tenth of the seeds, at least one. Equal arguments give equal results, but for
-    the times.
+    Each of the 30 random families gets a tenth of the seeds, at least one. Equal arguments give equal results, except
+    for the times.
 
     Args:
-        seeds: how many agents for each curriculum, and how many searches for families of our own.
-        budgets: training steps an environment.
-        times: whether to measure how long families take to generate.
-        workers: how many agents learn at a time; changes no result.
-        progress: called now and then.
+        seeds: the number of agents for each curriculum, and of searches for families of our own.
+        budgets: training steps for each environment.
+        times: measure the time that generating families takes.
+        workers: the number of agents that learn at a time; changes no result.
+        progress: a callback that is called from time to time.
 
     Raises:
         InvalidArgument: a number is not positive.
@@ -151,7 +151,7 @@ def _imported(file: Source, store: Path) -> Family:
 
 
 def _members(tables: Tables, family: Family, *, drawn: bool = False) -> list[FamilyMember]:
-    """The tables of a family by complexity, or in the order in which they were drawn, which is that of the file."""
+    """Return the members of a family with tables, by complexity or, if `drawn`, in the order of the file."""
     found = sorted(family.members, key=lambda one: one.individual or 0) if drawn else family.members
     engines = [family.domain.engine(family.model(one)) for one in found]
     return [
@@ -203,7 +203,7 @@ def _trained(
 def _whole(
     family: Sequence[FamilyMember], settings: TrainingSettings, seeds: Sequence[int], backend: Backend
 ) -> Experiment:
-    """Agents that were trained on the whole of a family."""
+    """Train agents on all members of a family, in order."""
     names = [member.name for member in family]
     order = Curriculum("curriculum", "whole", tuple(names), (1,) * len(names))
     return run_experiment(family, settings, [order], seeds=seeds, backend=backend)
@@ -231,10 +231,11 @@ def generation_times(
     populations: Sequence[int] = tuple(TIMES),
     generations: int = 1_000,
 ) -> dict[int, dict[int, float]]:
-    """CPU seconds of all threads that so many generations take, with the paper's configuration, by population and size.
+    """Return the CPU seconds of all threads for the generations of a run, by population and map size.
 
-    The paper's larger maps were not published: E6 is put into the upper left corner of roads with the goal in the other
-    corner. The run goes on after the family is as diverse as can be, as in the paper.
+    The runs use the paper's configuration. The paper's larger maps were not published: E6 is put into the upper left
+    corner of roads with the goal in the opposite corner. As in the paper, the run continues after the diversity reaches
+    its maximum.
     """
     found: dict[int, dict[int, float]] = {population: {} for population in populations}
     with TemporaryDirectory() as folder:
@@ -255,7 +256,7 @@ def generation_times(
 
 
 def _write_forest(folder: Path, size: int) -> None:
-    """The domain with a target of some size."""
+    """Write the files of the domain to a folder, with a target of the given size."""
     for file in data_path("rules", FAMILY).parent.glob("*.*"):
         text = file.read_text("utf-8")
         if file.name == "target_8x8.model":
@@ -264,10 +265,10 @@ def _write_forest(folder: Path, size: int) -> None:
 
 
 def _grown(text: str, size: int) -> str:
-    """Rows of letters that are continued with roads to the right and below.
+    r"""Return rows of letters, extended with roads to the right and below.
 
-    >>> _grown("  SV\\n  VG\\n", 3)
-    '  SVR\\n  VRR\\n  RRG\\n'
+    >>> _grown("  SV\n  VG\n", 3)
+    '  SVR\n  VRR\n  RRG\n'
     """
     rows = text.replace("G", "R").splitlines()
     indent = rows[0][: len(rows[0]) - len(rows[0].lstrip())]
