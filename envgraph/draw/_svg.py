@@ -35,12 +35,14 @@ def picture_svg(picture: Diagram, graphviz: bool | None, timeout: float) -> str:
             return found
     if graphviz:
         raise InvalidArgument(
-            "Graphviz drew nothing: its program `dot` is not on the PATH, fails or takes too long"
+            "Graphviz did not draw the picture: its program `dot` is not on the PATH, failed or took too long"
         )
     try:
         frames = arrange(picture)
     except ImportError as error:
-        raise InvalidArgument(f"a picture needs Graphviz or networkx: {error}") from error
+        raise InvalidArgument(
+            f"a picture needs Graphviz or networkx, but neither is available: {error}"
+        ) from error
     return drawn_svg(picture, frames)
 
 

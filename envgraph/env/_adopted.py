@@ -80,9 +80,9 @@ class Adopted:
         if not exact or whole > _MOST_STARTS or sum(fractions) != 1:
             shown = ", ".join(f"{chance:g}" for chance in chances[:5]) + (", .." if len(chances) > 5 else "")
             message = (
-                f"the chances of the start ({shown}) are no multiples of 1/n for any n up to {_MOST_STARTS:,}"
+                f"the start probabilities ({shown}) are not multiples of 1/n for any n up to {_MOST_STARTS:,}"
             )
-            raise InvalidArgument(message, "an episode begins in one of several objects, all equally likely")
+            raise InvalidArgument(message, "use start probabilities that are multiples of 1/n")
         return [
             state for one, state in zip(fractions, self.starts, strict=True) for _ in range(int(one * whole))
         ]
@@ -96,7 +96,7 @@ class Adopted:
             zip(table.observation[table.start_states].tolist(), table.start_probability.tolist(), strict=True)
         )
         if not _close(starts, self.starts):
-            yield f"it begins in {starts}, not {dict(self.starts)}"
+            yield f"its start probabilities by state are {starts}, not {dict(self.starts)}"
         seen = table.observation.tolist()
         if table.n_actions != self.actions:
             yield f"it has {table.n_actions} actions, not {self.actions}"
@@ -172,22 +172,26 @@ def _try_out(inner: Any, adopted: Adopted) -> None:
     state, _ = inner.reset(seed=0)
     for _ in range(_TRIED):
         if not isinstance(state, int | np.integer) or not 0 <= state < len(adopted.outcomes):
-            raise InvalidArgument(f"`{type(inner).__name__}` observes {state}, which is no number of a state")
+            raise InvalidArgument(
+                f"`{type(inner).__name__}` observes {state}, which is not the number of a state"
+            )
         action = int(rng.integers(adopted.actions))
         after, reward, terminated, *_ = inner.step(action)
         known = {outcome[1:] for outcome in adopted.outcomes[int(state)][action]}
         if (after, reward, terminated) not in known:
             did = f"in state {state} action {action} led to {after}"
-            hint = "leave out the option that makes it do so"
-            raise InvalidArgument(f"`{type(inner).__name__}` does more than it tells: {did}", hint)
+            hint = "remove the option that causes this transition"
+            raise InvalidArgument(
+                f"`{type(inner).__name__}` made a transition that its `P` does not contain: {did}", hint
+            )
         state = inner.reset()[0] if terminated else after
 
 
 def _adopted(inner: Any) -> Adopted:
     table = getattr(inner, "P", None)
     if not isinstance(table, Mapping | list) or not len(table):
-        message = f"`{type(inner).__name__}` does not tell its transitions: it has no `P`"
-        raise InvalidArgument(message, "write the domain by hand; `envgraph new` makes one to start from")
+        message = f"`{type(inner).__name__}` has no `P`, a table of its transitions"
+        raise InvalidArgument(message, "write the domain by hand; `envgraph new` creates a template")
     states, where = len(table), f"`P` of `{type(inner).__name__}`"
     if states > DEFAULT_LIMIT:
         raise InvalidArgument(f"{where} has {states:,} states, but at most {DEFAULT_LIMIT:,} can be adopted")
@@ -272,7 +276,9 @@ def _endings(
                 todo.append(outcome.state)
     both = sorted(going & {*reward})
     if both:
-        message = f"an episode ends on some ways into state {both[0]}, and goes on after others"
-        raise InvalidArgument(message, "what ends an episode is asked of the state, and of nothing before it")
+        message = f"some transitions into state {both[0]} end the episode, and others do not"
+        raise InvalidArgument(
+            message, "adopt an environment in which the next state alone decides if the episode ends"
+        )
     best = max(reward.values(), default=0.0)
     return {state: reward[state] == best for state in sorted(reward)}

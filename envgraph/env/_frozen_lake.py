@@ -42,10 +42,10 @@ def frozen_lake(explored: Explored, limit: int | None) -> dict[str, Any]:
     """
     table, places = explored.tabular, _places(explored)
     if table.n_actions != len(_WAYS):
-        raise _refused(f"there are {table.n_actions} actions, not left, down, right and up")
+        raise _refused(f"it has {table.n_actions} actions, but FrozenLake has 4: left, down, right, up")
     letters, rewards = _letters(table, places)
     if np.ptp(table.start_probability) > _TOLERANCE:
-        raise _refused("some start states are likelier than others")
+        raise _refused("its start states are not equally likely")
     found: dict[str, Any] = {
         "desc": _rows(explored, places, letters),
         "is_slippery": not table.deterministic,
@@ -61,13 +61,13 @@ def _places(explored: Explored) -> list[Place]:
     places = []
     for scene in explored.pictures:
         if not isinstance(scene, GridScene) or len(scene.marks) != 1:
-            raise _refused("a picture of it is no grid with one token")
+            raise _refused("its `draw` clause does not draw a grid with exactly one token")
         places.append(scene.marks[0].place)
     if not places:
         raise _refused("it has no pictures", "write `draw grid Class at (x, y) with walker at walker.at`")
     if len(set(places)) < len(places):
         twice = next(place for place in places if places.count(place) > 1)
-        raise _refused(f"there is more to a state than where the walker stands, {_shown(twice)}")
+        raise _refused(f"several of its states have the walker at the same position, {_shown(twice)}")
     return places
 
 
@@ -135,7 +135,7 @@ def _compare(table: Tabular, places: list[Place], letters: Mapping[Place, str], 
                 theirs[key] = theirs.get(key, 0.0) + chance
             if not _same(ours, theirs):
                 where = f"`{name}` at {_shown(place)}"
-                raise _refused(f"{where} leads to {_told(ours)}, there to {_told(theirs)}")
+                raise _refused(f"{where} leads to {_told(ours)}, but in FrozenLake to {_told(theirs)}")
 
 
 def _same(ours: Outcomes, theirs: Outcomes) -> bool:
@@ -156,4 +156,4 @@ def _shown(place: Place) -> str:
 
 
 def _refused(why: str, hint: str | None = None) -> InvalidArgument:
-    return InvalidArgument(f"this is no map of FrozenLake: {why}", hint)
+    return InvalidArgument(f"this environment is not a map of FrozenLake: {why}", hint)

@@ -78,7 +78,7 @@ def check_render_mode(render_mode: str | None, modes: Sequence[str] = RENDER_MOD
         InvalidArgument: the mode is unknown or not possible.
     """
     if render_mode is not None and render_mode not in modes:
-        raise InvalidArgument(f"unknown render mode {render_mode!r}: there is {listed(modes)}")
+        raise InvalidArgument(f"unknown render mode {render_mode!r}; the render modes are {listed(modes)}")
     if render_mode is not None and not drawn:
         raise InvalidArgument(f"this environment has no pictures: its behaviour has no `draw`; {DRAW_HINT}")
     if render_mode == "human":
@@ -93,9 +93,15 @@ def known_options(options: dict[str, Any] | None, known: Sequence[str] = ()) -> 
     """
     for name in options or {}:
         if name not in known:
-            there_are = f"there is {listed(known)}" if known else "there are none here"
-            hint = "another variant is another environment" if name == "variant" else there_are
-            raise InvalidArgument(f"unknown option `{name}` of a reset: {hint}")
+            there_are = (
+                f"the options are {listed(known)}" if known else "this environment has no reset options"
+            )
+            hint = (
+                "this environment cannot switch variants; make another one"
+                if name == "variant"
+                else there_are
+            )
+            raise InvalidArgument(f"unknown reset option `{name}`: {hint}")
     return options or {}
 
 
@@ -200,13 +206,13 @@ class SingleEnvironment(OfFamily, gymnasium.Env[Any, Any]):
 
     def _check_step(self, action: Any) -> int:
         if not self._running:
-            raise ResetNeeded("the episode is over, or none has begun: call `reset` first")
+            raise ResetNeeded("the episode is over, or no episode has begun: call `reset` first")
         try:
             number = index(action)
         except TypeError:
             number = -1
         if not 0 <= number < self._count:
-            hint = "an action is a number: the place of its name in `action_names`"
+            hint = "use the position of the action's name in `action_names`"
             raise InvalidArgument(f"action {action!r} is not in 0..{self._count - 1}", hint)
         return number
 
@@ -301,7 +307,9 @@ class EnvgraphEnv(SingleEnvironment):
             place = bisect_right(self._flat.start_sums, generator.random())
             return int(self.tabular.start_states[place])
         if not isinstance(wanted, Integral) or not 0 <= int(wanted) < self.tabular.n_states:
-            raise InvalidArgument(f"there is no state {wanted!r}, but 0..{self.tabular.n_states - 1}")
+            raise InvalidArgument(
+                f"the reset option `state` is {wanted!r}, but must be in 0..{self.tabular.n_states - 1}"
+            )
         return int(wanted)
 
     def step(self, action: Any) -> tuple[Any, float, bool, bool, dict[str, Any]]:

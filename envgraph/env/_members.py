@@ -68,13 +68,19 @@ class Variants:
         """
         each = [wanted] * count if isinstance(wanted, int | str) else list(wanted)  # type: ignore[call-overload]
         if len(each) != count:
-            raise InvalidArgument(f"`variant` has {len(each)} members for {count} environments")
+            raise InvalidArgument(
+                f"`variant` lists {len(each)} members, but must list one for each of {count} environments"
+            )
         places = [self._members.place(one) for one in each]
         for place in places:
             if place not in self._places:
                 name, own = self._members.about(place)["variant"], listed(dict.fromkeys(self.names))
-                hint = "make it with a list as `variant`, of all that it is to go over to"
-                raise InvalidArgument(f"this vector environment is of {own}, not of `{name}`", hint)
+                hint = (
+                    "make the vector environment with `variant=[..]`, a list of all members to switch between"
+                )
+                raise InvalidArgument(
+                    f"this vector environment has the members {own}, but not `{name}`", hint
+                )
         return np.array([self._places.index(place) for place in places], dtype=np.int64)
 
     def certificates(self, which: NDArray[np.int64], begun: NDArray[np.bool_]) -> dict[str, Any]:

@@ -87,7 +87,9 @@ class MiniGridLevel:
             > LARGEST_INT
         ):
             message = f"a level of {values - 1} cells and {len(self.things)} things has too many observations"
-            raise InvalidArgument(message, "up to 2**63 - 1 can be numbered")
+            raise InvalidArgument(
+                message, "choose a smaller level; at most 2**63 - 1 observations can be numbered"
+            )
 
     @classmethod
     def of(cls, inner: Any, seed: int) -> MiniGridLevel:
@@ -101,8 +103,11 @@ class MiniGridLevel:
         inner.gen_obs = dict  # skips the observation, which takes most of the time of a step
         ends: tuple[End, ...] = ("goal",) if type(inner).step is base.step else _ends(inner)
         if not ends or type(inner)._reward is not base._reward or inner.action_space.n != _ACTIONS:
-            hint = "known are levels of a goal, of a thing to be picked up, and of a door to be opened"
-            raise InvalidArgument(f"`{type(inner).__name__}` has rules of its own for a step", hint)
+            hint = "choose a level with a goal, an object to pick up, or a door to open"
+            raise InvalidArgument(
+                f"`{type(inner).__name__}` changes the steps or rewards of MiniGrid in an unsupported way",
+                hint,
+            )
         return cls(inner, ends[0])
 
     def _letter(self, place: _Place) -> str:
@@ -131,7 +136,7 @@ class MiniGridLevel:
         """Add an object, after its content, and return its name."""
         if found.type not in _THINGS:
             raise InvalidArgument(
-                f"there is a {found.type} at {place}, which is not known", f"known are {[*_THINGS]}"
+                f"the level has a {found.type} at {place}, which is not supported", f"use only {[*_THINGS]}"
             )
         inside = None if found.contains is None else self._thing(found.contains, None)
         target = self.end == "held" and found is self._inner.obj
@@ -145,7 +150,7 @@ class MiniGridLevel:
         Every action is compared in every state; each state of the level must correspond to one state of the table.
         """
         if len(table.start_states) != 1 or not table.deterministic or table.n_actions != _ACTIONS:
-            yield "it has chances, or other actions"
+            yield "it has random outcomes or several start states, or not exactly 7 actions"
             return
         start = int(table.start_states[0])
         known, seen, todo = {start: _key(self._first)}, {_key(self._first)}, [(start, self._first)]
@@ -234,7 +239,7 @@ class MiniGridLevel:
         (x, y), way = self._state()[1:3]
         seen = components(simulator.observe(), simulator.observation_shape)[:2].tolist()
         if not told[1] and seen != [y * self._inner.width + x, way]:
-            yield f"action {action} leads elsewhere"
+            yield f"action {action} leads to another cell or direction"
 
     def _step(self, before: _State, action: int) -> tuple[float, int]:
         """Return the reward and end of an action (0 none, 1 success, 2 failure); steps cost a share of the discount."""
@@ -285,4 +290,4 @@ def _key(state: _State) -> Any:
 
 def _apart(action: int, told: tuple[float, int], found: tuple[float, int]) -> Iterator[str]:
     if told[1] != found[1] or abs(told[0] - found[0]) > _TOLERANCE:
-        yield f"action {action} gives {found[0]:g} and end {found[1]}, not {told[0]:g} and {told[1]}"
+        yield f"action {action} gives reward {found[0]:g} and end {found[1]}, not {told[0]:g} and {told[1]}"

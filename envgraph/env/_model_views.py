@@ -49,9 +49,9 @@ def model_view(kind: ObservationKind, behaviour: Behaviour, models: Sequence[Mod
     """
     hidden = any(isinstance(one, ObservePath) and one.visible is not None for one in clauses_of(behaviour))
     if hidden:
-        message = f'"{kind}" shows all of the model, of which `{behaviour.name}` lets agents see a part'
+        message = f'"{kind}" shows the whole model, but `{behaviour.name}` hides a part of it from its agents'
         raise InvalidArgument(
-            message, 'take "index", "multi", "flat" or "dict", or leave out `if` of `observe`'
+            message, 'use "index", "multi", "flat" or "dict", or remove `if` from the `observe` clauses'
         )
     return ImageView(behaviour, models) if kind == "image" else GraphView(behaviour, models[0].metamodel)
 
@@ -78,8 +78,10 @@ class ImageView(ModelView):
     def __init__(self, behaviour: Behaviour, models: Sequence[Model]) -> None:
         draw = behaviour.draw
         if not isinstance(draw, DrawGrid):
-            hint = 'write `draw grid Class at (x, y)`, or take `observation="graph"`'
-            raise InvalidArgument(f"environment `{behaviour.name}` has no image: it draws no grid", hint)
+            hint = 'write `draw grid Class at (x, y)`, or use `observation="graph"`'
+            raise InvalidArgument(
+                f"environment `{behaviour.name}` has no image, because it draws no grid", hint
+            )
         painters = [Painter(model, draw, behaviour.parameters) for model in models]
         sizes = [painter.places()[:2] for painter in painters]
         width, height = (max(extents, default=0) for extents in zip(*sizes, strict=True))
@@ -198,7 +200,7 @@ def torch_graph(graph: spaces.GraphInstance) -> Any:
         import torch
         from torch_geometric.data import Data
     except ImportError:
-        raise InvalidArgument("PyTorch Geometric is missing", 'pip install "envgraph[pyg]"') from None
+        raise InvalidArgument("PyTorch Geometric is not installed", 'pip install "envgraph[pyg]"') from None
     links = torch.from_numpy(graph.edge_links).T.contiguous()
     return Data(x=torch.from_numpy(graph.nodes), edge_index=links, edge_type=torch.from_numpy(graph.edges))
 

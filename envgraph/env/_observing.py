@@ -256,9 +256,11 @@ def object_index(
         if missing is not None:
             return missing
         if type(value) is int:
-            message = f"an observed path leads to {model.graph.describe(value)}, which is no `{cls}`"
+            message = (
+                f"an observed path leads to {model.graph.describe(value)}, which is not of class `{cls}`"
+            )
             raise EvaluationError(message, hint=f"write `among {static}`, or `among {cls} or none`")
-        raise EvaluationError("an observed path leads nowhere", hint=f"write `among {cls} or none`")
+        raise EvaluationError("an observed path has no value", hint=f"write `among {cls} or none`")
 
     return index
 
@@ -266,7 +268,7 @@ def object_index(
 def range_index(low: int, high: int) -> Callable[[Value | None], int]:
     def index(value: Value | None) -> int:
         if type(value) is not int:
-            message = "an observed path leads nowhere, and a range has no place for that"
+            message = "an observed path has no value, but a component with a range needs one"
             hint = "give the attribute a value in each state, or observe a pattern with `find`"
             raise EvaluationError(message, hint=hint)
         return min(max(value, low), high) - low

@@ -199,8 +199,8 @@ class Program:
                 return 0.0
             raise
         if not 0.0 <= value <= 1.0:
-            message = f"{value:g} is no probability{self._of([given], scope)}"
-            raise EvaluationError(message, given.span, "a number from 0 to 1")
+            message = f"{value:g} is not a probability from 0 to 1{self._of([given], scope)}"
+            raise EvaluationError(message, given.span, "use an expression with a value from 0 to 1")
         return value
 
     def _of(self, given: Sequence[Expression], scope: Scope) -> str:
@@ -300,7 +300,7 @@ class Program:
         def weight(scope: Scope) -> float:
             value = _number(given, scope, self._read, "a weight")
             if value < 0.0:
-                raise EvaluationError(f"{value:g} is no weight", given.span, "a number from 0 on")
+                raise EvaluationError(f"{value:g} is not a weight", given.span, "use a number of at least 0")
             return value
 
         return weight
@@ -488,7 +488,7 @@ def _number(expression: Expression, scope: Scope, read: Reader, what: str = "a r
     except EvaluationError as error:
         raise _unvalued(error, what, expression, scope, read) from None
     if value is None:
-        hint = "a path in it leads nowhere in this state"
+        hint = "check the paths in the expression: one has no value in this state"
         raise EvaluationError(f"{what} has no value", expression.span, hint)
     number = float(value)
     if abs(number) > MOST_REWARD:

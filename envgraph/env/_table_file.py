@@ -74,14 +74,14 @@ def read_explored(path: Path) -> Explored:
     try:
         with zipfile.ZipFile(path) as archive:
             if sum(part.file_size for part in archive.infolist()) > _MOST_BYTES:
-                raise ValueError(f"it holds more than {_MOST_BYTES:,} bytes")
+                raise ValueError(f"its arrays have more than {_MOST_BYTES:,} bytes")
             bad = archive.testzip()  # before any damaged size is used
         if bad is not None:
             raise ValueError(f"`{bad}` is damaged")
         with np.load(path, allow_pickle=False) as found:
             return _explored(found)
     except _DAMAGED as error:
-        raise InvalidArgument(f"{path} is no table of states: {error}") from error
+        raise InvalidArgument(f"{path} is not a readable table of states: {error}") from error
 
 
 def _explored(found: Mapping[str, NDArray[Any]]) -> Explored:

@@ -213,8 +213,10 @@ def joint_names(agents: Sequence[str], actions: Sequence[str]) -> tuple[str, ...
     """
     count = len(actions) ** len(agents)
     if count > MOST_JOINT_ACTIONS:
-        message = f"{count:,} actions of all agents together, at most {MOST_JOINT_ACTIONS:,} are possible"
-        raise EvaluationError(message, None, "`envgraph.make_parallel` has an action for each agent")
+        message = f"{count:,} joint actions of all agents, but at most {MOST_JOINT_ACTIONS:,} are possible"
+        raise EvaluationError(
+            message, None, "use `envgraph.make_parallel`, which takes one action for each agent"
+        )
     each = [[f"{agent}: {action}" for action in actions] for agent in reversed(agents)]
     return tuple(", ".join(reversed(chosen)) for chosen in product(*each))
 
@@ -229,7 +231,7 @@ def check_complete(behaviour: Behaviour, model: Model, keys: KeyIndex) -> None:
     problems = [
         Diagnostic(
             "missing-agent",
-            f"agents that act together are the same in all members of a family: this one has no `{agent.cls}` {shown}",
+            f"agents that act together must exist in every member of a family; this one has no `{agent.cls}` {shown}",
             agent.cls_span or agent.span,
             "let them take turns, or keep rules from adding and removing agents",
         )

@@ -22,8 +22,8 @@ class TooManyStates(EvaluationError):
         super().__init__(
             f"environment `{behaviour.name}` has more than {most}",
             behaviour.span,
-            'do without a table (`engine="compiled"`, `envgraph.learn.train_program`), or raise the limit; where rules '
-            "create objects, states may have no end: let the rules ask how many there are",
+            'use `engine="compiled"` or `envgraph.learn.train_program`, which need no table, or raise the limit; if '
+            "rules create objects without end, let their patterns limit the number of objects",
         )
 
     @classmethod
@@ -44,7 +44,7 @@ class TooManyOutcomes(TooManyStates):
             self,
             f"action `{action}` has more than {limit} outcomes in one state",
             behaviour.span,
-            'in a unit, `all r;` takes every match without a choice; `engine="compiled"` and "live" need no table',
+            'use `engine="compiled"` or "live", which need no table; in a unit, write `all r;` to avoid a choice',
         )
 
 
@@ -55,9 +55,9 @@ class TooLargeTable(TooManyStates):
         EvaluationError.__init__(
             self,
             f"the table of environment `{behaviour.name}` is too large: {states:,} states, {actions} actions, up to "
-            f"{outcomes:,} outcomes of one",
+            f"{outcomes:,} outcomes of an action",
             behaviour.span,
-            'do without a table: `engine="compiled"`, `envgraph.learn.train_program`',
+            'use `engine="compiled"` or `envgraph.learn.train_program`, which need no table',
         )
 
 
@@ -67,9 +67,10 @@ class TooManyObservations(TooManyStates):
     def __init__(self, behaviour: Behaviour, count: int) -> None:
         EvaluationError.__init__(
             self,
-            f"environment `{behaviour.name}` has {Decimal(count):.3g} observations, a table at most {MOST_VALUES:,}",
+            f"environment `{behaviour.name}` has {Decimal(count):.3g} observations, but a table can have at most "
+            f"{MOST_VALUES:,}",
             behaviour.span,
-            'observe less, or do without a table: `engine="compiled"`, `envgraph.learn.train_program`',
+            'observe less, or use `engine="compiled"` or `envgraph.learn.train_program`, which need no table',
         )
 
 

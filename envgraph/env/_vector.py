@@ -79,7 +79,7 @@ class VectorEnvironmentBase(VectorEnv[Any, Any, Any]):
         if num_envs < 1:
             raise InvalidArgument(f"`num_envs` is {num_envs}, it must be at least 1")
         if max_episode_steps is not None and max_episode_steps < 1:
-            raise InvalidArgument(f"a limit of {max_episode_steps} steps")
+            raise InvalidArgument(f"`max_episode_steps` is {max_episode_steps}, but must be at least 1")
         self.num_envs = num_envs
         self.autoreset_mode = autoreset_of(autoreset_mode)
         self.metadata = {**type(self).metadata, "autoreset_mode": self.autoreset_mode}
@@ -170,10 +170,10 @@ class VectorEnvironmentBase(VectorEnv[Any, Any, Any]):
         mask = np.asarray(wanted)
         if mask.shape != (self.num_envs,) or mask.dtype != np.bool_ or not mask.any():
             raise InvalidArgument(
-                f"`reset_mask` is an array of {self.num_envs} bools, at least one of them True"
+                f"`reset_mask` must be an array of {self.num_envs} bools, at least one of them True"
             )
         if not self._begun and not mask.all():
-            raise ResetNeeded("the first `reset` is one of all environments")
+            raise ResetNeeded("the first `reset` must reset all environments: call it without `reset_mask`")
         return mask
 
     def step(self, actions: Any) -> tuple[Any, Floats, Bools, Bools, dict[str, Any]]:
@@ -182,11 +182,11 @@ class VectorEnvironmentBase(VectorEnv[Any, Any, Any]):
             raise ResetNeeded("call `reset` before `step`")
         chosen = np.asarray(actions)
         if chosen.shape != (self.num_envs,) or not ((chosen >= 0) & (chosen < self._n_actions)).all():
-            raise InvalidArgument(f"actions are {self.num_envs} numbers in 0..{self._n_actions - 1}")
+            raise InvalidArgument(f"`actions` must be {self.num_envs} numbers in 0..{self._n_actions - 1}")
         if self.autoreset_mode is AutoresetMode.DISABLED and self._done.any():
             numbers = ", ".join(map(str, np.flatnonzero(self._done).tolist()))
             raise ResetNeeded(
-                f"the episodes of {numbers} are over: `reset` with a `reset_mask` begins them anew"
+                f"the episodes of environments {numbers} are over: reset them with `reset_mask`"
             )
         if self.autoreset_mode is AutoresetMode.NEXT_STEP:
             self._choose(self._done)
@@ -291,7 +291,7 @@ class EnvgraphVectorEnv(VectorEnvironmentBase):
         _check(tables)
         if render_mode is not None and (render_mode != "rgb_array" or len(pictures) != len(tables)):
             raise InvalidArgument(
-                "rendering needs `rgb_array` and the pictures of every table, which a `draw` clause gives"
+                "rendering needs `rgb_array` and the pictures of every table, from a `draw` clause"
             )
         first = tables[0]
         super().__init__(
@@ -407,20 +407,20 @@ def autoreset_of(wanted: AutoresetMode | str) -> AutoresetMode:
         return AutoresetMode(wanted)
     except ValueError:
         modes = listed(mode.value for mode in AutoresetMode)
-        raise InvalidArgument(f"unknown autoreset mode {wanted!r}: there are {modes}") from None
+        raise InvalidArgument(f"unknown autoreset mode {wanted!r}; the modes are {modes}") from None
 
 
 def _check(tables: Sequence[Tabular]) -> None:
     if not tables:
-        raise InvalidArgument("a vector environment needs a table")
+        raise InvalidArgument("a vector environment needs at least one table")
     first = tables[0]
     for table in tables[1:]:
         if table.action_names != first.action_names:
-            raise InvalidArgument("the tables have different actions")
+            raise InvalidArgument("all tables must have the same action names")
         if table.observation_shape != first.observation_shape:
-            raise InvalidArgument("the tables have different observations")
+            raise InvalidArgument("all tables must have the same observation shape")
         if bool(table.agent_names) != bool(first.agent_names):
-            raise InvalidArgument("some tables have agents, others have none")
+            raise InvalidArgument("some tables have agents that take turns, and others have none")
 
 
 def _acting(table: Tabular) -> NDArray[Any]:

@@ -74,11 +74,15 @@ class View:
     def __init__(self, kind: ObservationKind, shape: Sequence[int], names: Sequence[str]) -> None:
         check_kind(kind)
         if kind in OF_MODEL:
-            hint = 'make it with `engine="compiled"` or `"live"`'
-            raise InvalidArgument(f'a table has no models, of which an observation "{kind}" is made', hint)
+            hint = 'make the environment with `engine="compiled"` or `"live"`'
+            raise InvalidArgument(
+                f'an observation "{kind}" is computed from the model, which a table does not have', hint
+            )
         if kind == "index" and prod(shape) > MOST_VALUES:
-            message = f"{Decimal(prod(shape)):.3g} observations have no numbers, which end at {MOST_VALUES:,}"
-            hint = 'observe less, or choose `observation="flat"`, "multi", "dict", "image" or "graph"'
+            message = (
+                f"{Decimal(prod(shape)):.3g} observations cannot be numbered: the maximum is {MOST_VALUES:,}"
+            )
+            hint = 'observe less, or use `observation="flat"`, "multi", "dict", "image" or "graph"'
             raise InvalidArgument(message, hint)
         self.kind: ObservationKind = kind
         self._shape = tuple(shape) or (1,)

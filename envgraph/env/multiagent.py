@@ -92,10 +92,10 @@ class _Several(OfFamily):
 
     def _enter(self, found: Simulator) -> None:
         if [*found.players] != self.possible_agents:
-            hint = "`possible_agents` are always the same: make another environment of it"
+            hint = "make another environment for that variant"
             other = listed(found.players)
             raise InvalidArgument(
-                f"the agents of this environment are {listed(self.possible_agents)}, those of that variant {other}",
+                f"this environment has the agents {listed(self.possible_agents)}, but that variant has {other}",
                 hint,
             )
         self.simulator = found
@@ -250,7 +250,9 @@ class TogetherEnv(_Several, _PARALLEL):  # type: ignore[misc]
         assert together is not None
         lacking = [name for name in self.agents if name not in actions]
         if lacking:
-            raise InvalidArgument(f"there is no action of `{lacking[0]}`", "each of `agents` needs one")
+            raise InvalidArgument(
+                f"`actions` has no action for `{lacking[0]}`", "give an action for each of `agents`"
+            )
         chosen = [
             self._checked(name, actions[name]) if name in self.agents else 0 for name in self.possible_agents
         ]
@@ -272,6 +274,6 @@ def _other(simulator: Simulator, other: str | None) -> InvalidArgument:
     """Return the error for an environment that needs another interface."""
     name = simulator.behaviour.name
     if other is None:
-        return InvalidArgument(f"environment `{name}` has no `agent` blocks", "`envgraph.make` makes it")
+        return InvalidArgument(f"environment `{name}` has no `agent` blocks", "use `envgraph.make`")
     how = "act together" if simulator.together else "take turns"
-    return InvalidArgument(f"the agents of `{name}` {how}", f"`envgraph.{other}` makes it")
+    return InvalidArgument(f"the agents of `{name}` {how}", f"use `envgraph.{other}`")

@@ -100,8 +100,8 @@ def make_vec_spec(
     if vectorization_mode is None and (options.get("live") or options.get("engine") == "live"):
         vectorization_mode = "sync"
     if vectorization_mode in ("sync", "async") and "schedule" in options:
-        hint = 'leave `vectorization_mode` out, with `engine="table"` or `"compiled"`'
-        raise InvalidArgument("single environments side by side have no schedule", hint)
+        hint = 'remove `vectorization_mode`, and use `engine="table"` or `"compiled"`'
+        raise InvalidArgument('`schedule` cannot be used with `vectorization_mode` "sync" or "async"', hint)
     if autoreset_mode is not None:
         autoreset_mode = autoreset_of(autoreset_mode)
         if vectorization_mode in ("sync", "async"):
@@ -177,7 +177,7 @@ def register(
             kwargs=kwargs,
         )
     elif known != wanted:
-        raise InvalidArgument(f"`{wanted.id}` is registered already, for something else")
+        raise InvalidArgument(f"`{wanted.id}` is already registered for another environment")
     return wanted.id
 
 

@@ -48,7 +48,9 @@ class Series:
     def __post_init__(self) -> None:
         lengths = {len(self.x), len(self.y), *(len(edge) for edge in (self.low, self.high) if edge)}
         if len(lengths) != 1 or not self.x or bool(self.low) != bool(self.high):
-            raise InvalidArgument(f"series `{self.label}` needs points, and as many values on every line")
+            raise InvalidArgument(
+                f"series `{self.label}` needs points, and `x`, `y`, `low` and `high` of equal length"
+            )
         if not all(isfinite(value) for value in (*self.x, *self.y, *self.low, *self.high)):
             raise InvalidArgument(f"series `{self.label}` has a value that is not finite")
 

@@ -200,7 +200,7 @@ def test_environments_of_another_kind_are_refused(together: Path) -> None:
         envgraph.make_aec(domain="keydoor")
     env = envgraph.make_parallel(domain=together)
     env.reset(seed=0)
-    with pytest.raises(InvalidArgument, match="there is no action of `right`"):
+    with pytest.raises(InvalidArgument, match="`actions` has no action for `right`"):
         env.step({"left": 0})
     with pytest.raises(InvalidArgument, match=r"action 7 of `right` is not in 0\.\.6"):
         env.step({"left": 0, "right": 7})
@@ -308,13 +308,13 @@ def test_a_reset_goes_over_to_a_variant_and_refuses_other_options(tmp_path: Path
     with pytest.raises(InvalidArgument, match="`E99`"):
         reset(variant="E99")
     for name in ("state", "nonsense"):
-        with pytest.raises(InvalidArgument, match=f"unknown option `{name}` of a reset: there is `variant`"):
+        with pytest.raises(InvalidArgument, match=f"unknown reset option `{name}`: the options are `variant`"):
             reset(**{name: 1})
 
 
 def test_a_variant_with_other_agents_is_another_environment(tmp_path: Path) -> None:
     env = envgraph.make_aec(family_of_arms(tmp_path, "", "hire"))
-    with pytest.raises(InvalidArgument, match="the agents of this environment are `a`, `b`, those of"):
+    with pytest.raises(InvalidArgument, match="this environment has the agents `a`, `b`, but that"):
         env.reset(options={"variant": "E1"})
-    with pytest.raises(InvalidArgument, match="unknown option `variant` of a reset: another variant"):
+    with pytest.raises(InvalidArgument, match="unknown reset option `variant`: this environment cannot"):
         envgraph.make_aec(domain="warehouse").reset(options={"variant": "E1"})

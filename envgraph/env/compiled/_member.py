@@ -217,7 +217,7 @@ class Member:
             type_ is Scalar.STRING and any(row[place] not in self.strings for row in rows)
             for place, type_ in enumerate(types)
         ):
-            raise NotCompiled(f"strings that a query makes (`{pattern}`)", self._library.get(pattern).span)
+            raise NotCompiled(f"a query that computes strings (`{pattern}`)", self._library.get(pattern).span)
         return [tuple(map(self.encoded, row, types)) for row in rows]
 
     def _knows(self, pattern: str) -> bool:
@@ -256,7 +256,7 @@ def checked(value: int) -> int:
         NotCompiled: the int does not fit into 32 bits, the size of ints in states.
     """
     if not NO_INT < value <= MOST_INT:
-        raise NotCompiled(f"an int beyond 32 bits ({value})")
+        raise NotCompiled(f"an int outside of the 32-bit range ({value})")
     return value
 
 

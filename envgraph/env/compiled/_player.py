@@ -68,5 +68,5 @@ class Player:
             raise EvaluationError(
                 f"in a step of `{behaviour.name}` a rule cannot be applied, or a value is missing or too large",
                 behaviour.span,
-                'steps of `envgraph.make(.., engine="live")` say what and where',
+                'make the environment with `engine="live"`: its steps report the value or rule',
             )

@@ -209,7 +209,9 @@ def _check_agents(behaviour: Behaviour, engine: Engine, keys: KeyIndex) -> None:
         check_complete(behaviour, engine.model, keys)
     for agent in behaviour.agents:
         if not engine.model.graph.extent(agent.cls):
-            raise NotCompiled(f"agents that a model has none of (`{agent.cls}`)", agent.span)
+            raise NotCompiled(
+                f"an `agent` block of a class that has no objects in a model (`{agent.cls}`)", agent.span
+            )
 
 
 def _compiled(

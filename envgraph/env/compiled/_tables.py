@@ -429,7 +429,7 @@ class Keyed(Whole):
         for number, index in _indexed(member, self.cls, self.candidates):
             if index != NO_OBJECT:
                 if found[index] != NO_OBJECT:
-                    raise NotCompiled(f"objects that share a key, and may both become a `{self.cls}`")
+                    raise NotCompiled(f"objects with the same key that may both become a `{self.cls}`")
                 found[index] = number
         return found
 
@@ -475,7 +475,7 @@ def _indexed(member: Member, cls: str, classes: Sequence[str]) -> Iterator[tuple
         key >= (member.model.graph.store.next_id,) for key in rank
     ):
         raise NotCompiled(
-            f"objects without a key that rules create, where other members have more of them (`{cls}`)"
+            f"rules that create objects without a key, of which other members have more (`{cls}`)"
         )
     for number in (number for number in members(member, classes) if number not in member.spare):
         yield number, rank.get(key_of(member.objects[number]), NO_OBJECT)

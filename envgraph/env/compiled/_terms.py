@@ -127,7 +127,9 @@ class Terms:
             case EnumLiteral():
                 type_ = expected if node.enum is None else self._facts.metamodel.enums.get(node.enum)
                 if not isinstance(type_, EnumType):
-                    raise NotCompiled(f"the literal `{node.literal}` where its type is not clear", node.span)
+                    raise NotCompiled(
+                        f"the literal `{node.literal}`, whose enum cannot be inferred", node.span
+                    )
                 return literal(self._facts, node.literal, type_)
             case Navigation():
                 return self._read(node)
@@ -165,7 +167,7 @@ class Terms:
             type_, sure = ObjectType(feature.target), feature.target
             end = self._facts.links.other_end(feature, owner.value, forward=True, sure=above)
             if end is None:
-                raise NotCompiled(f"the many targets of `{feature}` in an expression", node.span)
+                raise NotCompiled(f"`{feature}`, which may have several targets, in an expression", node.span)
             found = end
         if owner.tests:
             found = code.Choice(code.joined("and", owner.tests, True), found, absent(type_))
@@ -196,7 +198,7 @@ class Terms:
         if node.operator in _COMPARISONS:
             return Term(code.Operation(node.operator, (left.value, right.value)), Scalar.BOOL, valid)
         if Scalar.STRING in (left.type, right.type):
-            raise NotCompiled("strings that are put together", node.span)
+            raise NotCompiled("a concatenation of strings", node.span)
         return self._arithmetic(node, left, right, valid)
 
     def _arithmetic(self, node: Binary, left: Term, right: Term, valid: tuple[Test, ...]) -> Term:
@@ -213,7 +215,7 @@ class Terms:
                 "%": min(left.bits, right.bits),
             }.get(operator, max(left.bits, right.bits) + 1)
             if bits > _MOST_BITS:
-                raise NotCompiled("a product of products", node.span)
+                raise NotCompiled("a product of ints that may exceed 64 bits", node.span)
             made: code.Expression
             if operator in "/%":
                 function = "quotient" if operator == "/" else "rest"

@@ -140,7 +140,9 @@ class _Steps:
             return
         for step in steps[1:]:
             if not _never_fails(step):
-                raise NotCompiled(f"a step of a unit that may fail after others (`{self._name}`)", step.span)
+                raise NotCompiled(
+                    f"a step of a unit that may fail after other steps (`{self._name}`)", step.span
+                )
         self.write(steps[0], scope, done)
         if self._asks or len(steps) == 1:
             return
@@ -297,7 +299,7 @@ class _Steps:
         sure = self._facts.metamodel.is_a(term.type.cls, cls)
         if callee.kind == "unit":
             if not sure:
-                raise NotCompiled(f"an object that a unit takes as one of another class (`{callee.simple}`)")
+                raise NotCompiled(f"an argument of a unit whose class is not certain (`{callee.simple}`)")
             return []
         alive = self._writer.alive(term)
         tests = [] if alive is None else [alive]
@@ -318,7 +320,9 @@ class _Steps:
                 reached += sorted(names & bodies.keys() - {*reached})
         body = plan_of(self._writer.engine, call).body
         if found and (body.nested or body.coinciding):
-            raise NotCompiled(f"matches in a unit that may contradict each other (`{call.rule}`)", call.span)
+            raise NotCompiled(
+                f"a rule in a unit whose matches may contradict each other (`{call.rule}`)", call.span
+            )
         return found
 
     # --- conditions

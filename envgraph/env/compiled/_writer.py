@@ -251,9 +251,7 @@ class Writer(Statements):
         if self.facts.metamodel.is_a(term.type.cls, taken.cls):
             return []
         if self._is_unit(rule):
-            raise NotCompiled(
-                f"an object that a unit takes as one of another class (`{rule.rule}`)", rule.span
-            )
+            raise NotCompiled(f"an argument of a unit whose class is not certain (`{rule.rule}`)", rule.span)
         return [self.facts.is_instance(term.value, taken.cls)]
 
     def _check_argument(self, argument: Expression, scope: Mapping[str, Term], term: Term) -> None:

@@ -125,17 +125,17 @@ def test_a_lake_has_a_family_of_lakes(envgraph: Envgraph) -> None:
 @pytest.mark.parametrize(
     ("arguments", "said"),
     [
-        (["CartPole-v1"], "`CartPoleEnv` does not tell its transitions: it has no `P`"),
+        (["CartPole-v1"], "`CartPoleEnv` has no `P`, a table of its transitions"),
         (["Nothing-v1"], "Gymnasium cannot make `Nothing-v1`"),
         (["FrozenLake-v1", "--set", "icy=true"], "unexpected keyword argument 'icy'"),
         (["FrozenLake-v1", "--set", "icy"], "`icy` is no option of an environment"),
         (["FrozenLake-v1", "--set", "map_name=9x9"], "Gymnasium cannot make"),
         (
             ["Odd-v0", "--set", "start=0.12345678"],
-            "the chances of the start (0.123457, 0.876543) are no multiples",
+            "the start probabilities (0.123457, 0.876543) are not multiples",
         ),
         (["MiniGrid-Nothing-v0"], "Gymnasium cannot make `MiniGrid-Nothing-v0`"),
-        (["Taxi-v4", "--set", "fickle_passenger=true"], "`TaxiEnv` does more than it tells: in state"),
+        (["Taxi-v4", "--set", "fickle_passenger=true"], "`TaxiEnv` made a transition that its `P` does not contain: in state"),
     ],
 )
 def test_what_cannot_be_adopted_says_why(envgraph: Envgraph, arguments: list[str], said: str) -> None:

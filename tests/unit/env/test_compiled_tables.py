@@ -109,7 +109,7 @@ def test_a_table_with_too_much_room_is_not_made(tmp_path: Path, monkeypatch: pyt
     monkeypatch.setattr("envgraph.env._too_many.MOST_ENTRIES", 40)
     assert_equal_tables(enumerated(program), explore(engine, behaviour).tabular)
     monkeypatch.setattr("envgraph.env._too_many.MOST_ENTRIES", 39)
-    message = "is too large: 2 states, 2 actions, up to 10 outcomes of one"
+    message = "is too large: 2 states, 2 actions, up to 10 outcomes of an action"
     with pytest.raises(TooManyStates, match=message):
         enumerated(program)
     with pytest.raises(TooManyStates, match=message):

@@ -139,5 +139,5 @@ def test_what_is_written_steps_as_the_environment_does() -> None:
     ids=["five", "more", "crossed", "bump", "reward", "chance", "undrawn"],
 )  # fmt: skip
 def test_what_frozen_lake_has_not_is_refused(explored: object, told: str) -> None:
-    with pytest.raises(InvalidArgument, match=f"this is no map of FrozenLake: {told}"):
+    with pytest.raises(InvalidArgument, match=f"this environment is not a map of FrozenLake: {told}"):
         frozen_lake(explored(), None)  # type: ignore[operator]

@@ -122,12 +122,12 @@ def test_actions_and_states_are_checked() -> None:
 def test_options_of_a_reset_that_mean_nothing_are_refused() -> None:
     env, live = EnvgraphEnv(TARGET.tabular), make("live")
     with pytest.raises(
-        InvalidArgument, match="unknown option `variant` of a reset: another variant is another"
+        InvalidArgument, match="unknown reset option `variant`: this environment cannot switch variants"
     ):
         env.reset(options={"variant": 2})
-    with pytest.raises(InvalidArgument, match="unknown option `stat` of a reset: there is `state`"):
+    with pytest.raises(InvalidArgument, match="unknown reset option `stat`: the options are `state`"):
         env.reset(options={"stat": 2})
-    with pytest.raises(InvalidArgument, match="unknown option `state` of a reset: there are none here"):
+    with pytest.raises(InvalidArgument, match="unknown reset option `state`: this environment has no reset options"):
         live.reset(options={"state": 2})
 
 

@@ -78,7 +78,7 @@ def test_tables_have_no_larger_rewards() -> None:
     paying(-2e100).check()  # of two clauses
     for reward in (1e111, -1e308, np.inf, np.nan):
         with pytest.raises(
-            InvalidArgument, match=r"`reward` has values that are not from -1e\+110 to 1e\+110"
+            InvalidArgument, match=r"`reward` has values outside of the range from -1e\+110 to 1e\+110"
         ):
             paying(reward).check()
 

@@ -83,5 +83,5 @@ def test_an_index_is_refused_with_what_to_choose(domain: str, engine: Any) -> No
 
 
 def test_a_table_is_refused(domain: str) -> None:
-    with pytest.raises(EnvgraphError, match="observations, a table at most 9,223,372"):
+    with pytest.raises(EnvgraphError, match="observations, but a table can have at most 9,223,372"):
         envgraph.make(domain=domain, engine="table", observation="flat")

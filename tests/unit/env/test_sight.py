@@ -97,5 +97,5 @@ def test_who_is_gone_sees_nothing() -> None:
 
 def test_an_image_would_show_what_is_out_of_sight() -> None:
     engine, behaviour = hands()
-    with pytest.raises(InvalidArgument, match="lets agents see a part"):
+    with pytest.raises(InvalidArgument, match="hides a part of it from its agents"):
         model_view("graph", behaviour, [engine.model])

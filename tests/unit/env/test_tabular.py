@@ -58,7 +58,7 @@ def test_a_table_with_one_outcome_an_action_is_deterministic() -> None:
         ({"start_states": np.array([0, 0], np.int32), "start_probability": np.array([0.5, 0.5])}, "twice"),
         ({"start_probability": np.array([0.5])}, "`start_probability` does not sum"),
         ({"start_probability": np.array([0.5, 0.5])}, "one value a start state"),
-        ({"observation_shape": (2, 2)}, "`observation_shape` spans 4, not 3"),
+        ({"observation_shape": (2, 2)}, "`observation_shape` gives 4 observations, `n_observations` is 3"),
         ({"action_names": ("flip", "spin")}, "one name an action"),
     ],
 )

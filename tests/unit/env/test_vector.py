@@ -172,7 +172,7 @@ def test_resets_take_options_that_they_know() -> None:
     for mask in ([True], [False, False], [1, 0], "yes"):
         with pytest.raises(InvalidArgument, match="2 bools"):
             many.reset(options={"reset_mask": mask})
-    with pytest.raises(InvalidArgument, match="unknown option `state` of a reset: there is `reset_mask`"):
+    with pytest.raises(InvalidArgument, match="unknown reset option `state`: the options are `reset_mask`"):
         many.reset(options={"state": 3})
     with pytest.raises(
         InvalidArgument, match="unknown autoreset mode 'never': there are `Disabled`, `NextStep`"

@@ -136,7 +136,7 @@ def test_an_image_has_the_size_of_the_largest_member() -> None:
     image = view.of(Simulator(small, behaviour))
     assert not image[:, 7:].any()
     assert image in view.space
-    with pytest.raises(InvalidArgument, match="has no image: it draws no grid; write `draw grid"):
+    with pytest.raises(InvalidArgument, match="has no image, because it draws no grid; write `draw grid"):
         ImageView(load_workspace(["network"]).behaviour("Routing"), [small.model])
 
 

@@ -250,7 +250,7 @@ REFUSED = {
     "a rule that merges objects (`yard.wrong`)": wrong(
         "lhs { s : Item; t : Item; } modify { [[merge s <- t;]] }"
     ),
-    "agents that a model has none of (`Pit`)": Yard(
+    "an `agent` block of a class that has no objects in a model (`Pit`)": Yard(
         "rule up(s : Spot) { lhs { s : Spot; } modify { set s.n += 1; } }",
         "action up(s : Spot) = up(s)\nagent [[p]] : Pit { }\nagent m : Man { observe m.kind }",
         head="",

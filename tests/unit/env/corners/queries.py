@@ -138,7 +138,7 @@ REFUSED = {
         "action wed(i : Item, j : Item) = wed(i, j)\non find after(i, j) reward 1",
         "pattern [[after]](i : Item, j : Item) { Item.pair(i, j); } or { Item.pair(i, k); find after(k, j); }",
     ),
-    "strings that a query makes (`yard.long`)": Yard(
+    "a query that computes strings (`yard.long`)": Yard(
         "rule read(out t : string) { lhs { find long(t); } modify { } }",
         'action read = read(t) reward t == "bx" ? 1 : 2',
         'pattern [[long]](t : string) { Spot.tag(_, u); t == eval(u + "x"); }',

@@ -184,7 +184,7 @@ REFUSED = {
         f"{RULES}{OTHERS}unit wrong(s : Spot) {{ {body} }}", "action wrong(s : Spot) = wrong(s)", QUERY
     )
     for construct, body in {
-        "a step of a unit that may fail after others (`wrong`)": "up(s); [[down(s)]];",
+        "a step of a unit that may fail after other steps (`wrong`)": "up(s); [[down(s)]];",
         "`alap` in a unit (`wrong`)": "[[alap { up(s); }]]",
         "`repeat` in a unit (`wrong`)": "[[repeat 2 { up(s); }]]",
         "`all` in a unit (`wrong`)": "[[all up]];",
@@ -192,7 +192,7 @@ REFUSED = {
         "an `if` in a unit that asks whether a rule can be applied (`wrong`)": "[[if up(s) { down(s); }]]",
         "the group `climb` in a unit": "[[climb]];",
         "the unit `wrong`, which calls itself": "try { [[wrong(s)]]; } else { up(s); }",
-        "matches in a unit that may contradict each other (`yard.meet`)": "[[meet]] | up(s);",
-        "an object that a unit takes as one of another class (`flatten`)": "[[flatten(s)]];",
+        "a rule in a unit whose matches may contradict each other (`yard.meet`)": "[[meet]] | up(s);",
+        "an argument of a unit whose class is not certain (`flatten`)": "[[flatten(s)]];",
     }.items()
 }

@@ -234,7 +234,7 @@ CORNERS = {
 }
 
 REFUSED = {
-    "strings that are put together": wrong('lhs { s : Spot; } modify { set s.tag = [[s.tag + "x"]]; }'),
+    "a concatenation of strings": wrong('lhs { s : Spot; } modify { set s.tag = [[s.tag + "x"]]; }'),
     "a rule that concatenates strings (`yard.wrong`)": wrong(
         'lhs { s : Spot; } modify { [[set s.tag += "x";]] }'
     ),
@@ -242,7 +242,7 @@ REFUSED = {
     "a rule that sets a multi-valued attribute (`yard.wrong`)": wrong(
         'lhs { s : Spot; } modify { [[set s.marks = ["x"];]] }'
     ),
-    "a product of products": wrong("lhs { s : Spot; } modify { set s.n = [[s.n * s.n * s.n]]; }"),
+    "a product of ints that may exceed 64 bits": wrong("lhs { s : Spot; } modify { set s.n = [[s.n * s.n * s.n]]; }"),
     "the function `ceil`": wrong("lhs { s : Spot; } modify { set s.n = [[ceil(s.f)]]; }"),
-    "an int beyond 32 bits (5000000000)": wrong("[[lhs]] { s : Spot; } modify { set s.n = 5000000000; }"),
+    "an int outside of the 32-bit range (5000000000)": wrong("[[lhs]] { s : Spot; } modify { set s.n = 5000000000; }"),
 }
