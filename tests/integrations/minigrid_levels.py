@@ -91,7 +91,11 @@ def _values(table: Any) -> Any:
 )
 def test_levels_with_rules_of_their_own_are_refused(envgraph_command: Envgraph, level: str) -> None:
     done = envgraph_command("adopt", f"MiniGrid-{level}")
-    assert done.code == 1 and "changes the steps or rewards of MiniGrid" in done.err and not list(Path().iterdir())
+    assert (
+        done.code == 1
+        and "changes the steps or rewards of MiniGrid" in done.err
+        and not list(Path().iterdir())
+    )
 
 
 def test_boxes_give_what_is_inside_and_large_levels_are_tried_along_ways(envgraph_command: Envgraph) -> None:

@@ -308,7 +308,9 @@ def test_a_reset_goes_over_to_a_variant_and_refuses_other_options(tmp_path: Path
     with pytest.raises(InvalidArgument, match="`E99`"):
         reset(variant="E99")
     for name in ("state", "nonsense"):
-        with pytest.raises(InvalidArgument, match=f"unknown reset option `{name}`: the options are `variant`"):
+        with pytest.raises(
+            InvalidArgument, match=f"unknown reset option `{name}`: the options are `variant`"
+        ):
             reset(**{name: 1})
 
 

@@ -135,7 +135,10 @@ def test_a_lake_has_a_family_of_lakes(envgraph: Envgraph) -> None:
             "the start probabilities (0.123457, 0.876543) are not multiples",
         ),
         (["MiniGrid-Nothing-v0"], "Gymnasium cannot make `MiniGrid-Nothing-v0`"),
-        (["Taxi-v4", "--set", "fickle_passenger=true"], "`TaxiEnv` made a transition that its `P` does not contain: in state"),
+        (
+            ["Taxi-v4", "--set", "fickle_passenger=true"],
+            "`TaxiEnv` made a transition that its `P` does not contain: in state",
+        ),
     ],
 )
 def test_what_cannot_be_adopted_says_why(envgraph: Envgraph, arguments: list[str], said: str) -> None:
@@ -258,7 +261,7 @@ ODD: dict[str, tuple[Any, dict[str, Any], str]] = {
         {},
         "the outcomes of state 0 cannot be read",
     ),
-    "no states": ({}, {}, "does not tell its transitions"),
+    "no states": ({}, {}, "a table of its transitions"),
     "too many": ([CHAIN[2]] * 250_001, {}, "has 250,001 states, but at most 250,000 can be adopted"),
     **{
         f"starts {given}": (

@@ -428,7 +428,10 @@ def test_a_family_is_exported_as_code_from_templates(envgraph: Envgraph, tmp_pat
     ok(envgraph("export", "a", "--format", "npz", "-o", "tables.npz"))
     assert (tmp_path / "tables.npz").read_bytes() == (tmp_path / "fires/src/fires/tables.npz").read_bytes()
     refused = envgraph("export", "a", "--format", "frozenlake")
-    assert refused.code == 1 and "E1: this environment is not a map of FrozenLake: several of its states" in refused.err
+    assert (
+        refused.code == 1
+        and "E1: this environment is not a map of FrozenLake: several of its states" in refused.err
+    )
     for arguments, told in (
         (("--format", "python"), "`-o FOLDER` says where"),
         (("--format", "npz"), "`-o FILE` says where"),

@@ -32,7 +32,7 @@ def test_observing_an_object_of_another_class_is_an_error_that_says_so() -> None
     engine, behaviour = Yard(GO, GONE + "observe adam.at among Pit").opened()
     with pytest.raises(EvaluationError) as caught:
         Simulator(engine, behaviour).reset(np.random.default_rng(0))
-    assert caught.value.message == "an observed path leads to `s0`, which is no `Pit`"
+    assert caught.value.message == "an observed path leads to `s0`, which is not of class `Pit`"
     assert caught.value.hint == "write `among Spot`, or `among Pit or none`"
     assert caught.value.span is not None and caught.value.span.text == "adam.at"
 

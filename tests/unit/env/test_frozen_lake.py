@@ -128,8 +128,8 @@ def test_what_is_written_steps_as_the_environment_does() -> None:
 @pytest.mark.parametrize(
     ("explored", "told"),
     [
-        (lambda: lake(SURE + "action wait = nothing()"), "there are 5 actions"),
-        (lambda: lake(SURE, more="each step apply 0.5: tire(walker)"), "there is more to a state than where"),
+        (lambda: lake(SURE + "action wait = nothing()"), "it has 5 actions"),
+        (lambda: lake(SURE, more="each step apply 0.5: tire(walker)"), "several of its states have the walker"),
         (lambda: lake(SURE.replace("west", "east", 1)), "`left` at column 0, row 0 leads to column 1, row 0"),
         (lambda: lake(SURE.replace("west(walker)", "west(walker) else reward -1.0", 1)), "`down` at column 0, row 0"),
         (lambda: lake(SURE, more="on find onStart(walker) reward -0.5"), "`down` at column 0, row 0 leads to"),

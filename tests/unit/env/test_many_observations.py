@@ -77,9 +77,11 @@ def test_many_environments_at_once_do_as_well(domain: str) -> None:
 
 @pytest.mark.parametrize("engine", ["compiled", "live", None])
 def test_an_index_is_refused_with_what_to_choose(domain: str, engine: Any) -> None:
-    with pytest.raises(EnvgraphError, match=r"1.18e\+21 observations have no numbers, which end") as caught:
+    with pytest.raises(
+        EnvgraphError, match=r"1.18e\+21 observations cannot be numbered: the maximum"
+    ) as caught:
         envgraph.make(domain=domain, engine=engine)
-    assert 'choose `observation="flat"`, "multi", "dict", "image" or "graph"' in str(caught.value)
+    assert 'use `observation="flat"`, "multi", "dict", "image" or "graph"' in str(caught.value)
 
 
 def test_a_table_is_refused(domain: str) -> None:

@@ -74,7 +74,7 @@ def test_links_that_are_down_carry_nothing_and_recover() -> None:
 
 def test_too_many_states_to_enumerate_but_not_to_step() -> None:
     engine, behaviour = loaded()
-    with pytest.raises(EvaluationError, match="do without a table"):
+    with pytest.raises(EvaluationError, match="which need no table"):
         explore(engine, behaviour, limit=500)
     assert behaviour.limit == 64
     env = TimeLimit(EnvgraphLiveEnv(Simulator(engine, behaviour), render_mode="ansi"), behaviour.limit)

@@ -97,7 +97,7 @@ def test_one_of_the_matches_in_a_step() -> None:
 
 
 def test_a_weight_has_to_be_a_number_that_is_not_negative() -> None:
-    said = "-1 is no weight"
+    said = "-1 is not a weight"
     with pytest.raises(EvaluationError, match=said):
         starts("on reset find worth(coin, value) apply turnOver(coin) weight 1 - value")
     for clause, said in (

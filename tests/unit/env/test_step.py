@@ -68,7 +68,11 @@ def test_a_probability_of_an_object_that_is_gone_is_0() -> None:
 @pytest.mark.parametrize(
     ("chance", "message", "place"),
     [
-        ("(coin.value - 3.0)", "-1 is not a probability from 0 to 1, where `coin` is Coin#", "coin.value - 3.0"),
+        (
+            "(coin.value - 3.0)",
+            "-1 is not a probability from 0 to 1, where `coin` is Coin#",
+            "coin.value - 3.0",
+        ),
         ("(coin.over.value / 4.0)", "a probability has no value", "coin.over"),
         ("(coin.value / 2.0)", "the probabilities add up to 1.5, which is above 1, where `coin` is", "0.5"),
     ],
@@ -357,7 +361,9 @@ def test_observations_may_be_more_than_a_table_can_number() -> None:
     coins = simulator(text)
     assert coins.n_observations == 21 * 1000001**3 > 2**63
     engine, behaviour = loaded(text)
-    with pytest.raises(EvaluationError, match=r"2.10e\+19 observations, but a table can have at most 9,223,372,"):
+    with pytest.raises(
+        EvaluationError, match=r"2.10e\+19 observations, but a table can have at most 9,223,372,"
+    ):
         explore(engine, behaviour)
 
 
@@ -366,7 +372,7 @@ def test_observing_nowhere_is_an_error_that_names_the_remedy() -> None:
     with pytest.raises(EvaluationError, match="or none") as caught:
         coins.reset(np.random.default_rng(0))
     assert caught.value.span is not None and caught.value.span.text == "hand.holds"
-    assert caught.value.message == "an observed path leads nowhere: `hand` has no `holds`"
+    assert caught.value.message == "an observed path has no value: `hand` has no `holds`"
 
 
 @pytest.mark.parametrize("path", ["hand.holds.value in 0..3", "hand.holds.side"])

@@ -86,7 +86,7 @@ def test_a_damaged_file_is_refused_or_reads_as_before(tmp_path: Path) -> None:
 
 def test_nothing_in_a_file_is_run(tmp_path: Path) -> None:
     np.savez(tmp_path / "table.npz", facts=np.array([print], dtype=object))
-    with pytest.raises(InvalidArgument, match="is no table of states"):
+    with pytest.raises(InvalidArgument, match="is not a readable table of states"):
         read_explored(tmp_path / "table.npz")
 
 

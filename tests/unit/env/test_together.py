@@ -330,9 +330,9 @@ def test_members_of_a_family_have_the_same_agents() -> None:
 def test_too_many_joint_actions_are_refused_where_they_are_one_number() -> None:
     live = simulator(COINS.replace("action wait", "action count(n : 0..99) = count(hand, n)\naction wait"))
     assert live.together is not None and live.together.n_actions == 103**3
-    with pytest.raises(EvaluationError, match="1,092,727 actions of all agents together"):
+    with pytest.raises(EvaluationError, match="1,092,727 joint actions of all agents"):
         live.action_names  # noqa: B018
-    with pytest.raises(EvaluationError, match="1,092,727 actions of all agents together"):
+    with pytest.raises(EvaluationError, match="1,092,727 joint actions of all agents"):
         program_of(live.engine, live.behaviour, native=False)
     live.reset(np.random.default_rng(0))
     assert live.step(103**3 - 1, np.random.default_rng(0)).terminated == 0

@@ -124,7 +124,7 @@ def test_a_unit_that_the_model_refuses_is_an_error_that_leaves_the_model_as_it_w
 def test_too_many_ways_through_a_unit_are_told(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr("envgraph.env._simulator.MOST_OUTCOMES", 3)
     with pytest.raises(
-        EvaluationError, match=r"`x` has more than 3 outcomes in one state[\s\S]*`all r;` takes"
+        EvaluationError, match=r"`x` has more than 3 outcomes in one state[\s\S]*write `all r;`"
     ):
         table("action x = some()")
 

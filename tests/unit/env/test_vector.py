@@ -112,7 +112,7 @@ def test_wrong_arguments_are_refused() -> None:
     for arguments in ([()], [[TABLES[0], coins]], [TABLES, 0]):
         with pytest.raises(InvalidArgument):
             EnvgraphVectorEnv(*arguments)
-    with pytest.raises(InvalidArgument, match="limit"):
+    with pytest.raises(InvalidArgument, match="`max_episode_steps` is 0, but must be at least 1"):
         EnvgraphVectorEnv(TABLES, max_episode_steps=0)
     with pytest.raises(InvalidArgument, match="pictures"):
         EnvgraphVectorEnv(TABLES, render_mode="rgb_array")
@@ -145,7 +145,9 @@ def test_every_autoreset_mode_is_gymnasiums(mode: AutoresetMode, observation: st
         over = found[2] | found[3]
         ends += int(over.sum())
         if mode is AutoresetMode.DISABLED and over.any():
-            with pytest.raises(ResetNeeded, match=f"the episodes of .*{np.flatnonzero(over)[0]}.* are over"):
+            with pytest.raises(
+                ResetNeeded, match=f"the episodes of environments .*{np.flatnonzero(over)[0]}.* are over"
+            ):
                 ours.step(actions)
             options = {"reset_mask": over}
             assert same(ours.reset(options=dict(options)), theirs.reset(options=dict(options)))
@@ -166,7 +168,7 @@ def same(one: object, other: object) -> bool:
 
 def test_resets_take_options_that_they_know() -> None:
     many = EnvgraphVectorEnv(TABLES[:2])
-    with pytest.raises(ResetNeeded, match="of all environments"):
+    with pytest.raises(ResetNeeded, match="must reset all environments"):
         many.reset(options={"reset_mask": np.array([True, False])})
     many.reset()
     for mask in ([True], [False, False], [1, 0], "yes"):
@@ -175,7 +177,7 @@ def test_resets_take_options_that_they_know() -> None:
     with pytest.raises(InvalidArgument, match="unknown reset option `state`: the options are `reset_mask`"):
         many.reset(options={"state": 3})
     with pytest.raises(
-        InvalidArgument, match="unknown autoreset mode 'never': there are `Disabled`, `NextStep`"
+        InvalidArgument, match="unknown autoreset mode 'never'; the modes are `Disabled`, `NextStep`"
     ):
         EnvgraphVectorEnv(TABLES, autoreset_mode="never")
 

@@ -188,7 +188,7 @@ def test_kinds_of_observations_are_checked() -> None:
         envgraph.make(domain="keydoor", observation="imag")
     with pytest.raises(InvalidArgument, match='"graph" is made of the model, which a table has not; leave'):
         envgraph.make_vec(domain="keydoor", observation="graph", engine="table")
-    with pytest.raises(InvalidArgument, match='of which an observation "image" is made'):
+    with pytest.raises(InvalidArgument, match='an observation "image" is computed from the model'):
         EnvgraphEnv(explore(*loaded(SEEN)).tabular, observation="image")
     assert envgraph.make(domain="keydoor", observation="image", engine="live").reset(seed=0)[0].shape == (
         5,

@@ -196,7 +196,7 @@ def test_graphviz_draws_where_it_is_installed(fake_dot):
 def test_without_a_picture_from_graphviz_we_draw(fake_dot, code):
     fake_dot(code)
     assert picture().to_svg() == picture().to_svg(graphviz=False)
-    with pytest.raises(InvalidArgument, match="Graphviz drew nothing"):
+    with pytest.raises(InvalidArgument, match="Graphviz did not draw"):
         picture().to_svg(graphviz=True)
 
 

@@ -231,7 +231,7 @@ def test_schedules_that_are_not_there_are_refused(family_file: Path) -> None:
     with pytest.raises(InvalidArgument, match="unknown schedule `prl`"):
         envgraph.make_vec(family_file, 2, schedule="prl")
     for options in ({"engine": "live"}, {"vectorization_mode": "sync"}):
-        with pytest.raises(InvalidArgument, match="side by side have no schedule"):
+        with pytest.raises(InvalidArgument, match="`schedule` cannot be used with"):
             envgraph.make_vec(family_file, 2, schedule="plr", **options)  # type: ignore[arg-type]
 
 
@@ -329,7 +329,9 @@ def test_how_to_render_is_checked_before_the_states_are_visited(
     for make in (envgraph.make, envgraph.make_vec):
         with pytest.raises(InvalidArgument, match="its behaviour has no `draw`; write a clause"):
             make(domain=str(tmp_path), render_mode="rgb_array")
-        with pytest.raises(InvalidArgument, match=r"unknown render mode 'text': there is .*`rgb_array`"):
+        with pytest.raises(
+            InvalidArgument, match=r"unknown render mode 'text'; the render modes are .*`rgb_array`"
+        ):
             make(domain=str(tmp_path), render_mode="text")
 
 
@@ -354,9 +356,7 @@ def test_a_reset_goes_over_to_another_member_and_stays_there(family_file: Path, 
     before = env.reset(seed=0)
     with pytest.raises(InvalidArgument, match="has no environment `E9`"):
         env.reset(options={"variant": "E9"})
-    with pytest.raises(
-        InvalidArgument, match=r"unknown reset option `varian`: the options are .*`variant`"
-    ):
+    with pytest.raises(InvalidArgument, match=r"unknown reset option `varian`: the options are .*`variant`"):
         env.reset(options={"varian": "E9"})
     assert env.reset(seed=0) == before
 
@@ -369,9 +369,11 @@ def test_a_vector_goes_over_to_members_that_it_was_made_with(family_file: Path) 
     _, infos = many.reset(options={"variant": ["E1", "E1", 6], "reset_mask": mask})
     assert infos["variant"].tolist() == ["E1", None, "E6"]
     assert many.step(np.full(3, 1))[4]["variant"].tolist() == ["E1", "E6", "E6"]
-    with pytest.raises(InvalidArgument, match="of `E1`, `E6`, not of `E2`; make it with a list"):
+    with pytest.raises(
+        InvalidArgument, match="members `E1`, `E6`, but not `E2`; make the vector environment with"
+    ):
         many.reset(options={"variant": "E2"})
-    with pytest.raises(InvalidArgument, match="2 members for 3 environments"):
+    with pytest.raises(InvalidArgument, match="2 members, but must list one for each of 3"):
         many.reset(options={"variant": ["E1", "E6"]})
     with pytest.raises(InvalidArgument, match="no environment `E9`"):
         many.reset(options={"variant": "E9"})
@@ -427,7 +429,7 @@ def test_a_saved_family_is_registered_by_name(family_file: Path, monkeypatch: py
         envgraph.register(family_file, name="Saved")
     with pytest.raises(InvalidArgument, match="`a b` cannot name an environment"):
         envgraph.register(family_file, name="a b")
-    with pytest.raises(InvalidArgument, match=f"`{ID}` is registered already"):
+    with pytest.raises(InvalidArgument, match=f"`{ID}` is already registered"):
         envgraph.register(family_file)  # that is its name, too
 
 
