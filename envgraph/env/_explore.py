@@ -169,7 +169,7 @@ class _Search:
         return found
 
     def _masked(self, over: bool) -> bytearray:
-        """Return the initial action mask of a state: 0s to update, or the final mask if agents act together."""
+        """Return the initial action mask of a state: all 0, or the final mask if agents act together."""
         if self.simulator.together is not None and not over:
             return bytearray(self.simulator.allowed())
         return bytearray(len(self.simulator.action_names))

@@ -12,7 +12,7 @@ from envgraph.errors import InvalidArgument, listed
 
 
 class About(TypedDict):
-    """Facts about a member for infos: its name for each info, and its certificates for the infos of `reset`."""
+    """Facts about a member for info dictionaries: its name for every info, its certificates for infos of `reset`."""
 
     variant: str
     certificates: dict[str, float | None]

@@ -23,7 +23,7 @@ class Choices(Protocol):
     """A source of the random choices of a step, which are made in a fixed order."""
 
     def choose(self, probabilities: Sequence[float]) -> int | None:
-        """Sample an alternative with given probabilities; None has the probability that is missing to 1."""
+        """Sample an alternative with the given probabilities; return None with the rest (1 minus their sum)."""
 
     def pick(self, count: int) -> int:
         """Sample one of `count` >= 1 alternatives uniformly."""

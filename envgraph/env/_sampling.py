@@ -33,7 +33,7 @@ class Draw:
         self.rest = uniform
 
     def choose(self, probabilities: Sequence[float]) -> int | None:
-        """Sample an alternative with given probabilities; None has the probability that is missing to 1."""
+        """Sample an alternative with the given probabilities; return None with the rest (1 minus their sum)."""
         start = 0.0
         for position, probability in enumerate(probabilities):
             if self.rest < start + probability:
@@ -86,7 +86,7 @@ class Recorded:
         self.probability = 1.0
 
     def choose(self, probabilities: Sequence[float]) -> int | None:
-        """Take the scripted alternative with positive probability; None stands for the probability missing to 1."""
+        """Take the scripted alternative with positive probability; None stands for the rest of the probability."""
         possible: list[tuple[int | None, float]] = [(i, p) for i, p in enumerate(probabilities) if p > 0.0]
         missing = lacking(probabilities)
         if missing > 1e-12:

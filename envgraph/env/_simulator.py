@@ -74,7 +74,7 @@ class Simulator:
     in that order, each only if its match still is one. (f) The agent observes.
 
     `reward` of an action is paid if its rule was applied or the branch `nothing()` was sampled. `else reward` is paid
-    if the rule had no match, or if the probability that is missing to 1 was sampled.
+    if the rule had no match, or if no branch was sampled because their probabilities sum to less than 1.
 
     With `agent` blocks a step is the turn of one agent. The step runs the agent's block and the shared clauses, and its
     reward is that of the turn; then the next agent observes. Agents take turns block by block, within a block by key;

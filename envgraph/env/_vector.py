@@ -218,7 +218,7 @@ class VectorEnvironmentBase(VectorEnv[Any, Any, Any]):
         }
 
     def _info(self, success: Bools, mask: Bools | None = None, begun: Bools | None = None) -> dict[str, Any]:
-        """Return the infos of the environments in `mask` (None: all); `begun` marks those whose episode just began."""
+        """Return the info of the environments in `mask` (None: all); `begun` marks those whose episode just began."""
         values: dict[str, NDArray[Any]] = {
             **self._facts(),
             "step": self._steps.copy(),

@@ -111,7 +111,7 @@ class Objects:
         self._leave_sets(group, delete.node)
 
     def outside(self, delete: Delete) -> list[code.Expression]:
-        """Return tests that the object to delete is not contained in another object that the rule deletes."""
+        """Return expressions that test if the object is not contained in another object that the rule deletes."""
         facts, slots, classes = self._facts, self._site.slots, self._site.frame.plan.classes
         found: list[code.Expression] = []
         for other in self._site.frame.plan.deletes:

@@ -168,7 +168,7 @@ class Observations:
         return entry(L, self._layout.offset(Constants(("keys", cls), (self._keys.size(cls),))))
 
     def _holds(self, call: PatternCall, types: Types, scope: Mapping[str, Term]) -> code.Expression:
-        """Emit a test that a condition has a match; conditions on deleted objects have no match."""
+        """Emit code that tests if a condition has a match; conditions on deleted objects have no match."""
         writer = self._writer
         question = added(writer.engine, writer.behaviour, lambda n: condition_question(n, call, types))
         values = [scope[bound].value for bound in question.bound]

@@ -181,8 +181,8 @@ class Plans:
 def different_actions(program: Program) -> NDArray[np.int64]:
     """Return the numbers of the actions that can lead to different states.
 
-    Actions that never change a state are represented by one of them. For agents that act together, the result contains
-    the joint actions in which each agent uses only its first inactive action, and the actions that can act.
+    Unless agents act together, these are all actions. A joint action is included if each agent's part can change a
+    state, or is the first of the agent's actions that cannot.
     """
     if not program.behaviour.together:
         return np.arange(len(program.action_names))

@@ -20,7 +20,7 @@ class Statements:
         self._statements: list[code.Statement] = []
 
     def add(self, *statements: code.Statement) -> None:
-        """Append statements."""
+        """Append statements to the function."""
         self._statements += statements
 
     def assign(self, target: code.Local, value: code.Expression) -> None:
@@ -35,7 +35,7 @@ class Statements:
         return made
 
     def when(self, test: code.Expression, write: Callable[[], None]) -> None:
-        """Append an if statement around the statements that `write` adds; append nothing if it adds none."""
+        """Append an if statement around the statements that `write` adds; append nothing if `write` adds none."""
         body = self.collected(write)
         if body:
             self.add(code.If(test, body))

@@ -42,7 +42,7 @@ class Instances:
         return (ObjectType(self.cls),)
 
     def rows(self, member: Member) -> list[Row]:
-        """Return the tuples in the member's initial model."""
+        """Return the rows of the relation in the member's initial model."""
         return [(number,) for number in member.extent(self.cls, self.exact)]
 
 
@@ -59,7 +59,7 @@ class Links:
         return ObjectType(feature.owner), end
 
     def rows(self, member: Member) -> list[Row]:
-        """Return the tuples in the member's initial model."""
+        """Return the rows of the relation in the member's initial model."""
         return member.links(self.feature)
 
 
@@ -74,7 +74,7 @@ class Matches:
         return library.parameter_types(self.pattern)
 
     def rows(self, member: Member) -> list[Row]:
-        """Return the tuples in the member's initial model."""
+        """Return the rows of the relation in the member's initial model."""
         return member.matches(self.pattern)
 
 
@@ -90,7 +90,7 @@ class Reached:
         return library.parameter_types(self.step)
 
     def rows(self, member: Member) -> list[Row]:
-        """Return the tuples in the member's initial model."""
+        """Return the rows of the relation in the member's initial model."""
         return member.reached(self.step, self.star)
 
 
@@ -131,7 +131,7 @@ class Bits(Whole):
     keys: Keys
 
     def fill(self, member: Member, stride: int) -> Sequence[Cell]:
-        """Return the member's table."""
+        """Return the entries of the table for a member; `stride` is the largest number of objects of a member."""
         sizes = self.keys.sizes(stride)
         bits = np.zeros(-(-max(prod(sizes), 1) // WORD) * WORD, dtype=np.uint8)
         bits[self.keys.places(member.rows(self.keys.relation), sizes)] = 1
@@ -153,7 +153,7 @@ class Values:
         return self.type is Scalar.FLOAT
 
     def fill(self, member: Member, stride: int) -> Sequence[Cell]:
-        """Return the member's table; positions without a row contain the missing value.
+        """Return the entries of the table for a member; positions without a row have the missing value.
 
         Raises:
             Misfit: the member has several different rows for the same key values.
@@ -182,7 +182,7 @@ class Starts(Whole):
     shown: tuple[int, ...]
 
     def fill(self, member: Member, stride: int) -> Sequence[Cell]:
-        """Return the member's table."""
+        """Return the entries of the table for a member; `stride` is the largest number of objects of a member."""
         sizes = self.keys.sizes(stride)
         groups = _grouped(self.keys, self.shown, member, sizes)
         found = [0]
@@ -201,7 +201,7 @@ class Listed:
     is_float: bool
 
     def fill(self, member: Member, stride: int) -> Sequence[Cell]:
-        """Return the member's table."""
+        """Return the entries of the table for a member; `stride` is the largest number of objects of a member."""
         column = self.shown.index(self.position)
         groups = _grouped(self.keys, self.shown, member, self.keys.sizes(stride))
         return [row[column] for place in sorted(groups) for row in groups[place]]
@@ -216,7 +216,7 @@ class SetsOf(Whole):
     group: tuple[str, ...]
 
     def fill(self, member: Member, stride: int) -> Sequence[Cell]:
-        """Return the member's table."""
+        """Return the entries of the table for a member; `stride` is the largest number of objects of a member."""
         sizes = self.keys.sizes(stride)
         objects = members(member, self.group)
         bits = np.zeros((max(prod(sizes), 1), -(-len(objects) // WORD) * WORD), dtype=np.uint8)
@@ -265,7 +265,7 @@ class Extent(Whole):
     of: Literal["objects", "count", "words", "places"]
 
     def fill(self, member: Member, stride: int) -> Sequence[Cell]:
-        """Return the member's table."""
+        """Return the entries of the table for a member; `stride` is the largest number of objects of a member."""
         objects = members(member, self.classes)
         match self.of:
             case "objects":
@@ -307,7 +307,7 @@ def members(member: Member, classes: Sequence[str]) -> list[int]:
 
 @dataclass(frozen=True, slots=True)
 class AttributeColumn:
-    """A column of an attribute's value, for each object of the classes that have the attribute."""
+    """A column with the value of an attribute for each object of the classes that have the attribute."""
 
     attribute: Attribute
     classes: tuple[str, ...]
@@ -328,7 +328,7 @@ class AttributeColumn:
 
 @dataclass(frozen=True, slots=True)
 class LinkColumn(Whole):
-    """A column of the linked object, for each object at an end of a reference with at most one link; -1 for no link.
+    """A column with the linked object for each object at an end of a reference with at most one link; -1 for none.
 
     Attributes:
         reference: the reference; of two opposite references, the first.
@@ -394,7 +394,7 @@ class Spare(Whole):
     of: Literal["first", "count"]
 
     def fill(self, member: Member, stride: int) -> Sequence[Cell]:
-        """Return the member's table."""
+        """Return the entries of the table for a member; `stride` is the largest number of objects of a member."""
         return [member.spare.start if self.of == "first" else len(member.spare)]
 
 
@@ -408,7 +408,7 @@ class Bound(Whole):
     parameter: Parameter
 
     def fill(self, member: Member, stride: int) -> Sequence[Cell]:
-        """Return the member's table."""
+        """Return the entries of the table for a member; `stride` is the largest number of objects of a member."""
         return [member.number[bind_parameter(member.model, self.parameter)]]
 
 
@@ -420,7 +420,7 @@ class Keyed(Whole):
     candidates: tuple[str, ...]
 
     def fill(self, member: Member, stride: int) -> Sequence[Cell]:
-        """Return the member's table.
+        """Return the entries of the table for a member; `stride` is the largest number of objects of a member.
 
         Raises:
             NotCompiled: two objects may have the same index.
@@ -442,7 +442,7 @@ class IndexOf(Whole):
     candidates: tuple[str, ...]
 
     def fill(self, member: Member, stride: int) -> Sequence[Cell]:
-        """Return the member's table."""
+        """Return the entries of the table for a member; `stride` is the largest number of objects of a member."""
         found = [NO_OBJECT] * stride
         for number, index in _indexed(member, self.cls, self.candidates):
             found[number] = index
@@ -489,7 +489,7 @@ class Seats(Whole):
     of: Literal["object", "block", "count"]
 
     def fill(self, member: Member, stride: int) -> Sequence[Cell]:
-        """Return the member's table."""
+        """Return the entries of the table for a member; `stride` is the largest number of objects of a member."""
         seats = [
             (member.number[node], block)
             for block, cls in enumerate(self.classes)

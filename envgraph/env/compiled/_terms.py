@@ -62,7 +62,7 @@ class Term:
 
     @property
     def beyond(self) -> Test | None:
-        """Return a test that an int is too large for a variable; None if it always fits."""
+        """Return an expression that tests if an int is too large for a variable; None if it always fits."""
         if self.type is not Scalar.INT or self.bits <= _INT_BITS:
             return None
         low = code.Operation("<=", (self.value, code.Constant(NO_INT)))

@@ -285,12 +285,12 @@ class _Steps:
         return term
 
     def _paths(self, expression: Expression, scope: Scope) -> list[code.Expression]:
-        """Return tests that all paths in an expression have values."""
+        """Return expressions that test if all paths in an expression have values."""
         terms = [self._writer.value(path, scope) for path in navigations(expression)]
         return [test for term in terms for test in term.tests]
 
     def _fitting(self, term: Term, cls: str, callee: Signature) -> list[code.Expression]:
-        """Return tests that an object exists and has the class of a rule's parameter; units need no tests.
+        """Return expressions that test if an object exists and has a rule parameter's class; none for units.
 
         Raises:
             NotCompiled: the class of a unit's argument is not certain.
@@ -328,7 +328,7 @@ class _Steps:
     # --- conditions
 
     def _holds(self, step: If, scope: Scope) -> code.Expression:
-        """Emit a test for the condition of an `if`."""
+        """Emit code that tests the condition of an `if`."""
         if id(step) in self._checked.asked:
             raise NotCompiled(f"an `if` in a unit that asks whether a rule can be applied (`{self._name}`)")
         if isinstance(step.condition, Check):

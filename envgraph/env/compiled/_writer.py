@@ -103,13 +103,13 @@ class Writer(Statements):
         return local
 
     def gone(self, term: Term, cls: str) -> code.Expression | None:
-        """Return a test that an object is deleted or no longer of a class; None if neither can happen."""
+        """Return an expression that tests if an object is deleted or no longer of a class; None if it cannot be."""
         if self.facts.changes.fixed_class(cls):
             return None
         return code.inverse(self.facts.is_instance(term.value, cls))
 
     def alive(self, term: Term) -> code.Expression | None:
-        """Return a test that an object is not deleted; None if it cannot be deleted."""
+        """Return an expression that tests if an object is not deleted; None if it cannot be deleted."""
         assert isinstance(term.type, ObjectType)
         return self.facts.alive(term.value, term.type.cls)
 
@@ -241,7 +241,7 @@ class Writer(Statements):
         return given, tests
 
     def _of_class(self, rule: RuleCall, term: Term, taken: StaticType | None) -> list[code.Expression]:
-        """Return tests that an object has the class of a rule's parameter; none if its class is certain.
+        """Return expressions that test if an object has the class of a rule's parameter; none if its class is certain.
 
         Raises:
             NotCompiled: the class of a unit's argument is not certain.
@@ -260,7 +260,7 @@ class Writer(Statements):
         self.fail_if(code.joined("and", [*self._there(argument, scope), wrong], True))
 
     def _there(self, expression: Expression, scope: Mapping[str, Term]) -> list[code.Expression]:
-        """Return tests that the objects from which an expression reads are not deleted."""
+        """Return expressions that test if the objects from which an expression reads are not deleted."""
         there: list[code.Expression] = []
         for root in roots(expression):
             there += scope[root.name].present
@@ -401,11 +401,11 @@ class Writer(Statements):
         )
 
     def key(self, question: Question, free: bool = True) -> ViewKey:
-        """Return the view that finds the free variables of a helper pattern; with `free=False`, only if any exist."""
+        """Return the view that finds a helper pattern's free variables, or only tests for a match (`free=False`)."""
         bound = len(question.bound)
         outputs = tuple(range(bound, bound + len(question.free))) if free else ()
         return ViewKey(question.pattern.qualified_name, tuple(range(bound)), outputs)
 
     def bound_alive(self, question: Question, scope: Mapping[str, Term]) -> list[code.Expression]:
-        """Return tests that the objects in the bound variables of a helper pattern are not deleted."""
+        """Return expressions that test if the objects in the bound variables of a helper pattern are not deleted."""
         return [test for name in question.bound if (test := self.alive(scope[name])) is not None]

@@ -31,7 +31,7 @@ def pick(D, count):
 
 
 def choose(D, chances, lacking):
-    """Sample an alternative with given probabilities from `D[0]`; -1 has the probability that is missing to 1.
+    """Sample an alternative with given probabilities from `D[0]`; return -1 with the rest (1 minus their sum).
 
     The part of the random number that the choice does not use is stored in `D[0]`.
     """
