@@ -173,6 +173,8 @@ Pending = tuple[Scope, PreparedClause, Row]
 def run_pending(pending: Sequence[Pending], choices: Choices, model: Model) -> None:
     """Run the `apply` of pending matches, clause by clause, each only if its match still is one.
 
+    If a clause has weights, one of its matches is sampled, and its `apply` is run.
+
     Raises:
         EvaluationError: a weight is negative, or has no value.
     """

@@ -49,8 +49,9 @@ def audit_report(
         sections.append(_pooled(findings))
     return Report(
         title=f"Scores of levels, audited: {names}",
-        summary=f"What scores that choose levels rank, teach and cost, beside exact regret and exact learnability. Of "
-        f"{len(findings)} claims that were named before the runs: {said}.",
+        summary=f"How scores rank levels, what agents learn from levels chosen by scores, and what scores cost, "
+        f"compared with exact regret and exact learnability. Verdicts on the {len(findings)} claims "
+        f"stated before the runs: {said}.",
         sections=tuple(sections),
         facts=facts or {},
     )
@@ -74,13 +75,13 @@ def _claims(findings: Sequence[Finding]) -> Section:
         for claim in dict.fromkeys(one.claim for one in findings)
     )
     text = (
-        "A claim says that a value is above 0: a difference of success between two ways to choose levels, paired by "
-        "seeds, or a rank correlation. It stands if the value is above 0 with p < .05 after Holm's correction for all "
-        f"{len(findings)} claims of this page. It fails if the value is below 0 with p < .05, or if the whole interval "
-        "lies below .01. Otherwise, or with fewer than ten seeds, it is undecided. The interval (95 %) and the "
-        "p-value come from one test, over seeds and over levels."
+        "A claim says that a value is above 0: the difference of success between two methods of choosing levels, "
+        "paired by seeds, or a rank correlation. A claim stands if the value is above 0 with p < .05 after Holm's "
+        f"correction for all {len(findings)} claims of this page. It fails if the value is below 0 with p < .05, or if "
+        "the whole interval is below .01. Otherwise, or with fewer than ten seeds, it is undecided. The 95 % interval "
+        "and the p-value come from the same test, over seeds and over levels."
     )
-    about = "Claims named before the runs, and the value of each; tables 1 and 2 have the intervals."
+    about = "The claims stated before the runs, and the value of each; tables 1 and 2 have the intervals."
     return Section("Which claims stand", (text,), tables=(Table(about, ("claim", *domains), rows),))
 
 
@@ -104,18 +105,19 @@ def _ranks(study: Study) -> Section:
             rows.append((score, *(_spread(values[name]) for name in _COLUMNS)))
     solvable = study.levels.solvable[study.levels.probed].mean()
     text = (
-        f"Students that learn by domain randomisation were stopped four times, and every score was asked of "
-        f"{len(study.levels.probed)} levels that they never learn on, {solvable:.0%} of them solvable. Rank "
-        f"correlations over all levels come in part from the unsolvable ones, which have no regret: those over "
-        f"solvable levels alone say what a score makes of difficulty.",
-        f"Figure 1: each score from {SHOWN_ROLLOUTS} rollouts beside exact regret, half way through the training of "
-        f"one student. Figure 2: rank correlation with exact regret over solvable levels by the number of rollouts; "
-        f"what does not rise with them is bias. Mean and interval over {len(probed)} students.",
+        f"Students were trained by domain randomisation. At four points of training, every score was computed for "
+        f"{len(study.levels.probed)} levels that they never train on, {solvable:.0%} of them solvable. Rank "
+        f"correlations over all levels come in part from unsolvable levels, which have no regret. Correlations over "
+        f"solvable levels alone show how a score ranks difficulty.",
+        f"Figure 1: each score from {SHOWN_ROLLOUTS} rollouts against exact regret, half way through the training of "
+        f"one student. Figure 2: rank correlation with exact regret over solvable levels, by the number of rollouts; "
+        f"a correlation that does not rise with them shows a bias. Mean and interval over {len(probed)} students.",
     )
     table = Table(
-        f"Table 1: what scores from {SHOWN_ROLLOUTS} rollouts rank, and what their highest tenth is; mean over four "
-        f"points of training and {len(probed)} students, with the half width of an interval at 95 %. By chance a tenth "
-        f"has {1 - solvable:.2f} unsolvable levels. Capture is its regret as a share of what the true tenth has.",
+        f"Table 1: rank correlations of scores from {SHOWN_ROLLOUTS} rollouts, and the levels in the highest tenth of "
+        f"a score; mean over four points of training and {len(probed)} students, with half the width of the 95 % "
+        f"interval. A random tenth has {1 - solvable:.2f} unsolvable levels. Capture is the tenth's share of the "
+        "highest possible regret.",
         ("score", *_COLUMNS.values()),
         tuple(rows),
         frozenset(range(1, 1 + len(_COLUMNS))),
@@ -185,14 +187,14 @@ def _taught(study: Study, findings: Sequence[Finding]) -> Section:
     levels, settings = study.levels, study.settings
     solvable = levels.solvable[levels.training].mean()
     text = (
-        f"Each student makes {settings.steps:,} steps, all that scoring costs included, on levels out of "
-        f"{len(levels.training):,}, {solvable:.0%} of them solvable. Success is exact: the probability with which the "
-        f"student's policy reaches its end within {settings.policy.limit} steps, on {len(levels.held_out)} solvable "
-        f"levels that it never learns on, and on {len(levels.hard)} whose shortest plans are longer than those of 80 % "
-        f"of them. Exact scores cost no steps, which is a privilege that a table gives.",
+        f"Each student makes {settings.steps:,} steps, including all steps for scoring, on levels out of "
+        f"{len(levels.training):,}, {solvable:.0%} of them solvable. Success is exact: the probability that the "
+        f"student's policy succeeds within {settings.policy.limit} steps, on {len(levels.held_out)} solvable "
+        f"levels that it never trains on, and on {len(levels.hard)} whose shortest plans are longer than those of 80 % "
+        f"of them. Exact scores cost no steps, because they are computed from tables.",
         "Figure 3: differences to domain randomisation, paired by seeds, with intervals over seeds and levels, and the "
-        "probability of improvement. Figure 4: success along training, first by steps, then by updates: methods that "
-        "throw steps away are compared fairly by the second.",
+        "probability of improvement. Figure 4: success during training, first by steps, then by updates; the second is "
+        "fairer to methods that do not learn from all steps.",
     )
     gains = [one for one in found if one.method != "DR" and one.seeds > 1]
     charts = []
@@ -275,7 +277,7 @@ def _methods(found: Sequence[Summary]) -> Table:
     return Table(
         "Table 3: every method. Success of the stochastic policy, of its likeliest actions (greedy), and of the worst "
         "30 % of the levels (CVaR); the difference to domain randomisation with as many steps, and after as many "
-        "updates; the mean exact regret; and how many of the levels that were learned on are solvable.",
+        "updates; the mean exact regret; and the share of solvable levels among the training levels.",
         (*columns, "greedy", "updates", "solvable"),
         rows,
         frozenset(range(1, 11)),
@@ -305,8 +307,8 @@ def _ladder(study: Study, findings: Sequence[Finding]) -> Table:
         if one.domain == study.name and one.part in parts
     )
     return Table(
-        "Table 2: the ladder from domain randomisation to exact scores: what a gain is due to. p is that of the "
-        "test over seeds and levels after Holm, PoI the probability of improvement.",
+        "Table 2: the parts of the gain, from domain randomisation to exact scores. p is the p-value of the "
+        "test over seeds and levels, with Holm's correction; PoI is the probability of improvement.",
         ("part", "difference", "success", "interval", "p", "PoI", "seeds", "the claim"),
         rows,
         frozenset({2, 4, 5, 6}),
@@ -326,6 +328,6 @@ def _pooled(findings: Sequence[Finding]) -> Section:
         for one in findings
         if one.domain == POOLED
     ]
-    text = "Each domain counts the same; intervals are over seeds and over the levels of each domain."
+    text = "All domains have equal weight; intervals are over seeds and over the levels of each domain."
     chart = interval_chart(rows, x_label="difference of success", title="Figure 3, all domains together")
     return Section("All domains together", (text,), (chart,))

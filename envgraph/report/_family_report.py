@@ -60,16 +60,18 @@ def _unverified(family: Family) -> str:
     """Return a note if a family with environments has no certificates, otherwise ""."""
     if family.domain.behaviour is None or any(one.certificates for one in family.members):
         return ""
-    return " Shortest plans and optimal returns are not computed: `envgraph verify` does it."
+    return " Shortest plans and optimal returns are not computed yet: run `envgraph verify`."
 
 
 def _order(family: Family) -> str:
     """Return a sentence on the order of the members; an initial model is the target even if others are harder."""
     target, spec = family.members[-1], family.domain.spec
     if spec.climbs and spec.curriculum.order is None:
-        return f"In the order that was searched for; the target {target.name}, the initial model, comes last."
+        return (
+            f"In the order that the search found; the target {target.name}, the initial model, is the last."
+        )
     if target.initial:
-        return f"Ordered from the easiest to the hardest; the target {target.name}, the initial model, comes last."
+        return f"Ordered from the easiest to the hardest; the target {target.name}, the initial model, is the last."
     return f"Ordered from the easiest to the hardest; {target.name}, the last, is the target."
 
 
@@ -98,7 +100,7 @@ def stage_table(family: Family, trained: Sequence[Trained] = ()) -> Table:
     ]
     shown = tuple(zip(*cells, strict=True))
     about = "Success and return: agents trained on the curriculum up to each environment, evaluated there"
-    about += "; at so many training steps an environment." if len(trained) > 1 else "."
+    about += "; by the number of training steps on each environment." if len(trained) > 1 else "."
     return Table(about, tuple(name for name, _ in columns), shown, frozenset(range(1, len(columns))))
 
 

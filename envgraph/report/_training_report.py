@@ -58,7 +58,10 @@ class Trained:
 
 
 def _panels(found: Iterable[tuple[str, str]], target: str) -> dict[str, list[tuple[str, str]]]:
-    """Return the lines (kind, label) of each chart, by chart title; the target alone is in all charts but the last."""
+    """Return the lines (kind, label) of each chart, by chart title; the last chart may show every baseline.
+
+    Charts of curricula and of controls also show training on the target alone.
+    """
     every = list(found)
     taught, compared, alone = (
         [one for one in every if one[0] == kind] for kind in ("curriculum", "control", "baseline")
@@ -145,9 +148,11 @@ def training_section(trained: Trained, target: str) -> Section:
     )
     text = "Cumulative reward during training: mean over the seeds, and one standard deviation around it."
     if len(charts) > 1:
-        text += f" Drawn together are {'; '.join(panels)}."
+        text += f" The charts show {'; '.join(panels)}."
     if any("controls" in name for name in panels):
-        text += " At the end performance profiles: the share of the agents with more than a return."
+        text += (
+            " The last chart shows performance profiles: the share of agents whose return is above a value."
+        )
     title = f"Training for {target}, {thousands(trained.steps)} steps an environment{trained.suffix}"
     return Section(
         title, (*findings(comparisons), text), (*charts, *_profiles(experiment, panels)), tuple(tables)
@@ -172,12 +177,12 @@ def _agents(summaries: Sequence[Summary], target: str) -> Table:
         for one in summaries
     )
     caption = (
-        f"Agents evaluated on {target}. Steps are all that an agent was trained. Success and return are those of the "
-        "greedy policy after training. Intervals are at 95 %: Wilson's of "
-        "the success, the bootstrap's of the interquartile mean (IQM) of the returns. Before: success on the target "
-        "before the last stage. To half: the step, those of earlier stages counted, at which half of the episodes on "
-        f"{target} first succeed, in the median over the seeds; in training, where agents explore, so that success may "
-        "be lower: chance leads on where a greedy policy repeats itself."
+        f"Agents evaluated on {target}. Steps: all training steps of an agent. Success and return are those of the "
+        "greedy policy after training. Intervals are at 95 %: Wilson's interval of "
+        "the success, and the bootstrap interval of the interquartile mean (IQM) of the returns. Before: success on "
+        "the target before the last stage. To half: the training step, including earlier stages, at which half of the "
+        f"episodes on {target} first succeed, as the median over the seeds. Agents explore during training, so that "
+        "they may succeed where a greedy policy repeats the same actions."
     )
     first = ("trained on", "steps", "seeds", "success", "interval")
     columns = (*first, "return", "IQM", "interval", "before", "to half")
@@ -200,9 +205,9 @@ def _comparisons(comparisons: Sequence[Comparison]) -> Table:
         for one in comparisons
     )
     caption = (
-        f"The {first.by} of {first.curriculum} beside that of controls with as many steps: interval at 95 % of the "
-        "difference, probability that an agent does better than one of the control (equal ones count half), p-value of "
-        "a permutation test paired by seeds, corrected after Holm."
+        f"The {first.by} of {first.curriculum} and of controls with as many steps: 95 % interval of the "
+        "difference, probability that an agent is better than an agent of the control (ties count half), and p-value "
+        "of a permutation test paired by seeds, with Holm's correction."
     )
     columns = ("control", first.curriculum, "control's", "difference", "improvement", "p")
     return Table(caption, columns, rows, frozenset(range(1, len(columns))))

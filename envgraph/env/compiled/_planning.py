@@ -213,7 +213,7 @@ class _Layer:
 
     @property
     def count(self) -> int:
-        """Return the number of removed states that are left."""
+        """Return the number of states."""
         return len(self.rows[0]) if self.rows else 0
 
     def take(self, width: int) -> _Rows:

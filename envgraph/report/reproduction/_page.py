@@ -60,13 +60,14 @@ def _sentence(claim: Claim) -> str:
 
 
 _SUMMARY = (
-    "Success is the share of the agents whose greedy policy reaches the goal of E6; in brackets its interval at 95 % "
-    "(Wilson's, or of differences Student's). A claim holds where success is above 95 % or below 5 %, as the paper has "
-    "it, or a difference (mean of the budgets) above 0. Its p-value is that of the score test or of Student's t, "
-    "corrected after Holm for all {} claims that are tested; comparisons further below are corrected by budget. Claims "
-    "about families that are searched for are tested over searches, each with the mean of its agents. Claims about the "
-    "published family are tested over its agents, and say nothing of other families. A claim depends on the seed where "
-    "agents of some seeds do as the published agent did. Fewer than ten units decide nothing."
+    "Success is the share of agents whose greedy policy reaches the goal of E6, with its 95 % interval in brackets "
+    "(Wilson's interval; for differences, Student's). A claim holds if success is above 95 % or below 5 %, as the "
+    "paper states, or if a difference (mean of the budgets) is above 0. Its p-value is that of the score test or of "
+    "Student's t, with Holm's correction for all {} tested claims; comparisons further below are corrected by budget. "
+    "Claims about families that are searched for are tested over searches, each with the mean of its agents. Claims "
+    "about the published family are tested over its agents, and say nothing about other families. A claim depends on "
+    "the seed if the agents of only some seeds behave as the published agent. With fewer than ten "
+    "units a claim is undecided."
 )
 
 

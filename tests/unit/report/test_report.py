@@ -212,11 +212,11 @@ def test_the_target_comes_last_and_is_not_said_to_be_the_hardest(tmp_path: Path)
     family = generate("burning_forest/paper.toml", tmp_path / "run.sqlite", generations=0, population=3)
     assert family.members[-1].initial
     target = family.members[-1].name
-    said = f"Ordered from the easiest to the hardest; the target {target}, the initial model, comes last. "
+    said = f"Ordered from the easiest to the hardest; the target {target}, the initial model, is the last. "
     assert family_report(family).summary.startswith(said)
     others = replace(family, members=tuple(replace(one, initial=False) for one in family.members))
     assert f"hardest; {target}, the last, is the target. " in family_report(others).summary
-    assert family_report(family).summary.endswith("are not computed: `envgraph verify` does it.")
+    assert family_report(family).summary.endswith("are not computed yet: run `envgraph verify`.")
 
 
 @pytest.mark.parametrize(

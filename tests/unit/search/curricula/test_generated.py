@@ -62,7 +62,7 @@ def test_a_run_keeps_the_members_in_the_order_that_was_searched_for(tmp_path: Pa
     assert str(outcome).startswith(f"{sentence}, diversity 2.585 of 2.585 bits")
     again = open_family(str(tmp_path))
     assert (again.members, again.value) == (family.members, family.value)
-    assert "In the order that was searched for; the target E6" in family_report(family).summary
+    assert "In the order that the search found; the target E6" in family_report(family).summary
     file = tmp_path / "family.json"
     file.write_text(write_family(family))
     assert [one.model for one in read_family(file).members] == [one.model for one in family.members]
