@@ -30,7 +30,7 @@ class TooManyStates(EvaluationError):
     def again(
         cls, behaviour: Behaviour, message: str, hint: str | None, span: Span | None = None
     ) -> TooManyStates:
-        """Recreate an error from its stored message, at the behaviour or at the place that requested a table."""
+        """Recreate an error from its stored message; without `span`, it is reported at the behaviour."""
         error = cls.__new__(cls)
         EvaluationError.__init__(error, message, span or behaviour.span, hint)
         return error

@@ -131,8 +131,8 @@ class Observations:
     ) -> None:
         """Emit code for the component that an object, number or literal at the end of a path gives.
 
-        The component is the padding value if the path's first object is deleted, which the test `gone` tells (None if
-        it cannot be), and the last value if the object is not visible.
+        The component is the padding value if the path's first object is deleted (`gone` is true; None: it cannot be
+        deleted), and the last value if the object is not visible.
         """
         writer = self._writer
         local = writer.module.fresh("seen")
