@@ -274,7 +274,7 @@ def test_controls_are_drawn_beside_the_whole_family(
     assert legend == profiles == expected
     assert "the whole family beside its controls; every environment alone." in training.text[-1]
     caption = next(table.caption for table in training.tables if "to half" in table.columns)
-    assert "of the greedy policy after training" in caption and "in training, where agents explore" in caption
+    assert "of the greedy policy after training" in caption and "Agents explore during training" in caption
     assert training.text[:-1] == tuple(findings(compare(differing)))
     agents, comparisons = training.tables
     assert [row[1] for row in agents.rows if row[0].startswith(("control", "baseline"))] == ["60"] * 7
