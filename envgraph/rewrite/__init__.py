@@ -1,28 +1,29 @@
-"""Rules, control units, derived rules, events and exploration; `Engine`, the facade over all.
+"""Rules, control units, derived rules, event rules and exploration, with `Engine` as the facade over all of them.
 
-How a rule is applied, once a match of its left side is chosen:
+An application of a rule at a match of its left-hand side (LHS) has three steps:
 
-1. `forall` and `optional` blocks are matched, and all values are computed, on the state before the rule. The blocks of
-   an `optional` take the least match, by ids.
-2. For the rule and all matches of its blocks together: links and objects are deleted, what gets another container
-   leaves the old one, objects are retyped, objects created, merges, moves and links made, values and references set.
-3. An existing link that is created again changes nothing; `Engine.notices` tells it once. Neither does a missing one
-   that is deleted. `set x.n += ..` of several matches adds up.
+1. `forall` and `optional` blocks are matched, and all values are computed, on the state before the rule. An `optional`
+   block takes its least match, compared by ids.
+2. Changes are made for the rule and all matches of its blocks together, in this order: links and objects are deleted,
+   objects that get another container leave the old one, objects are retyped, objects are created, objects are merged,
+   objects are moved, links are created, attributes and references are set.
+3. Creating a link that exists and deleting a link that is missing change nothing; `Engine.notices` reports a created
+   link that existed, once. If several matches execute `set x.n += ..`, their amounts are added up.
 
-It is refused, and the model left as it was, with a `RuleError` whose `reason` is
+A refused application leaves the model unchanged and raises a `RuleError`. Its `reason` is one of
 
-- "stale-match": the match is none any more;
-- "identification": a deleted object or link is matched as something else, too (homomorphic rules);
-- "ambiguous": two matches of blocks, or two variables for one object, want different things, or things of which the
-  later would undo the earlier; `details` names both matches and what they want;
-- "dangling": under DPO, a deleted object has links that the left side does not mention (except the one to its
-  container, and those of the object and what it contains with each other or themselves);
+- "stale-match": the match does not hold any more;
+- "identification": a deleted object or link is also matched by another variable or edge (homomorphic rules);
+- "ambiguous": two matches of blocks, or two variables for one object, ask for changes that contradict each other, or a
+  later change would undo an earlier one; `details` names both matches and their changes;
+- "dangling": under DPO, a deleted object has links that the LHS does not mention. Links to its container, and links
+  among the object and the objects that it contains, are allowed;
 - "lost-link": under DPO, a retyped or merged object has links that its class does not allow;
-- "full": a new link finds no room at one of its ends, or the object is in a container already;
-- "containment": a new link would close a cycle of containers, or what is kept would go with a container;
-- "missing-link": a link that is redirected is not there.
+- "full": a new link exceeds the multiplicity at one of its ends, or the object already has a container;
+- "containment": a new link would close a cycle of containers, or a preserved object would be deleted with a container;
+- "missing-link": a link to redirect does not exist.
 
-What the steps of a unit mean is said in `_units`.
+The module `_units` explains the steps of units.
 """
 
 from typing import TYPE_CHECKING

@@ -1,4 +1,4 @@
-"""Random choices made in every way, one run after the other."""
+"""Enumeration of all random choices of a program by running it again and again."""
 
 from __future__ import annotations
 
@@ -7,9 +7,9 @@ from typing import ClassVar
 
 
 class Branches:
-    """Stands in for a random generator; a run that is repeated while `advance` is true meets every choice.
+    """A replacement for a random generator that enumerates all choices, in runs repeated while `advance` is True.
 
-    The choices of a run depend on those before them, and on nothing else that changes between runs.
+    The choices of a run may depend only on the earlier choices of that run, not on anything that changes between runs.
 
     >>> branches, found = Branches(), []
     >>> while branches.advance():
@@ -19,8 +19,8 @@ class Branches:
     [(0, None), (1, 0), (1, 1), (1, 2)]
 
     Attributes:
-        ordered: whether units take matches in the order of what these stand for; else in that of the matcher, which may
-            depend on how a state was reached.
+        ordered: if True, units take matches in an order given by the matched objects and values. If False, the matcher
+            gives the order, which may depend on how a state was reached.
     """
 
     ordered: ClassVar[bool] = False
@@ -31,7 +31,7 @@ class Branches:
         self._place = -1
 
     def advance(self) -> bool:
-        """Begin the next run; False if there is none: the last choice that can be made otherwise is."""
+        """Start the next run and return True. Return False if every combination of choices has been run."""
         if self._place >= 0:
             while self._chosen and self._chosen[-1] + 1 == self._counts[-1]:
                 self._chosen.pop()
@@ -43,7 +43,7 @@ class Branches:
         return True
 
     def choose(self, count: int) -> int:
-        """One of `count` numbers from 0."""
+        """Return a number from 0 to `count` - 1. Over all runs, every number is returned."""
         if self._place == len(self._chosen):
             self._chosen.append(0)
             self._counts.append(count)
@@ -51,12 +51,12 @@ class Branches:
         return self._chosen[self._place - 1]
 
     def weigh(self, weights: Sequence[float]) -> int:
-        """One of several numbers from 0, by weight; here whatever the weights, as everything that can happen does."""
+        """Return an index into `weights`. Over all runs every index is returned; the weights themselves are ignored."""
         return self.choose(len(weights))
 
     def random(self) -> float:
-        """Where only chance decides, as in functions of the user: always the same.
+        """Return 0.0 always: functions of the user that ask for a random float are not enumerated.
 
-        Rules and units choose among a number of things, and ask `choose`.
+        Rules and units choose one of a finite number of options and therefore call `choose`.
         """
         return 0.0

@@ -1,4 +1,4 @@
-"""Matches and applications as people see them."""
+"""Matches and applications as the public API returns them."""
 
 from __future__ import annotations
 
@@ -13,30 +13,30 @@ from envgraph.metamodel import Value
 from envgraph.pattern import ObjectType, StaticType
 
 Row = tuple[Value, ...]
-"""One match as the matcher returns it: objects as ids."""
+"""A match as the matcher returns it, with ids in place of objects."""
 
 
 _SHOWN = 3
-"""Matches in a repr."""
+"""Number of matches shown in a repr."""
 
 _LONGEST = 160
 _ROWS = 100
-"""Matches that a notebook shows."""
+"""Number of matches shown in a notebook."""
 
 
 @dataclass(frozen=True, slots=True)
 class Shape:
-    """What the matches of one pattern or rule have in common: its name, its variables and their types."""
+    """The data that all matches of one pattern or rule share: its qualified name, its variables and their types."""
 
     definition: str
     names: tuple[str, ...]
     types: tuple[StaticType, ...]
 
     def position(self, name: str) -> int:
-        """Place of a variable in the tuple.
+        """Return the index of a variable in the tuple `names`.
 
         Raises:
-            InvalidArgument: there is no such variable.
+            InvalidArgument: the pattern or rule has no variable with this name.
         """
         if name in self.names:
             return self.names.index(name)
@@ -45,18 +45,18 @@ class Shape:
         raise InvalidArgument(f"`{self.definition}` has no variable `{name}`", hint)
 
     def is_object(self, position: int) -> bool:
-        """Return whether the variable at this place stands for an object."""
+        """Return True if the variable at this index stands for an object, False if it stands for a data value."""
         return isinstance(self.types[position], ObjectType)
 
 
 @short_repr
 class Match(Mapping[str, "Node | Value"]):
-    """One match of a pattern or of the left side of a rule: an immutable mapping from variables to what they stand for.
+    """A match of a pattern or of the LHS of a rule: an immutable mapping from variables to nodes or data values.
 
-    `match["tile"]` and `match.tile` give a `Node`, or a data value; a variable that is called like a method or
-    attribute of this class (`row`, `names`, `values` ...) has only the first form. `names` and `row` are two tuples of
-    equal length; `row` holds ids instead of nodes. Equal matches are those of one model, one definition and equal
-    rows; a match stays what it is when the model changes.
+    `match["tile"]` and `match.tile` return a `Node` or a data value. If a variable has the name of a method or
+    attribute of this class (`row`, `names`, `values` ..), only `match["name"]` returns its value. `names` and `row` are
+    tuples of equal length; `row` contains ids instead of nodes. Two matches are equal if model, definition and row are
+    equal. A match does not change when the model changes.
     """
 
     __slots__ = ("_shape", "model", "row")
@@ -72,12 +72,12 @@ class Match(Mapping[str, "Node | Value"]):
 
     @property
     def definition(self) -> str:
-        """Qualified name of the pattern or rule."""
+        """Return the qualified name of the pattern or rule."""
         return self._shape.definition
 
     @property
     def names(self) -> tuple[str, ...]:
-        """Names of the variables, parameters first."""
+        """Return the names of the variables, parameters first."""
         return self._shape.names
 
     def __getitem__(self, name: str) -> Node | Value:
@@ -87,7 +87,7 @@ class Match(Mapping[str, "Node | Value"]):
         value = self.row[position]
         if self._shape.is_object(position):
             assert isinstance(value, int)
-            return Node(self.model, value)  # it may be gone by now: listeners are notified of such matches
+            return Node(self.model, value)  # possibly deleted by now: listeners are notified of such matches
         return value
 
     def __getattr__(self, name: str) -> Node | Value:
@@ -122,24 +122,24 @@ class Match(Mapping[str, "Node | Value"]):
         return self
 
     def __deepcopy__(self, _: object) -> Match:
-        """The same, as for the nodes in it."""
+        """Return this match itself, uncopied, like the nodes in it."""
         return self
 
     def __reduce__(self) -> tuple[type[Match], tuple[Model, Shape, Row]]:
-        """With its model, as a node."""
+        """Pickle the match together with its model, as nodes do."""
         return Match, (self.model, self._shape, self.row)
 
     def picture(self, **options: Unpack[PictureOptions]) -> Picture:
-        """The matched objects, highlighted, and those one link away; `options` are those of `Model.picture`."""
+        """Return a picture of the highlighted match and its neighbours; `options` are those of `Model.picture`."""
         wanted: PictureOptions = {"highlight": self, "around": self, **options}
         return self.model.picture(**wanted)
 
     def to_dot(self, **options: Unpack[PictureOptions]) -> str:
-        """The picture as DOT, the text that Graphviz draws."""
+        """Return the picture of the match as DOT text for Graphviz."""
         return self.picture(**options).to_dot()
 
     def to_svg(self, **options: Unpack[PictureOptions]) -> str:
-        """The picture as an `<svg>` element; see `Picture.to_svg`."""
+        """Return the picture of the match as an `<svg>` element; see `Picture.to_svg`."""
         return self.picture(**options).to_svg()
 
     def __repr__(self) -> str:
@@ -147,7 +147,7 @@ class Match(Mapping[str, "Node | Value"]):
         return f"{self.definition}({inside})"
 
     def cells(self) -> list[str]:
-        """The values as cells of a table in HTML."""
+        """Return one HTML table cell (`<td>`) for the value of each variable."""
         return [f"<td>{markup(self._text(position))}</td>" for position in range(len(self.names))]
 
     def _repr_html_(self) -> str:
@@ -163,7 +163,7 @@ class Match(Mapping[str, "Node | Value"]):
 
 @short_repr
 class Matches(list[Match]):
-    """All matches of a pattern or rule: a list, which a notebook shows as a table."""
+    """A list of matches of one pattern or rule, which notebooks show as an HTML table."""
 
     def __repr__(self) -> str:
         shown = ", ".join(map(repr, self[:_SHOWN]))
@@ -185,7 +185,7 @@ class Matches(list[Match]):
 
 @short_repr
 class Firing(NamedTuple):
-    """One application as a trace records it: a rule and the match it was applied at. Plain data, ready for JSON."""
+    """An application as recorded in a trace: rule name and row of the match. Plain data, ready for JSON."""
 
     rule: str
     values: Row
@@ -193,12 +193,12 @@ class Firing(NamedTuple):
 
 @dataclass(frozen=True, slots=True)
 class Application:
-    """What applying a rule did.
+    """The result of applying a rule.
 
     Attributes:
-        match: where the rule was applied.
-        created: the new objects, by the name that the rule gives them.
-        outputs: values of the `out` parameters.
+        match: the match at which the rule was applied.
+        created: the new objects, by their names in the rule.
+        outputs: values of the `out` parameters, by name.
     """
 
     rule: str
@@ -208,5 +208,5 @@ class Application:
 
     @property
     def firing(self) -> Firing:
-        """The application as a trace records it."""
+        """Return this application in the form that traces record."""
         return Firing(self.rule, self.match.row)

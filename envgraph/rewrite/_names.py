@@ -1,4 +1,4 @@
-"""Names of rules, units and groups, and the signatures of their calls."""
+"""Signatures of rules, units and groups, and the resolution of their names."""
 
 from __future__ import annotations
 
@@ -14,7 +14,12 @@ Kind = Literal["rule", "unit", "group"]
 
 @dataclass(frozen=True, slots=True)
 class Taken:
-    """A parameter as a caller sees it; `required`: the callee cannot find values for it."""
+    """A parameter of a rule or unit, as callers see it.
+
+    Attributes:
+        output: True for an `out` parameter.
+        required: True if the caller must pass a value, because the callee cannot find values by matching.
+    """
 
     name: str
     type: StaticType | None
@@ -24,7 +29,11 @@ class Taken:
 
 @dataclass(frozen=True, slots=True)
 class Signature:
-    """Something that a unit can call; `variables` are those of the matches of a rule."""
+    """The signature of a rule, unit or group: everything that a call in a unit needs to know about its callee.
+
+    Attributes:
+        variables: for a rule, the variables of its matches; else empty.
+    """
 
     name: str
     kind: Kind
@@ -36,14 +45,15 @@ class Signature:
 
     @property
     def simple(self) -> str:
-        """The name without its package."""
+        """Return the name without its package."""
         return self.name.removeprefix(f"{self.package}.") if self.package else self.name
 
 
 class Directory:
-    """Qualified names of everything that can be called, and what a name means.
+    """A table of the signatures of all callable rules, units and groups, which resolves names.
 
-    First a definition of the caller's package, then a qualified name, then a simple name that only one has.
+    A name is looked up first in the package of the caller, then as a qualified name, then as a simple name if only one
+    definition has this simple name.
     """
 
     def __init__(self, signatures: Iterable[Signature] = ()) -> None:
@@ -53,29 +63,36 @@ class Directory:
             self.add(signature)
 
     def add(self, signature: Signature) -> None:
-        """Make a definition known; the last one of a name counts."""
+        """Add a signature, or replace the earlier signature of the same name."""
         if signature.name not in self.signatures:
             self._simple.setdefault(signature.simple, []).append(signature.name)
         self.signatures[signature.name] = signature
 
     def candidates(self, name: str, package: str = "") -> list[str]:
-        """The qualified names that a name may mean: none if it is unknown, several if it is ambiguous."""
+        """Return the qualified names that a name may mean: none if it is unknown, several if it is ambiguous."""
         for qualified in (f"{package}.{name}" if package else name, name):
             if qualified in self.signatures:
                 return [qualified]
         return self._simple.get(name, [])
 
     def hint(self, name: str, others: Iterable[str] = ()) -> str | None:
-        """The nearest known name, as short as it is understood."""
+        """Return a hint that suggests the known name nearest to `name`, or None.
+
+        Args:
+            others: further names that may be suggested.
+        """
         known = [simple if len(names) == 1 else names[0] for simple, names in self._simple.items()]
         near = did_you_mean(name, [*known, *self.signatures, *others])
         return near or name_hint(name, known)
 
     def resolve(self, name: str, what: str = "rule, unit or group") -> str:
-        """The one qualified name that a name means.
+        """Return the qualified name that a name means.
+
+        Args:
+            what: the word for the callee in messages.
 
         Raises:
-            InvalidArgument: it means nothing, or several things; or it is no name.
+            InvalidArgument: the name is unknown or ambiguous, or is not a string.
         """
         if not isinstance(name, str):
             raise InvalidArgument(f"a {what} is given by its name, not as {name!r}")

@@ -1,9 +1,9 @@
-"""Plans of rules, worked out once: both notations, `rhs` and `modify`, end here.
+"""Plans of rules: the checked, resolved form to which both notations, `rhs` and `modify`, are translated.
 
-A plan speaks of slots. The slots of a rule are the variables of its match, then the objects it creates, then the
-values it computes; a nested block (`forall`, `optional`) sees the slots of the enclosing one and adds its own in the
-same order. The parts of a plan are carried out in the order of the fields of `BlockPlan`, each for all matches of all
-blocks before the next. Operations know where they stand in a text.
+A plan refers to variables by slots (numbers). The slots of a rule are the variables of its match, then the objects it
+creates, then the values it computes. A nested block (`forall`, `optional`) has the slots of the enclosing block,
+followed by its own in the same order. The fields of `BlockPlan` are executed in their order of definition; each field
+is executed for all matches of all blocks before the next field. Operations carry the span of their source text.
 """
 
 from __future__ import annotations
@@ -19,12 +19,12 @@ from envgraph.pattern import Expression, StaticType
 
 @dataclass(frozen=True, slots=True)
 class Compute:
-    """A value, computed on the state before the rule.
+    """A value that is computed on the state before the rule and stored in a slot.
 
     Attributes:
-        scope: slot and type of the variables it reads.
-        needed: a path that leads nowhere is an error; else it is None.
-        object: it is an object, or None.
+        scope: name, slot and type of each variable that the expression reads.
+        needed: True if a missing value (a path over an empty reference) is an error; if False, the value is then None.
+        object: True if the value is an object or None.
     """
 
     slot: int
@@ -36,7 +36,11 @@ class Compute:
 
 @dataclass(frozen=True, slots=True)
 class Unlink:
-    """Remove a link that the left side has; if it need not have it, `required` refuses the rule where it is missing."""
+    """An operation that removes a link.
+
+    Attributes:
+        required: True if the link is not part of the LHS; the rule is then refused if the link is missing.
+    """
 
     source: int
     reference: Reference
@@ -47,7 +51,7 @@ class Unlink:
 
 @dataclass(frozen=True, slots=True)
 class Delete:
-    """Delete an object."""
+    """An operation that deletes an object."""
 
     node: int
     span: Span | None = field(default=None, compare=False, repr=False)
@@ -55,7 +59,7 @@ class Delete:
 
 @dataclass(frozen=True, slots=True)
 class ChangeClass:
-    """Retype an object to exactly a class."""
+    """An operation that retypes an object to exactly the class `cls`."""
 
     node: int
     cls: str
@@ -64,7 +68,7 @@ class ChangeClass:
 
 @dataclass(frozen=True, slots=True)
 class New:
-    """Create an object of a class."""
+    """An operation that creates an object of the class `cls`."""
 
     node: int
     cls: str
@@ -72,7 +76,11 @@ class New:
 
 @dataclass(frozen=True, slots=True)
 class Absorb:
-    """Merge: links of `absorbed` go over to `kept`, and `absorbed` goes; in between the slot `links` keeps them."""
+    """An operation that merges `absorbed` into `kept`: all links are moved to `kept`, then `absorbed` is deleted.
+
+    Attributes:
+        links: the slot that stores the links of `absorbed` until they are added to `kept`.
+    """
 
     kept: int
     absorbed: int
@@ -82,7 +90,7 @@ class Absorb:
 
 @dataclass(frozen=True, slots=True)
 class Rehome:
-    """Move an object to a container; it leaves the old one before anything is linked."""
+    """An operation that moves an object to another container; the object leaves its old one before links are added."""
 
     node: int
     container: int
@@ -92,7 +100,7 @@ class Rehome:
 
 @dataclass(frozen=True, slots=True)
 class Link:
-    """Add a link; an existing one stays. A `target` slot without a value adds none."""
+    """An operation that adds a link. It changes nothing if the link exists or if the `target` slot is None."""
 
     source: int
     reference: Reference
@@ -102,7 +110,7 @@ class Link:
 
 @dataclass(frozen=True, slots=True)
 class SetValue:
-    """Set an attribute; `value` None clears it."""
+    """An operation that sets a single-valued attribute to the value of a slot, or clears it if `value` is None."""
 
     object: int
     attribute: Attribute
@@ -112,7 +120,7 @@ class SetValue:
 
 @dataclass(frozen=True, slots=True)
 class SetValues:
-    """Replace all values of an attribute with many."""
+    """An operation that replaces all values of a multi-valued attribute."""
 
     object: int
     attribute: Attribute
@@ -122,9 +130,9 @@ class SetValues:
 
 @dataclass(frozen=True, slots=True)
 class Increase:
-    """Add to an attribute, or subtract from it; the amounts of several matches add up.
+    """An operation that adds an amount to an attribute or subtracts it; amounts of several matches are added up.
 
-    Of an attribute with many values it is one value that comes or goes.
+    For a multi-valued attribute, the operation inserts or removes one value.
     """
 
     object: int
@@ -136,7 +144,7 @@ class Increase:
 
 @dataclass(frozen=True, slots=True)
 class SetTargets:
-    """Replace all targets of a reference."""
+    """An operation that replaces all targets of a reference."""
 
     object: int
     reference: Reference
@@ -146,7 +154,7 @@ class SetTargets:
 
 @dataclass(frozen=True, slots=True)
 class ChangeTargets:
-    """Add targets to a many-valued reference, or remove some."""
+    """An operation that adds targets to a multi-valued reference, or removes targets from it."""
 
     object: int
     reference: Reference
@@ -160,19 +168,19 @@ Assign = SetValue | SetValues | Increase | SetTargets | ChangeTargets
 
 @dataclass(frozen=True, slots=True)
 class BlockPlan:
-    """A rule, or a block of it that rewrites.
+    """The plan of a rule, or of a nested block with a right-hand side (RHS).
 
     Attributes:
-        pattern: qualified name of the pattern of its left side.
+        pattern: qualified name of the pattern that is the LHS of the block.
         arguments: slots of the enclosing block that the pattern takes as its leading arguments.
         inherited: number of slots of the enclosing block.
         names: name of every slot, for messages; computed values have the name "".
-        classes: class on the left side of every slot that is an object then, else None.
+        classes: for every slot, the class of its object in the LHS; None if the slot is no object of the LHS.
         variables: number of slots that the match adds.
-        coinciding: two variables may stand for one object.
-        identified: pairs of slots where the first is deleted, and which may stand for one object; then the rule is
-            refused (identification condition).
-        identified_links: pairs of links, as for `identified`.
+        coinciding: True if two variables may stand for one object.
+        identified: pairs of slots that may stand for one object, of which the first is deleted. The rule is refused if
+            they do (identification condition).
+        identified_links: pairs of links, with the same meaning as `identified`.
     """
 
     kind: Literal["rule", "forall", "forall+", "optional"]
@@ -199,13 +207,13 @@ class BlockPlan:
 
     @property
     def operations(self) -> int:
-        """How many things the block changes itself."""
+        """Return the number of operations of this block, without those of nested blocks."""
         parts = (self.unlinks, self.deletes, self.retypes, self.creates, self.absorbs, self.moves, self.links)
         return sum(map(len, parts)) + len(self.sets)
 
     @property
     def contended(self) -> bool:
-        """Whether objects that only values name may be changed otherwise, too."""
+        """Return True if another operation may also change an object that is the result of a computed value."""
         computed = {each.slot for each in self.computed if each.object}
         named = [link.target for link in self.links]
         for change in self.sets:
@@ -215,29 +223,30 @@ class BlockPlan:
 
     @property
     def kept(self) -> tuple[int, ...]:
-        """Slots of the objects that the block finds and does not delete."""
+        """Return the slots of the objects that the block matches and preserves."""
         gone = {delete.node for delete in self.deletes} | {absorb.absorbed for absorb in self.absorbs}
         return tuple(slot for slot, cls in enumerate(self.classes) if cls is not None and slot not in gone)
 
     @property
     def slots(self) -> int:
-        """Number of slots, those of the enclosing block included."""
+        """Return the number of slots, including the slots of the enclosing block."""
         return len(self.names)
 
 
 @dataclass(frozen=True, slots=True)
 class RulePlan:
-    """A rule, checked and worked out.
+    """The plan of a whole rule without errors.
 
     Attributes:
         name: qualified name.
         parameters: names of the parameters, in order.
-        variables: names of the match: parameters that the left side binds, then the other variables.
-        types: their types.
+        variables: names of the variables of a match: parameters that the LHS binds, then the other variables.
+        types: types of `variables`, in the same order.
         inputs: variables that only a caller can bind.
         outputs: name and slot of every `out` parameter.
-        lossy: SPO: dangling links and links that a retyping cannot keep are removed instead of refused.
-        exact: the class, if the left side is `x : Class` without subclasses and nothing else.
+        lossy: True under SPO semantics: dangling links, and links that a retyped object cannot keep, are removed. If
+            False (DPO), the rule is refused.
+        exact: the class `C` if the LHS consists only of `x : C` without subclasses, else None.
     """
 
     name: str
@@ -255,7 +264,7 @@ class RulePlan:
 
     @property
     def blocks(self) -> list[BlockPlan]:
-        """The rule itself, and the blocks of it that rewrite, outer ones first."""
+        """Return the plans of the rule and of all nested blocks that have an RHS, outer blocks first."""
         found = [self.body]
         for block in found:
             found += block.nested

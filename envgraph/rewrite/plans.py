@@ -1,4 +1,4 @@
-"""Plans of rules, and steps of units, for those who carry them out elsewhere."""
+"""Plans of rules and checked units, for packages that execute rules in another way than the engine."""
 
 from envgraph.rewrite._plan import (
     BlockPlan as BlockPlan,

@@ -1,1 +1,1 @@
-"""Rules and units, checked and worked out to plans."""
+"""Checks of rules and units, and their translation to plans."""

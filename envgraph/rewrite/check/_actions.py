@@ -1,4 +1,4 @@
-"""The right side of a block, read: what it creates, deletes, retypes, links and sets."""
+"""Translation of the right-hand side of a block into created, deleted, retyped, linked and set items."""
 
 from __future__ import annotations
 
@@ -37,23 +37,23 @@ from envgraph.rewrite.check._variables import equated, is_named, node_names, pat
 
 @dataclass(slots=True)
 class Changes:
-    """What one block of a rule changes, in names.
+    """The changes that one block of a rule makes, by the names of variables.
 
     Attributes:
         rule: the whole rule.
-        lowered: the left side of the block.
-        inherited: how many names there are outside of the block.
-        scope: the names that can be used in the block; `scope.problems` collects what is wrong.
-        values: what is set.
-        arrows: the links of the left side of this block.
+        lowered: the LHS of the block.
+        inherited: number of names that the enclosing block defines.
+        scope: the names that can be used in the block; `scope.problems` collects the diagnostics.
+        values: the assignments of the block.
+        arrows: the links in the LHS of this block.
         created, retyped, deleted: names of objects, in the order of the text.
-        spans: where objects are created or retyped.
-        gone: where objects are deleted.
+        spans: spans of creations and retypings, by the name of the object.
+        gone: spans of deletions, by the name of the object.
         unlinks, links: links that are deleted and created.
-        moves, absorbs: objects that get another container, and those that are merged into others.
-        kept: where objects are merged into.
+        moves, absorbs: objects that get another container, and objects that are merged into others.
+        kept: spans of merges, by the name of the object that survives.
         wanted: all links of an `rhs`.
-        removed, redirected: what is written about links that are deleted and redirected.
+        removed, redirected: the edges in the text that delete links and redirect links.
     """
 
     rule: Rule
@@ -78,30 +78,30 @@ class Changes:
 
     @property
     def right(self) -> RightSide | Modification | None:
-        """The right side of the block."""
+        """Return the right-hand side of the block, or None if it has no right-hand side."""
         return self.lowered.block.right if self.lowered.block else self.rule.right
 
     @property
     def ending(self) -> set[str]:
-        """Names of the objects that are deleted, here or further out, without those that are merged."""
+        """Return the names of the objects that this block or an enclosing block deletes, without merged objects."""
         return self.scope.deleted.keys() - self.scope.absorbed.keys()
 
     def unlink(self, edge: ResolvedEdge) -> Unlink:
-        """The operation that deletes a link."""
+        """Return the operation that deletes a link."""
         key = self.scope.key(edge)
         required = key in self.redirected and all(self.scope.key(arrow) != key for arrow in self.scope.arrows)
         source, target = self.scope.slot(edge.source), self.scope.slot(edge.target)
         return Unlink(source, edge.reference, target, required, edge.span)
 
     def link(self, edge: ResolvedEdge) -> Link:
-        """The operation that creates a link."""
+        """Return the operation that creates a link."""
         return Link(self.scope.slot(edge.source), edge.reference, self.scope.slot(edge.target), edge.span)
 
 
 def changes_of(
     rule: Rule, lowered: LoweredBlock, outer: RuleScope, types: Mapping[str, StaticType | None]
 ) -> Changes:
-    """Read a block, in the scope of the one around it."""
+    """Return the changes of a block, given the scope of the enclosing block. Add diagnostics to the scope."""
     for name in lowered.own:
         if name in outer.created:
             span = node_names(lowered.left).get(name)
@@ -125,10 +125,10 @@ def changes_of(
 
 
 class ActionReader:
-    """Reads the right side of a block.
+    """A reader of the right-hand side of a block, which fills a `Changes`.
 
-    Names first (what is created, retyped, deleted), then everything that refers to names: the order of the actions
-    in the text does not matter.
+    It reads the names of created, retyped and deleted objects first, and then everything that refers to names. So the
+    order of actions in the text does not matter.
     """
 
     def __init__(self, changes: Changes) -> None:
@@ -139,7 +139,7 @@ class ActionReader:
         self.values = changes.values
 
     def read(self) -> None:
-        """Read everything."""
+        """Read the whole right-hand side into the `Changes` of this reader."""
         match self.changes.right:
             case Modification() as right:
                 self._modification(right)
@@ -153,7 +153,7 @@ class ActionReader:
         mentioned = [node for action in right.actions if isinstance(action, Create) for node in action.nodes]
         for node in sorted(
             mentioned, key=lambda node: node.type is None
-        ):  # it may be mentioned before it is made
+        ):  # nodes may be mentioned before the action that creates them
             self._new_or_known(node)
         for kinds in (Merge, Retype | DeleteNode, Create | DeleteEdge | Set | Move | Redirect):
             for action in right.actions:
@@ -199,7 +199,7 @@ class ActionReader:
         if not is_named(name):
             hint = "a name that starts with `_` stands for anything, once; give the object another name"
             self.scope.error("bad-name", f"`{name}` cannot name a new object", node.span, hint)
-        # An unusable class still makes the name known: one mistake, one diagnostic.
+        # The name becomes known even if its class has an error, so that each mistake is reported once.
         if self.scope.instantiable(node.type, node.type_span or node.span):
             self.scope.created[name] = node.type
         else:
@@ -394,7 +394,11 @@ class ActionReader:
         self.changes.removed[key] = edge
 
     def _once(self, key: LinkKey, edge: Edge, what: str) -> None:
-        """A link is deleted once, or redirected once."""
+        """Report an error or warning if an earlier action already deletes or redirects the same link.
+
+        Args:
+            what: "deleted" or "redirected", the action of `edge`.
+        """
         earlier = self.changes.redirected.get(key) or self.changes.removed.get(key)
         if earlier is None:
             return
@@ -450,7 +454,7 @@ class ActionReader:
                 self.values.set(Set(owner, feature, "=", value, span, feature_span=assignment.feature_span))
 
     def _clear_deleted(self) -> None:
-        """Links of the left side at a deleted node go with it, whoever wrote them."""
+        """Add deletions of all LHS links at deleted objects, including links in the LHS of enclosing blocks."""
         gone = self.changes.ending
         for arrow in self.scope.arrows:
             ends = {arrow.source, arrow.target}

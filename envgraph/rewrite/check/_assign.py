@@ -1,4 +1,4 @@
-"""Values that a right side gives to features: `set`, and the braces of object literals."""
+"""Translation of assignments in a right-hand side: `set` actions, and the braces of object literals."""
 
 from __future__ import annotations
 
@@ -37,12 +37,12 @@ Values = Expression | tuple[Expression, ...]
 
 
 class AssignmentReader:
-    """Checks the assignments of one block.
+    """A checker of the assignments of one block, which collects them as operations.
 
     Attributes:
-        computed: values that are worked out before the rule.
-        links: what references of new objects hold; like arrows, they are refused where there is no room.
-        sets: everything else.
+        computed: values to compute on the state before the rule.
+        links: links of references of new objects; like created edges, they are refused if an end is full.
+        sets: all other assignments.
     """
 
     def __init__(self, scope: RuleScope) -> None:
@@ -53,7 +53,7 @@ class AssignmentReader:
         self._earlier: dict[tuple[str, str], tuple[Operator, Span | None]] = {}
 
     def initialise(self, node: Node, assignment: Assignment) -> None:
-        """A feature in the literal of a new object."""
+        """Check an assignment in the literal of a new object and add its operation."""
         span = assignment.span or node.span
         where = assignment.feature_span or span
         feature = self._feature(Variable(node.name, node.span), assignment.feature, "=", where)
@@ -64,7 +64,7 @@ class AssignmentReader:
                 self.links.append(Link(self.scope.slot(node.name), feature, value, span))
 
     def set(self, action: Set) -> None:
-        """`set object.feature = value`, `+=`, `-=`."""
+        """Check a `set` action (`=`, `+=` or `-=`) and add its operation."""
         where = action.feature_span or action.span
         found = self._feature(action.object, action.feature, action.operator, where)
         if isinstance(found, Attribute):
@@ -124,10 +124,10 @@ class AssignmentReader:
     def _values(
         self, name: str, attribute: Attribute, operator: Operator, value: Values, span: Span | None
     ) -> None:
-        """An attribute with many values."""
+        """Check an assignment to a multi-valued attribute and add its operations."""
         parts = () if operator == "=" and _is_none(value) else value if isinstance(value, tuple) else (value,)
         slots = [self._value(part, attribute.type, part.span or span, needed=True) for part in parts]
-        found = tuple(slot for slot in slots if slot is not None)  # the others are reported
+        found = tuple(slot for slot in slots if slot is not None)  # errors of the others are reported already
         object_ = self.scope.slot(name)
         if operator == "=":
             self.sets.append(SetValues(object_, attribute, found, span))
@@ -157,7 +157,7 @@ class AssignmentReader:
             )
 
     def _targets(self, reference: Reference, value: Values, span: Span | None) -> tuple[int, ...]:
-        """Slots of the targets that a value gives; what is wrong is reported and left out."""
+        """Return the slots of the assigned target objects. Report errors of values; values with errors get no slot."""
         if isinstance(value, tuple) and not reference.many and len(value) != 1:
             self.scope.error(
                 "wrong-type",
@@ -182,7 +182,11 @@ class AssignmentReader:
     def _value(
         self, expression: Expression, expected: StaticType, span: Span | None, *, needed: bool
     ) -> int | None:
-        """The slot of a value on the state before the rule; `needed`: it is an error if there is none."""
+        """Return the slot of a value that is computed before the rule, or None if an error is reported.
+
+        Args:
+            needed: True if a missing value is an error when the rule is applied.
+        """
         read = {variable.name: variable for variable in variables_in(expression)}
         for name, variable in read.items():
             if name in self.scope.created:
@@ -227,7 +231,7 @@ def _is_none(value: Values) -> bool:
 
 
 def _located(problem: Diagnostic, span: Span | None) -> Diagnostic:
-    """The diagnostic, at least at the action when the expression has no span of its own."""
+    """Return the diagnostic with its own span, or with `span` if it has none."""
     if problem.span is not None or span is None:
         return problem
     return Diagnostic(problem.code, problem.message, span, problem.hint, problem.severity, problem.notes)

@@ -1,4 +1,4 @@
-"""From what a block changes to its plan."""
+"""Translation of the changes of a block to its plan."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ TypesOf = Callable[[LoweredBlock], Mapping[str, StaticType | None]]
 
 
 def plan_of(changes: Changes, types_of: TypesOf) -> BlockPlan:
-    """The plan of a block and those inside it, all of them checked; of use only if no error was found."""
+    """Check a block and its nested blocks, and return their plan. The plan is usable only if no error was reported."""
     check_links(changes)
     identified_links = _identified_links(changes)
     scope = changes.scope
@@ -75,7 +75,7 @@ def _kind(changes: Changes) -> Literal["rule", "forall", "forall+", "optional"]:
 
 
 def _may_coincide(changes: Changes, one: str, other: str) -> bool:
-    """Return whether two variables may stand for one object in a match of this rule."""
+    """Return True if two variables may stand for one object in a match of this rule."""
     same = changes.scope.equated
     if one == other or frozenset((one, other)) in same:
         return True
@@ -86,7 +86,7 @@ def _may_coincide(changes: Changes, one: str, other: str) -> bool:
 
 
 def _identified(changes: Changes) -> tuple[tuple[int, int], ...]:
-    """Objects that are deleted, each with one that it must not be."""
+    """Return pairs of slots: a deleted object, and another variable that may stand for the same object."""
     scope = changes.scope
     own = {*changes.deleted, *(scope.names[a.absorbed] for a in changes.absorbs)}
     return tuple(
@@ -98,7 +98,7 @@ def _identified(changes: Changes) -> tuple[tuple[int, int], ...]:
 
 
 def _identified_links(changes: Changes) -> tuple[tuple[Unlink, Unlink], ...]:
-    """Links that are deleted, each with one of a left side that it must not be."""
+    """Return pairs of links: a deleted link, and another link of the LHS that may be the same link."""
     scope = changes.scope
     found: list[tuple[Unlink, Unlink]] = []
     for key, gone in {**scope.unlinked, **changes.unlinks}.items():

@@ -1,4 +1,4 @@
-"""Rules, checked and worked out to plans."""
+"""Checks of rules, and their translation to plans."""
 
 from __future__ import annotations
 
@@ -65,16 +65,16 @@ _LINTS: Final = (
     "never-matches",
     "self-comparison",
 )
-"""Warnings about patterns that mean the same about left sides."""
+"""Codes of pattern warnings that are also reported for left-hand sides."""
 
 
 @dataclass(frozen=True, slots=True)
 class CheckedRule:
-    """What checking a rule gives.
+    """A checked rule: its diagnostics, and its plan if it has no errors.
 
     Attributes:
-        entries: its left sides, as a library can take them; none if there are errors.
-        plan: None if there are errors.
+        entries: its left-hand sides as patterns for a library; empty if there are errors.
+        plan: the plan of the rule; None if there are errors.
     """
 
     rule: Rule
@@ -84,7 +84,7 @@ class CheckedRule:
 
 
 def examine(rule: Rule, library: Library) -> CheckedRule:
-    """Check a rule, and work out its plan if it has no errors."""
+    """Check a rule, and build its plan if it has no errors."""
     problems = [*_check_header(rule), *_check_names(rule), *_check_types(rule, library)]
     if _depth(rule) > MOST_NESTED:
         hint = "make a pattern of a part of it"
@@ -138,7 +138,10 @@ def _left_problems(
     called: Mapping[str, StaticType | None],
     told: Sequence[Diagnostic],
 ) -> list[Diagnostic]:
-    """The errors that the library finds in left sides, without what has been told of the same places and names."""
+    """Return the diagnostics that the library reports for left-hand sides, without repetitions of `told`.
+
+    A diagnostic is a repetition if it has the same span, or concerns a variable whose type is unknown by mistake.
+    """
     places = {problem.span for problem in told if problem.span}
 
     def echoes(problem: Diagnostic) -> bool:
@@ -153,7 +156,7 @@ def _left_problems(
 
 
 def _unknown(rule: Rule, called: Mapping[str, StaticType | None], metamodel: Metamodel) -> Iterator[str]:
-    """Variables whose type is unknown because of a mistake: in their declaration, or in what they are given to."""
+    """Yield variables whose type is unknown because of a mistake in their declaration or in a pattern call."""
     yield from (name for name, type_ in called.items() if type_ is None)
     declared: list[Parameter | Node] = [*rule.parameters, *_nodes(rule)]
     for one in declared:
@@ -162,10 +165,10 @@ def _unknown(rule: Rule, called: Mapping[str, StaticType | None], metamodel: Met
 
 
 def _called_types(rule: Rule, library: Library) -> dict[str, StaticType | None]:
-    """Return what calls of patterns say about variables, wherever they stand in a rule; None if one has a mistake."""
+    """Return the types that pattern calls anywhere in a rule imply for variables; None where a call has a mistake."""
     found: dict[str, StaticType | None] = {}
     parts: list[Rule | Block] = [rule]
-    for part in parts:  # which grows
+    for part in parts:  # the list grows inside the loop
         parts += part.blocks
         for call in chain.from_iterable(map(_calls, part.left.constraints)):
             pattern = library.resolve(call.pattern, rule.package)
@@ -178,14 +181,14 @@ def _called_types(rule: Rule, library: Library) -> dict[str, StaticType | None]:
 
 
 def _calls(constraint: Constraint) -> Iterator[PatternCall]:
-    """The calls of patterns in a condition, those under `neg` and in aggregates included."""
+    """Yield the pattern calls in a constraint, including those under `neg` and in aggregates."""
     relations = [constraint.relation if isinstance(constraint, Negation) else constraint]
     relations += [term.over for term in terms_in(constraint) if isinstance(term, Aggregate)]
     yield from (relation for relation in relations if isinstance(relation, PatternCall))
 
 
 def _with_class(problem: Diagnostic, called: Mapping[str, StaticType | None]) -> Diagnostic:
-    """Of a variable that has no type where it is: with the class that a call at another place says."""
+    """Add a hint with the class to a diagnostic of an untyped variable, if a pattern call elsewhere implies it."""
     if problem.code not in ("untyped-source", "untyped-variable"):
         return problem
     name = str(problem.subject[0])
@@ -196,7 +199,7 @@ def _with_class(problem: Diagnostic, called: Mapping[str, StaticType | None]) ->
 
 
 def _nodes(part: Rule | Block) -> Iterator[Node]:
-    """The nodes of the left sides of a rule and its blocks."""
+    """Yield the nodes in the left-hand sides of a rule and of its blocks."""
     yield from part.left.nodes
     for block in part.blocks:
         yield from _nodes(block)
@@ -212,7 +215,7 @@ def _depth(rule: Rule) -> int:
 
 
 def _types_of(block: LoweredBlock, known: Mapping[str, Entry] | None) -> Mapping[str, StaticType | None]:
-    """Types of the variables in scope: what the library found where it found no error, else what arrows tell."""
+    """Return the types of variables in scope: inferred by the library, or implied by edges if there are errors."""
     if known is None:
         return block.types
     found = known[block.pattern.qualified_name].types
@@ -220,7 +223,7 @@ def _types_of(block: LoweredBlock, known: Mapping[str, Entry] | None) -> Mapping
 
 
 def _created(rule: Rule) -> set[str]:
-    """Parameters that the right side creates: they are `out`, and no part of the match."""
+    """Return the `out` parameters that the right-hand side creates, which are therefore not part of the match."""
     outputs = {p.name for p in rule.parameters if p.direction == "out"}
     left = {node.name for node in rule.left.nodes} | {
         e for edge in rule.left.edges for e in (edge.source, edge.target)
@@ -229,7 +232,7 @@ def _created(rule: Rule) -> set[str]:
 
 
 def _created_nodes(right: RightSide | Modification | None) -> list[str]:
-    """The names that a right side gives a class: new objects, and in `rhs` also those that it retypes."""
+    """Return the names of nodes with a class in a right-hand side: new objects, and in `rhs` also retyped objects."""
     match right:
         case Modification(actions):
             nodes = [node for action in actions if isinstance(action, Create) for node in action.nodes]
@@ -249,7 +252,7 @@ def _exact_class(lowered: LoweredBlock) -> str | None:
     return None
 
 
-# --- what stands in the header
+# --- the header
 
 
 def _check_header(rule: Rule) -> Iterable[Diagnostic]:
@@ -274,7 +277,7 @@ def _check_names(rule: Rule) -> Iterable[Diagnostic]:
 
 
 def _check_types(rule: Rule, library: Library) -> Iterable[Diagnostic]:
-    """Types of parameters; those of the left side are checked with it."""
+    """Report unknown types of parameters. Types in the left-hand side are checked together with it."""
     for parameter in rule.parameters:
         if parameter.type and static_type(parameter.type, library.metamodel) is None:
             hint = type_hint(parameter.type, library.metamodel)
@@ -286,11 +289,15 @@ def _check_types(rule: Rule, library: Library) -> Iterable[Diagnostic]:
             )
 
 
-# --- what needs the whole rule
+# --- checks of the whole rule
 
 
 def _outputs(rule: Rule, scope: RuleScope, given: Sequence[str]) -> tuple[tuple[str, int], ...]:
-    """Name and slot of the `out` parameters; `given` are variables that only a caller can bind."""
+    """Return name and slot of the `out` parameters, and report those that get no value.
+
+    Args:
+        given: variables that only a caller can bind.
+    """
     found: list[tuple[str, int]] = []
     mentioned = all_names(rule.left)
     for parameter in rule.parameters:
@@ -322,7 +329,7 @@ def _check_created_output(parameter: Parameter, scope: RuleScope) -> None:
 
 
 def _check_effect(rule: Rule, lowered: LoweredBlock, plan: BlockPlan) -> Iterable[Diagnostic]:
-    """Warn where nothing is said about what changes: rules and blocks that only ask, and hand nothing out."""
+    """Warn about rules and blocks that have no right-hand side, and so change nothing, and that return no outputs."""
     block = lowered.block
     if block is None and any(parameter.direction == "out" for parameter in rule.parameters):
         return
@@ -340,7 +347,7 @@ def _check_effect(rule: Rule, lowered: LoweredBlock, plan: BlockPlan) -> Iterabl
 
 
 def _check_homomorphic(rule: Rule, scope: RuleScope, problems: list[Diagnostic]) -> None:
-    """The groups of `@hom`: variables of left sides, that may stand for one object."""
+    """Check that the groups of `@hom` list object variables of left-hand sides that may stand for one object."""
     nested = _block_variables(rule.blocks)
     for group, places in zip_longest(rule.homomorphic, rule.homomorphic_spans, fillvalue=()):
         spans = dict(zip(group, places, strict=False))
@@ -357,7 +364,7 @@ def _check_homomorphic(rule: Rule, scope: RuleScope, problems: list[Diagnostic])
 
 
 def _block_names(blocks: Iterable[Block]) -> dict[str, str]:
-    """The variables of blocks and the objects that they create, with the kind of the block."""
+    """Return the variables of blocks and the objects that they create, each with the kind of its block."""
     found: dict[str, str] = {}
     for block in blocks:
         names = [*own_variables(block.left, ()), *_created_nodes(block.right)]
@@ -367,7 +374,7 @@ def _block_names(blocks: Iterable[Block]) -> dict[str, str]:
 
 
 def _block_variables(blocks: Iterable[Block]) -> dict[str, None]:
-    """The variables of the left sides of blocks, and of those inside them."""
+    """Return the variables in the left-hand sides of blocks and of their nested blocks."""
     found: dict[str, None] = {}
     for block in blocks:
         found.update(dict.fromkeys(own_variables(block.left, ())))
@@ -376,7 +383,7 @@ def _block_variables(blocks: Iterable[Block]) -> dict[str, None]:
 
 
 def _never_one(group: Sequence[str], spans: Mapping[str, Span], scope: RuleScope) -> Iterable[Diagnostic]:
-    """Warn of names that no object can share."""
+    """Report a `@hom` group with fewer than two names. Warn about pairs whose classes share no objects."""
     if len(set(group)) < 2:
         message = "`@hom` names two or more different variables"
         hint = "write `@hom(a, b)`, or `@match(homomorphic)` for all names"

@@ -1,4 +1,4 @@
-"""Conflicts: what the matches of one application must agree on."""
+"""Detection of contradictory changes among the matches that one application of a rule executes together."""
 
 from __future__ import annotations
 
@@ -36,20 +36,20 @@ Operation = (
     | Unlink
 )
 Arrow = tuple[Reference, int, int]
-"""A link from the end that is named first: `Metamodel.canonical`."""
+"""A link in canonical direction, so that a link and its opposite are equal: see `Metamodel.canonical`."""
 
 SUM: Final = ("added up",)
-"""Instead of a value: what several matches add to a number."""
+"""Recorded in place of a value for numbers that `+=` changes: the amounts of several matches are added up."""
 
 
 class Fresh(int):
-    """Stands for an object that is not there yet; different ones are different numbers, all below 0."""
+    """A placeholder for the id of an object that is not created yet: a negative number, different for each object."""
 
     __slots__ = ()
 
 
 class Want(NamedTuple):
-    """One thing that one match wants."""
+    """A change that one match requests: an operation of a block plan, with the slot values of the match."""
 
     plan: BlockPlan
     slots: Sequence[Any]
@@ -57,11 +57,12 @@ class Want(NamedTuple):
 
 
 class Contradiction(EnvgraphError):
-    """Two wants that do not go together.
+    """An error about two requested changes that cannot both be made.
 
     Attributes:
-        refused: the model refuses them, in any order.
-        always: they are about the same things; else what they name may turn out to be one object.
+        refused: True if the model refuses the two changes in any order.
+        always: True if both changes are about the same object. If False, two variables may turn out to be one object,
+            and then the changes agree.
     """
 
     def __init__(
@@ -74,16 +75,17 @@ class Contradiction(EnvgraphError):
 
 
 class Conflicts:
-    """Collects what every match of an application wants, and finds two wants that do not go together.
+    """A collection of the changes that all matches of an application request; it finds contradictory changes.
 
-    Deleting the same thing twice, creating the same link twice and giving one value twice is agreement. Where the order
-    would decide, there is none: two objects that both become the only target of a third, a link that is set and one
-    that the setting would release.
+    Deleting an object twice, creating a link twice and setting a feature twice to one value are no contradictions. Two
+    changes contradict each other if their order would decide the result: two objects that both become the only target
+    of a third one, or a new link that a `set` of the same reference would remove.
 
     Args:
-        metamodel: of the model.
-        describe: text of an object, which may be `Fresh`.
-        strict: two links that do not fit into a single reference are a contradiction, too; else the model refuses them.
+        metamodel: the metamodel of the model.
+        describe: returns the text of an object, which may be `Fresh`, for messages.
+        strict: if True, two links that do not both fit into a single-valued reference are also a contradiction. If
+            False, the model refuses them later.
     """
 
     def __init__(self, metamodel: Metamodel, describe: Callable[[int], str], *, strict: bool = False) -> None:
@@ -103,11 +105,11 @@ class Conflicts:
         self._features: list[tuple[int, str, Want]] = []
 
     def add(self, plan: BlockPlan, slots: Sequence[Any]) -> None:
-        """Take in one match of a block.
+        """Add the requested changes of one match of a block.
 
         Raises:
-            RuleError: it deletes something that its own left side keeps ("identification").
-            Contradiction: it does not go together with an earlier one.
+            RuleError: the match deletes an object or link that its own LHS also preserves ("identification").
+            Contradiction: the changes contradict those of an earlier match.
         """
         self._identification(plan, slots)
         for delete in plan.deletes:
@@ -130,14 +132,14 @@ class Conflicts:
             self._set(Want(plan, slots, change), change)
         for unlink in plan.unlinks:
             arrow = self._canonical(unlink.reference, slots[unlink.source], slots[unlink.target])
-            if arrow not in added:  # what a match removes and makes anew stays
+            if arrow not in added:  # a link that the same match removes and adds remains
                 self._removed.setdefault(arrow, Want(plan, slots, unlink))
 
     def finish(self) -> None:
-        """Look at everything together.
+        """Check all added changes together.
 
         Raises:
-            Contradiction: two wants do not go together.
+            Contradiction: two changes contradict each other.
         """
         for node, (_, want) in self._gone.items():
             if node in self._touched:
@@ -155,12 +157,12 @@ class Conflicts:
 
     @property
     def deleted(self) -> Collection[int]:
-        """The objects that a match deletes."""
+        """Return the objects that a match deletes."""
         return self._gone.keys()
 
     @property
     def changed(self) -> Collection[int]:
-        """The objects that a match changes, `Fresh` ones included."""
+        """Return the objects that a match changes, including `Fresh` objects."""
         return self._touched.keys()
 
     def _check_added(self, arrow: Arrow, want: Want) -> None:
@@ -199,7 +201,7 @@ class Conflicts:
     # --- objects
 
     def _go(self, node: int, into: int | None, want: Want) -> None:
-        """It is deleted, or merged into another one."""
+        """Record that an object is deleted (`into` is None) or merged into the object `into`."""
         other, earlier = self._gone.setdefault(node, (into, want))
         if other != into:
             raise Contradiction(
@@ -218,7 +220,11 @@ class Conflicts:
     # --- links
 
     def _link(self, reference: Reference, source: int, target: int, want: Want, forced: bool) -> None:
-        """A link is added; `forced` if others make room for it."""
+        """Record that a link is added.
+
+        Args:
+            forced: True if the operation first removes other links of a full reference.
+        """
         opposite = self.metamodel.opposite(reference)
         self._touch(source, want)
         self._touch(target, want)
@@ -233,7 +239,7 @@ class Conflicts:
             self._end(content, None, (container, contains), want, forced)
 
     def _end(self, node: int, feature: Reference | None, value: object, want: Want, forced: bool) -> None:
-        """What an object has one of; feature None stands for its container."""
+        """Record the only target of an object by a single-valued reference, or its container if `feature` is None."""
         other, earlier, others_forced = self._ends.setdefault((node, feature), (value, want, forced))
         if other == value:
             self._ends[node, feature] = other, earlier, others_forced or forced
@@ -252,7 +258,7 @@ class Conflicts:
             case SetValue(node, attribute, value):
                 self._value(slots[node], attribute, None if value is None else slots[value], want)
             case Increase(node, attribute, operator, value):
-                # The order of texts shows.
+                # Additions to strings contradict each other, because their order changes the result.
                 texts = attribute.type is Scalar.STRING and not attribute.many
                 self._value(slots[node], attribute, (operator, slots[value]) if texts else SUM, want)
                 if attribute.many:
@@ -275,7 +281,7 @@ class Conflicts:
                 raise AssertionError(change)
 
     def _value(self, node: int, feature: Attribute | Reference, value: object, want: Want) -> None:
-        """A feature gets a value, or all its targets; None if some targets come or go."""
+        """Record the new value or targets of a feature; `value` None records that only some targets change."""
         self._touch(node, want)
         self._features.append((node, feature.owner, want))
         other, earlier = self._values.setdefault((node, feature), (value, want))
@@ -283,13 +289,13 @@ class Conflicts:
             raise self._two_values(node, feature, (other, earlier), (value, want))
 
     def _member(self, node: int, attribute: Attribute, value: object, operator: str, want: Want) -> None:
-        """A value comes or goes among many."""
+        """Record that a value is added to or removed from a multi-valued attribute."""
         other, earlier = self._members.setdefault((node, attribute, value), (operator, want))
         if other != operator:
             message = f"{value!r} is added to and removed from `{attribute.name}` of {self.describe(node)}"
             raise Contradiction(message, earlier, want, always=False)
 
-    # --- what it is about
+    # --- messages
 
     def _two_values(
         self,
@@ -305,7 +311,7 @@ class Conflicts:
         return Contradiction(message, one[1], other[1], refused=refused, always=False)
 
     def _shown(self, feature: Attribute | Reference, value: object) -> str | None:
-        """A value for messages; None for what is no value, but a change of one."""
+        """Return the text of a value for messages, or None if `value` describes a change, such as an increase."""
         if isinstance(feature, Attribute):
             return None if isinstance(value, tuple) else "none" if value is None else repr(value)
         if not isinstance(value, tuple):
@@ -318,7 +324,7 @@ class Conflicts:
 
 
 def told(want: Want, describe: Callable[[int], str]) -> str:
-    """A match and what it wants, on one line: `forall(a = `Item#0`): delete a`."""
+    """Format a match and its requested change on one line: `forall(a = `Item#0`): delete a`."""
     plan, slots, _ = want
     shown = [
         f"{name} = {_value_text(plan, slots, slot, describe)}"
@@ -329,7 +335,7 @@ def told(want: Want, describe: Callable[[int], str]) -> str:
 
 
 def _action(want: Want, describe: Callable[[int], str]) -> str:
-    """An operation as it could be written in `modify`."""
+    """Format an operation in the syntax of `modify`."""
     plan, slots, operation = want
 
     def name(slot: int) -> str:

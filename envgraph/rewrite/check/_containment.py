@@ -1,4 +1,4 @@
-"""Containers: which end of a link is inside the other, and objects that can be in none after a change of class."""
+"""Questions about containment: the contained end of a link, and classes without a common container."""
 
 from __future__ import annotations
 
@@ -11,13 +11,17 @@ End = TypeVar("End", int, str)
 
 
 def content_of(reference: Reference, source: End, target: End, metamodel: Metamodel) -> End | None:
-    """Return which end of a link is contained in the other; None if neither is."""
+    """Return the end of a link that is contained in the other end; None if the reference is no containment."""
     found = metamodel.containment(reference, source, target)
     return None if found is None else found[2]
 
 
 def homeless(classes: Iterable[str], after: str, metamodel: Metamodel) -> bool:
-    """Return whether objects of exactly these classes have containers that hold none of them as one of `after`."""
+    """Return True if a retyping to `after` leaves every object without a container that may contain it.
+
+    Objects of each of `classes` (exact classes before the retyping) must be containable, and none of their containments
+    may accept an object of `after`.
+    """
     containments = list(_containments(metamodel))
     found = False
     for cls in classes:

@@ -1,4 +1,4 @@
-"""Units that can never succeed, because they call themselves whatever happens."""
+"""A check for units that can never succeed, because every way through them calls them again."""
 
 from __future__ import annotations
 
@@ -11,10 +11,10 @@ from envgraph.rewrite.check._unit_check import CheckedUnit, inner_steps
 
 
 def endless(units: Sequence[CheckedUnit]) -> Iterator[Diagnostic]:
-    """Warn once of each circle of calls that no unit in it can leave but by failing; the units have no errors.
+    """Warn once for each cycle of calls from which no unit can return except by failing. The units must have no errors.
 
-    A unit may succeed if some way through it calls only rules, and units of which that is known already: what is left
-    when no more are found never succeeds.
+    A unit may succeed if some way through it calls only rules, and units that may succeed. This is repeated until no
+    more such units are found; the remaining units never succeed.
     """
     left = {checked.unit.qualified_name: checked for checked in units}
     callers: dict[str, list[str]] = {name: [] for name in left}
@@ -36,7 +36,7 @@ def endless(units: Sequence[CheckedUnit]) -> Iterator[Diagnostic]:
 
 
 def _succeeds(step: Step, checked: CheckedUnit, left: Collection[str]) -> bool:
-    """Return whether a step may succeed without those of the units that are left."""
+    """Return True if a step may succeed without calling a unit of `left`."""
     match step:
         case Call():
             callee = checked.calls.get(id(step))
@@ -56,7 +56,7 @@ def _succeeds(step: Step, checked: CheckedUnit, left: Collection[str]) -> bool:
 
 
 def _calls(step: Step, checked: CheckedUnit, left: Collection[str]) -> Iterator[tuple[str, Call]]:
-    """The calls of units that are left, in the order of the text."""
+    """Yield name and call of the units of `left` that a step calls, in the order of the text."""
     if isinstance(step, Call):
         callee = checked.calls.get(id(step))
         if callee is not None and callee.name in left:

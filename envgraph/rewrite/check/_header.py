@@ -1,4 +1,4 @@
-"""Checks that rules, units and derivations share: annotations, weights, parameters."""
+"""Checks that rules, units and derived groups share: annotations, weights and parameters."""
 
 from __future__ import annotations
 
@@ -13,11 +13,11 @@ from envgraph.metamodel import SUPPRESS, Annotation
 from envgraph.pattern import Parameter
 
 _HIDDEN: Final = re.compile(r"(?<=`)#\d+(?=`)")
-"""In a text: the name of a `_` in an arrow."""
+"""Matches the generated name of a `_` in a message."""
 
 
 def check_weight(weight: float, annotations: Sequence[Annotation], span: Span | None) -> Iterable[Diagnostic]:
-    """A weight has to be a positive number."""
+    """Report a weight that is not a finite number above 0."""
     if not (isfinite(weight) and weight > 0):
         where = annotation_span(annotations, "weight") or span
         hint = "leave the rule out where it shall never be chosen"
@@ -25,7 +25,7 @@ def check_weight(weight: float, annotations: Sequence[Annotation], span: Span | 
 
 
 def check_annotations(annotations: Sequence[Annotation], known: Sequence[str]) -> Iterable[Diagnostic]:
-    """Warn of annotations that mean nothing at this place."""
+    """Warn about annotations whose names are neither in `known` nor `suppress`."""
     for annotation in annotations:
         if annotation.name not in (*known, SUPPRESS):
             message = f"`@{annotation.name}` means nothing here"
@@ -34,17 +34,17 @@ def check_annotations(annotations: Sequence[Annotation], known: Sequence[str]) -
 
 
 def annotation_span(annotations: Sequence[Annotation], name: str) -> Span | None:
-    """Return where an annotation stands."""
+    """Return the span of the first annotation with this name, or None."""
     return next((annotation.span for annotation in annotations if annotation.name == name), None)
 
 
 def duplicate_parameters(parameters: Sequence[Parameter]) -> Iterable[Diagnostic]:
-    """Two parameters of one name."""
+    """Report parameters that share a name."""
     named = ((one.name, one.span) for one in parameters)
     return defined_twice(named, "parameter `{}` is declared twice", "choose another name")
 
 
 def plain(problem: Diagnostic) -> Diagnostic:
-    """Return what a library says about a pattern, without the names of those `_` that it knows by a number."""
+    """Return a diagnostic in which generated names of `_` variables (such as `#1`) are replaced with `_`."""
     hint = None if problem.hint is None else _HIDDEN.sub("_", problem.hint)
     return replace(problem, message=_HIDDEN.sub("_", problem.message), hint=hint)

@@ -1,9 +1,9 @@
-"""Left sides as ordinary patterns.
+"""Lowering of left-hand sides to ordinary patterns.
 
-The left side of a rule becomes a pattern over the variables of its match. A `not` or `require` block becomes a
-pattern of its own, over the enclosing variables that it uses, which the enclosing one calls; so does a `forall` or
-`optional` block, whose matches are looked up when the rule is applied. Generated patterns are named `rule#lhs`,
-`rule#not1`: no text can spell such a name. Injectivity becomes `!=`.
+The left-hand side (LHS) of a rule becomes a pattern over the variables of its match. A `not` or `require` block becomes
+a separate pattern, over the enclosing variables that it uses, and the enclosing pattern calls this pattern. A `forall`
+or `optional` block also becomes a pattern; its matches are found when the rule is applied. Generated patterns have
+names such as `rule#lhs` and `rule#not1`, which no source text can contain. Injectivity becomes `!=` constraints.
 """
 
 from __future__ import annotations
@@ -53,20 +53,20 @@ from envgraph.rewrite.check._variables import (
 _CONDITIONS = ("not", "require")
 
 Types = dict[str, StaticType | None]
-"""Type of each variable in the order of the match; None where it is not known."""
+"""Type of each variable, in the order of the match; None if unknown."""
 
 
 @dataclass(frozen=True, slots=True)
 class LoweredBlock:
-    """A block that rewrites, or a whole rule.
+    """A lowered rule, or a lowered `forall` or `optional` block of it.
 
     Attributes:
-        block: what was written; None for the rule itself.
-        pattern: its pattern: `inherited` parameters first, then `own`.
+        block: the block of the rule; None for the rule itself.
+        pattern: the generated pattern; its parameters are `inherited`, then `own`.
         inherited: enclosing variables that the pattern takes as arguments.
-        own: the variables that the block adds.
-        types: types of all variables in scope, as far as the left sides tell.
-        nested: the blocks inside that rewrite.
+        own: variables that the block adds.
+        types: types of all variables in scope, as far as the left-hand sides define them.
+        nested: the nested `forall` and `optional` blocks.
     """
 
     block: Block | None
@@ -79,12 +79,12 @@ class LoweredBlock:
 
 
 class LeftLowering:
-    """Lowers all left sides of one rule.
+    """A lowering of all left-hand sides of one rule.
 
     Attributes:
-        patterns: every pattern made, callees before callers.
-        problems: what is wrong with arrows and blocks; the library checks the rest, on the patterns.
-        untyped: the names of which nothing says what they are, which is among the problems.
+        patterns: all generated patterns, callees before callers.
+        problems: diagnostics of edges and blocks; the library reports all others when it checks the patterns.
+        untyped: names of variables without a known type, for which `problems` contains a diagnostic.
     """
 
     def __init__(self, rule: Rule, library: Library, unknown: Iterable[str]) -> None:
@@ -98,7 +98,11 @@ class LeftLowering:
         self._numbers = count(1)
 
     def lower(self, created: set[str]) -> LoweredBlock:
-        """The rule itself; parameters among the `created` names are left out of the match."""
+        """Lower the whole rule and return it as a block.
+
+        Args:
+            created: parameters that the rule creates; they are not part of the match.
+        """
         rule = self.rule
         parameters = [p for p in rule.parameters if p.name not in created]
         outside = {p.name: static_type(p.type, self.metamodel) for p in parameters}
@@ -120,7 +124,7 @@ class LeftLowering:
         constraints: Sequence[Constraint],
         type_: StaticType | None,
     ) -> Parameter:
-        """A value that the left side does not enumerate has to be given: `in`."""
+        """Return a parameter of the generated pattern: `in` if it is a data value that the LHS does not enumerate."""
         if type_ is None or isinstance(type_, ObjectType):
             return replace(parameter, direction=None)
         positive = {
@@ -135,7 +139,7 @@ class LeftLowering:
     def _unmentioned(
         self, parameters: Sequence[Parameter], constraints: Sequence[Constraint], types: Types
     ) -> list[Constraint]:
-        """Constraints that mention parameters of which the left side says nothing: every parameter needs one."""
+        """Return constraints for parameters that the LHS does not mention, as patterns must mention each parameter."""
         mentioned = all_names(LeftSide(constraints=tuple(constraints)))
         found: list[Constraint] = []
         for parameter in parameters:
@@ -154,7 +158,7 @@ class LeftLowering:
     # --- types
 
     def _types(self, left: LeftSide, blocks: Sequence[Block], outside: Types) -> Types:
-        """Types of all variables in scope, as far as the left side tells without its blocks: outside ones first."""
+        """Return the types of all variables in scope, `outside` first, as far as the LHS alone implies them."""
         constraints = (*self._nodes(left), *map(_path, left.edges), *left.constraints)
         declared = [parameter_for(name, type_) for name, type_ in outside.items()]
         pattern = Pattern(
@@ -163,7 +167,7 @@ class LeftLowering:
         found = self.library.variable_types(pattern)
         types: Types = {name: found.get(name) for name in (*outside, *own_variables(left, outside))}
         if blocks and None in types.values():
-            # A block that says of what class an object is would say so too late: it differs from the others already.
+            # A block cannot supply the class: injectivity, which needs the class, is part of this pattern.
             problems = self.library.checked(pattern).problems
             self.problems += [plain(one) for one in problems if one.code == "untyped-source"]
         return types
@@ -189,7 +193,7 @@ class LeftLowering:
         return constraints, tuple(nested)
 
     def _check_bare(self, left: LeftSide, types: Types, enclosing: Sequence[str]) -> None:
-        """Names that stand alone, and that nothing else explains."""
+        """Report nodes without edges and constraints that have no class, or that are data values without a binding."""
         explained = {end for edge in left.edges for end in (edge.source, edge.target)}
         explained |= all_names(LeftSide(constraints=left.constraints))
         explained |= {parameter.name for parameter in self.rule.parameters}
@@ -249,7 +253,7 @@ class LeftLowering:
                     yield Comparison("!=", Variable(one), Variable(other))
 
     def _overlap(self, left: StaticType | None, right: StaticType | None) -> bool:
-        """Return whether an object may be of both types."""
+        """Return True if an object may be an instance of both types."""
         if not (isinstance(left, ObjectType) and isinstance(right, ObjectType)):
             return False
         known = self.metamodel.classes
@@ -258,7 +262,7 @@ class LeftLowering:
     # --- blocks
 
     def _condition(self, block: Block, outside: Types) -> Constraint:
-        """The call that stands for a `not` or `require` block."""
+        """Lower a `not` or `require` block to a call of its pattern, negated for `not`."""
         if block.right is not None:
             message = f"a `{block.kind}` block is a condition and rewrites nothing"
             hint = "move the rewriting to the rule, or use `forall`"
@@ -276,7 +280,11 @@ class LeftLowering:
     def _helper(
         self, block: Block, outside: Types, exported: Sequence[str], *, quiet: bool = False
     ) -> LoweredBlock:
-        """The pattern of a block, over the enclosing variables that it uses and the `exported` ones of its own."""
+        """Lower a block to a pattern over the enclosing variables that it uses and over its `exported` own variables.
+
+        Args:
+            quiet: True if no error is reported for an empty block.
+        """
         types = self._types(block.left, block.blocks, outside)
         enclosing = list(outside)
         number = next(self._numbers)
@@ -285,11 +293,11 @@ class LeftLowering:
             message = f"this `{block.kind}` block asks for nothing"
             self._error("empty-block", message, block.span, "leave it out, or write a constraint in it")
         used = all_names(LeftSide(constraints=tuple(constraints)))
-        # What the blocks inside rewrite may need more: they are looked up with the enclosing match at hand.
+        # Nested blocks may use more variables: they are matched later, with the whole enclosing match as arguments.
         inherited = tuple(name for name in enclosing if name in used)
         declared = [parameter_for(name, outside[name]) for name in inherited]
         declared += [Parameter(name) for name in exported]
-        unknown = [name for name in inherited if outside[name] is None]  # which is reported outside
+        unknown = [name for name in inherited if outside[name] is None]  # the enclosing block reports these
         suffix = f"{block.kind.rstrip('+')}{number}"
         pattern = self._pattern(suffix, declared, constraints, block.left, unknown)
         return LoweredBlock(block, block.left, pattern, inherited, tuple(exported), types, nested)
@@ -306,7 +314,7 @@ class LeftLowering:
         body = Body(tuple(constraints) or (Check(Constant(True), span),), span=span)
         home = self.rule.left.span or self.rule.span
         if span is not None and home is not None and span.source.name != home.source.name:
-            span = home  # the blocks are a text of their own, and what is private is seen in one source only
+            span = home  # a block may be a separate source text, but private patterns are visible only inside one source
         pattern = Pattern(
             f"{self.rule.name}#{suffix}",
             tuple(parameters),
@@ -321,7 +329,7 @@ class LeftLowering:
 
 
 def _path(edge: Edge) -> PathConstraint:
-    """An arrow as a constraint."""
+    """Return the path constraint that an edge means."""
     return PathConstraint(
         "",
         (edge.reference,),
@@ -334,7 +342,7 @@ def _path(edge: Edge) -> PathConstraint:
 
 
 def _call(lowered: LoweredBlock, span_of: Block) -> PatternCall:
-    """`find helper(enclosing.., _, ..)`."""
+    """Return the call of the pattern of a block: `find helper(enclosing.., _, ..)`."""
     arguments = (*lowered.inherited, *("_" for _ in lowered.own))
     return PatternCall(
         lowered.pattern.qualified_name, tuple(Variable(name) for name in arguments), span=span_of.span
@@ -342,6 +350,6 @@ def _call(lowered: LoweredBlock, span_of: Block) -> PatternCall:
 
 
 def _declaration(declared: Node | Parameter) -> Span | None:
-    """Return where `x : Class` stands."""
+    """Return the span of a declaration `x : Class`."""
     span, type_span = declared.span, declared.type_span
     return span.to(type_span) if span and type_span else span

@@ -1,4 +1,4 @@
-"""Lints of a block: sure or probable mistakes, such as contradictions, and what is lost, or missing afterwards."""
+"""Checks of the changes of one block for contradictions, lost links, orphans and missing required features."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from envgraph.rewrite.check._scope import LinkKey, ResolvedEdge, RuleScope
 
 
 def check_block(changes: Changes, plan: BlockPlan) -> None:
-    """Look at what a block changes, and at its plan."""
+    """Report contradictions in the changes of a block, and warn about lost links, orphans and missing targets."""
     _check_consistent(changes, plan)
     _check_required(changes, plan)
     if isinstance(changes.right, Modification) and not plan.nested:
@@ -25,7 +25,7 @@ def check_block(changes: Changes, plan: BlockPlan) -> None:
 
 
 def check_links(changes: Changes) -> None:
-    """Links that are deleted and there afterwards, or deleted and not known to be there."""
+    """Report links that are deleted but exist after the rule, and deleted links that the LHS does not match."""
     for key, edge in changes.removed.items():
         if key in changes.wanted or key in changes.links:
             message = (
@@ -40,7 +40,11 @@ def check_links(changes: Changes) -> None:
 
 
 def _ask_for(changes: Changes, key: LinkKey, edge: Edge, otherwise: str) -> None:
-    """Warn of a link that no arrow, path or pattern of the left sides can mean."""
+    """Warn about a deleted or redirected link that no edge, path or pattern call of the left-hand sides can match.
+
+    Args:
+        otherwise: the effect if the link is missing, for the message.
+    """
     if key in changes.scope.paths or any(changes.scope.key(arrow) == key for arrow in changes.scope.arrows):
         return
     if any({edge.source, edge.target} <= called for called in changes.scope.called):
@@ -51,9 +55,10 @@ def _ask_for(changes: Changes, key: LinkKey, edge: Edge, otherwise: str) -> None
 
 
 def _check_consistent(changes: Changes, plan: BlockPlan) -> None:
-    """Find two actions that contradict each other at every match: as many objects as there are names.
+    """Report two actions that contradict each other at every match, by a check on variables in place of objects.
 
-    Values are not known, so that they are left out; where variables may coincide, the match decides.
+    Actions with computed values are skipped, because the values are unknown. If variables may stand for one object, a
+    contradiction is reported only if it is about the same variable; otherwise each match is checked when it is applied.
     """
     computed = {each.slot for each in plan.computed}
     sets = (change for change in plan.sets if isinstance(change, SetTargets | ChangeTargets))
@@ -86,7 +91,7 @@ def _check_consistent(changes: Changes, plan: BlockPlan) -> None:
 
 
 def _check_orphans(changes: Changes) -> None:
-    """Warn of parts that stay because the left side names them, while their container goes."""
+    """Warn about contained objects that are preserved while their container in the LHS is deleted."""
     gone = changes.ending
     for arrow in changes.scope.arrows:
         own = arrow in changes.arrows or {arrow.source, arrow.target} & {*changes.deleted}
@@ -107,7 +112,7 @@ def _check_orphans(changes: Changes) -> None:
 
 
 def _finds_home(changes: Changes, part: str) -> bool:
-    """Return whether a part may get another container."""
+    """Return True if the block may put a contained object into another container."""
     slot, metamodel = changes.scope.slot(part), changes.scope.metamodel
     if any(move.node == slot for move in changes.moves):
         return True
@@ -118,7 +123,7 @@ def _finds_home(changes: Changes, part: str) -> bool:
 
 
 def _check_retyped(changes: Changes) -> None:
-    """Warn where a link of the left side stays, and an end of it becomes what cannot have it."""
+    """Warn about retypings to a class that cannot have a preserved link of the LHS."""
     for name in dict.fromkeys(changes.retyped):
         lost = next((arrow for arrow in changes.scope.arrows if _is_lost(changes, arrow, name)), None)
         if lost is None:
@@ -135,7 +140,7 @@ def _check_retyped(changes: Changes) -> None:
 
 
 def _check_homeless(changes: Changes, name: str) -> None:
-    """Warn where a link to the container is in the way, which the left side does not ask for."""
+    """Warn about a retyping that no container allows, if the LHS does not mention the link to the container."""
     before, after, metamodel = (
         changes.scope.before(name),
         changes.scope.retyped[name],
@@ -154,7 +159,7 @@ def _check_homeless(changes: Changes, name: str) -> None:
 
 
 def _is_lost(changes: Changes, arrow: ResolvedEdge, name: str) -> bool:
-    """Return whether the new class of an object cannot have a link, which nothing takes away before."""
+    """Return True if a link does not fit the new class of a retyped object and the block does not remove the link."""
     metamodel, cls, reference = changes.scope.metamodel, changes.scope.retyped[name], arrow.reference
     if changes.scope.key(arrow) in changes.scope.unlinked or {arrow.source, arrow.target} & {
         *changes.scope.deleted
@@ -168,7 +173,7 @@ def _is_lost(changes: Changes, arrow: ResolvedEdge, name: str) -> bool:
 
 
 def _check_required(changes: Changes, plan: BlockPlan) -> None:
-    """Warn where an object surely ends without a target that its class requires."""
+    """Warn about created or retyped objects that get no target or value for a required feature."""
     fresh = {name: set[Feature]() for name in changes.created if name in changes.scope.created}
     for name in changes.retyped:
         before = changes.scope.before(name)
@@ -177,7 +182,9 @@ def _check_required(changes: Changes, plan: BlockPlan) -> None:
         cls = changes.scope.after(name)
         assert cls is not None
         for feature in changes.scope.metamodel.features(cls).values():
-            single = isinstance(feature, Attribute) and not feature.many  # a fresh object has its default
+            single = (
+                isinstance(feature, Attribute) and not feature.many
+            )  # a created object has the default value
             if single or feature.lower == 0 or feature in had:
                 continue
             if not _provides(plan, changes.scope.slot(name), feature, changes.scope):
@@ -194,7 +201,7 @@ def _warn_required(changes: Changes, name: str, feature: Feature) -> None:
 
 
 def _provides(plan: BlockPlan, slot: int, reference: Feature, scope: RuleScope) -> bool:
-    """Return whether a plan links an object by a reference, from either end, or gives it values of an attribute."""
+    """Return True if a plan adds a link by a reference to an object, from either end, or sets its attribute."""
     if isinstance(reference, Attribute):
         given = (one for one in plan.sets if isinstance(one, SetValues | Increase))
         return any((one.object, one.attribute) == (slot, reference) for one in given)

@@ -1,4 +1,4 @@
-"""The scope of a right side: variables, new objects, arrows of the left side."""
+"""The scope of a right-hand side: matched variables, created objects, and edges of the left-hand side."""
 
 from __future__ import annotations
 
@@ -11,12 +11,12 @@ from envgraph.metamodel import Attribute, Feature, Metamodel, Reference
 from envgraph.pattern import Edge, ObjectType, StaticType
 
 LinkKey = tuple[int, str, str]
-"""A link whichever end it is written from: index of the reference, source, target."""
+"""A link in canonical direction: index of the reference, source and target."""
 
 
 @dataclass(frozen=True, slots=True)
 class ResolvedEdge:
-    """An arrow whose names mean something."""
+    """An edge between variables with its resolved reference."""
 
     source: str
     reference: Reference
@@ -26,23 +26,23 @@ class ResolvedEdge:
 
 @dataclass(slots=True)
 class RuleScope:
-    """Names that a block sees, those of the enclosing blocks included.
+    """The names that can be used in a block, including those of the enclosing blocks, and the diagnostics of the rule.
 
     Attributes:
-        names: name of every slot, "" for computed values.
-        types: types on the state before the rule; created objects are not among them.
+        names: name of every slot; "" for computed values.
+        types: types of variables on the state before the rule, without created objects.
         created: class of every object that the rule creates.
-        retyped: class after the rule of every object that changes it.
-        deleted: names of objects that go.
-        absorbed: those of them that a merge takes; their links survive.
-        declared: the classes that left sides give to a variable.
-        arrows: the arrows of the left sides that follow one link.
-        paths: the links that their path constraints follow.
+        retyped: new class of every object that is retyped.
+        deleted: names of objects that are deleted.
+        absorbed: names of deleted objects that a merge absorbs; their links are preserved.
+        declared: the classes with which the left-hand sides declare a variable.
+        arrows: the edges of the left-hand sides that match single links.
+        paths: the links that path constraints of the left-hand sides match.
         called: the variables of each pattern call.
-        unlinked: the arrows whose links go.
-        equated: pairs of variables that a left side says are the same.
-        elsewhere: names that blocks of the rule have for themselves, with the word that the block begins with.
-        defined: the derived features that queries define, with the names of the queries.
+        unlinked: the edges whose links are deleted.
+        equated: pairs of variables that a left-hand side equates by `==`.
+        elsewhere: names that only nested blocks of the rule define, with the keyword of the block.
+        defined: derived features, with the names of the queries that define them.
     """
 
     metamodel: Metamodel
@@ -64,7 +64,7 @@ class RuleScope:
     _reported: set[str] = field(default_factory=set)
 
     def inner(self, names: Mapping[str, StaticType | None]) -> RuleScope:
-        """The scope of a nested block whose left side adds variables, or narrows types."""
+        """Return the scope of a nested block, whose left-hand side adds variables or narrows types."""
         return RuleScope(
             self.metamodel,
             self.problems,
@@ -87,30 +87,34 @@ class RuleScope:
     # --- problems
 
     def error(self, code: str, message: str, span: Span | None, hint: str | None = None) -> None:
-        """Note an error."""
+        """Add an error to the diagnostics of the rule."""
         self.problems.append(Diagnostic(code, message, span, hint))
 
     def warn(self, code: str, message: str, span: Span | None, hint: str | None = None) -> None:
-        """Note a warning."""
+        """Add a warning to the diagnostics of the rule."""
         self.problems.append(Diagnostic(code, message, span, hint, Severity.WARNING))
 
     # --- names
 
     def slot(self, name: str) -> int:
-        """The slot of a visible name."""
+        """Return the slot of a name in scope."""
         return self.names.index(name)
 
     def add(self, name: str) -> int:
-        """A new slot."""
+        """Add a slot and return its number."""
         self.names.append(name)
         return len(self.names) - 1
 
     def sees(self, name: str) -> bool:
-        """Return whether a name stands for something here."""
+        """Return True if a name is in scope: a matched variable or a created object."""
         return name in self.types or name in self.created
 
     def knows(self, name: str, span: Span | None, *, matched: bool = False) -> bool:
-        """Like `sees`; an unknown name is reported, once. `matched`: a new object would not do."""
+        """Return True if a name is in scope. Otherwise report the name, once.
+
+        Args:
+            matched: True if the name must be a matched variable; this changes only the hint.
+        """
         if self.sees(name):
             return True
         if name not in self._reported:
@@ -136,7 +140,7 @@ class RuleScope:
         return False
 
     def is_object(self, name: str, span: Span | None, *, matched: bool = False) -> bool:
-        """Return whether a name stands for an object that is there after the rule; if not, that is reported."""
+        """Return True if a name stands for an object that exists after the rule. Otherwise report the error."""
         if not self.knows(name, span, matched=matched):
             return False
         if name in self.deleted:
@@ -150,7 +154,7 @@ class RuleScope:
         return self.was_object(name, span)
 
     def had_links(self, name: str, span: Span | None) -> bool:
-        """Return whether a name stands for an object that is there before the rule; if not, that is reported."""
+        """Return True if a name stands for an object that exists before the rule. Otherwise report the error."""
         if not self.knows(name, span, matched=True):
             return False
         if name in self.created:
@@ -164,7 +168,7 @@ class RuleScope:
         return self.was_object(name, span)
 
     def was_object(self, name: str, span: Span | None) -> bool:
-        """Return whether a known name stands for an object; a data value is reported."""
+        """Return True if a known name stands for an object. Report a name that stands for a data value."""
         type_ = self.types.get(name)
         if name in self.created or isinstance(type_, ObjectType):
             return True
@@ -180,16 +184,16 @@ class RuleScope:
     # --- classes and features
 
     def before(self, name: str) -> str | None:
-        """Class of a variable on the left side, None if unknown."""
+        """Return the class of a variable before the rule; None if it is unknown or the variable is a data value."""
         type_ = self.types.get(name)
         return type_.cls if isinstance(type_, ObjectType) and type_.cls in self.metamodel.classes else None
 
     def after(self, name: str) -> str | None:
-        """Class of an object after the rule, None if unknown."""
+        """Return the class of an object after the rule; None if it is unknown."""
         return self.created.get(name) or self.retyped.get(name) or self.before(name)
 
     def instantiable(self, cls: str, span: Span | None) -> bool:
-        """Return whether objects of a class can exist; if not, that is reported."""
+        """Return True if a class exists and is not abstract. Otherwise report the error."""
         found = self.metamodel.classes.get(cls)
         if found is None:
             hint = self.metamodel.likely(cls)
@@ -203,7 +207,7 @@ class RuleScope:
         return True
 
     def feature(self, cls: str, name: str, span: Span | None) -> Attribute | Reference | None:
-        """Return a feature of a class that can be written. Report an unknown or read-only feature."""
+        """Return a writable feature of a class. Report an unknown or read-only feature and return None."""
         feature = self.metamodel.feature(cls, name)
         if feature is None:
             hint = self.metamodel.left_out(cls, name) or self._subclass_hint(cls, name)
@@ -222,7 +226,7 @@ class RuleScope:
         return None
 
     def reference(self, cls: str, name: str, span: Span | None) -> Reference | None:
-        """A reference of a class; anything else is reported."""
+        """Return a reference of a class. Report an attribute or an unknown feature and return None."""
         feature = self.feature(cls, name, span)
         if isinstance(feature, Attribute):
             hint = "set it: `set object.attribute = value;`"
@@ -231,7 +235,7 @@ class RuleScope:
         return feature
 
     def fits(self, name: str, reference: Reference, span: Span | None) -> bool:
-        """Return whether an object may be a target of a reference; if not, that is reported."""
+        """Return True if an object may be a target of a reference after the rule. Otherwise report a wrong class."""
         cls = self.after(name)
         if cls is None or self.metamodel.is_a(cls, reference.target):
             return cls is not None
@@ -242,11 +246,11 @@ class RuleScope:
     # --- arrows
 
     def edge(self, edge: Edge, *, before: bool = False) -> ResolvedEdge | None:
-        """An arrow of the right side; everything wrong with it is reported.
+        """Resolve an edge of the right-hand side; return None after errors, which are reported.
 
         Args:
-            edge: the arrow.
-            before: it is about a link that is there before the rule, such as `delete a -ref-> b`.
+            edge: the edge in the text.
+            before: True if the link exists before the rule, as in `delete a -ref-> b`.
         """
         where = edge.reference_span or edge.span
         if edge.closure:
@@ -267,7 +271,7 @@ class RuleScope:
         return ResolvedEdge(edge.source, reference, edge.target, edge.span)
 
     def left_edge(self, edge: Edge) -> ResolvedEdge | None:
-        """An arrow of a left side, None if it is no single link between named variables."""
+        """Resolve an edge of a left-hand side; return None if it is not a single link between named variables."""
         cls = self.before(edge.source)
         if edge.closure or cls is None or edge.source not in self.types or edge.target not in self.types:
             return None
@@ -277,6 +281,6 @@ class RuleScope:
         return ResolvedEdge(edge.source, feature, edge.target, edge.span)
 
     def key(self, edge: ResolvedEdge) -> LinkKey:
-        """The same for a link and for its opposite: they are one fact."""
+        """Return a key that is equal for a link and for its opposite, because both are one link."""
         reference, source, target = self.metamodel.canonical(edge.reference, edge.source, edge.target)
         return reference.index, source, target

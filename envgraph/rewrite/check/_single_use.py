@@ -1,4 +1,4 @@
-"""Variables that a rule names once, where they are probably mistyped."""
+"""A check for variables that a rule uses once and that are probably mistyped, and for unused parameters."""
 
 from __future__ import annotations
 
@@ -23,11 +23,11 @@ from envgraph.rewrite.check._variables import is_named, node_names
 
 
 def used_once(rule: Rule) -> list[Diagnostic]:
-    """Warn of variables that one constraint mentions and nothing else, and of parameters that nothing mentions.
+    """Warn about variables that only one constraint mentions, and about parameters that are never used.
 
-    Patterns are warned of all of them. In a rule it makes a difference what is named: a match has one for each value of
-    its variables, and the objects of a condition differ from those around it. What remains are variables that a
-    negation or an aggregate quantifies by itself, and those of conditions that are nearly called like another one.
+    Patterns get a warning for every variable that is used once. In rules such a variable can have an effect: the rule
+    matches once for each of its values, and injectivity makes it differ from other objects. So rules get a warning only
+    for variables that a negation or an aggregate quantifies, and for condition variables named almost like another.
     """
     given = {parameter.name for parameter in rule.parameters}
     given.update(name for group in rule.homomorphic for name in group)
@@ -43,7 +43,7 @@ def _check_part(
 
     Args:
         outside: the names that enclosing parts declare.
-        matched: whether the variables belong to a match.
+        matched: True if the variables belong to a match.
     """
     reading, nodes = Reading(Body(part.left.constraints), ()), node_names(part.left)
     inside = {*outside, *nodes, *reading.names}
@@ -59,12 +59,12 @@ def _check_part(
             found.append(quantified_variable(variable))
         elif not matched:
             found.extend(mistyped(variable, others))
-        others.add(name)  # of two such names the second is reported
+        others.add(name)  # of two similar names only the second is reported
     return uses
 
 
 def _names(part: Rule | Block) -> Iterator[str]:
-    """Yield the names of objects and variables in a right side, once for each place."""
+    """Yield the names of objects and variables in a right-hand side, once for each occurrence."""
     for one in walk(part.right):
         if isinstance(one, Variable | Node):
             yield one.name

@@ -1,4 +1,4 @@
-"""Checks of units, and their conditions as patterns."""
+"""Checks of units, and the translation of their conditions to patterns."""
 
 from __future__ import annotations
 
@@ -63,7 +63,7 @@ Scope = dict[str, StaticType | None]
 
 @dataclass(frozen=True, slots=True)
 class Condition:
-    """The condition of an `if` as a pattern over the variables of the unit that it uses."""
+    """A condition of a unit as a pattern over the variables of the unit that it uses."""
 
     pattern: Pattern
     arguments: tuple[str, ...]
@@ -72,15 +72,15 @@ class Condition:
 
 @dataclass(slots=True)
 class CheckedUnit:
-    """What checking a unit gives.
+    """A checked unit: its diagnostics, and the meaning of its names.
 
     Attributes:
-        calls: what each call means, by the identity of the step; None where the name is unknown.
-        conditions: the conditions with `find` of each `if` and each call, by the identity of the step and their place.
-        asked: the conditions that ask a rule, by the identity of the `if`, and what they ask.
-        types: of the parameters.
-        complete: whether it is known what all names mean.
-        entries: patterns of the conditions, as a library can take them; those without errors.
+        calls: callee of each call, by the `id` of the step; calls of unknown names are missing.
+        conditions: the pattern conditions of each `if` and call, by the `id` of the step and the condition's index.
+        asked: for each `if` that tests if a rule is applicable: this condition and the rule, by the `id` of the step.
+        types: types of the parameters.
+        complete: False if a name is unknown because its definition contains errors.
+        entries: the patterns of the conditions without errors, for a library.
     """
 
     unit: Unit
@@ -94,19 +94,19 @@ class CheckedUnit:
 
     @property
     def sound(self) -> bool:
-        """Whether the unit has no errors and mentions nothing unknown."""
+        """Return True if the unit has no errors and all its names are known."""
         return self.complete and not has_errors(self.problems)
 
 
 def check_unit(unit: Unit, directory: Directory, library: Library) -> CheckedUnit:
-    """All errors and warnings of a unit, and what its names mean."""
+    """Check a unit; return its errors and warnings, and the definitions that its names refer to."""
     checker = _Checker(unit, directory, library)
     checker.check()
     return checker.result
 
 
 def unit_signature(unit: Unit, metamodel: Metamodel) -> Signature:
-    """Return what a call of a unit takes; its `out` parameters are not required."""
+    """Return the signature of a unit; its `out` parameters are not required."""
     return Signature(
         unit.qualified_name,
         "unit",
@@ -121,7 +121,7 @@ def unit_signature(unit: Unit, metamodel: Metamodel) -> Signature:
 
 
 def depth(step: Step) -> int:
-    """Number of levels of steps; counted without recursion, so that no input exhausts the stack."""
+    """Return the number of levels of nested steps. The count uses no recursion, so no input can exhaust the stack."""
     levels = 0
     level = [step]
     while level:
@@ -131,7 +131,7 @@ def depth(step: Step) -> int:
 
 
 def all_steps(unit: Unit) -> list[Step]:
-    """All steps of a unit, each before those inside of it."""
+    """Return all steps of a unit, outer steps before inner ones."""
     steps: list[Step] = [unit.body]
     for step in steps:
         steps += inner_steps(step)
@@ -139,7 +139,7 @@ def all_steps(unit: Unit) -> list[Step]:
 
 
 def inner_steps(step: Step) -> tuple[Step, ...]:
-    """The steps directly inside a step."""
+    """Return the steps directly inside a step."""
     match step:
         case Steps(steps):
             return steps
@@ -154,7 +154,7 @@ def inner_steps(step: Step) -> tuple[Step, ...]:
 
 
 def applicable(condition: Constraint | Applicable) -> Applicable | None:
-    """A condition as one that asks a rule, if it can be read as one."""
+    """Return a condition as a test if a rule is applicable, or None if its syntax does not allow this meaning."""
     match condition:
         case Applicable():
             return condition
@@ -216,7 +216,7 @@ class _Checker:
     # --- steps
 
     def _step(self, step: Step, scope: Scope) -> None:
-        """Check a step; `out` arguments of its calls join the scope, unless they are inside a block."""
+        """Check a step. Add names of `out` arguments of its calls to `scope`, unless the call is inside a block."""
         match step:
             case Call():
                 self._call(step, scope)
@@ -251,7 +251,7 @@ class _Checker:
         callee = self._callee(call)
         if callee is None:
             names = (one.name for one in call.arguments if isinstance(one, Variable) and not one.anonymous)
-            scope.update((name, None) for name in names if name not in scope)  # they may be outputs
+            scope.update((name, None) for name in names if name not in scope)  # they may be `out` arguments
             return
         self.result.calls[id(call)] = callee
         if call.every and callee.kind == "unit":
@@ -265,7 +265,7 @@ class _Checker:
         self._selection(call, callee, scope)
 
     def _callee(self, call: Call) -> Signature | None:
-        """Return what a name means; if that is nothing, or several things, it is an error."""
+        """Return the signature that the name of a call means. Report an unknown or ambiguous name and return None."""
         span = call.name_span or call.span
         found = self.directory.candidates(call.name, self.unit.package)
         if len(found) == 1:
@@ -284,7 +284,7 @@ class _Checker:
     # --- the choice of matches
 
     def _selection(self, call: Call, callee: Signature, scope: Scope) -> None:
-        """Check which matches a call is about, and in which order."""
+        """Check the match selection of a call: `first`, `top`, `where` and `by`."""
         self._shape_of_selection(call)
         used = {"first": call.first, "top": call.limit is not None, "where": call.where, "by": call.by}
         words = [word for word, given in used.items() if given]
@@ -298,7 +298,7 @@ class _Checker:
         if any(variable.type is None for variable in callee.variables) or not (
             callee.variables or not callee.parameters
         ):
-            return  # the rule has errors of its own
+            return  # the rule has errors, which are reported there
         inside = {**scope, **{variable.name: variable.type for variable in callee.variables}}
         for place, condition in enumerate(call.where):
             self._condition(call, place, condition, inside)
@@ -379,7 +379,7 @@ class _Checker:
     # --- conditions
 
     def _asked(self, step: If, scope: Scope) -> None:
-        """What an `if` asks; of a name that is no type, whether a rule is applicable."""
+        """Check the condition of an `if`: a pattern condition, or the name of a rule that must be applicable."""
         asked = applicable(step.condition)
         if not isinstance(step.condition, Applicable) and (asked is None or not self._means_rule(asked.name)):
             self._condition(step, 0, step.condition, scope)
@@ -399,7 +399,7 @@ class _Checker:
                 self._argument(argument, parameter, callee, scope, every=True)
 
     def _means_rule(self, name: str) -> bool:
-        """Return whether a name is that of no type, but of a rule, at least nearly."""
+        """Return True if a name is no type and is the name of a rule, or similar to one."""
         if static_type(name, self.metamodel) is not None:
             return False
         rules = [signature.simple for signature in self.directory.signatures.values()]
@@ -436,7 +436,10 @@ class _Checker:
                 yield variable
 
     def _pattern(self, relation: Constraint, negated: bool, scope: Scope, span: Span | None) -> Condition:
-        """Negation is left to the caller: then an argument need not be bound by anything else."""
+        """Return the pattern of a condition without its negation, so that its arguments need no other binding.
+
+        The generated code negates the result.
+        """
         used = tuple(dict.fromkeys(v.name for v in mentioned(relation) if is_named(v.name)))
         parameters = tuple(parameter_for(name, scope[name]) for name in used)
         name = f"{self.unit.name}#if{len(self.result.conditions) + 1}"
@@ -453,5 +456,5 @@ class _Checker:
 
 
 def _data(type_: StaticType | None) -> StaticType | None:
-    """The type that an argument has to have; classes are compared less strictly."""
+    """Return the type that an argument must have, or None for objects: their classes are compared less strictly."""
     return None if isinstance(type_, ObjectType) else type_

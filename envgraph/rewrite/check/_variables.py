@@ -1,4 +1,4 @@
-"""The variables of a left side, in order, and what is known about their types from the left side alone."""
+"""The variables of a left-hand side: their order, their types in it, and which of them are equated."""
 
 from __future__ import annotations
 
@@ -28,26 +28,26 @@ from envgraph.pattern import (
 
 
 def is_named(name: str) -> bool:
-    """Return whether a variable belongs to the match: `_`, names that start with it, and `#1` for a `_` do not."""
+    """Return True if a variable belongs to the match. Names that begin with `_`, and generated names (`#1`), do not."""
     return not name.startswith(("_", "#"))
 
 
 def parameter_for(name: str, type_: StaticType | None) -> Parameter:
-    """A parameter of a pattern for a variable from around it: what is no object is given."""
+    """Return a pattern parameter for a variable of an enclosing block; data values become `in` parameters."""
     if type_ is None:
         return Parameter(name)
     return Parameter(name, type_text(type_), None if isinstance(type_, ObjectType) else "in")
 
 
 def mentioned(constraint: Constraint) -> Iterator[Variable]:
-    """Every place of a variable in a constraint, those that are quantified in it included."""
+    """Yield every occurrence of a variable in a constraint, including quantified variables."""
     if isinstance(constraint, Check):
         yield from variables_in(constraint.expression)
     yield from variables_of_terms(terms_in(constraint))
 
 
 def _visible(constraint: Constraint) -> Iterator[Variable]:
-    """The places that a negation or an aggregate does not quantify by itself."""
+    """Yield the occurrences of variables in a constraint that no negation or aggregate quantifies."""
     if isinstance(constraint, Check):
         yield from variables_in(constraint.expression)
     for term in terms_in(constraint):
@@ -58,7 +58,7 @@ def _visible(constraint: Constraint) -> Iterator[Variable]:
 
 
 def node_names(left: LeftSide) -> dict[str, Span | None]:
-    """The variables that are declared or stand in an arrow, with the first place of each."""
+    """Return the named variables in nodes and edges of a left-hand side, with the span of their first occurrence."""
     found: dict[str, Span | None] = {}
     for node in left.nodes:
         found.setdefault(node.name, node.span)
@@ -69,7 +69,7 @@ def node_names(left: LeftSide) -> dict[str, Span | None]:
 
 
 def path_edges(left: LeftSide) -> Iterator[Edge]:
-    """Path constraints along one link, such as `Item.next(a, b)`, as edges."""
+    """Yield path constraints that follow one link, such as `Item.next(a, b)`, as edges."""
     for constraint in left.constraints:
         match constraint:
             case PathConstraint(_, (reference,), Variable() as source, Variable() as target, Closure.ONCE):
@@ -77,9 +77,9 @@ def path_edges(left: LeftSide) -> Iterator[Edge]:
 
 
 def own_variables(left: LeftSide, outside: Iterable[str]) -> list[str]:
-    """The named variables that a left side adds to the `outside` ones: its nodes first, then those of constraints.
+    """Return the named variables that a left-hand side adds to `outside`: nodes first, then variables of constraints.
 
-    A variable that stands in negations and aggregates alone is quantified there and belongs to no match.
+    A variable that occurs only in negations and aggregates is quantified there and belongs to no match.
     """
     known = set(outside)
     found = dict.fromkeys(name for name in node_names(left) if name not in known)
@@ -91,12 +91,12 @@ def own_variables(left: LeftSide, outside: Iterable[str]) -> list[str]:
 
 
 def all_names(left: LeftSide) -> set[str]:
-    """Every name in a left side, quantified ones included."""
+    """Return all names in a left-hand side, including quantified variables."""
     return set(node_names(left)) | {v.name for c in left.constraints for v in mentioned(c)}
 
 
 def equated(*lefts: LeftSide) -> set[frozenset[str]]:
-    """Pairs of variables that `==` says are the same, transitively."""
+    """Return all pairs of variables that `==` constraints equate, transitively."""
     groups: list[set[str]] = []
     for constraint in chain.from_iterable(left.constraints for left in lefts):
         if isinstance(constraint, Comparison) and constraint.operator == "==":
@@ -111,7 +111,14 @@ def equated(*lefts: LeftSide) -> set[frozenset[str]]:
 def may_be_one(
     one: str, other: str, groups: Iterable[Collection[str]], same: Collection[frozenset[str]]
 ) -> bool:
-    """Return whether two variables are one by `==`, or may be by `@hom`: an alias is in the groups of what it is."""
+    """Return True if two variables are equated by `==`, or may stand for one object by a `@hom` group.
+
+    A variable also belongs to every group that contains a variable equated with it.
+
+    Args:
+        groups: the groups of `@hom`.
+        same: pairs of equated variables.
+    """
     if frozenset((one, other)) in same:
         return True
     first, second = ({name}.union(*(pair for pair in same if name in pair)) for name in (one, other))

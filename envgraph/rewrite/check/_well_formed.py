@@ -1,4 +1,4 @@
-"""Definitions that are built in Python: whether each part of the data is what its field says."""
+"""A type check of definitions that are built in Python: every field must have the type of its annotation."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from envgraph.errors import with_article
 
 
 def mistake_in(definition: Any) -> str | None:
-    """Return what is wrong with the first part of a definition that is not of its type; None if all are.
+    """Return a message about the first field of a definition that has a wrong type; None if all types are right.
 
     >>> from envgraph.pattern import Rule
     >>> mistake_in(Rule("burn", left="tile : RoadTile"))
@@ -20,7 +20,7 @@ def mistake_in(definition: Any) -> str | None:
     """
     try:
         found = _mistake(definition, type(definition), "")
-    except RecursionError:  # expressions that are nested too deeply are refused where they are checked
+    except RecursionError:  # expressions that are nested too deeply are reported by a later check
         found = None
     if found is None:
         return None
@@ -30,7 +30,7 @@ def mistake_in(definition: Any) -> str | None:
 
 
 _Mistake = tuple[str, str, Any]
-"""Where, what should be there, what is there."""
+"""Path of a field, description of the expected type, and actual value."""
 
 
 @cache
@@ -56,7 +56,7 @@ def _mistake(value: Any, wanted: Any, path: str) -> _Mistake | None:
 
 
 def _parts(value: tuple[Any, ...], wanted: Any) -> list[Any]:
-    """The types of the elements of a tuple that fits."""
+    """Return the expected types of the elements of a tuple whose length is already checked."""
     (found,) = [one for one in _alternatives(wanted) if get_origin(one) is tuple and _fits(value, one)][:1]
     arguments = get_args(found)
     return [arguments[0]] * len(value) if arguments[-1] is ... else list(arguments)
@@ -67,7 +67,7 @@ def _alternatives(wanted: Any) -> tuple[Any, ...]:
 
 
 def _fits(value: Any, wanted: Any) -> bool:
-    """Return whether a value is of a type, whatever its own parts are."""
+    """Return True if a value is of a type, without a check of its fields or elements."""
     return any(_fits_one(value, one) for one in _alternatives(wanted))
 
 

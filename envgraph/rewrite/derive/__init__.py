@@ -1,1 +1,1 @@
-"""Rules that a metamodel implies: `derive name = operators for Class;` and its like."""
+"""Rules generated from a metamodel, as in `derive name = operators for Class;`."""

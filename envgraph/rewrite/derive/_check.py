@@ -1,4 +1,4 @@
-"""What is wrong with derivations."""
+"""Checks of derivations: unknown classes, too many rules, annotations, and operators that cannot exist."""
 
 from __future__ import annotations
 
@@ -26,19 +26,19 @@ from envgraph.rewrite.derive._plans import MOST_PLANS, creation_plans, first_nee
 from envgraph.rewrite.derive._schema import Schema
 
 KINDS: Final = ("create", "delete", "add", "remove", "change", "swap", "move", "retype", "set")
-"""The kinds of operators; each is drawn as often as any other unless `@weight` says otherwise."""
+"""The kinds of operators. All kinds have the same total weight, unless `@weight` changes it."""
 
 MOST_RULES: Final = 10_000
-"""Rules of one derivation: for each ordered pair of a hundred classes; they take 4 s and 100 MB."""
+"""Maximal number of rules of a derivation: the ordered pairs of 100 classes, which take 4 s and 100 MB."""
 
 MOST_WAYS: Final = 8
-"""In how many ways an object is created or retyped, unless `@cap` says otherwise."""
+"""Default number of operators that create one class or retype one class to another; `@cap` changes it."""
 
 ANNOTATIONS = {"retype": ("weight",), "operators": ("cap", "weight")}
 
 
 def check_derivation(derivation: Derivation, metamodel: Metamodel) -> list[Diagnostic]:
-    """All errors and warnings of a derivation."""
+    """Return all errors and warnings of a derivation."""
     problems = [
         *check_weight(derivation.weight, derivation.annotations, derivation.span),
         *check_annotations(derivation.annotations, ANNOTATIONS[derivation.kind]),
@@ -68,7 +68,7 @@ def check_derivation(derivation: Derivation, metamodel: Metamodel) -> list[Diagn
 
 
 def _check_containers(derivation: Derivation, metamodel: Metamodel) -> Iterator[Diagnostic]:
-    """Warn once of each class where a container is in the way, to it or from it."""
+    """Warn once for each class of which objects cannot be retyped, or made by retyping, inside their containers."""
     for position, name in enumerate(derivation.classes):
         ways = (
             (one, two)
@@ -113,7 +113,7 @@ def _class_span(derivation: Derivation, position: int) -> Span | None:
 
 
 def _check_operators(derivation: Derivation, metamodel: Metamodel) -> Iterator[Diagnostic]:
-    """Return what is wrong with a derivation of operators whose classes are known."""
+    """Yield the diagnostics of an `operators` derivation whose classes are known."""
     annotations = list(_check_annotations(derivation))
     yield from annotations
     schema = Schema(metamodel)
@@ -141,7 +141,7 @@ def _check_operators(derivation: Derivation, metamodel: Metamodel) -> Iterator[D
 
 
 def _exceeds_limit(schema: Schema, derivation: Derivation) -> bool:
-    """Return whether objects may be retyped in too many ways, before the ways are searched for."""
+    """Return True if a lower bound on the number of retyping rules exceeds the limit; computed without plans."""
     ways = min(ways_of(derivation), MOST_PLANS)
     starts = (start for cls in derivation.classes for _, start in retyping_starts(schema, cls))
     numbers = accumulate(ways if first_need(schema, start) else 1 for start in starts)
@@ -149,7 +149,10 @@ def _exceeds_limit(schema: Schema, derivation: Derivation) -> bool:
 
 
 def _without_creation(schema: Schema, classes: Iterable[str], derivation: Derivation) -> Iterator[Diagnostic]:
-    """Warnings of objects that nothing creates; parts of which each whole has a fixed number come with it."""
+    """Warn about classes that no operator creates.
+
+    Parts of containers with a fixed number of parts are skipped, since they are created together with their container.
+    """
     for cls in classes:
         containers = schema.containers(cls)
         comes_along = containers and not any(end.other.flexible for end in containers)
@@ -187,7 +190,7 @@ def _check_annotations(derivation: Derivation) -> Iterator[Diagnostic]:
 
 
 def weight_of(derivation: Derivation, kind: str) -> float:
-    """How often a kind of operators is drawn beside other rules; 0 leaves it out."""
+    """Return the weight of a kind of operators, relative to other rules; 0 means that the kind is left out."""
     given = {
         name: value for one in derivation.annotations if one.name == "weight" for name, value in one.named
     }
@@ -197,7 +200,7 @@ def weight_of(derivation: Derivation, kind: str) -> float:
 
 
 def ways_of(derivation: Derivation) -> int:
-    """Return in how many ways an object is created or retyped at most."""
+    """Return the maximal number of operators that create one class, or that retype one class to another."""
     caps = [value for one in derivation.annotations if one.name == "cap" for value in one.arguments]
     return cast("int", caps[0]) if caps else MOST_WAYS
 

@@ -1,10 +1,10 @@
-"""Rules that are generated from a metamodel.
+"""Rules that are generated from a metamodel: search operators and retypings.
 
 The operators have the scheme of Burdusel, Zschaler and John, "Automatic generation of atomic multiplicity-preserving
 search operators for search-based model engineering" (Software and Systems Modeling 20, 2021): for a reference `n..m`
-whose opposite is `k..l`, every operator asks for what it needs so that a valid model stays valid. Beyond it, objects
-that cannot be without each other are created and deleted together, contained objects go with their container, and
-numbers, truth values and enums change.
+whose opposite is `k..l`, the conditions of every operator ensure that a valid model stays valid. In addition to the
+paper, objects that need each other are created and deleted together, contained objects are deleted with their
+container, and there are operators for numbers, truth values and enums.
 """
 
 from __future__ import annotations
@@ -35,11 +35,11 @@ from envgraph.rewrite.derive._schema import Schema
 
 @dataclass(frozen=True, slots=True)
 class Derived:
-    """What a derivation stands for.
+    """The rules and patterns that a derivation generates.
 
     Attributes:
-        patterns: what the rules call.
-        rules: in the order of `KINDS`.
+        patterns: the patterns that the rules call.
+        rules: the rules, in the order of `KINDS`.
     """
 
     patterns: tuple[Pattern, ...]
@@ -47,16 +47,16 @@ class Derived:
 
 
 def derived(derivation: Derivation, metamodel: Metamodel) -> Derived:
-    """Return what a derivation without errors stands for: rules, and the patterns that they call."""
+    """Return the rules that a derivation without errors generates, and the patterns that they call."""
     if derivation.kind == "operators":
         return _operators(derivation, metamodel)
     return Derived((), _retypings(derivation))
 
 
 def derived_rules(derivation: Derivation, metamodel: Metamodel) -> tuple[Rule, ...]:
-    """The rules of a derivation without errors.
+    """Return the rules that a derivation without errors generates.
 
-    For `retype among` one for each ordered pair of classes, in the order of the text, where the left class matches
+    For `retype among`: a rule for each ordered pair of classes, in the order of the text; the first class matches
     exactly, without subclasses. For `operators for` see `docs/languages/rules.md`.
     """
     return derived(derivation, metamodel).rules
@@ -81,7 +81,7 @@ def _retypings(derivation: Derivation) -> tuple[Rule, ...]:
 
 
 def _operators(derivation: Derivation, metamodel: Metamodel) -> Derived:
-    """The operators of a derivation without errors."""
+    """Return the operators of a derivation without errors."""
     schema, ways = Schema(metamodel), ways_of(derivation)
     found: dict[str, Rule] = {}
     patterns: dict[str, Pattern] = {}
@@ -114,19 +114,19 @@ def _all(schema: Schema, group: str, cls: str, most: int, retype: bool) -> Itera
 
 
 def _apart(rule: Rule, found: Mapping[str, Rule]) -> Rule:
-    """The rule, with a number behind its name if another one has it."""
+    """Return the rule, with a number added to its name if a different rule in `found` has this name."""
     names = chain([rule.name], (f"{rule.name}.{number}" for number in count(2)))
     named = (replace(rule, name=name) for name in names)
     return next(one for one in named if found.get(one.name, one) == one)
 
 
 def _part(rule: Rule, place: int) -> str:
-    """A part of the name `group.kind.Class..` of a rule."""
+    """Return a part of the name `group.kind.Class..` of a rule, by its index."""
     return rule.name.split(".")[place]
 
 
 def _first(rules: Sequence[Rule], most: int) -> list[Rule]:
-    """So many of the rules, in their order: the first of each class, then the second of each, and so on."""
+    """Return at most `most` rules, in their order. The first rule of every class is chosen before any second rule."""
     before: Counter[str] = Counter()
     ranks: list[tuple[int, int]] = []
     for number, rule in enumerate(rules):

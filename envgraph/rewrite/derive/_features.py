@@ -1,4 +1,4 @@
-"""Operators on features of objects that are there: their links, their containers, their values."""
+"""Operators that change features of existing objects: links, containers and attribute values."""
 
 from __future__ import annotations
 
@@ -41,7 +41,7 @@ _LINKS: Final = {
         "Two objects exchange a target of `{}`.",
     ),
 }
-"""By the name, the links that are removed (-) and added (+), and the doc of operators on a reference."""
+"""Operators on a reference, by name: the links that are removed (-) and added (+), and the documentation."""
 
 _SYMMETRIC: Final = {name: _LINKS[name] for name in _LINKS if name != "change.{}.source"} | {
     "swap.{}.joining": (
@@ -53,12 +53,12 @@ _SYMMETRIC: Final = {name: _LINKS[name] for name in _LINKS if name != "change.{}
         "Two objects are linked each to itself by `{}`.",
     ),
 }
-"""The same of one that is its own opposite: either change is the other, and an object may be linked to itself."""
+"""Operators on a reference that is its own opposite, where objects may be linked to themselves."""
 
 _SWAP: Final = "- container part - container2 part2 + container2 part + container part2"
 
 Setting = tuple[str, str, list[Constraint], Expression]
-"""A way to set an attribute: end of the name and of the doc, conditions, new value."""
+"""A way to set an attribute: suffix of the rule name, end of the documentation, conditions, and new value."""
 
 _OBJECT, _VALUE = Variable("object"), Variable("value")
 
@@ -67,7 +67,7 @@ _OBJECT, _VALUE = Variable("object"), Variable("value")
 
 
 def link_operators(schema: Schema, group: str, cls: str) -> Iterator[RuleBuilder]:
-    """The operators on the links of a class; those of a pair of opposites in one class only once."""
+    """Yield the operators on the non-containment links of a class. Opposites in one class are handled once."""
     for end, feature in _own_ends(schema, cls):
         holder = schema.holder(cls, feature)
         feature_name = f"{holder}.{end.name}"
@@ -80,7 +80,7 @@ def link_operators(schema: Schema, group: str, cls: str) -> Iterator[RuleBuilder
 
 
 def container_operators(schema: Schema, group: str, cls: str) -> Iterator[RuleBuilder]:
-    """The operators that change the containers of the objects of a class."""
+    """Yield the operators that change the containers of the objects of a class."""
     for end in schema.ends:
         child = next(
             (one for one, other in ((cls, end.far), (end.far, cls)) if schema.is_a(one, other)), None
@@ -110,7 +110,12 @@ def _own_ends(schema: Schema, cls: str) -> Iterator[tuple[End, Feature]]:
 
 
 def _relink(builder: RuleBuilder, end: End, near: str, far: str, links: str) -> None:
-    """Remove and add the links of a template, from objects of one class to those of another."""
+    """Add objects and link changes to a rule, as described by a template.
+
+    Args:
+        near, far: classes of the sources and of the targets.
+        links: words in groups of three: `+` or `-`, source, target.
+    """
     words = links.split()
     changes = list(zip(words[::3], words[1::3], words[2::3], strict=True))
     types: dict[str, str] = {}
@@ -121,7 +126,7 @@ def _relink(builder: RuleBuilder, end: End, near: str, far: str, links: str) -> 
         builder.node(cls, name)
     sources = {source for _, source, _ in changes}
     for one, other in combinations(types, 2):
-        # An end of a symmetric link to itself would have another number of links afterwards.
+        # A symmetric link from an object to itself would change the number of its links differently.
         if (one in sources) == (other in sources) or (end.symmetric and len(changes) > 2):
             builder.differ(one, other)
     for sign, source, target in changes:
@@ -132,7 +137,7 @@ def _relink(builder: RuleBuilder, end: End, near: str, far: str, links: str) -> 
 
 
 def value_operators(schema: Schema, group: str, cls: str) -> Iterator[RuleBuilder]:
-    """The operators on the attributes of a class: truth values flip, enums change, numbers with a range step."""
+    """Yield the operators on the attributes of a class: flip truth values, change enums, step numbers with a range."""
     for feature in schema.features(cls):
         if not isinstance(feature, Attribute) or schema.left_alone(feature) or _keyed(schema, cls, feature):
             continue
@@ -147,12 +152,12 @@ def value_operators(schema: Schema, group: str, cls: str) -> Iterator[RuleBuilde
 
 
 def _keyed(schema: Schema, cls: str, attribute: Attribute) -> bool:
-    """Return whether an attribute names the objects of a class or of one of its subclasses."""
+    """Return True if an attribute is part of the key of a class or of one of its subclasses."""
     return any(attribute.name in schema.metamodel.key(sub) for sub in schema.metamodel.concrete(cls))
 
 
 def _settings(attribute: Attribute) -> Iterator[Setting]:
-    """The ways to set an attribute."""
+    """Yield the ways to set an attribute."""
     old = PathConstraint(attribute.owner, (attribute.name,), _OBJECT, _VALUE)
     if isinstance(attribute.type, EnumType):
         for literal in attribute.type.literals:
@@ -165,7 +170,7 @@ def _settings(attribute: Attribute) -> Iterator[Setting]:
 
 
 def _steps(attribute: Attribute, old: Constraint) -> Iterator[Setting]:
-    """The ways to move a number within its range."""
+    """Yield the steps up and down of a number within its range; nothing for a number without a range."""
     if attribute.range is None:
         return
     lowest, highest, step = attribute.range

@@ -1,4 +1,4 @@
-"""Keys of the objects that operators create."""
+"""Unique keys for the objects that operators create."""
 
 from __future__ import annotations
 
@@ -32,31 +32,32 @@ from envgraph.rewrite.derive._rule_builder import RuleBuilder
 from envgraph.rewrite.derive._schema import Schema
 
 MOST_KEYS: Final = 64
-"""So many keys of literals and truth values are tried."""
+"""Maximal number of keys of enum literals and truth values that are tried."""
 
 _LARGEST_FLOAT: Final = float(2**52)
-"""Above it adding 1 does not always make another number."""
+"""Above this number, adding 1 does not always result in another float."""
 
 DIGITS: Final = 18
-"""How many a number that is read from a string may have: a multiple of three, so that it fits 64 bits."""
+"""Maximal number of digits of a number in a string: a multiple of three, such that 64 bits suffice."""
 
 
 def key_owner(schema: Schema, cls: str) -> str | None:
-    """The class that says what the key of a class is."""
+    """Return the class that declares the key of a class: itself or a supertype; None if there is no key."""
     classes = schema.metamodel.classes
     return next((above for above in schema.metamodel.supertypes(cls) if classes[above].key), None)
 
 
 def new_key(builder: RuleBuilder, classes: Sequence[str], position: int) -> list[Assignment]:
-    """Give an object that is created with others, before it and after it, a key that no object has.
+    """Return assignments that give a created object a key that no other object has. Add their conditions to the rule.
 
-    A number, and that behind the class in a string, are above all those in use. Of a key of literals and truth values
-    alone each one that is free may be taken; where there are too many, that of the defaults, if it is free.
+    Numbers, and numbers at the end of strings (after the class name), become larger than all in use. A key of only enum
+    literals and truth values becomes any unused combination. If there are more than `MOST_KEYS` combinations, only the
+    default values are tried.
 
     Args:
         builder: the rule.
-        classes: class of each object that is created.
-        position: which of them.
+        classes: the classes of all objects that are created together.
+        position: index of this object in `classes`.
     """
     schema, cls = builder.schema, classes[position]
     owner = key_owner(schema, cls)
@@ -75,7 +76,7 @@ def new_key(builder: RuleBuilder, classes: Sequence[str], position: int) -> list
             found.append(Assignment(attribute.name, value))
         elif attribute.type in (Scalar.INT, Scalar.FLOAT):
             number, value = _largest(builder, owner, attribute), Variable(builder.fresh("number"))
-            # Not in the assignment: a number that does not fit is no match, instead of an error.
+            # Computed in the LHS: if the number overflows, the rule does not match, whereas an assignment would raise.
             builder.ask([Comparison("==", value, Evaluation(Binary("+", number, Constant(rank))))])
             if attribute.type is Scalar.FLOAT:
                 builder.ask([Check(Binary("<", number, Constant(_LARGEST_FLOAT)))])
@@ -87,7 +88,10 @@ def new_key(builder: RuleBuilder, classes: Sequence[str], position: int) -> list
 
 
 def _largest(builder: RuleBuilder, owner: str, attribute: Attribute, classes: Sequence[str] = ()) -> Variable:
-    """The largest number in use, once for all objects that are created together: of strings, behind these classes."""
+    """Return a variable for the largest number in use; in strings, the number after one of the names `classes`.
+
+    All objects that are created together share the variable.
+    """
     suffix = ".".join((f"#key.{owner}.{attribute.name}", *classes))
     if suffix not in builder.largest:
         number, default = Variable("number"), attribute.initial
@@ -99,7 +103,7 @@ def _largest(builder: RuleBuilder, owner: str, attribute: Attribute, classes: Se
             below = max(default - 1, -(2**63)) if isinstance(default, int) else default - 1
         type_ = Scalar.INT if classes else attribute.type
         bodies.append([Comparison("==", number, Constant(below))])
-        # The engine chooses how it is matched: it is about all objects of a class, and the same for all matches.
+        # Let the engine choose the strategy: the pattern is about all objects of a class, equal for all matches.
         pattern = builder.pattern(suffix, {"number": type_name(type_)}, bodies, strategy=None)
         largest = builder.largest[suffix] = Variable(builder.fresh("largest"))
         builder.ask([Comparison("==", largest, Aggregate("max", PatternCall(pattern, (Hash(),))))])
@@ -107,17 +111,17 @@ def _largest(builder: RuleBuilder, owner: str, attribute: Attribute, classes: Se
 
 
 def _number(owner: str, attribute: Attribute, cls: str) -> Iterator[Constraint]:
-    """The number that stands behind a class in a string.
+    """Yield constraints that bind the number after the class name in a string.
 
-    Nothing turns a string into a number, so the digits are added up, whatever they are, and the result is compared
-    with the string.
+    No function parses numbers. So the digits are added up, even if they are no digits, and the result is compared with
+    the string.
     """
     name, rest, digits, number = map(Variable, ("name", "rest", "digits", "number"))
     yield PathConstraint(owner, (attribute.name,), Variable("_"), name)
     yield Comparison("==", rest, Evaluation(_call("substring", name, Constant(len(cls)))))
     padded = Binary("+", Constant("0" * DIGITS), rest)
     yield Comparison("==", digits, Evaluation(_call("substring", padded, _call("length", rest))))
-    # Few strings have more than three digits: the rest of them is worked out only where there is one.
+    # Few strings have more than three digits, so further digits are computed only if they exist.
     total: Expression = _three(digits, 0)
     for start in range(3, DIGITS, 3):
         longer = Binary(">", _call("length", rest), Constant(DIGITS - start))
@@ -127,7 +131,7 @@ def _number(owner: str, attribute: Attribute, cls: str) -> Iterator[Constraint]:
 
 
 def _three(digits: Expression, start: int) -> Expression:
-    """Return what three digits are worth."""
+    """Return an expression for the value of three decimal digits."""
     worth: list[Expression] = []
     for place in range(start, start + 3):
         digit = _call("substring", digits, Constant(place), Constant(place + 1))
@@ -144,7 +148,10 @@ def _call(function: str, *arguments: Expression) -> FunctionCall:
 
 
 def _choice(builder: RuleBuilder, owner: str, attributes: Sequence[Attribute]) -> list[Assignment]:
-    """One of the keys that no object has, and no other one that is created; of too many, that of the defaults."""
+    """Choose an unused combination of values as key, different from the keys of the other created objects.
+
+    If there are too many combinations, only the combination of default values is tried.
+    """
     one, columns = Variable("object"), [Variable(attribute.name) for attribute in attributes]
     types = {attribute.name: type_name(attribute.type) for attribute in attributes}
     relations = [
@@ -169,7 +176,7 @@ def _choice(builder: RuleBuilder, owner: str, attributes: Sequence[Attribute]) -
 
 
 def _range(attribute: Attribute) -> Sequence[Value]:
-    """The values of an attribute that has few."""
+    """Return all values of a bool or enum attribute."""
     return (False, True) if isinstance(attribute.type, Scalar) else attribute.type.literals
 
 

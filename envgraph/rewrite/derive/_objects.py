@@ -29,9 +29,10 @@ from envgraph.rewrite.derive._schema import End, Schema
 
 
 def creating_and_deleting(schema: Schema, group: str, cls: str, most: int) -> Iterator[RuleBuilder]:
-    """The operators that make and remove objects of exactly one class.
+    """Yield the operators that create and delete objects of exactly one class.
 
-    What an operator creates together, another one deletes together; what one steals, another one spreads.
+    For each operator that creates several objects together, another operator deletes them together. For each operator
+    that takes links from other objects, another operator gives links to other objects.
     """
     begun = partial(RuleBuilder, schema, group)
     plans = creation_plans(schema, cls, most)
@@ -61,7 +62,7 @@ def creating_and_deleting(schema: Schema, group: str, cls: str, most: int) -> It
 
 
 def _suffix(plan: Plan) -> str:
-    """Return what tells the operators for the plans of one class apart, for names."""
+    """Return the part of an operator's name that distinguishes the plans of one class."""
     parts = [end.name for _, end, _, far in plan.added if end.contained and far < 0][:1]
     if len(plan.new) > 1:
         parts += ["with", *plan.new[1:]]
@@ -78,12 +79,12 @@ def _creation_doc(plan: Plan) -> str:
 
 
 def _old(builder: RuleBuilder, plan: Plan) -> dict[int, str]:
-    """Variables of the left side for the objects of a plan that are there."""
+    """Return LHS variables for the existing objects of a plan, by their number in the plan."""
     return {~number: builder.node(cls) for number, cls in enumerate(plan.old)}
 
 
 def _fulfil(builder: RuleBuilder, plan: Plan, names: dict[int, str]) -> None:
-    """Create the objects of a plan that have no variable yet, and add and remove its links."""
+    """Add actions to the rule: create the objects of a plan that are not in `names`, add and remove its links."""
     new = {number: cls for number, cls in enumerate(plan.new) if number not in names}
     names |= {number: builder.fresh(variable_for(cls)) for number, cls in new.items()}
     classes = list(new.values())
@@ -101,7 +102,7 @@ def _fulfil(builder: RuleBuilder, plan: Plan, names: dict[int, str]) -> None:
 
 
 def _delete(builder: RuleBuilder, plan: Plan) -> RuleBuilder:
-    """Delete the objects of a plan that no other one contains, with everything inside."""
+    """Delete the objects of a plan that no other new object contains, with their contents. Add the conditions."""
     names = {number: builder.node(plan.new[number], exact=True) for number in plan.tops}
     builder.differ(*names.values())
     builder.delete(*names.values())
@@ -116,7 +117,10 @@ def _delete(builder: RuleBuilder, plan: Plan) -> RuleBuilder:
 
 
 def _leave_all(builder: RuleBuilder, name: str, but: Sequence[End] = ()) -> None:
-    """Remove all links of an object that contains nothing: what is inside would go, too, and leave others short."""
+    """Remove all links of an object, except at the ends `but`, and require that it contains nothing.
+
+    Contained objects would be deleted too, which could leave other objects with too few links.
+    """
     for end in builder.schema.ends_of(builder.types[name]):
         if end.contains:
             builder.absent(end, name)
@@ -125,7 +129,7 @@ def _leave_all(builder: RuleBuilder, name: str, but: Sequence[End] = ()) -> None
 
 
 class _Gone:
-    """Objects that are about to go, with everything inside them."""
+    """The objects that an operator deletes, together with everything that they contain."""
 
     def __init__(self, builder: RuleBuilder) -> None:
         self.builder = builder
@@ -134,7 +138,7 @@ class _Gone:
         self.part, self.far, self.lost, self.all = map(builder.fresh, ("part", "far", "lost", "all"))
 
     def none_short(self) -> None:
-        """Forbid that one that stays has too few links afterwards, or that one that is left alone goes or changes."""
+        """Add a condition that no remaining object has too few links afterwards and no frozen object is affected."""
         schema = self.builder.schema
         bodies = [body for end in schema.ends for body in self.short(end)]
         contents = [end for cls in self.roots.values() for end in schema.contents(cls)]
@@ -146,18 +150,18 @@ class _Gone:
             self.builder.ask([Negation(self.find(short))])
 
     def find(self, pattern: str, *more: str) -> PatternCall:
-        """A pattern holds of the objects and others."""
+        """Return a call of a pattern with the deleted roots and further variables as arguments."""
         return PatternCall(pattern, tuple(map(Variable, (*self.roots, *more))))
 
     def ways(self, name: str, cls: str) -> Iterator[Comparison | PatternCall]:
-        """The ways in which an object of a class is one of those that go."""
+        """Yield the constraints under which an object of a class is deleted: it is a root, or is inside a root."""
         for root, outer in self.roots.items():
             if self.builder.schema.overlap(outer, cls):
                 yield Comparison("==", Variable(name), Variable(root))
             yield from self.builder.inside(outer, root, name, cls)
 
     def short(self, end: End) -> Iterator[list[Constraint]]:
-        """Yield bodies in which an object that stays has too few links afterwards, or is to be left alone."""
+        """Yield pattern bodies in which a remaining object has too few links afterwards or is frozen."""
         path = end.path(self.part, self.far)
         links: list[list[Constraint]] = [[*self.typed, way, path] for way in self.ways(self.part, end.near)]
         if end.frozen:
@@ -173,7 +177,7 @@ class _Gone:
             yield self.too_few(end, links)
 
     def too_few(self, end: End, links: Sequence[Sequence[Constraint]]) -> list[Constraint]:
-        """An object has lost so many links to those that go that it has too few."""
+        """Return constraints that hold if an object keeps fewer links than its lower bound after the deletion."""
         suffix = f"#{self.builder.name}.{end.reference}.{'far' if end.forward else 'near'}"
         parameters = {**self.roots, self.far: end.far, self.part: end.near}
         lost = self.find(self.builder.pattern(suffix, parameters, links), self.far, "_")
@@ -190,7 +194,10 @@ class _Gone:
 
 
 def _spread(builder: RuleBuilder, plan: Plan) -> RuleBuilder:
-    """The inverse of stealing: what needs the object goes over to others, to as many as gave it away."""
+    """Delete an object and give its links to the objects from which its creation would have taken them.
+
+    This is the inverse of an operator that creates an object and takes links from others.
+    """
     name, given = builder.node(plan.new[0], exact=True), plan.given(0)
     names: dict[int, str] = {}
     for _, _, donor, far in given:
@@ -210,13 +217,21 @@ def _spread(builder: RuleBuilder, plan: Plan) -> RuleBuilder:
 
 
 def _goes_over(end: End, elsewhere: int = 0) -> bool:
-    """Return whether who needs an object at an end may go over to another one, all but some that go elsewhere."""
+    """Return True if objects that need a link at this end may be linked to another object of the class instead.
+
+    Args:
+        elsewhere: number of links that are given to a third object.
+    """
     fits = end.upper is None or 2 * end.lower <= end.upper + elsewhere
     return bool(end.other.lower) and fits and not (end.frozen or end.reference.containment)
 
 
 def _rehome(builder: RuleBuilder, cls: str, shared: End | None = None) -> RuleBuilder:
-    """Link whatever would have too few links to one other object of the class; at a shared end one of it to a third."""
+    """Delete an object, and link objects that would have too few links to another object of the class.
+
+    Args:
+        shared: an end of which one link is given to a third object of the class; None for no such end.
+    """
     name, other = builder.node(cls, exact=True), builder.node(cls, "other")
     builder.differ(name, other)
     if shared is not None:
@@ -235,7 +250,7 @@ def _rehome(builder: RuleBuilder, cls: str, shared: End | None = None) -> RuleBu
 
 
 def _go_over(builder: RuleBuilder, end: End, name: str, other: str, elsewhere: int) -> None:
-    """Link what would have too few links at an end to the other object."""
+    """Link objects that would have too few links at an end to the object `other`, if they all fit there."""
     if end.held:
         builder.spared(other)
     builder.untouched(end, name)
@@ -256,7 +271,7 @@ def _go_over(builder: RuleBuilder, end: End, name: str, other: str, elsewhere: i
 
 
 def retypings(schema: Schema, group: str, cls: str, most: int) -> Iterator[RuleBuilder]:
-    """The operators that make an object an instance of another subclass of a class."""
+    """Yield the operators that retype an object from one concrete subclass of a class to another."""
     for before, start in retyping_starts(schema, cls):
         for plan in cheapest_plans(schema, start, most):
             name, doc = f"{before}.{start.new[0]}{_suffix(plan)}", f"`{before}` becomes `{start.new[0]}`."
@@ -264,7 +279,7 @@ def retypings(schema: Schema, group: str, cls: str, most: int) -> Iterator[RuleB
 
 
 def retyping_starts(schema: Schema, cls: str) -> Iterator[tuple[str, Plan]]:
-    """Yield the class that an object loses and the plan that retypings to its new class begin with."""
+    """Yield pairs: the class before a retyping, and the start of the plan for the class after it."""
     classes = [sub for sub in schema.metamodel.concrete(cls) if not schema.frozen(sub)]
     for before, after in permutations(classes, 2):
         if _has_place(schema, before, after):

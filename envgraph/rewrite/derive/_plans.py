@@ -1,8 +1,8 @@
-"""Plans of new objects: which links one needs, and what may be at their other ends.
+"""Plans of new objects: a search for the links that new objects need, and for the objects at the other ends.
 
-A plan starts with one new object. Each link that it needs, its container included, goes to another new object, to an
-object that is there and has room, or to one that another object gives away. New objects need links of their own, so
-plans grow until nothing is missing; the cheapest come first.
+A plan starts with one new object. Each link that it needs, including the link to its container, leads to another new
+object, to an existing object with a free place, or to an object that another one gives away. New objects need links
+of their own, so plans grow until nothing is missing. The cheapest plans are found first.
 """
 
 from __future__ import annotations
@@ -17,25 +17,25 @@ from envgraph.code import dataclass
 from envgraph.rewrite.derive._schema import End, Link, Schema
 
 MOST_NEW: Final = 4
-"""How many objects one operator creates."""
+"""Maximal number of objects that one operator creates."""
 
 MOST_LINKS: Final = 12
-"""How many links one operator creates."""
+"""Maximal number of links that one operator creates."""
 
 MOST_PLANS: Final = 400
-"""How many plans, finished or not, are looked at for one class."""
+"""Maximal number of complete and incomplete plans that are considered for one class."""
 
 
 @dataclass(frozen=True, slots=True)
 class Plan:
-    """New objects, numbered from 0, old ones, from -1 downwards, and links that are added and removed.
+    """A plan: new objects (numbers 0, 1, ..), existing objects (numbers -1, -2, ..), and links to add and to remove.
 
     Attributes:
-        new: class of each new object. The first of a retyping is there already, with the links of its old class.
-        kept: the ends at which the first object keeps what it has, in a retyping.
-        old: class of each object that is there.
-        links: those that are added are from new objects. One is removed between two old objects, a donor and what it
-            gives to a new object; or both are linked to the new object instead.
+        new: class of each new object. In a retyping, the first one exists already and has the links of its old class.
+        kept: in a retyping, the ends at which the first object keeps its links.
+        old: class of each existing object.
+        links: added links start at new objects. A removed link connects two existing objects: a donor, and the object
+            that it gives to a new object. In another form, both of them are linked to the new object instead.
     """
 
     new: tuple[str, ...]
@@ -45,58 +45,61 @@ class Plan:
 
     @property
     def added(self) -> list[Link[int]]:
-        """The links that are added."""
+        """Return the links that are added."""
         return [link for link in self.links if link.sign > 0]
 
     @property
     def removed(self) -> list[Link[int]]:
-        """The links that are removed."""
+        """Return the links that are removed."""
         return [link for link in self.links if link.sign < 0]
 
     def given(self, node: int) -> list[Link[int]]:
-        """The links that donors give to a new object."""
+        """Return the removed links whose far objects are linked to a new object instead."""
         return [link for link in self.removed if link.far in self.at(node, link.end)]
 
     @property
     def tops(self) -> list[int]:
-        """The new objects that no other new object contains."""
+        """Return the numbers of the new objects that no other new object contains."""
         containers = map(self.container, range(len(self.new)))
         return [node for node, one in enumerate(containers) if one is None or one < 0]
 
     def at(self, node: int, end: End) -> list[int]:
-        """Return what an object is linked to at an end by the plan."""
+        """Return the numbers of the objects to which the plan links an object at an end."""
         found = [far for _, one, near, far in self.added if near == node and one == end]
         found += [near for _, one, near, far in self.added if far == node and one.other == end]
         return list(dict.fromkeys(found))
 
     def container(self, node: int) -> int | None:
-        """What contains a new object, or None."""
+        """Return the number of the container of a new object, or None."""
         for _, end, near, far in self.added:
             if end.reference.containment and node == (far if end.contains else near):
                 return near if end.contains else far
         return None
 
     def with_link(self, node: int, end: End, far: int, *donor: int) -> Plan:
-        """The plan with one link more, to an object that perhaps is linked to a donor until then."""
+        """Return the plan with another added link. If a donor is given, its link to the object `far` is removed."""
         removed = [Link(-1, end, one, far) for one in donor]
         return replace(self, links=(*self.links, *removed, Link(1, end, node, far)))
 
     def with_new(self, cls: str) -> tuple[Plan, int]:
-        """The plan with one more new object, and its number."""
+        """Return the plan with another new object, and the number of this object."""
         return replace(self, new=(*self.new, cls)), len(self.new)
 
     def with_old(self, cls: str) -> tuple[Plan, int]:
-        """The plan with one more old object, and its number."""
+        """Return the plan with another existing object, and the number of this object."""
         return replace(self, old=(*self.old, cls)), ~len(self.old)
 
 
 def creation_plans(schema: Schema, cls: str, most: int) -> list[Plan]:
-    """The cheapest plans for an object of a class; [] if nothing that may be touched gives it what it needs."""
+    """Return the cheapest plans for creating an object of a class; [] if an object that it needs is frozen."""
     return cheapest_plans(schema, Plan((cls,)), most)
 
 
 def cheapest_plans(schema: Schema, start: Plan, most: int) -> list[Plan]:
-    """Plans that create little, and plans that need little that is there, in turns."""
+    """Return at most `most` complete plans, taken in turns from two searches by different costs.
+
+    The first search minimises created objects, the second existing objects that are needed.
+    """
     frugal = _cheapest(schema, start, most, lambda plan: (len(plan.new), len(plan.removed), len(plan.old)))
     modest = _cheapest(schema, start, most, lambda plan: (len(plan.old), len(plan.new)))
     found: dict[object, Plan] = {}
@@ -126,7 +129,7 @@ def _cheapest(schema: Schema, start: Plan, most: int, cost: Callable[[Plan], tup
 
 
 def _shape(plan: Plan) -> object:
-    """Return what plans have in common that differ in the order of their choices alone."""
+    """Return a key that is equal for plans that differ only in the order of their choices."""
 
     def role(end: End, node: int) -> tuple[int, ...]:
         if node >= 0:
@@ -141,18 +144,21 @@ def _shape(plan: Plan) -> object:
     return plan.new, tuple(sorted(links))
 
 
-# --- what is missing
+# --- missing links
 
 
 def first_need(schema: Schema, plan: Plan) -> tuple[int, tuple[End, ...]] | None:
-    """The first new object that lacks something, and the ends of which one has to get a link; () for hopeless."""
+    """Return the first new object that needs a link, and the ends of which one must get this link.
+
+    Return None if the plan is complete, and no ends if the plan cannot be completed.
+    """
     for node, cls in enumerate(plan.new):
         kept = plan.kept if node == 0 else ()
         if not kept:
             container = _needed_container(schema, plan, node)
             if container is not None:
                 return node, container
-        # What it contains comes first: the other links may go there.
+        # Contents first: the other links may lead to these objects.
         for end in sorted(schema.ends_of(cls), key=lambda end: not end.contains):
             if not end.contained and end not in kept and len(plan.at(node, end)) < end.lower:
                 return node, (end,)
@@ -169,11 +175,11 @@ def _needed_container(schema: Schema, plan: Plan, node: int) -> tuple[End, ...] 
     return None if plan.new[node] in schema.roots else tuple(containers)
 
 
-# --- what it may be linked to
+# --- possible ends of a link
 
 
 def _choices(schema: Schema, plan: Plan, node: int, end: End) -> Iterator[Plan]:
-    """The plan with one link more, in each way that there is."""
+    """Yield the plans with one more link of an object at an end, for each possible other object."""
     if end.frozen:
         return
     yield from _to_new(schema, plan, node, end)
@@ -185,17 +191,17 @@ def _choices(schema: Schema, plan: Plan, node: int, end: End) -> Iterator[Plan]:
 
 
 def _room(plan: Plan, node: int, end: End) -> bool:
-    """Return whether the plan leaves an object room at an end."""
+    """Return True if an object may have another link at an end in the plan."""
     return end.upper is None or len(plan.at(node, end)) < end.upper
 
 
 def _to_new(schema: Schema, plan: Plan, node: int, end: End) -> Iterator[Plan]:
-    """To an object that the plan creates anyway, perhaps itself."""
+    """Yield plans that link the object to an object that the plan already creates, perhaps itself."""
     for far, cls in enumerate(plan.new):
         if not schema.is_a(cls, end.far) or far in plan.at(node, end):
             continue
         if far == 0 and end.other in plan.kept:
-            continue  # how much room it has is not known
+            continue  # the number of its links is unknown
         if end.reference.containment and _around(plan, node, far, end):
             continue
         if _room(plan, far, end.other):
@@ -203,7 +209,7 @@ def _to_new(schema: Schema, plan: Plan, node: int, end: End) -> Iterator[Plan]:
 
 
 def _around(plan: Plan, node: int, far: int, end: End) -> bool:
-    """Return whether a new object cannot become the container of another: that one has one, or is around it."""
+    """Return True if a new object cannot contain another, because this one has a container or is around it already."""
     part, container = (far, node) if end.contains else (node, far)
     above: int | None = container
     while above is not None and above != part:
@@ -212,9 +218,12 @@ def _around(plan: Plan, node: int, far: int, end: End) -> bool:
 
 
 def _to_old(plan: Plan, node: int, end: End) -> Iterator[Plan]:
-    """To an object that has room; where room is scarce, also to one that another new object is linked to."""
+    """Yield plans that link the object to an existing object with a free place.
+
+    If the number of links at the other end is limited, this may be an object that is linked to another new object.
+    """
     if not end.other.flexible:
-        return  # all that there are have as many links as they may have
+        return  # no existing object may have another link
     larger, far = plan.with_old(end.far)
     yield larger.with_link(node, end, far)
     if end.other.upper is None:
@@ -226,7 +235,7 @@ def _to_old(plan: Plan, node: int, end: End) -> Iterator[Plan]:
 
 
 def _stealing(schema: Schema, plan: Plan, node: int, end: End) -> Iterator[Plan]:
-    """To an object that another one gives away; it may be linked to the new object instead, which comes between."""
+    """Yield plans that link the object to one that a donor gives away, or put the new object between the two."""
     if end.reference.containment:
         return
     larger, far = plan.with_old(end.far)
@@ -247,7 +256,7 @@ def _stealing(schema: Schema, plan: Plan, node: int, end: End) -> Iterator[Plan]
 
 
 def _with_another(schema: Schema, plan: Plan, node: int, end: End) -> Iterator[Plan]:
-    """To another new object: one that it contains, or one that cannot be there before it."""
+    """Yield plans that create another object and link to it: a content, or an object that needs this one."""
     for cls in schema.metamodel.concrete(end.far):
         if not schema.frozen(cls) and (end.contains or schema.coupled(plan.new[node], cls)):
             larger, far = plan.with_new(cls)

@@ -1,4 +1,4 @@
-"""Rules in the making: who says which links are added and removed gets all conditions that these need."""
+"""A builder of derived rules, which adds all conditions that keep valid models valid."""
 
 from __future__ import annotations
 
@@ -35,20 +35,20 @@ from envgraph.rewrite.derive._schema import End, Link, Schema
 
 
 class RuleBuilder:
-    """A rule that is put together piece by piece, and keeps every valid model valid.
+    """A rule under construction. Its finished rule keeps every valid model valid.
 
-    Variables of the left side may stand for one object unless `differ` was said.
+    Two variables of the left-hand side may stand for one object unless `differ` forbids it.
 
     Attributes:
-        name: of the rule in its group. It begins with the kind of operator.
-        doc: what the rule does.
-        types: class of each variable of the left side.
-        patterns: what the rule calls.
-        changes: the links that are added and removed, those with a new or deleted object included.
+        name: name of the rule in its group; it begins with the kind of operator.
+        doc: description of the rule.
+        types: class of each variable of the left-hand side.
+        patterns: the patterns that the rule calls, by qualified name.
+        changes: the added and removed links, including links of created or deleted objects.
         gone: the objects that are deleted.
-        retyped: those that become instances of another class.
-        largest: for the name of a pattern of numbers the variable of the left side for the largest one.
-        keys: for a class the variables of the keys that are chosen for new objects.
+        retyped: the objects that are retyped.
+        largest: the variable for the largest number in use, by the name of the pattern of the numbers.
+        keys: the variables of keys that are chosen for created objects, by the class that declares the key.
     """
 
     def __init__(self, schema: Schema, group: str, name: str = "", doc: str = "") -> None:
@@ -74,7 +74,7 @@ class RuleBuilder:
     # --- the left side
 
     def fresh(self, wanted: str) -> str:
-        """A name that is still free: the wanted one, or one with a number."""
+        """Reserve an unused name and return it: the wanted name, with a number if needed."""
         found, number = wanted, 1
         while found in self._names:
             number += 1
@@ -83,7 +83,7 @@ class RuleBuilder:
         return found
 
     def node(self, cls: str, wanted: str = "", *, exact: bool = False) -> str:
-        """An object of a class, or of exactly this class."""
+        """Add an LHS node of a class, or of exactly this class, and return its variable."""
         name = self.fresh(wanted or variable_for(cls))
         self.types[name] = cls
         if exact and self.schema.metamodel.concrete(cls) != (cls,):
@@ -91,23 +91,23 @@ class RuleBuilder:
         return name
 
     def edge(self, end: End, near: str, far: str) -> None:
-        """A link that has to be there."""
+        """Add an LHS edge: the link must exist."""
         self._edges.append(end.edge(near, far))
 
     def absent(self, end: End, near: str, far: str = "_") -> None:
-        """A link that must not be there, or all links at an end."""
+        """Add the condition that a link does not exist; without `far`, that the object has no links at the end."""
         self.ask([Negation(end.path(near, far))])
 
     def ask(self, constraints: Iterable[Constraint]) -> None:
-        """More conditions."""
+        """Add constraints to the LHS, except those that it has."""
         self._constraints += [c for c in constraints if c not in self._constraints]
 
     def differ(self, *names: str) -> None:
-        """Variables of the left side are different objects."""
+        """Require that LHS variables stand for different objects."""
         self._differ.update(map(frozenset, combinations(names, 2)))
 
     def spared(self, name: str) -> None:
-        """An object of the left side is none that operators leave alone."""
+        """Add the condition that an LHS object is not of a frozen class."""
         frozen = self.schema.frozen_below(self.types[name])
         self.ask(Negation(TypeConstraint(cls, Variable(name))) for cls in frozen)
 
@@ -122,7 +122,7 @@ class RuleBuilder:
         *,
         but: Iterable[str] = (),
     ) -> None:
-        """A condition, or a nested rule, about an object that may be one of the left side but for some of these."""
+        """Add a `not` or `forall` block about an object `inner`, which may be an LHS object except one of `but`."""
         left = LeftSide((Node(inner, cls),), tuple(edges), tuple(constraints))
         self._blocks.append(Block(kind, left, right=Modification(actions) if actions else None))
         outer = (name for name, known in self.types.items() if self.schema.overlap(known, cls))
@@ -135,7 +135,11 @@ class RuleBuilder:
         bodies: Iterable[Iterable[Constraint]],
         strategy: Strategy | None = "search",
     ) -> str:
-        """A pattern for this derivation alone, given its parameters with their types; returns its name."""
+        """Add a private pattern for this derivation and return its qualified name.
+
+        Args:
+            parameters: types of the parameters, by name.
+        """
         package, _, name = self.group.rpartition(".")
         declared = tuple(Parameter(parameter, cls) for parameter, cls in parameters.items())
         made = Pattern(
@@ -152,9 +156,9 @@ class RuleBuilder:
     # --- containment
 
     def inside(self, outer: str, container: str, part: str, inner: str) -> Iterator[PatternCall]:
-        """The ways in which an object of class `inner` is inside another of class `outer`, at any depth.
+        """Yield pattern calls that hold if `part` (class `inner`) is inside `container` (class `outer`), at any depth.
 
-        A pattern for each containment, not one with a closure: parts have no class in common.
+        There is a pattern for each containment, since a closure would need a common class of all parts.
         """
         overlap = self.schema.overlap
         for end in self.schema.contents(outer):
@@ -162,7 +166,9 @@ class RuleBuilder:
                 suffix = f"#{outer}.contains.{end.reference}"
                 name = self.group + suffix
                 if name not in self.patterns:
-                    self.patterns[name] = Pattern(name, (), ())  # calls itself
+                    self.patterns[name] = Pattern(
+                        name, (), ()
+                    )  # a placeholder, since the pattern may call itself
                     bodies: list[list[Constraint]] = []
                     if overlap(outer, end.near):
                         bodies.append([end.path("container", "part")])
@@ -175,26 +181,26 @@ class RuleBuilder:
     # --- the right side
 
     def act(self, *actions: Action) -> None:
-        """What happens."""
+        """Add actions to the right-hand side."""
         self._actions += actions
 
     def link(self, end: End, near: str, far: str) -> None:
-        """Add a link."""
+        """Add an action that creates a link."""
         edge = end.edge(near, far)
         self.act(Create((Node(edge.source), Node(edge.target)), (edge,)))
         self.changes.append(Link(1, end, near, far))
 
     def unlink(self, end: End, near: str, far: str) -> None:
-        """Remove a link."""
+        """Add an action that deletes a link."""
         self.act(DeleteEdge(end.edge(near, far)))
         self.lose(end, near, far)
 
     def lose(self, end: End, near: str, far: str) -> None:
-        """A link goes, with an object at one of its ends."""
+        """Record that a link is removed together with an object at one of its ends, without an action."""
         self.changes.append(Link(-1, end, near, far))
 
     def move(self, end: End, container: str, part: str) -> None:
-        """Put an object into a container, from wherever it is."""
+        """Add an action that moves an object to a container, and the conditions for its old container."""
         self.act(Move(Variable(part), Variable(container), end.reference.name))
         self.changes.append(Link(1, end, container, part))
         self.absent(end, container, part)
@@ -206,7 +212,11 @@ class RuleBuilder:
                     self.leave(before, part)
 
     def retype(self, name: str, after: str, gained: Iterable[Reference]) -> None:
-        """Make an object an instance of another class; it loses all links that these do not have."""
+        """Add an action that retypes an object, and conditions for the links that the new class does not have.
+
+        Args:
+            gained: references by which the object gets new links; it must have no old links of them.
+        """
         ends = self.schema.ends_of
         self.retyped.append(name)
         self.act(Retype(Variable(name), after))
@@ -219,11 +229,13 @@ class RuleBuilder:
                 self.leave(end, name)
 
     def delete(self, *names: str) -> None:
-        """Remove objects, after everything else."""
+        """Record objects to delete; `rule` adds the deletions after all other actions."""
         self.gone += names
 
     def leave(self, end: End, name: str) -> None:
-        """An object loses its links at an end: nobody at the others is to be left alone, or has too few links then."""
+        """Add conditions for an object that loses its links at an end: the linked objects are not frozen, and keep
+        enough links.
+        """
         if end.frozen:
             self.absent(end, name)
             return
@@ -234,13 +246,13 @@ class RuleBuilder:
             self.block("not", needy, end.far, [end.edge(name, needy)], [least], but=self.served(end))
 
     def untouched(self, end: End, name: str) -> None:
-        """Forbid that an object at the other end is one that operators leave alone, if the links are its feature."""
+        """Forbid links to frozen objects, if the links at the other end belong to these objects."""
         for cls in self.schema.frozen_below(end.far) if end.other.held else ():
             frozen = self.fresh("frozen")
             self.block("not", frozen, cls, [end.edge(name, frozen)])
 
     def served(self, end: End) -> list[str]:
-        """The objects of the left side that do not miss a link from an end: they get another one, or are deleted."""
+        """Return LHS objects that may lose a link at an end: they get another link, or are deleted."""
         added = (place for link in self.changes if link.sign > 0 for place in _places(link))
         return [name for place, name in added if place == end.other] + self.gone
 
@@ -248,12 +260,15 @@ class RuleBuilder:
 
     @property
     def kept(self) -> set[str]:
-        """The objects of the left side that are neither deleted nor retyped."""
+        """Return the LHS objects that are neither deleted nor retyped."""
         return self.types.keys() - {*self.gone, *self.retyped}
 
     @property
     def balances(self) -> dict[tuple[End, str], int]:
-        """How many links more, or less, each kept object has afterwards at an end where it has no container."""
+        """Return the change in the number of links of each preserved object, by end and object.
+
+        Zero changes, and ends at which the object has its container, are left out.
+        """
         found: Counter[tuple[End, str]] = Counter()
         for link in self.changes:
             found.update(dict.fromkeys(_places(link), link.sign))
@@ -264,7 +279,7 @@ class RuleBuilder:
         }
 
     def rule(self) -> Rule:
-        """The rule under its name in the group."""
+        """Return the finished rule under its name in the group, with all conditions."""
         self._guard()
         package, _, group = self.group.rpartition(".")
         coinciding = [
@@ -286,7 +301,7 @@ class RuleBuilder:
         )
 
     def _guard(self) -> None:
-        """Ask for all that the links need which are added and removed, so that a valid model stays valid."""
+        """Add the conditions that added and removed links need so that a valid model stays valid."""
         for link in self.changes:
             sign, end, near, far = link
             for place, name in _places(link):
@@ -310,7 +325,7 @@ class RuleBuilder:
         self.ask(map(Negation, self.inside(self.types[part], part, container, self.types[container])))
 
     def _keep_apart(self, one: Link[str], two: Link[str]) -> None:
-        """Two links that are both added, or both removed, are different ones, and do not share the same room."""
+        """Require that two added, or two removed, links differ and do not use the same free place of an end."""
         pairs: list[tuple[str, str]] = []
         if one.end == two.end:
             pairs = [(one.near, two.near), (one.far, two.far)]
@@ -324,11 +339,11 @@ class RuleBuilder:
 
 
 def _places(link: Link[str]) -> list[tuple[End, str]]:
-    """The ends of a link with the objects there; of a symmetric one of an object to itself only one."""
+    """Return the ends of a link with their objects; only one end if a symmetric link leads from an object to itself."""
     return list(dict.fromkeys(((link.end, link.near), (link.end.other, link.far))))
 
 
 def variable_for(cls: str) -> str:
-    """The name of a variable for an object of a class."""
+    """Return a variable name for an object of a class."""
     name = simple_name(cls)
     return name[0].lower() + name[1:]

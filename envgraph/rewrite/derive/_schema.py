@@ -1,4 +1,4 @@
-"""A metamodel as derived operators see it: the ends of its references, who contains whom, what is left alone."""
+"""A view of a metamodel for derivation: both ends of references, containments, frozen classes and features."""
 
 from __future__ import annotations
 
@@ -12,18 +12,18 @@ from envgraph.metamodel import Attribute, Feature, Metamodel, Reference, reached
 from envgraph.pattern import Aggregate, Comparison, Constant, Edge, PathConstraint, Variable
 
 LEFT_ALONE = ("frozen", "derived")
-"""Annotations of features that no derived operator changes."""
+"""Annotations that keep derived operators from changing a feature."""
 
 
 @dataclass(frozen=True, slots=True)
 class End:
-    """A reference and its opposite from one end: an object of class `near` has `lower..upper` links to such of `far`.
+    """An end of a pair of opposite references: objects of class `near` have `lower..upper` links to objects of `far`.
 
     Attributes:
-        reference: of the two references of a pair the containing one, else the one that is declared first.
-        opposite: the other one, or None.
-        frozen: no operator adds or removes such a link.
-        forward: the reference starts at this end. One that is its own opposite has this end alone.
+        reference: the containment of the pair, or else the reference that is declared first.
+        opposite: the opposite reference, or None.
+        frozen: True if no operator adds or removes links of this pair.
+        forward: True if `reference` starts at this end. A reference that is its own opposite has only this end.
     """
 
     reference: Reference
@@ -33,89 +33,89 @@ class End:
 
     @property
     def other(self) -> End:
-        """The same links from their other end."""
+        """Return the opposite end of the same links."""
         return self if self.symmetric else replace(self, forward=not self.forward)
 
     @property
     def symmetric(self) -> bool:
-        """Whether the reference is its own opposite."""
+        """Return True if the reference is its own opposite."""
         return self.opposite is not None and self.opposite.index == self.reference.index
 
     @property
     def feature(self) -> Reference | None:
-        """The feature that holds the links at this end, if there is one."""
+        """Return the feature that holds the links at this end, or None if this end has no feature."""
         return self.reference if self.forward else self.opposite
 
     @property
     def name(self) -> str:
-        """Name of the feature that holds the links at this end; of the one at the other end if there is none here."""
+        """Return the name of the feature at this end, or of the feature at the other end if this end has none."""
         return (self.feature or self.reference).name
 
     @property
     def near(self) -> str:
-        """Class of the objects at this end."""
+        """Return the class of the objects at this end."""
         return self.reference.owner if self.forward else self.reference.target
 
     @property
     def far(self) -> str:
-        """Class of the objects at the other end."""
+        """Return the class of the objects at the other end."""
         return self.reference.target if self.forward else self.reference.owner
 
     @property
     def lower(self) -> int:
-        """How many links an object at this end needs."""
+        """Return the minimal number of links of an object at this end."""
         return self.feature.lower if self.feature else 0
 
     @property
     def upper(self) -> int | None:
-        """How many links an object at this end may have; None for any number."""
+        """Return the maximal number of links of an object at this end; None means unlimited."""
         if self.contained:
             return 1
         return self.feature.upper if self.feature else None
 
     @property
     def contains(self) -> bool:
-        """Whether the objects at this end contain those at the other."""
+        """Return True if the objects at this end contain the objects at the other end."""
         return self.reference.containment and self.forward
 
     @property
     def contained(self) -> bool:
-        """Whether the objects at the other end contain those at this one."""
+        """Return True if the objects at the other end contain the objects at this end."""
         return self.reference.containment and not self.forward
 
     @property
     def held(self) -> bool:
-        """Whether the links belong to the objects at this end."""
+        """Return True if the links belong to the objects at this end."""
         return self.feature is not None or self.contained
 
     @property
     def flexible(self) -> bool:
-        """Whether the number of links of one object may change."""
+        """Return True if the number of links of an object at this end may change."""
         return self.upper is None or self.lower < self.upper
 
     def edge(self, near: str, far: str) -> Edge:
-        """The arrow between two variables."""
+        """Return the edge between two variables."""
         return Edge(near, self.reference.name, far) if self.forward else Edge(far, self.reference.name, near)
 
     def path(self, near: str, far: str = "_") -> PathConstraint:
-        """`Class.reference(near, far)`."""
+        """Return the path constraint `Class.reference(near, far)`."""
         source, target = (near, far) if self.forward else (far, near)
         return PathConstraint(
             self.reference.owner, (self.reference.name,), Variable(source), Variable(target)
         )
 
     def count(self, near: str) -> Aggregate:
-        """The number of links of an object."""
+        """Return an aggregate that counts the links of an object at this end."""
         return Aggregate("count", self.path(near))
 
     def least(self, near: str) -> Comparison:
-        """An object has no link that it can spare."""
+        """Return a comparison that holds if an object has only as many links as it needs."""
         return Comparison("==", self.count(near), Constant(self.lower))
 
     def allows(self, near: str, more: int) -> list[Comparison]:
-        """An object may have so many links more, or so many less if negative.
+        """Return comparisons that hold if the number of links of an object may grow by `more`, which may be negative.
 
-        In a valid model it has `lower..upper` of them, so that it has no number near the end of this range says it.
+        In a valid model the number is in `lower..upper`, so the comparisons exclude only numbers near one bound.
         """
         if more < 0:
             numbers = range(self.lower, self.lower - more) if self.lower else range(0)
@@ -128,7 +128,7 @@ Object = TypeVar("Object", int, str)
 
 
 class Link(NamedTuple, Generic[Object]):
-    """A link that is added (sign 1) or removed (-1) between the object at an end and the one at its other end."""
+    """A link to add (sign 1) or to remove (sign -1), between the object `near` at an end and the object `far`."""
 
     sign: int
     end: End
@@ -137,14 +137,14 @@ class Link(NamedTuple, Generic[Object]):
 
 
 class Schema:
-    """Everything about a metamodel that derivation asks for.
+    """A metamodel prepared for derivation.
 
     Attributes:
         metamodel: the metamodel.
         ends: both ends of each association, in the order of declaration.
-        concrete: the classes that have objects.
-        roots: concrete classes whose objects may stand outside of every container. They are those that nothing can
-            contain but themselves and what they contain.
+        concrete: the classes that are not abstract.
+        roots: concrete classes whose objects need no container: nothing can contain them except their own objects and
+            their contents.
     """
 
     def __init__(self, metamodel: Metamodel) -> None:
@@ -160,47 +160,47 @@ class Schema:
         self._needs = {c: reached(self._needed_by(c), self._needed_by) for c in self.concrete}
 
     def _frozen(self, cls: str) -> bool:
-        """Return whether operators leave the objects of a class alone: it or a supertype is frozen or needs values."""
+        """Return True if operators may not change objects of a class: it or a supertype is frozen or needs values."""
         marked = any(self.metamodel.classes[above].frozen for above in self.metamodel.supertypes(cls))
         return marked or self.needs_values(cls)
 
     def needs_values(self, cls: str) -> bool:
-        """Return whether an attribute with many needs some, which no operator can choose."""
+        """Return True if a multi-valued attribute of the class has a lower bound above 0: operators cannot fill it."""
         return any(_several(one) and one.lower for one in self.metamodel.features(cls).values())
 
     def frozen_below(self, cls: str) -> tuple[str, ...]:
-        """The frozen classes among the concrete ones of a class, without the subclasses of others of them."""
+        """Return the frozen classes among the concrete subclasses of a class (or itself), without their subclasses."""
         found = [sub for sub in self.metamodel.concrete(cls) if self.frozen(sub)]
         return tuple(sub for sub in found if not any(sub != o and self.is_a(sub, o) for o in found))
 
     def left_alone(self, feature: Feature) -> bool:
-        """Return whether operators leave a feature alone."""
+        """Return True if operators do not change a feature."""
         marked = any(annotation.name in LEFT_ALONE for annotation in feature.annotations)
         return marked or _several(feature) or self.frozen(feature.owner)
 
     def _ends_of(self, cls: str) -> list[End]:
-        """The ends at which an object of exactly this class may stand."""
+        """Return the ends at which objects of exactly this class may have links."""
         return [end for end in self.ends if self.is_a(cls, end.near)]
 
     def containers(self, cls: str) -> list[End]:
-        """The ends at which an object of exactly this class is contained."""
+        """Return the ends at which objects of exactly this class are contained."""
         return [end for end in self.ends_of(cls) if end.contained]
 
     def _contents(self, cls: str) -> list[End]:
-        """The ends of the containers that may be an object of a class or inside it."""
+        """Return the containing ends of the class itself and of all classes that it may contain, at any depth."""
         inside = reached(self.metamodel.concrete(cls), self._directly_inside)
         return [end for end in self.ends if end.contains and any(self.is_a(one, end.near) for one in inside)]
 
     def coupled(self, cls: str, other: str) -> bool:
-        """Return whether objects of the two classes need each other, directly or by way of others."""
+        """Return True if objects of the two classes need each other, directly or through other classes."""
         return other in self._needs[cls] and cls in self._needs[other]
 
     def holder(self, cls: str, feature: Feature) -> str:
-        """The class itself if its objects have a feature, else the subclass that declares it."""
+        """Return the class itself if its objects have a feature, else the subclass that declares the feature."""
         return cls if self.is_a(cls, feature.owner) else feature.owner
 
     def features(self, cls: str) -> list[Feature]:
-        """The features of a class, then those that its subclasses add."""
+        """Return the features of a class, followed by the features that its subclasses add."""
         classes = (cls, *self.metamodel.concrete(cls))
         return list({str(f): f for one in classes for f in self.metamodel.features(one).values()}.values())
 
@@ -218,7 +218,7 @@ class Schema:
         return all(one in inside for one in above)
 
     def _needed_by(self, cls: str) -> Iterator[str]:
-        """The classes that multiplicities demand, and the one container of what is nowhere else."""
+        """Yield the classes that an object needs links to, and its container class if only one class can contain it."""
         for end in self.ends_of(cls):
             if end.lower:
                 yield from self.metamodel.concrete(end.far)

@@ -1,1 +1,1 @@
-"""`Engine`: a model with its definitions, and all that can be asked of it and done with it."""
+"""`Engine`: a model with its definitions, and all operations on both."""

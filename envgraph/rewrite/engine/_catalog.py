@@ -1,4 +1,4 @@
-"""The catalog of an engine: names of patterns, rules, units and groups, and what they mean."""
+"""The catalog of an engine: the patterns, rules, units and groups that are defined, by name."""
 
 from __future__ import annotations
 
@@ -24,12 +24,12 @@ from envgraph.rewrite.run._units import UnitProgram
 
 
 class Asked(NamedTuple):
-    """What has matches, under one of its names.
+    """A definition that has matches, resolved from its name.
 
     Attributes:
-        shape: of the matches.
-        pattern: qualified name of what is matched.
-        needed: the variables that have to be bound: nothing enumerates their values.
+        shape: shape of the matches.
+        pattern: qualified name of the pattern to match.
+        needed: variables that must be bound by the caller, because matching cannot enumerate their values.
     """
 
     shape: Shape
@@ -38,19 +38,19 @@ class Asked(NamedTuple):
 
 
 class Catalog:
-    """Names of patterns, rules, units and groups over one model, and what they mean.
+    """The patterns, rules, units and groups that are defined over one model, by name.
 
     Attributes:
         model: the model.
         library: the registered patterns.
         matcher: finds the matches.
         directory: the signatures of everything that can be called.
-        runners: rules by their qualified names, members of groups included.
+        runners: rules by their qualified names, including members of groups.
         programs: units by their qualified names.
-        members: of each group, qualified names of its rules.
-        written: rules, units and derivations as they were added.
-        notices: what applications have come upon.
-        memos: dicts with what was found under names; emptied as soon as one may mean something else.
+        members: qualified names of the rules of each group.
+        written: rules, units and derivations as they were added, by qualified name.
+        notices: warnings that applications have reported.
+        memos: caches by name; they are cleared when a definition is added or removed.
     """
 
     def __init__(self, model: Model, library: Library, matcher: Matcher) -> None:
@@ -67,28 +67,28 @@ class Catalog:
         self.memos: list[dict[Any, Any]] = [self._asked]
 
     def forget(self) -> None:
-        """Names may mean something else now."""
+        """Clear all caches by name, because names may have another meaning now."""
         for memo in self.memos:
             memo.clear()
 
     @property
     def views(self) -> ViewMatcher:
-        """The matcher, if it can watch.
+        """Return the matcher if it can watch patterns.
 
         Raises:
-            InvalidArgument: it cannot.
+            InvalidArgument: the matcher cannot watch.
         """
         if not isinstance(self.matcher, ViewMatcher):
             raise InvalidArgument("the naive matcher keeps nothing current: it cannot watch")
         return self.matcher
 
-    # --- what there is
+    # --- definitions
 
     def free_name(self, function: Callable[..., object], name: str | None, weight: float) -> str:
-        """Return what a function is registered as.
+        """Return the unused name under which a function is registered.
 
         Raises:
-            InvalidArgument: it is no function, the name is taken, or the weight is none.
+            InvalidArgument: the function is not callable, the name is in use, or the weight is not a number above 0.
         """
         if not callable(function):
             raise InvalidArgument(f"a function is registered, not {function!r}")
@@ -101,16 +101,16 @@ class Catalog:
 
     @property
     def definitions(self) -> tuple[Definition, ...]:
-        """The declared functions, patterns, rules, units and derivations as they were added."""
+        """Return the declared functions, patterns, rules, units and derivations as they were added."""
         functions = [function.declaration for function in self.library.functions.values()]
         patterns = [pattern for pattern in self.library.patterns if "#" not in pattern.name]
         return (*functions, *patterns, *self.written.values())
 
     def definition(self, name: str) -> Definition:
-        """A pattern, rule, unit or derivation as it was added, for `to_text`; of a derived rule, what it is.
+        """Return a pattern, rule, unit or derivation as it was added; for a derived rule, the generated rule.
 
         Raises:
-            InvalidArgument: an unknown name, or a Python function, of which there is no data.
+            InvalidArgument: the name is unknown, or a Python function that has no definition as data.
         """
         qualified = self.everything().resolve(name, "pattern, rule, unit or group")
         if qualified in self.written:
@@ -127,19 +127,19 @@ class Catalog:
         return self.library.get(qualified)
 
     def group(self, name: str) -> tuple[str, ...]:
-        """Qualified names of the rules of a derivation; of the rule itself, for a rule; of the unit, for a unit."""
+        """Return the qualified names of the rules of a derivation; for a rule or unit, its own qualified name."""
         qualified = self.resolve(name)
         return self.members.get(qualified, (qualified,))
 
     def signature(self, name: str) -> Signature:
-        """Return what a rule, unit or group is called with."""
+        """Return the signature of a rule, unit or group."""
         return self.directory.signatures[self.resolve(name)]
 
     def resolve(self, name: str, what: str = "rule, unit or group") -> str:
-        """The qualified name of something that changes the model.
+        """Return the qualified name of a rule, unit or group.
 
         Raises:
-            InvalidArgument: an unknown name, or one of several things.
+            InvalidArgument: the name is unknown or ambiguous, or the name of a pattern.
         """
         try:
             return self.directory.resolve(name, what)
@@ -149,10 +149,10 @@ class Catalog:
             raise InvalidArgument(f"`{name}` is a pattern, not a {what}", "it only finds matches") from None
 
     def prepare(self, rule: str) -> RuleRunner:
-        """The fast, unchecked interface of a rule, for loops that apply it often.
+        """Return the runner of a rule: a fast, unchecked interface for loops that apply a rule often.
 
         Raises:
-            InvalidArgument: an unknown rule.
+            InvalidArgument: the rule is unknown.
         """
         qualified = self.resolve(rule, "rule")
         if qualified not in self.runners:
@@ -161,16 +161,19 @@ class Catalog:
         return self.runners[qualified]
 
     def losses(self, name: str, cls: str | None, known: Mapping[str, bool]) -> tuple[Loss, ...]:
-        """The actions by which a rule, or what a unit calls, may take an object away; not those of Python functions.
+        """Return the actions of a rule, or of rules that a unit calls, that may delete, merge or retype an object.
+
+        Actions of Python functions are not included.
 
         Args:
-            name: of the rule or unit.
-            cls: class of the object, None if it is not known; it is lost, too, when it is no longer of the class.
-            known: parameters that are the object (True), or surely another one (False). What a unit hands on to what
-                it calls is not followed: of that, classes alone tell.
+            name: name of the rule or unit.
+            cls: class of the object, or None if unknown. An object is also lost if it stops being an instance of this
+                class.
+            known: parameters that are the object (True) or certainly another one (False). Arguments that a unit
+                passes to its callees are not followed: for the callees only classes are compared.
 
         Raises:
-            InvalidArgument: an unknown name.
+            InvalidArgument: the name is unknown.
         """
         found: dict[Loss, None] = {}
         for one in self._reached(name):
@@ -181,26 +184,26 @@ class Catalog:
         return tuple(found)
 
     def unnamed_links(self, name: str) -> tuple[UnnamedLinks, ...]:
-        """The objects that a rule deletes, although it does not know of all their links; none of a unit.
+        """Return the objects that a rule deletes without mentioning all references that they may have; () for a unit.
 
         Raises:
-            InvalidArgument: an unknown name.
+            InvalidArgument: the name is unknown.
         """
         rule = self.runners.get(self.resolve(name))
         return tuple(unnamed_links(rule.plan, self.library)) if isinstance(rule, GraphRule) else ()
 
     def first_calls(self, name: str) -> tuple[Call, ...]:
-        """The calls with `first` or `top` in a unit and in the units that it calls.
+        """Return the calls with `first` or `top` in a unit and in the units that it calls.
 
         Raises:
-            InvalidArgument: an unknown name.
+            InvalidArgument: the name is unknown.
         """
         units = [one for one in map(self.written.get, self._reached(name)) if isinstance(one, Unit)]
         calls = [step for unit in units for step in all_steps(unit) if isinstance(step, Call)]
         return tuple(call for call in calls if call.first or call.limit is not None)
 
     def _reached(self, name: str) -> list[str]:
-        """Qualified names of a rule, unit or group, and of all that it calls."""
+        """Return the qualified names of a rule, unit or group and of everything that it calls, even indirectly."""
 
         def used(one: str) -> Iterable[str]:
             definition = self.written.get(one)
@@ -212,10 +215,10 @@ class Catalog:
     # --- from names to patterns
 
     def pattern(self, name: str) -> Pattern:
-        """The pattern of a name.
+        """Return the pattern with this name.
 
         Raises:
-            InvalidArgument: there is none.
+            InvalidArgument: no pattern has this name.
         """
         found = self.library.resolve(name)
         if found is None or "#" in found.name:
@@ -224,12 +227,12 @@ class Catalog:
         return found
 
     def shape_of(self, pattern: Pattern) -> Shape:
-        """Return what the matches of a pattern have in common."""
+        """Return the shape of the matches of a pattern."""
         names = tuple(parameter.name for parameter in pattern.parameters)
         return Shape(pattern.qualified_name, names, self.library.parameter_types(pattern.qualified_name))
 
     def everything(self) -> Directory:
-        """The directory with the patterns in it."""
+        """Return a new directory of all rules, units and groups that also contains the patterns."""
         directory = Directory(self.directory.signatures.values())
         for pattern in self.library.patterns:
             if "#" not in pattern.name:
@@ -237,10 +240,10 @@ class Catalog:
         return directory
 
     def asked(self, name: str) -> Asked:
-        """Return what is meant by the name of something that has matches.
+        """Return the pattern or rule with this name in the form that queries need; the result is cached.
 
         Raises:
-            InvalidArgument: it means nothing, or what has no matches.
+            InvalidArgument: the name is unknown, or the definition has no matches.
         """
         if not isinstance(name, str):
             raise InvalidArgument(f"a pattern or rule is given by its name, not as {name!r}")
@@ -251,7 +254,7 @@ class Catalog:
         return self._asked[name]
 
     def parameters_of(self, name: str) -> tuple[str, tuple[str, ...]]:
-        """Qualified name and parameters of a pattern."""
+        """Return the qualified name and the parameters of a pattern."""
         asked = self.asked(name)
         return asked.pattern, asked.shape.names
 
@@ -268,10 +271,10 @@ class Catalog:
         pattern = self.library.get(qualified)
         return self.shape_of(pattern), qualified
 
-    # --- who uses what
+    # --- uses of definitions
 
     def owners(self) -> Callable[[str], str]:
-        """The definition that a pattern or a rule was made for; most are made for themselves."""
+        """Return a function that maps a generated pattern or rule to its definition, and other names to themselves."""
         groups = {member: group for group, members in self.members.items() for member in members}
 
         def owner(name: str) -> str:
@@ -281,7 +284,7 @@ class Catalog:
         return owner
 
     def uses(self) -> dict[str, set[str]]:
-        """Return what each definition uses, without what it was made into."""
+        """Return the names of the definitions that each definition uses, without itself."""
         owner = self.owners()
         found: dict[str, set[str]] = {}
         for name in self.library.names():
@@ -295,7 +298,7 @@ class Catalog:
         return {name: used - {name} for name, used in found.items()}
 
     def portable(self) -> list[Definition]:
-        """The definitions that can be added to another engine: none that calls a Python function."""
+        """Return the definitions that can be added to another engine: those that call no Python rule or unit."""
         functions = {name for name, rule in self.runners.items() if isinstance(rule, PythonRule)}
         functions |= {name for name, unit in self.programs.items() if isinstance(unit, PythonUnit)}
         found = list(self.definitions)
@@ -306,7 +309,7 @@ class Catalog:
         return found
 
     def called(self, unit: Unit) -> set[str]:
-        """Qualified names of what a unit calls."""
+        """Return the qualified names of everything that a unit calls."""
         steps = all_steps(unit)
         asked = [applicable(step.condition) for step in steps if isinstance(step, If)]
         names = [one.name for one in (*steps, *asked) if isinstance(one, Call | Applicable)]
@@ -315,11 +318,11 @@ class Catalog:
     # --- from values to ids
 
     def ids(self, shape: Shape, bound: Mapping[str, object]) -> dict[str, Value]:
-        """Values for variables, checked, objects as ids.
+        """Check values for variables and return them, with ids in place of objects.
 
         Raises:
-            InvalidArgument: an unknown variable, a node of another model, or an object that there is not.
-            TypeMismatch: a value of the wrong type.
+            InvalidArgument: a variable is unknown, or an object belongs to another model or does not exist.
+            TypeMismatch: a value has the wrong type.
         """
         found: dict[str, Value] = {}
         for name, value in bound.items():
@@ -330,7 +333,7 @@ class Catalog:
         return found
 
     def _check_output(self, shape: Shape, name: str) -> None:
-        """What a rule creates can be an `out` parameter without being a variable of its matches."""
+        """Raise `InvalidArgument` if a name is an `out` parameter of a created object, so not a match variable."""
         signature = self.directory.signatures.get(shape.definition)
         if signature is not None and any(one.output and one.name == name for one in signature.parameters):
             raise InvalidArgument(
@@ -360,10 +363,10 @@ class Catalog:
 
 
 def bindings(bound: Mapping[str, object] | None, values: Mapping[str, object]) -> Mapping[str, object]:
-    """The values of variables from both ways in which people say them: a mapping, and keywords.
+    """Return the values of variables, merged from a mapping and from keyword arguments.
 
     Raises:
-        InvalidArgument: `bound` is no mapping from names, or a variable is in both.
+        InvalidArgument: `bound` is no mapping from names, or contains a variable that is also a keyword.
     """
     if bound is None:
         return values

@@ -1,4 +1,4 @@
-"""Units that a Python function describes: it is called once, and what it says becomes the data of a unit."""
+"""Units described by a Python function, which is called once and whose steps become the data of the unit."""
 
 from __future__ import annotations
 
@@ -42,7 +42,7 @@ from envgraph.pattern import (
 from envgraph.rewrite.engine._registered import named_type
 
 STEPS: Final = "steps"
-"""The parameter by which a function says that it describes a unit."""
+"""The name of the parameter that marks a function as the description of a unit."""
 
 _EXPRESSIONS: Final = (
     *(Variable, Constant, EnumLiteral, Navigation, FunctionCall),
@@ -52,13 +52,13 @@ _EXPRESSIONS: Final = (
 Condition = Constraint
 
 Given = Expression | Value | EllipsisType
-"""An argument of a call: a parameter of the unit, an expression, a plain value, or `...` for any."""
+"""An argument of a call: a parameter of the unit, an expression, a Python value, or `...` for any value."""
 
 
 class Steps:
-    """What the function of a described unit says the unit does; each method is a step.
+    """A recorder of the steps of a unit, passed to the function that describes it; each method adds a step.
 
-    Arguments of calls are parameters of the unit, expressions, plain values, or `...` where the text has `_`.
+    Arguments of calls are parameters of the unit, expressions, Python values, or `...`, which means `_` (any value).
 
     >>> steps = Steps()
     >>> steps.call("walk", Variable("hedgehog"))
@@ -73,7 +73,7 @@ class Steps:
 
     @property
     def body(self) -> Sequence:
-        """What has been said so far; not inside of a block.
+        """Return the steps that were added so far, outside of blocks.
 
         Raises:
             InvalidArgument: a block is still open.
@@ -85,9 +85,11 @@ class Steps:
     def call(
         self, name: str, *arguments: Given, first: bool = False, where: Iterable[Condition] = ()
     ) -> None:
-        """`name(arguments);`: a rule, group or unit; `first`: a rule at its first match, not one drawn at random.
+        """Add the step `name(arguments);`, a call of a rule, group or unit.
 
-        `where`: conditions that the match of a rule has to meet.
+        Args:
+            first: apply a rule at its first match, not at a random one.
+            where: conditions that the match of a rule must satisfy.
         """
         self._add(replace(_call(name, arguments), first=first, where=tuple(where)))
 
@@ -99,25 +101,28 @@ class Steps:
         top: int | None = None,
         where: Iterable[Condition] = (),
     ) -> None:
-        """`all name(arguments);`: a rule at each of its matches of then; `by` orders them, `top` takes so many."""
+        """Add the step `all name(arguments);`: apply a rule at each match that it has when the step begins.
+
+        `by` orders the matches, and `top` limits their number.
+        """
         order = None if by is None else _expression(by)
         self._add(replace(_call(name, arguments), every=True, by=order, limit=top, where=tuple(where)))
 
     def choose(self, *alternatives: str | Call) -> None:
-        """`a | b;`: names, or `Call`s where there are arguments."""
+        """Add the step `a | b;`, a choice between names, or `Call`s if they have arguments."""
         if not alternatives:
             raise InvalidArgument("`choose` takes at least one rule or unit")
         self._add(Choice(tuple(one if isinstance(one, Call) else _call(one, ()) for one in alternatives)))
 
     def either(self) -> AbstractContextManager[None]:
-        """`{ .. }`, the first alternative of a choice; `alternatively` follows."""
+        """Open the block `{ .. }` of the first alternative of a choice; `alternatively` follows."""
         return self._block(lambda body: self._add(Choice((body,))))
 
     def alternatively(self) -> AbstractContextManager[None]:
-        """`| { .. }`: one more alternative of the `either`, `alternatively` or `choose` right before.
+        """Open the block `| { .. }` of another alternative, directly after `either`, `alternatively` or `choose`.
 
         Raises:
-            InvalidArgument: there is none.
+            InvalidArgument: the last step is no choice.
         """
         last = self._last
         if not isinstance(last, Choice):
@@ -125,42 +130,42 @@ class Steps:
         return self._block(lambda body: self._mend(replace(last, alternatives=(*last.alternatives, body))))
 
     def alap(self) -> AbstractContextManager[None]:
-        """`alap { .. }`: as long as possible."""
+        """Open the block `alap { .. }`, which is repeated as long as possible."""
         return self._block(lambda body: self._add(Alap(body)))
 
     def repeat(self, lower: Given, upper: Given | None = None) -> AbstractContextManager[None]:
-        """`repeat lower..upper { .. }`; without an upper bound, exactly so often."""
+        """Open the block `repeat lower..upper { .. }`. Without an upper bound, it is repeated exactly `lower` times."""
         least = _bound(lower)
         most = least if upper is None else _bound(upper)
         return self._block(lambda body: self._add(Repeat(least, most, body)))
 
     def atomic(self) -> AbstractContextManager[None]:
-        """`atomic { .. }`: all or nothing."""
+        """Open the block `atomic { .. }`, whose changes are undone if it fails."""
         return self._block(lambda body: self._add(Atomic(body)))
 
     def attempt(self) -> AbstractContextManager[None]:
-        """`try { .. }`; `otherwise` may follow."""
+        """Open the block `try { .. }`; `otherwise` may follow."""
         return self._block(lambda body: self._add(Try(body)))
 
     def when(
         self, condition: str | Condition | Applicable, *arguments: Given
     ) -> AbstractContextManager[None]:
-        """`if find condition(arguments) { .. }`, or another condition as data; `otherwise` may follow.
+        """Open the block `if find condition(arguments) { .. }`, or with a condition as data; `otherwise` may follow.
 
-        `Applicable("rule", (x,))` as data asks whether a rule is applicable.
+        The condition `Applicable("rule", (x,))` tests if a rule is applicable.
         """
         test = PatternCall(condition, _terms(arguments)) if isinstance(condition, str) else condition
         return self._block(lambda body: self._add(If(test, body)))
 
     def unless(self, pattern: str, *arguments: Given) -> AbstractContextManager[None]:
-        """`if neg find pattern(arguments) { .. }`; `otherwise` may follow."""
+        """Open the block `if neg find pattern(arguments) { .. }`; `otherwise` may follow."""
         return self.when(Negation(PatternCall(pattern, _terms(arguments))))
 
     def otherwise(self) -> AbstractContextManager[None]:
-        """`else { .. }` of the `attempt`, `when` or `unless` right before.
+        """Open the block `else { .. }`, directly after `attempt`, `when` or `unless`.
 
         Raises:
-            InvalidArgument: there is none.
+            InvalidArgument: the last step is none of these, or has an `else` already.
         """
         last = self._last
         if not isinstance(last, Try | If) or last.otherwise is not None:
@@ -179,7 +184,7 @@ class Steps:
 
     @contextmanager
     def _block(self, close: Callable[[Sequence], None]) -> Iterator[None]:
-        """Collect what is said inside; at the end it becomes a step, or a part of one."""
+        """Collect the steps that are added inside the `with` block and pass them to `close` at its end."""
         self._open.append([])
         yield
         close(Sequence(tuple(self._open.pop())))
@@ -220,15 +225,15 @@ def _expression(given: Given) -> Expression:
 
 
 def describes(function: Callable[..., object]) -> bool:
-    """Return whether a function describes a unit."""
+    """Return True if a function describes a unit, because it has a parameter `steps`."""
     return STEPS in signature(function).parameters
 
 
 def described(function: Callable[..., object], name: str, weight: float, priority: int) -> Unit:
-    """The unit that a function describes.
+    """Call the function and return the unit that it describes.
 
     Raises:
-        InvalidArgument: a parameter without a type, or one that a unit cannot have.
+        InvalidArgument: a parameter has no type, or is of a kind that units cannot have.
     """
     parameters = unit_parameters(function, name, (STEPS,))
     steps = Steps()
@@ -240,10 +245,14 @@ def described(function: Callable[..., object], name: str, weight: float, priorit
 def unit_parameters(
     function: Callable[..., object], name: str, others: tuple[str, ...]
 ) -> tuple[Parameter, ...]:
-    """The parameters of a unit, which are those of a function without some; annotations are the types.
+    """Return the parameters of a function as unit parameters, with their annotations as types.
+
+    Args:
+        name: name of the unit, for messages.
+        others: names of parameters that are left out.
 
     Raises:
-        InvalidArgument: a parameter without a type, or one that a unit cannot have.
+        InvalidArgument: a parameter has no type, or is of a kind that units cannot have.
     """
     found: list[Parameter] = []
     for argument in signature(function).parameters.values():
@@ -258,7 +267,7 @@ def unit_parameters(
 
 
 def _type(argument: Argument, name: str) -> str:
-    """The type by its name in the metamodel: `"Hedgehog"`, `int`, `str`."""
+    """Return the name of the type that an annotation means: `"Hedgehog"`, `int`, `str`."""
     found = named_type(argument.annotation)
     if found is None:
         raise InvalidArgument(

@@ -1,4 +1,4 @@
-"""The one facade: a model, what is defined over it, and what can be asked of it and done to it."""
+"""The engine: the facade over a model, its definitions, and all queries and changes."""
 
 from __future__ import annotations
 
@@ -34,7 +34,7 @@ R = TypeVar("R")
 
 
 def _of(part: str, method: Callable[Concatenate[Any, P], R]) -> Callable[Concatenate[Engine, P], R]:
-    """A verb of the engine: a method of one of its parts, with the types and the docstring of that."""
+    """Return a method of the engine that delegates to a method of a part and has its types and docstring."""
     found = attrgetter(part)
 
     @wraps(method)
@@ -46,12 +46,12 @@ def _of(part: str, method: Callable[Concatenate[Any, P], R]) -> Callable[Concate
 
 @short_repr
 class Engine:
-    """A model together with what can be asked of it and done to it.
+    """A model together with patterns, rules and units, and all operations on them.
 
-    The work is done by parts; the verbs of all of them are verbs of the engine.
+    The operations are implemented by parts. Each public operation of a part is also a method of the engine.
 
-    Names of patterns, rules, units and groups may be qualified (`package.name`), or simple where only one definition
-    has that name.
+    Names of patterns, rules, units and groups may be qualified (`package.name`), or simple if only one definition has
+    this simple name.
 
     >>> from envgraph.metamodel import Attribute, Class, Metamodel, Scalar
     >>> from envgraph.pattern import Constant, LeftSide, Modification, Node, Rule, Set, Variable
@@ -65,18 +65,18 @@ class Engine:
 
     Args:
         model: the model; it may also be changed directly.
-        seed: of `rng`.
-        matcher: makes what finds the matches; another one than `ViewMatcher` can watch nothing.
+        seed: seed of `rng`.
+        matcher: class or function that creates the matcher. Only a `ViewMatcher` can watch patterns.
 
     Attributes:
         model: the model.
-        library: the registered patterns; the left sides of rules are among them under names like `rule#lhs`.
+        library: the registered patterns; it also contains the left-hand sides of rules, with names such as `rule#lhs`.
         matcher: finds the matches.
-        catalog: what has been defined, by name.
+        catalog: the definitions, by name.
         events: listeners and event rules.
         history: transactions, versions and recordings.
-        runs: runs units, and makes the random choices.
-        queries: asks the matcher.
+        runs: runs units and makes random choices.
+        queries: queries the matcher.
         registrar: adds, removes and replaces definitions.
     """
 
@@ -141,14 +141,14 @@ class Engine:
 
     @property
     def seed(self) -> int:
-        """What `rng` is seeded with."""
+        """Return the seed of `rng`."""
         return self.runs.seed
 
     @property
     def rng(self) -> numpy.random.Generator:
-        """The generator behind every random choice: seeded with `seed` when it is first needed, and settable.
+        """Return the random generator of all random choices, seeded with `seed` when it is first used. It can be set.
 
-        Without NumPy, a `random.Random` of the same seed stands in; its choices are others.
+        Without NumPy it is a `random.Random` with the same seed, which makes other choices.
         """
         return self.runs.rng
 
@@ -158,7 +158,7 @@ class Engine:
 
     @property
     def step_limit(self) -> int:
-        """How many calls and rounds one `run` may take, and how often event rules may fire until they rest."""
+        """Return the maximal number of calls and loop rounds in a `run`, and of event rule firings in a settling."""
         return self.runs.step_limit
 
     @step_limit.setter
@@ -167,64 +167,64 @@ class Engine:
 
     @property
     def watched(self) -> tuple[str, ...]:
-        """Qualified names of the patterns that are kept current."""
+        """Return the qualified names of the patterns whose matches are updated after every change."""
         return self.queries.watched
 
     @property
     def agenda(self) -> Agenda:
-        """What event rules are about to do, in that order."""
+        """Return the pending activations of event rules, in the order of firing."""
         return self.events.agenda
 
     @property
     def notices(self) -> tuple[Diagnostic, ...]:
-        """What applications have come upon that may not be meant, each once, in order.
+        """Return warnings that applications have reported, each once, in order.
 
-        A link that a rule creates although it is there ("existing-link"). They also go to the logger "envgraph".
+        "existing-link" means that a rule created a link that already existed. Notices also go to the logger "envgraph".
         """
         return self.catalog.notices.all
 
     @property
     def definitions(self) -> tuple[Definition, ...]:
-        """The declared functions, patterns, rules, units and derivations as they were added."""
+        """Return the declared functions, patterns, rules, units and derivations as they were added."""
         return self.catalog.definitions
 
     @property
     def functions(self) -> tuple[str, ...]:
-        """Names of the functions that expressions can call, besides those of the language."""
+        """Return the names of the functions that expressions can call, without those of the language."""
         return tuple(self.library.functions)
 
     @property
     def patterns(self) -> tuple[str, ...]:
-        """Qualified names of the registered patterns, without those that rules are made into."""
+        """Return the qualified names of the registered patterns, without the patterns generated for rules."""
         return tuple(name for name in self.library.names() if "#" not in name)
 
     @property
     def rules(self) -> tuple[str, ...]:
-        """Qualified names of all rules, members of groups included, in the order they were added."""
+        """Return the qualified names of all rules, including members of groups, in the order of their addition."""
         return tuple(self.catalog.runners)
 
     @property
     def units(self) -> tuple[str, ...]:
-        """Qualified names of the units."""
+        """Return the qualified names of the units."""
         return tuple(self.catalog.programs)
 
     @property
     def groups(self) -> tuple[str, ...]:
-        """Qualified names of the derivations."""
+        """Return the qualified names of the derivations."""
         return tuple(self.catalog.members)
 
     def check_integrity(self) -> None:
-        """Assert that model and views hold what a computation from scratch finds: a failure is a bug of envgraph."""
+        """Assert that model and views equal a computation from scratch. A failure is a bug of envgraph."""
         self.model.check_integrity()
         if isinstance(self.matcher, ViewMatcher):
             self.matcher.check_integrity()
 
     def copy(self) -> Engine:
-        """An independent engine: the same state of the model, the same definitions and watched patterns.
+        """Return an independent engine with the same state of the model, the same definitions and watched patterns.
 
-        Its random choices begin anew from `seed`; those of a `deepcopy`, and of a pickled engine, go on as those of
-        this one. Versions, listeners, event rules, rules and units made of Python functions, and units that call those,
-        stay behind: a function that changes models belongs to the engine that it was registered with.
+        The copy makes its random choices from `seed` again; a `deepcopy` or an unpickled engine continues the random
+        sequence. Not copied are versions, listeners, event rules, Python rules and units, and units that call those:
+        a function that changes models belongs to the engine with which it was registered.
         """
         make, (model,), (_, *state) = self.__reduce__()
         twin = make(model.copy())
@@ -239,13 +239,13 @@ class Engine:
         return twin
 
     def __reduce__(self) -> tuple[Callable[..., Engine], tuple[Model], tuple[Any, ...]]:
-        """Return the data to rebuild an engine."""
+        """Return the data from which an engine is rebuilt, for pickling and copying."""
         functions = [(name, function.code) for name, function in self.library.functions.items()]
         state = self.rng, self.catalog.portable(), functions, self.step_limit, self.watched
         return partial(Engine, seed=self.seed, matcher=self._matching), (self.model,), state
 
     def __setstate__(self, state: tuple[Any, ...]) -> None:
-        """Define and watch what another engine does."""
+        """Add the definitions and watch the patterns of another engine, after unpickling or copying."""
         self.runs.rng, definitions, functions, self.step_limit, watched = state
         self.add(*definitions)
         for name, code in functions:

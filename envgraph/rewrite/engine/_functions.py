@@ -1,4 +1,4 @@
-"""Units whose body is a Python function."""
+"""Units that are implemented by a Python function."""
 
 from __future__ import annotations
 
@@ -18,14 +18,14 @@ if TYPE_CHECKING:
     from envgraph.rewrite.engine._engine import Engine
 
 ENGINE: Final = "engine"
-"""The parameter that a function takes the engine by."""
+"""The name of the parameter to which the engine is passed."""
 
 
 class PythonUnit(UnitProgram):
-    """A unit that calls a function with its arguments as handles or values, and with the engine if it wants that.
+    """A unit that calls a Python function with nodes and values, and with the engine if the function takes it.
 
-    It fails if the function returns False. It also fails if the model refuses something and the function does not go on
-    from the `RuleError`; then what the function did is undone.
+    The unit fails if the function returns False. It also fails if an application is refused and the function does not
+    catch the `RuleError`; the changes of the function are then undone.
     """
 
     def __init__(self, function: Callable[..., object], signature: Signature, engine: Engine) -> None:
@@ -80,10 +80,10 @@ class PythonUnit(UnitProgram):
 def unit_signature_of(
     function: Callable[..., object], name: str, engine: Engine, weight: float, priority: int
 ) -> Signature:
-    """Return what a call of the unit takes.
+    """Return the signature of a unit that a Python function implements.
 
     Raises:
-        InvalidArgument: a parameter without a type, or of an unknown one, or one that a unit cannot have.
+        InvalidArgument: a parameter has no type, an unknown type, or is of a kind that units cannot have.
     """
     taken = tuple(_taken(one, name, engine) for one in unit_parameters(function, name, (ENGINE,)))
     return Signature(name, "unit", "", taken, weight, priority)

@@ -1,4 +1,4 @@
-"""The history of an engine: transactions, versions, and recordings of what was applied."""
+"""The history of an engine: transactions, versions, and recordings of applications."""
 
 from __future__ import annotations
 
@@ -12,10 +12,10 @@ from envgraph.rewrite.engine._trace import Trace
 
 
 class EngineHistory:
-    """Transactions and versions of a model on which event rules fire, and the traces under way.
+    """The transactions and versions of an engine, and the traces that are being recorded.
 
     Attributes:
-        recorders: the traces that what is applied is added to.
+        recorders: the traces to which applications are added.
     """
 
     def __init__(self, model: Model, events: Events) -> None:
@@ -24,7 +24,7 @@ class EngineHistory:
         self.recorders: list[Trace] = []
 
     def transaction(self) -> AbstractContextManager[Savepoint]:
-        """Everything inside happens, or, if an exception leaves the block, nothing of it. Transactions nest."""
+        """Open a transaction: if an exception leaves the block, all its changes are undone. Transactions may nest."""
         plain = not self.recorders and self._events.holding() is None
         return self._model.transaction() if plain else self._transaction()
 
@@ -41,7 +41,7 @@ class EngineHistory:
                 raise
 
     def commit(self) -> Version:
-        """Name the present state of the model, after event rules have done what is pending.
+        """Create a version of the current state, after event rules have fired.
 
         Raises:
             TransactionError: inside a transaction.
@@ -50,25 +50,25 @@ class EngineHistory:
         return self._model.commit()
 
     def checkout(self, version: Version, *, discard: bool = False) -> None:
-        """Put the model into a committed state, exactly as it was then.
+        """Restore the state of a version exactly.
 
         Raises:
-            InvalidArgument: that is no version.
-            TransactionError: inside a transaction, a version of another model, or uncommitted changes that are not
-                to be discarded.
+            InvalidArgument: the argument is no version.
+            TransactionError: inside a transaction, or for a version of another model, or if there are uncommitted
+                changes and `discard` is False.
         """
         self._model.checkout(version, discard=discard)
 
     @guarded
     def recording(self) -> Iterator[Trace]:
-        """Record what is applied inside, in order, for `replay`; `trace_to_text` writes it.
+        """Record the applications inside the block, in order, for `replay`; `trace_to_text` writes the trace.
 
-        What a transaction inside undoes is left out. What a Python rule does is one application, and happens when
-        its function is called again.
+        Applications that are rolled back are left out. A Python rule is recorded as one application; a replay calls its
+        function again.
 
         Raises:
-            TraceError: at the end of the block, if something that is no application of a rule has changed the model:
-                an edit from Python, as that of a job of an event rule, or a checkout.
+            TraceError: at the end of the block, if the model was changed by something other than a rule: an edit from
+                Python (also in a job of an event rule) or a checkout.
         """
         trace = Trace(start=self._model.state_hash())
         with self.listing(trace):
@@ -77,17 +77,17 @@ class EngineHistory:
 
     @guarded
     def listing(self, trace: Trace) -> Iterator[Trace]:
-        """Add what is applied inside to a trace."""
+        """Add the applications inside the block to a trace."""
         self.recorders = [*self.recorders, trace]
         try:
             yield trace
         finally:
-            # By identity: traces are lists, and two of the same contents are equal.
+            # Compare by identity, because traces are lists, and lists with the same contents are equal.
             self.recorders = [other for other in self.recorders if other is not trace]
 
     @guarded
     def unrecorded(self) -> Iterator[None]:
-        """Make what is applied inside a part of what is being applied."""
+        """Do not record the applications inside the block, because they are part of another application."""
         recorders = self.recorders
         self.recorders = []
         try:
@@ -96,14 +96,18 @@ class EngineHistory:
             self.recorders = recorders
 
     def notice(self) -> None:
-        """Something is about to be applied: what changed the model since the last time was no rule."""
+        """Report the current state to the traces before an application: they detect changes made without a rule."""
         if self.recorders:
             state = self._model.state_hash()
             for recorder in self.recorders:
                 recorder.notice(state)
 
     def record(self, firings: Iterable[Firing], gaps: Sequence[int] = ()) -> None:
-        """Note what has been applied; `gaps` are places among it at which something else changed the model."""
+        """Add applications to the traces that are being recorded.
+
+        Args:
+            gaps: indexes into `firings` before which something other than a rule changed the model.
+        """
         if self.recorders:
             found, state = list(firings), self._model.state_hash()
             for recorder in self.recorders:

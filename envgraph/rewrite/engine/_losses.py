@@ -1,4 +1,4 @@
-"""Losses: where a rule may take an object away, by deleting it or its container, by a merge, by a change of class."""
+"""Analysis of rules: actions that may lose an object, and links of deleted objects that a rule does not mention."""
 
 from __future__ import annotations
 
@@ -19,12 +19,12 @@ from envgraph.rewrite._plan import BlockPlan, RulePlan
 
 @dataclass(frozen=True, slots=True)
 class Loss:
-    """An action of a rule that an object may fall victim to.
+    """An action of a rule by which an object may be lost.
 
     Attributes:
-        rule: qualified name.
-        deed: what the action does, as a verb: "delete", "merge" or "retype".
-        span: of the action; None where the rule was not read from a text.
+        rule: qualified name of the rule.
+        deed: the kind of action: "delete", "merge" or "retype".
+        span: span of the action; None if the rule was not parsed from text.
     """
 
     rule: str
@@ -34,12 +34,12 @@ class Loss:
 
 @dataclass(frozen=True, slots=True)
 class UnnamedLinks:
-    """An object that a rule deletes, with the references that it does not know of.
+    """An object that a rule deletes, with the references that the rule does not mention.
 
     Attributes:
-        name: of the object in the rule.
-        references: under DPO the rule is refused where the object has a link of one of them.
-        span: of the action; None where the rule was not read from a text.
+        name: name of the object in the rule.
+        references: under DPO the rule is refused if the object has a link of one of these references.
+        span: span of the action; None if the rule was not parsed from text.
     """
 
     name: str
@@ -50,19 +50,19 @@ class UnnamedLinks:
 def losses(
     plan: RulePlan, metamodel: Metamodel, cls: str | None, known: Mapping[str, bool]
 ) -> Iterator[Loss]:
-    """The actions of a rule that may take an object of a class away.
+    """Yield the actions of a rule that may delete, merge or retype an object of a class, also with its container.
 
     Args:
-        plan: of the rule.
-        metamodel: of the class.
-        cls: of the object; None if it is not known. The object is lost, too, when it is no longer of the class.
-        known: parameters of the rule that are the object (True), or surely another one (False).
+        plan: plan of the rule.
+        metamodel: the metamodel.
+        cls: class of the object, or None if unknown. An object is also lost if it is no longer an instance of it.
+        known: parameters of the rule that are the object (True) or certainly another one (False).
     """
     given = any(known.values())
     for block in plan.blocks:
 
         def may_be(slot: int, block: BlockPlan = block) -> bool:
-            """Return whether a slot may be the object: what one slot has is in no other, unless they may coincide."""
+            """Return True if a slot may be the object. Only one slot is the object, unless slots may coincide."""
             told, kind = known.get(block.names[slot]), block.classes[slot]
             if told is not None:
                 return told
@@ -85,10 +85,10 @@ def losses(
 
 
 def unnamed_links(plan: RulePlan, library: Library) -> Iterator[UnnamedLinks]:
-    """The objects that a rule deletes under DPO, with references whose links it does not ask for in any way.
+    """Yield the objects that a rule deletes under DPO, with the references that its conditions never mention.
 
-    Where there is such a link the rule is refused. A condition on one, even a negated one, or in a pattern that is
-    called, is taken to say that the rule knows of it. Links to the container and from it go along.
+    If a link of such a reference exists, the rule is refused. Every condition on a reference counts as a mention,
+    even a negated one or one in a called pattern. Containment links are left out, as they are deleted with the object.
     """
     patterns = reached((block.pattern for block in plan.blocks), library.called)
     bodies = (body for name in patterns for body in library.lowered(name).bodies)
@@ -104,7 +104,7 @@ def unnamed_links(plan: RulePlan, library: Library) -> Iterator[UnnamedLinks]:
 def _touching(
     metamodel: Metamodel, cls: str, asked: Collection[Reference | Attribute]
 ) -> Iterator[Reference]:
-    """The references from and to a class that are no containment and not asked for; the first of two opposites."""
+    """Yield one reference of each opposite pair at a class, if the pair is no containment and not in `asked`."""
     for one in metamodel.references:
         pair = [one] if (other := metamodel.opposite(one)) is None else [one, other]
         if one.index > pair[-1].index or any(each.containment or each in asked for each in pair):
@@ -114,7 +114,7 @@ def _touching(
 
 
 def _asked(goals: Iterable[Goal]) -> Iterator[Reference | Attribute]:
-    """The references that goals ask for."""
+    """Yield the references in goals, including those in negations and aggregates."""
     for goal in goals:
         if isinstance(goal, Absence):
             for alternative in goal.alternatives:
@@ -126,5 +126,5 @@ def _asked(goals: Iterable[Goal]) -> Iterator[Reference | Attribute]:
 
 
 def _holds(metamodel: Metamodel, outer: str, inner: str) -> bool:
-    """Return whether an object of one class may contain one of another, however deep."""
+    """Return True if an object of the class `outer` may contain an object of the class `inner`, at any depth."""
     return not {*metamodel.all_contents(metamodel.concrete(outer))}.isdisjoint(metamodel.concrete(inner))

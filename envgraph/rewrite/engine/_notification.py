@@ -1,4 +1,4 @@
-"""Notification: listeners hear of changes of matches, and event rules fire."""
+"""Notification of listeners about changed matches, and firing of event rules."""
 
 from __future__ import annotations
 
@@ -25,11 +25,11 @@ if TYPE_CHECKING:
     from envgraph.rewrite.engine._engine import Engine
 
 NOTHING: Final[AbstractContextManager[None]] = nullcontext()
-"""A block like any other."""
+"""A context manager that does nothing."""
 
 
 class Events:
-    """The listeners and the event rules of an engine; both watch patterns."""
+    """The listeners and event rules of an engine; both watch patterns."""
 
     def __init__(self, catalog: Catalog, engine: Engine) -> None:
         self._catalog = catalog
@@ -46,25 +46,25 @@ class Events:
         updated: UpdateListener | None = None,
         key: Iterable[str] | None = None,
     ) -> Subscription:
-        """Be notified of the net changes of the matches of a pattern, which is watched from now on.
+        """Register a listener for the net changes of the matches of a pattern, which is watched from now on.
 
-        This happens at the end of the outermost transaction (`apply` and `run` are transactions), at a commit, and by
-        `settle`; nobody is notified of changes that were rolled back.
+        Listeners are notified at the end of the outermost transaction (`apply` and `run` are transactions), at a
+        commit, and by `settle`. They are not notified of changes that were rolled back.
 
         Args:
-            name: of the pattern or rule.
-            changed: called with the matches that have appeared, and those that have disappeared, since it was last
-                called.
-            restored: called instead with what a checkout has changed; else the others are called.
-            updated: called first with the matches that were replaced by one with the same key, each with the one that
-                is there now. `changed` is called with the rest, if there is any.
-            key: variables, as for `on`.
+            name: name of the pattern or rule.
+            changed: called with the matches that appeared and the matches that disappeared since its last call.
+            restored: called, in place of the other functions, with the changes of a checkout. If it is None, the other
+                functions are called.
+            updated: called first, with pairs of a disappeared match and the new match with the same key. `changed` is
+                called with the other matches, if there are any.
+            key: variables of the key, as for `on`.
 
         Returns:
-            For `unlisten`.
+            A subscription, for `unlisten`.
 
         Raises:
-            InvalidArgument, TransactionError: as `watch`; `key` without `updated`, and an impossible key.
+            InvalidArgument, TransactionError: as `watch`. Also if `key` is given without `updated`, or is no valid key.
         """
         shape, pattern, _ = self._catalog.asked(name)
         check_functions(changed, *(one for one in (restored, updated) if one is not None))
@@ -79,21 +79,21 @@ class Events:
         return self._catalog.views.listen(pattern, call, later)
 
     def unlisten(self, subscription: Subscription) -> None:
-        """Take back a `listen`.
+        """Remove a listener.
 
         Raises:
-            InvalidArgument: that is nothing that `listen` gave.
+            InvalidArgument: the argument was not returned by `listen`.
         """
         if not isinstance(subscription, Subscription):
             raise InvalidArgument(f"{subscription!r} is nothing that `listen` gave")
         self._catalog.views.listeners.remove(subscription)
 
     def settle(self) -> None:
-        """Notify listeners now of what has changed since the last time, and let event rules fire what is pending.
+        """Notify listeners of all changes since their last notification, and fire event rules until none is pending.
 
         Raises:
-            EvaluationError: event rules go round; see `step_limit`.
-            Exception: what the job of an event rule has raised.
+            EvaluationError: event rules exceed `step_limit`.
+            Exception: raised by a job of an event rule.
         """
         if isinstance(self._catalog.matcher, ViewMatcher):
             self._catalog.matcher.listeners.deliver()
@@ -101,11 +101,11 @@ class Events:
 
     @property
     def active(self) -> bool:
-        """Whether there have been event rules."""
+        """Return True if an event rule was ever registered."""
         return self._conflicts is not None
 
     def run(self) -> None:
-        """Let event rules fire what is pending; raises as `settle`."""
+        """Fire pending event rules. Exceptions are raised as in `settle`."""
         if self._conflicts is not None:
             self._conflicts.run()
 
@@ -121,28 +121,30 @@ class Events:
         key: Iterable[str] | None = None,
         existing: bool = True,
     ) -> EventRule:
-        """Do something whenever matches of a pattern appear, disappear or are updated; it is watched from now on.
+        """Register an event rule: jobs to execute when matches of a pattern appear, disappear or are updated.
 
-        A job is a function, which takes variables of the match by name, as `Node`s or values, and `engine`, `match`
-        and (for an update) `old`, the match before, if it has such parameters; or the name of a rule, group or unit,
-        whose variables are bound to those of the match that have the same names.
+        A job is a function or a name. A function takes variables of the match by name, as `Node`s or values. It also
+        gets `engine`, `match` and (for an update) `old`, the match before, if it has such parameters. A name is that
+        of a rule, group or unit; its variables are bound to the variables of the match with the same names.
 
-        Jobs are done when the outermost transaction ends, at a commit, and when asked to `settle`, each in a
-        transaction of its own, until nothing is left to do. `_events` tells the order, and when a job is dropped.
+        The pattern is watched from now on. Jobs are executed at the end of the outermost transaction, at a commit and
+        by `settle`, each in its own transaction, until none is pending. `_event_rules` describes the order, and when
+        a job is dropped.
 
         Args:
-            pattern: its name.
-            appear: done at a new match.
-            disappear: done at a match that is gone. Its objects may be gone too: the node of one has only its `id`.
-            update: done instead of both where a match is replaced by another one with the same key.
-            priority: higher ones are done first.
-            name: for messages; else that of the first job.
-            key: variables; else those after `forEach` in `@FunctionalDependency`, else those that stand for objects.
-            existing: the present matches count as new: `appear` is done for them when the engine next settles.
+            pattern: name of the pattern.
+            appear: executed for a new match.
+            disappear: executed for a match that disappeared. The nodes of deleted objects have only an `id`.
+            update: executed in place of both, if a match is replaced by another one with the same key.
+            priority: rules with higher priorities are executed first.
+            name: name for messages; by default the name of the first job.
+            key: variables that identify a match; by default those after `forEach` in `@FunctionalDependency`, or else
+                the variables that stand for objects.
+            existing: if True, current matches count as new: `appear` is executed for them at the next settling.
 
         Raises:
-            InvalidArgument: an unknown name, no job, a job that takes something else, a key that contains all variables
-                where there is an `update`; a pattern that cannot be watched.
+            InvalidArgument: an unknown name, no job, a job with unsuitable parameters, a pattern that cannot be
+                watched, or an `update` job whose key contains all variables.
             TransactionError: as `watch`.
         """
         views = self._catalog.views
@@ -166,11 +168,11 @@ class Events:
 
     @property
     def agenda(self) -> Agenda:
-        """What event rules are about to do, in that order."""
+        """Return the pending activations of event rules, in the order of firing."""
         return Agenda(self._conflicts)
 
     def users(self, names: Collection[str]) -> Iterator[str]:
-        """Event rules and listeners of definitions, in words."""
+        """Yield texts that name the event rules and listeners which use one of the definitions."""
         owner, matcher = self._catalog.owners(), self._catalog.matcher
         for rule in () if self._conflicts is None else self._conflicts.rules:
             if any(owner(name) in names for name in rule.calls):
@@ -179,7 +181,7 @@ class Events:
         yield from (f"a listener of `{name}`" for name in heard if owner(name) in names)
 
     def holding(self) -> AbstractContextManager[None] | None:
-        """Fire event rules and notify listeners at the end of the block, not inside it; None if there are none."""
+        """Return a block that delays firings and notifications to its end, or None without rules and listeners."""
         if self._conflicts is not None:
             return self._conflicts.held()
         matcher = self._catalog.matcher
@@ -189,18 +191,18 @@ class Events:
 
     @guarded
     def _telling(self, matcher: ViewMatcher) -> Iterator[None]:
-        """Listeners are notified at the end: by the model if there was a transaction, but many rules need none."""
+        """Notify the listeners at the end of the block, if no transaction is open. A transaction would do so itself."""
         yield
         if not self._model.graph.history.depth:
             matcher.listeners.deliver()
 
     def muted(self) -> AbstractContextManager[None]:
-        """Let changes inside the block activate no event rule."""
+        """Return a block in which changes do not activate event rules."""
         return NOTHING if self._conflicts is None else self._conflicts.muted()
 
     @guarded
     def asleep(self) -> Iterator[None]:
-        """Listeners and event rules do not notice the block, which leaves the model as it was."""
+        """Hide the changes inside the block, which must restore the model, from listeners and event rules."""
         matcher = self._catalog.matcher
         views = matcher.listeners.muted() if isinstance(matcher, ViewMatcher) else NOTHING
         with views, NOTHING if self._conflicts is None else self._conflicts.asleep():

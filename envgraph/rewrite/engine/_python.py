@@ -1,4 +1,4 @@
-"""Python functions as rules, as units, and as what expressions call: the decorators of an engine."""
+"""The decorators of an engine that register Python functions as rules, as units, and for expressions."""
 
 from __future__ import annotations
 
@@ -22,18 +22,18 @@ Function = TypeVar("Function", bound=Callable[..., object])
 def rule(
     engine: Engine, when: str | Pattern, *, name: str | None = None, weight: float = 1.0, priority: int = 0
 ) -> Callable[[Function], Function]:
-    """Register a Python function as a rule that applies at the matches of a pattern.
+    """Register a Python function as a rule that is applied at the matches of a pattern.
 
     The function takes variables of the match by name, as `Node`s or values, and the engine if it has a parameter
-    `engine`; it edits the model through the nodes. If it raises, what it did is undone.
+    `engine`. It changes the model through the nodes. If it raises an exception, its changes are undone.
 
     Args:
-        when: name of a registered pattern, or a pattern, which is registered too.
-        name: name of the rule; else that of the function.
-        weight, priority: as `@weight` and `@priority`.
+        when: name of a registered pattern, or a pattern, which is also registered.
+        name: name of the rule; by default the name of the function.
+        weight, priority: as in `@weight` and `@priority`.
 
     Raises:
-        InvalidArgument: an unknown pattern, a name that is taken, a parameter that is no variable of the pattern.
+        InvalidArgument: the pattern is unknown, the name is in use, or a parameter is no variable of the pattern.
         ResolutionError: the pattern has errors.
     """
     if isinstance(when, Pattern) and when not in engine.library.patterns:
@@ -86,26 +86,27 @@ def unit(
     weight: float = 1.0,
     priority: int = 0,
 ) -> Function | Callable[[Function], Function]:
-    """Register a Python function as a unit: a decorator, with or without brackets.
+    """Register a Python function as a unit. This is a decorator, with or without brackets.
 
-    The annotations of its parameters are their types: names of classes and enums, or `int`, `float`, `bool`, `str`.
+    The annotations of parameters are their types: names of classes and enums, or `int`, `float`, `bool`, `str`.
 
-    A function with a parameter `steps` *describes* a unit. It is called now, once, with `Steps` and a variable for
-    each parameter; what it says becomes a `Unit`, which is added like any other: see `definition` and `to_text`.
+    A function with a parameter `steps` *describes* a unit. It is called once, now, with a `Steps` and a variable for
+    each parameter. The steps that it adds become a `Unit`, which is added like any other unit: see `definition` and
+    `to_text`.
 
-    Any other function *is* the unit. It is called whenever the unit runs, with `Node`s and values, and with the
-    engine if it has a parameter `engine`. What it applies by name is part of the run and of recordings; a recording
-    refuses what it edits by itself. It fails by returning False. It also fails by an application that is
-    refused; then what it did is undone, as after any exception.
+    Any other function *implements* the unit. It is called whenever the unit runs, with `Node`s and values, and with the
+    engine if it has a parameter `engine`. Its applications by name are part of the run and of recordings; a recording
+    refuses its direct edits. The unit fails if the function returns False. It also fails if an application is
+    refused; the changes are then undone, as after any exception.
 
     Args:
         function: the function.
-        name: name of the unit; else that of the function.
-        weight, priority: as `@weight` and `@priority`.
+        name: name of the unit; by default the name of the function.
+        weight, priority: as in `@weight` and `@priority`.
 
     Raises:
-        InvalidArgument: a name that is taken, a parameter without a type, or one that a unit cannot have.
-        ResolutionError: what a function describes has errors.
+        InvalidArgument: the name is in use, a parameter has no type, or is of a kind that units cannot have.
+        ResolutionError: the described unit has errors.
     """
 
     def register(given: Function) -> Function:
@@ -156,24 +157,23 @@ def function(
     parameters: Mapping[str, str | type] | None = None,
     result: str | type | None = None,
 ) -> Function | Callable[[Function], Function]:
-    """Register a Python function that expressions can call by its name: a decorator, or a call.
+    """Register a Python function that expressions can call by its name. This is a decorator or an ordinary call.
 
-    It has to be pure: what it returns depends on its arguments alone, and it changes nothing. It is called once for
-    each candidate that comes as far as the call, whenever that is searched for or a view is brought up to date;
-    nothing is remembered. If it raises, or returns something that is no value of its type, that is a
-    `FunctionError` at the place of the call.
+    The function must be pure: its result depends only on its arguments, and it changes nothing. It is called for each
+    candidate that reaches the call in a search or in an update of a view; results are not cached. If it raises an
+    exception, or returns a value of another type, a `FunctionError` with the span of the call is raised.
 
     Args:
-        name: what expressions call it; else the name of the function.
+        name: name in expressions; by default the name of the function.
         function: takes the arguments in their order, and returns the result.
-        parameters: names and types, `{"x": int, "way": "Way"}`: data types and enums.
-        result: type of the result. Where types are left out, they are those of a `function` declaration of that
-            name that the engine has, else the annotations.
+        parameters: names and types, such as `{"x": int, "way": "Way"}`: data types and enums.
+        result: type of the result. By default, types are those of a registered `function` declaration with this name,
+            or else those of the annotations.
 
     Raises:
-        InvalidArgument: a function that has its code already; types that are missing.
-        ResolutionError: an unknown type, a class, other types than those of the declaration, or the name of a
-            function of the language.
+        InvalidArgument: the function is already registered, or a type is missing.
+        ResolutionError: a type is unknown, a class, or differs from the declaration, or the name is that of a function
+            of the language.
 
     >>> from envgraph.metamodel import Attribute, Class, Metamodel, Scalar
     >>> from envgraph.graph import Model

@@ -1,4 +1,4 @@
-"""Queries to an engine: matches, plans, reasons, and which patterns are watched."""
+"""Queries of an engine: matches, plans, reasons for missing matches, and watched patterns."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ _NONE: Final[Mapping[str, object]] = {}
 
 
 class Queries:
-    """Asks a matcher about the definitions of a catalog; what is only tried, `runs` undoes."""
+    """The queries of an engine about the matches of its definitions; trial applications are undone."""
 
     def __init__(self, catalog: Catalog, runs: Runs) -> None:
         self._catalog = catalog
@@ -37,22 +37,23 @@ class Queries:
         bound: Mapping[str, object] | None = None,
         **values: object,
     ) -> Matches:
-        """All matches of a pattern, or of the left side of a rule, that agree with the bound variables.
+        """Return all matches of a pattern, or of the LHS of a rule, that agree with the bound variables.
 
-        The order is a function of the model's version.
+        The order depends only on the version of the model.
 
         Args:
-            name: of the pattern or rule.
-            applicable: only those matches of a rule at which the model does not refuse it (a dangling link, a full
-                reference ...). The rule is tried at each of them, and undone; nobody notices, but the function of
-                a Python rule is called.
+            name: name of the pattern or rule.
+            applicable: if True, return only matches at which the rule is not refused (by a dangling edge, a full
+                reference, ..). The rule is applied at each match and undone; listeners are not notified, but the
+                function of a Python rule is called.
             bound: values of variables; objects as `Node`s or ids.
-            **values: the same, where the name of the variable is none of Python's.
+            **values: the same, for variables whose names are possible as keywords.
 
         Raises:
-            InvalidArgument: an unknown name or variable, or one with two values; `applicable` of a pattern.
-            TypeMismatch: a value of the wrong type.
-            RuleError, EvaluationError: the rule fails where it is tried, and it is no refusal.
+            InvalidArgument: a name or variable is unknown, a variable has two values, or `applicable` is given for a
+                pattern.
+            TypeMismatch: a value has the wrong type.
+            RuleError, EvaluationError: a trial application fails for another reason than a refusal.
         """
         shape, pattern, arguments = self.question(name, bound, values)
         rows = self._matcher.rows(pattern, arguments)
@@ -69,7 +70,7 @@ class Queries:
         bound: Mapping[str, object] | None = None,
         **values: object,
     ) -> Match | None:
-        """The first of `matches`, or None."""
+        """Return the first match of `matches`, or None."""
         shape, pattern, arguments = self.question(name, bound, values)
         if applicable is not False:
             rows = self._matcher.rows(pattern, arguments)
@@ -87,7 +88,7 @@ class Queries:
         bound: Mapping[str, object] | None = None,
         **values: object,
     ) -> bool:
-        """Return whether there is one of `matches`."""
+        """Return True if `matches` would return at least one match."""
         if applicable is not False:
             return self.first(name, applicable=applicable, bound=bound, **values) is not None
         _, pattern, arguments = self.question(name, bound, values)
@@ -102,7 +103,7 @@ class Queries:
         bound: Mapping[str, object] | None = None,
         **values: object,
     ) -> int:
-        """The number of `matches`."""
+        """Return the number of matches that `matches` would return."""
         if applicable is not False:
             return len(self.matches(name, applicable=applicable, bound=bound, **values))
         _, pattern, arguments = self.question(name, bound, values)
@@ -111,7 +112,11 @@ class Queries:
     def _applicable(
         self, name: str, asked: object, shape: Shape, rows: Sequence[Row], most: int
     ) -> list[Row]:
-        """The first matches at which a rule is not refused; `asked` is what `applicable` was given."""
+        """Return the first `most` rows at which a rule is not refused.
+
+        Args:
+            asked: the value of the argument `applicable`, which must be True.
+        """
         if asked is not True:
             message = f"`applicable` is True or False, not {asked!r}"
             raise InvalidArgument(
@@ -126,20 +131,20 @@ class Queries:
     def explain(
         self, name: str, /, *variables: str, bound: Mapping[str, object] | None = None, **values: object
     ) -> Explanation:
-        """Return how matches are found, or, for a watched pattern, how they are kept current.
+        """Return an explanation of how matches are found, or, for a watched pattern, how its view is updated.
 
-        The plan has estimated rows; for no bound variables, and for given values, it is run, and has actual rows too.
-        Then comes the generated source.
+        The plan has estimated numbers of rows. Without bound variables, or with values for them, the plan is also
+        executed and has actual numbers. The generated source follows.
 
         Args:
-            name: of the pattern or rule.
-            *variables: those that have a value.
+            name: name of the pattern or rule.
+            *variables: names of the bound variables.
             bound, **values: variables with their values, as in `matches`.
 
         Raises:
-            InvalidArgument: an unknown name or variable, variables with and without values, or a matcher that has no
+            InvalidArgument: a name or variable is unknown, both names and values are given, or the matcher has no
                 plans.
-            TypeMismatch: a value of the wrong type.
+            TypeMismatch: a value has the wrong type.
         """
         shape, pattern, _ = self._catalog.asked(name)
         if not isinstance(self._matcher, ViewMatcher):
@@ -153,21 +158,22 @@ class Queries:
         )
 
     def why_not(self, name: str, /, *, bound: Mapping[str, object] | None = None, **values: object) -> WhyNot:
-        """Why a pattern or rule has no match for some values: the partial match that comes furthest, and what it fails.
+        """Explain why a pattern or rule has no match for some values: the largest partial match, and what it fails.
 
-        A rule that has a match is tried there, and undone: `refusal` of the result says why it cannot be applied.
-        A unit is run, and undone: the step that fails is reported. Of a group, each rule is asked about.
+        A rule that has a match is applied there and undone: `refusal` of the result says why it cannot be applied. A
+        unit
+        is run and undone: the result names the step that fails. For a group, each rule is explained.
 
         Args:
-            name: of the pattern, rule, unit or group.
-            bound, **values: values of variables, as in `matches`; of parameters, as in `run`.
+            name: name of the pattern, rule, unit or group.
+            bound, **values: values of variables, as in `matches`, or of parameters, as in `run`.
 
         Returns:
-            What `print` shows as text; or the match that there is.
+            An explanation that `print` shows as text; if there is a match, it contains this match.
 
         Raises:
-            InvalidArgument: an unknown name or variable, an object that is gone, or a matcher that has no plans.
-            TypeMismatch: a value of the wrong type.
+            InvalidArgument: a name or variable is unknown, an object was deleted, or the matcher has no plans.
+            TypeMismatch: a value has the wrong type.
         """
         given = bindings(bound, values)
         qualified = self._catalog.everything().resolve(name, "pattern or rule")
@@ -195,7 +201,7 @@ class Queries:
         )
 
     def _why_failed(self, unit: str, values: Mapping[str, object]) -> WhyNot:
-        """Run a unit, and undo it."""
+        """Run a unit, undo it, and return an explanation with the step that failed."""
         given = {
             name: value.id if isinstance(value, Node) else cast("Value", value)
             for name, value in values.items()
@@ -216,45 +222,45 @@ class Queries:
         return {shape.position(variable): ids[variable] for variable in ids}
 
     def analyze(self) -> None:
-        """Measure the model: plans that are made from now on go by the sizes that it has now.
+        """Measure the model, so that later plans use its current numbers of objects and links.
 
-        Watched patterns are planned by measured sizes anyway. Others go by what the metamodel suggests until
-        this is called, so that the order of their matches does not depend on when they were first asked for.
+        Plans of watched patterns always use measured numbers. Other plans use numbers that the metamodel suggests
+        until this is called, so that the order of matches does not depend on the time of the first query.
         """
         if isinstance(self._matcher, ViewMatcher):
             self._matcher.analyze()
 
     @property
     def watched(self) -> tuple[str, ...]:
-        """Qualified names of the patterns that are kept current."""
+        """Return the qualified names of the watched patterns."""
         return self._catalog.views.watched if isinstance(self._matcher, ViewMatcher) else ()
 
     def watch(self, *names: str) -> None:
-        """Keep the matches of patterns, and of the left sides of rules, current from now on.
+        """Keep the matches of patterns, and of LHSs of rules, up to date from now on.
 
-        Asking for them then costs nothing but reading, and every change of the model costs what it changes in them.
-        Watch before the first commit, and all together: each call makes the functions of all views anew. Of several
-        engines on one model, one can watch.
+        Queries then only read them, and every change of the model also updates them. Watch all patterns in one call
+        and before the first commit, because each call recompiles the functions of all views. Only one engine of a
+        model can watch.
 
         Raises:
-            InvalidArgument: an unknown name, a `search` pattern, one that needs values for parameters, or another
-                engine of the model watches something.
-            TransactionError: inside a transaction, or while somebody holds a version.
+            InvalidArgument: a name is unknown, a pattern is a `search` pattern or needs values for parameters, or
+                another engine of the model watches.
+            TransactionError: inside a transaction, or while a version of the model is in use.
         """
         self._catalog.views.watch(*(self._catalog.asked(name).pattern for name in names))
 
     def unwatch(self, *names: str) -> None:
-        """Look for the matches of these patterns when they are asked for again.
+        """Stop updating the matches of patterns; queries search for them again.
 
         Raises:
-            InvalidArgument: an unknown name, or somebody listens to it.
+            InvalidArgument: a name is unknown, or has a listener.
         """
         self._catalog.views.unwatch(*(self._catalog.asked(name).pattern for name in names))
 
     def question(
         self, name: str, bound: Mapping[str, object] | None = None, values: Mapping[str, object] = _NONE
     ) -> tuple[Shape, str, tuple[object, ...]]:
-        """The matches that are meant, the pattern that the matcher knows, and its arguments.
+        """Return the shape of the matches, the qualified name of the pattern, and its arguments, for the matcher.
 
         Raises:
             InvalidArgument, TypeMismatch: as `matches`.

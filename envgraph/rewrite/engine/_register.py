@@ -1,4 +1,4 @@
-"""Definitions that are added together: checked against what is there and against each other."""
+"""The check of definitions that are added together, against existing definitions and against each other."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ from envgraph.rewrite.check._endless import endless
 from envgraph.rewrite.check._header import plain
 from envgraph.rewrite.check._unit_check import CheckedUnit, check_unit, unit_signature
 
-if TYPE_CHECKING:  # loaded with the first derivation
+if TYPE_CHECKING:  # imported only when a derivation is added
     from envgraph.rewrite.derive._derive import Derived
 
 Definition = Pattern | Rule | Unit | Derivation | FunctionDeclaration
@@ -24,17 +24,17 @@ Called = TypeVar("Called", Rule, Unit)
 
 
 class Registration:
-    """Checks definitions, and works out everything that adding them takes.
+    """The result of checking definitions, with everything that is needed to add them to an engine.
 
     Attributes:
-        definitions: as they were given.
+        definitions: the definitions as they were given.
         problems: all errors and warnings, in the order of the text.
-        library: the one given, which stays as it is, with the patterns without errors, and if there are no errors also
-            with those that rules and units are made into.
-        plans: of the rules, those of derivations included.
-        units: in the order of the text.
-        groups: members of each derivation.
-        directory: names of everything, what was there before included.
+        library: a copy of the given library with the patterns without errors. If there are no errors at all, it also
+            contains the patterns generated for rules and units.
+        plans: plans of the rules, including rules of derivations.
+        units: the checked units, in the order of the text.
+        groups: names of the members of each derivation.
+        directory: signatures of all definitions, including those that existed before.
     """
 
     def __init__(
@@ -60,7 +60,7 @@ class Registration:
         self.library = library
         self._unsound = frozenset[str]()
         found = [*undeclared, *self._admit(written), *self._duplicates(library, directory)]
-        # Nobody wrote the others: warnings about them help nobody.
+        # Warnings about generated patterns would not help the user.
         found += [p for p in self._admit(made) if p.severity is Severity.ERROR]
         found += self._check(self.library)
         if not has_errors(found):
@@ -70,14 +70,17 @@ class Registration:
         self.problems = sort_diagnostics(found)
 
     def for_another(self) -> Registration:
-        """This one; or the same anew if functions are declared, since each engine is given their code for itself."""
+        """Return a registration that another engine can install. This one can be shared, unless it declares functions.
+
+        Every engine needs its own declarations of functions, because it registers their code there.
+        """
         if not any(isinstance(one, FunctionDeclaration) for one in self.definitions):
             return self
         return Registration(self.definitions, Library(self.library.metamodel))
 
     @property
     def sound(self) -> list[Definition]:
-        """The definitions that have no errors and mention nothing unknown; of namesakes the first."""
+        """Return the definitions without errors and unknown names; of definitions with the same name only the first."""
         bad = {*self._unsound}
         bad.update(checked.rule.qualified_name for checked in self._rules if checked.plan is None)
         bad.update(checked.unit.qualified_name for checked in self.units if not checked.sound)
@@ -90,11 +93,11 @@ class Registration:
 
     @property
     def plans(self) -> list[RulePlan]:
-        """See above; complete if there are no errors."""
+        """Return the plans of the rules without errors."""
         return [checked.plan for checked in self._rules if checked.plan is not None]
 
     def _derive(self, library: Library, directory: Directory) -> dict[str, Derived]:
-        """Return what the derivations without errors stand for; of namesakes the first."""
+        """Return the generated rules of derivations without errors, by name. Duplicate names are skipped."""
         found: dict[str, Derived] = {}
         derivations = [one for one in self._definitions if isinstance(one, Derivation)]
         if not derivations:
@@ -111,7 +114,7 @@ class Registration:
         return found
 
     def _admit(self, patterns: Sequence[Pattern]) -> list[Diagnostic]:
-        """Go on with a library that has those of the patterns that are sound; returns what is wrong with them."""
+        """Add the patterns without errors to the library and return the diagnostics of all patterns."""
         if not patterns:
             return []
         checked = self.library.checked(*patterns)
@@ -132,7 +135,7 @@ class Registration:
             first.setdefault(name, definition.span)
 
     def _apart(self, definition: Called) -> Called:
-        """The definition under a name of its own, so that its patterns do not clash with those of a namesake."""
+        """Return the definition under another name if its name is in use, so that generated patterns do not clash."""
         if definition.qualified_name in self._before.signatures:
             return replace(definition, name=f"{definition.name}#again")
         return definition
@@ -168,7 +171,7 @@ class Registration:
             rules = self._derived.pop(name).rules
             self.groups[name] = tuple(rule.qualified_name for rule in rules)
             for rule in rules:
-                # Warnings would come once for each member, and the members have no text of their own.
+                # Warnings would be repeated for each generated rule, and generated rules have no source text.
                 problems += [p for p in self._check_rule(rule, library) if p.severity is Severity.ERROR]
         return problems
 

@@ -1,4 +1,4 @@
-"""Python functions that expressions call: what they are declared as, and the code of those that files declare."""
+"""Python functions that expressions call: their declarations, and the registration of their code."""
 
 from __future__ import annotations
 
@@ -22,11 +22,11 @@ def register_function(
     parameters: Mapping[str, str | type] | None,
     result: str | type | None,
 ) -> None:
-    """Declare a function, unless a file has done that, and give it its code.
+    """Declare a function, unless a file has declared it, and register its code.
 
     Raises:
-        InvalidArgument: it has code already, or types that are missing, or not those of the declaration.
-        ResolutionError: an unknown type, a class, or the name of a function of the language.
+        InvalidArgument: the function has code already, or types are missing or differ from the declaration.
+        ResolutionError: a type is unknown or a class, or the name is that of a function of the language.
     """
     if not callable(function):
         raise InvalidArgument(f"a function is registered, not {function!r}")
@@ -76,16 +76,19 @@ def _declaration(
 def _signature(function: Callable[..., object], name: str) -> Signature:
     try:
         return signature(function)
-    except ValueError:  # some functions of C do not tell
+    except ValueError:  # some functions written in C have no signature
         message = f"nothing says what `{name}` takes: "
         raise InvalidArgument(message + "give `parameters` and `result`") from None
 
 
 def _type(given: object, what: str, name: str) -> str:
-    """The name of a type.
+    """Return the name of a type.
+
+    Args:
+        what: the parameter or result, for messages.
 
     Raises:
-        InvalidArgument: it is none.
+        InvalidArgument: `given` names no type.
     """
     found = named_type(given)
     if found is None:
@@ -97,20 +100,20 @@ def _type(given: object, what: str, name: str) -> str:
 
 
 def named_type(given: object) -> str | None:
-    """Return what a type is called that an annotation names: `int`, `"Way"`; None if it is no such thing."""
+    """Return the name of the type that an annotation such as `int` or `"Way"` means; None if it names no type."""
     if isinstance(given, type):
         return _NAMES.get(given)
     if not isinstance(given, str):
         return None
-    plain = given.strip("'\"")  # quoted, in a module with postponed annotations
+    plain = given.strip("'\"")  # quotes occur in modules with postponed annotations
     return _TEXTS.get(plain, plain)
 
 
 def _check_count(function: Callable[..., object], name: str, count: int) -> None:
-    """Refuse a function that cannot be called with so many arguments.
+    """Check that a function can be called with this number of arguments.
 
     Raises:
-        InvalidArgument: it cannot.
+        InvalidArgument: the function takes another number.
     """
     try:
         taken = signature(function)

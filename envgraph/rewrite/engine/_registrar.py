@@ -1,4 +1,4 @@
-"""Definitions are checked, added, removed and replaced: who uses them, and what has to be worked out anew."""
+"""Checks, additions, removals and replacements of definitions, together with the definitions that use them."""
 
 from __future__ import annotations
 
@@ -20,30 +20,33 @@ from envgraph.rewrite.run._units import unit_program
 
 
 class Registrar:
-    """Changes what is defined in a catalog; `events` has event rules and listeners, which use definitions, too."""
+    """The part of an engine that changes the definitions of its catalog.
+
+    Event rules and listeners in `events` also use definitions, so these cannot be removed.
+    """
 
     def __init__(self, catalog: Catalog, events: Events) -> None:
         self._catalog = catalog
         self._events = events
 
     def check(self, *definitions: Definition) -> list[Diagnostic]:
-        """All errors and warnings that `add` would find; nothing is added."""
+        """Return all errors and warnings that `add` would find. Nothing is added."""
         return self._registration(definitions).problems
 
     def add(self, *definitions: Definition) -> None:
         """Register patterns, rules, units, derivations and declarations of functions, which may refer to each other.
 
         Raises:
-            ResolutionError: at least one has an error; all errors together. Nothing is added.
-            InvalidArgument: something that is no definition, or a definition with a part of the wrong type.
+            ResolutionError: a definition has an error; contains all errors. Nothing is added.
+            InvalidArgument: an argument is no definition, or a field of a definition has the wrong type.
         """
         self.install(self._registration(definitions))
 
     def install(self, registration: Registration) -> None:
-        """Register definitions that were checked against what there is; several engines may be given the same.
+        """Register definitions that were checked already. Several engines may install the same registration.
 
         Raises:
-            ResolutionError: at least one has an error; all errors together. Nothing is added.
+            ResolutionError: a definition has an error; contains all errors. Nothing is added.
         """
         catalog, sound = self._catalog, self._sound(registration)
         model, library, matcher = catalog.model, catalog.library, catalog.matcher
@@ -71,7 +74,7 @@ class Registrar:
         )
 
     def add_sound(self, registration: Registration) -> None:
-        """Register the definitions without errors; from then on it is no mistake to mention the others."""
+        """Register the definitions without errors. Later references to the other definitions are not reported."""
         while len(sound := registration.sound) < len(registration.definitions):
             kept = {*map(id, sound)}
             library = copy(self._catalog.library)
@@ -82,11 +85,11 @@ class Registrar:
         self.install(registration)
 
     def remove(self, *names: str) -> None:
-        """Forget patterns, rules, units and derivations; what `prepare` gave for them is of no more use.
+        """Remove patterns, rules, units and derivations. Their runners from `prepare` must not be used any more.
 
         Raises:
-            InvalidArgument: an unknown name, a single rule of a derivation, or something that is used by what stays:
-                definitions, event rules and listeners, which are named. Nothing is removed.
+            InvalidArgument: a name is unknown or a single rule of a derivation, or a remaining definition, event rule
+                or listener uses a removed one; the message names them. Nothing is removed.
         """
         known = self._catalog.everything()
         gone = dict.fromkeys(known.resolve(name, "pattern, rule, unit or group") for name in names)
@@ -98,16 +101,16 @@ class Registrar:
         self._drop(gone)
 
     def replace(self, *definitions: Definition) -> None:
-        """Register definitions in the place of those that have their names.
+        """Replace the definitions that have the names of the given ones.
 
-        What uses a replaced one is checked and worked out again, too, and what `prepare` gave for any of these is of no
-        more use. What was watched is watched again as soon as there is no state to go back to.
+        Definitions that use a replaced one are also checked and compiled again. Runners from `prepare` for any of
+        these must not be used any more. Watched patterns are watched again when no savepoint or version is in use.
 
         Raises:
-            ResolutionError: a definition has an error, or one that uses it has one then; all errors together.
-            InvalidArgument: something that is no definition or whose name is not there, or a single rule of a
-                derivation; or a Python rule, an event rule or a listener uses what is replaced. Nothing is replaced
-                then.
+            ResolutionError: a definition, or another definition that uses it, has an error; contains all errors.
+            InvalidArgument: an argument is no definition, its name does not exist, or it is a single rule of a
+                derivation; or a Python rule, event rule or listener uses a replaced definition. In both cases nothing
+                is replaced.
         """
         self._check_given(definitions)
         new = [one.qualified_name for one in definitions if not isinstance(one, FunctionDeclaration)]
@@ -141,20 +144,22 @@ class Registrar:
     # --- adding
 
     def _sound(self, registration: Registration) -> Registration:
-        """Return what was checked, without errors.
+        """Return the registration.
 
         Raises:
-            ResolutionError: it has some.
+            ResolutionError: the registration has errors.
         """
         if has_errors(registration.problems):
             raise ResolutionError([p for p in registration.problems if p.severity is Severity.ERROR])
         return registration
 
     def _define_features(self, library: Library) -> None:
-        """Let the model read the features that the patterns of a library define, whatever other engines define.
+        """Make the derived features that the patterns of a library define readable through the model.
+
+        Features that other engines define are left as they are.
 
         Raises:
-            ResolutionError: the model has values of such a feature.
+            ResolutionError: the model has stored values of such a feature.
         """
         model, matcher = self._catalog.model, self._catalog.matcher
 
@@ -174,7 +179,7 @@ class Registrar:
         model.graph.define(model.graph.defined | {one: defined(query) for one, query in new.items()})
 
     def _watch(self, patterns: Iterable[Pattern]) -> None:
-        """Keep patterns current as soon as there is no state to go back to."""
+        """Watch patterns as soon as no savepoint or version is in use."""
         if isinstance(self._catalog.matcher, ViewMatcher):
             self._catalog.matcher.watch_later(*(pattern.qualified_name for pattern in patterns))
 
@@ -184,17 +189,17 @@ class Registrar:
         library: Library | None = None,
         directory: Directory | None = None,
     ) -> Registration:
-        """Definitions checked against those that there are, or against others."""
+        """Check definitions against the existing ones, or against another library and directory."""
         self._check_given(definitions)
         return Registration(
             definitions, library or self._catalog.library, directory or self._catalog.directory
         )
 
     def _check_given(self, definitions: Sequence[Definition]) -> None:
-        """Refuse what is no definition.
+        """Check that the arguments are definitions.
 
         Raises:
-            InvalidArgument: it is none, or has a part of the wrong type.
+            InvalidArgument: an argument is no definition, or a field of it has the wrong type.
         """
         strange: list[object] = [one for one in definitions if not isinstance(one, Definition)]
         if strange:
@@ -205,21 +210,25 @@ class Registrar:
             if mistake is not None:
                 raise InvalidArgument(f"{mistake}; `envgraph.Rule` and its like take texts, too")
 
-    # --- who uses what
+    # --- uses of definitions
 
     def _kind(self, name: str) -> str:
         signature = self._catalog.directory.signatures.get(name)
         return "pattern" if signature is None else signature.kind
 
     def _with_users(self, names: Collection[str]) -> dict[str, None]:
-        """Definitions, and those that use them, directly or not."""
+        """Return definitions and all definitions that use them, directly or indirectly."""
         uses = self._catalog.uses()
         return dict.fromkeys(
             reached(names, lambda name: [user for user, used in uses.items() if name in used])
         )
 
     def _check_there(self, names: Collection[str]) -> None:
-        """What has another package is most likely meant with that."""
+        """Check that all names exist. The message suggests names of other packages.
+
+        Raises:
+            InvalidArgument: a name does not exist.
+        """
         known = self._catalog.everything()
         texts = []
         for name in names:
@@ -249,17 +258,17 @@ class Registrar:
     # --- removing
 
     def _patterns_of(self, names: Collection[str]) -> list[str]:
-        """All patterns of definitions, those included that they were made into."""
+        """Return the names of all patterns of definitions, including generated patterns."""
         owner = self._catalog.owners()
         return [pattern for pattern in self._catalog.library.names() if owner(pattern) in names]
 
     def _kept(self, names: Collection[str]) -> Directory:
-        """The directory without these definitions."""
+        """Return the directory without these definitions."""
         owner, signatures = self._catalog.owners(), self._catalog.directory.signatures
         return Directory(signature for name, signature in signatures.items() if owner(name) not in names)
 
     def _drop(self, names: Collection[str]) -> None:
-        """Forget definitions that nothing uses."""
+        """Remove definitions that nothing uses."""
         catalog, patterns, owner = self._catalog, self._patterns_of(names), self._catalog.owners()
         if isinstance(catalog.matcher, ViewMatcher):
             catalog.matcher.unwatch(*patterns)

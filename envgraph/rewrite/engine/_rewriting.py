@@ -1,4 +1,4 @@
-"""Rules and units are applied: at one match, at all, at a chosen one, by chance, or as it was recorded."""
+"""Applications of rules and units: at a given match, at all matches, at a chosen or random match, or by replay."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ from envgraph.rewrite.run._units import UnitProgram
 
 
 class Rewriting:
-    """Applies what a catalog defines; notes it in the history, and lets event rules fire afterwards."""
+    """The part of an engine that applies rules, records the applications, and lets event rules fire afterwards."""
 
     def __init__(self, catalog: Catalog, events: Events, history: EngineHistory, runs: Runs) -> None:
         self._catalog = catalog
@@ -53,30 +53,31 @@ class Rewriting:
         bound: Mapping[str, object] | None = None,
         **values: object,
     ) -> Application | None:
-        """Apply a rule at a match, or at one that is chosen among those that agree with the arguments.
+        """Apply a rule at a given match, or at a match chosen among those that agree with the arguments.
 
-        Where the model refuses the rule at the match that was drawn, another one is drawn of the rest; "first" and `by`
-        go on to the next. Of a group (a derivation), a rule is drawn by weight among those that match, and likewise
-        another one if it is refused at all of them.
+        If the rule is refused at a randomly chosen match, it is tried at other random matches; with "first" and `by`,
+        at the next matches. For a group (a derivation), a rule is drawn by weight among those with a match. If this
+        rule is refused at all its matches, another rule is drawn.
 
         Args:
-            rule: its name.
+            rule: name of the rule.
             match: a match of the rule, or None.
-            choose: "random", drawn uniformly; "first", the first of `matches`; or a function that is given a list of
-                matches, and returns one, or None for none.
-            where: the matches to choose among: those for which a pattern of this name has a match, with its parameters
-                bound to the variables of the same names; or for which an expression or a function of the match is true.
-            by: an expression over the variables of the match, or a function of it: the match with the largest value is
-                taken, the first of several.
+            choose: "random" draws a match uniformly; "first" takes the first of `matches`; or a function that takes a
+                list of matches and returns one of them, or None for none.
+            where: restricts the matches: the name of a pattern that must have a match, with its parameters bound to the
+                variables of the same names; or an expression over the variables, or a function of the match, that
+                must be true.
+            by: an expression over the variables of the match, or a function of the match: the match with the largest
+                value is taken; of several, the first.
             bound, **values: values of variables of the match, as in `matches`.
 
         Returns:
-            What was done; None if there is no match.
+            The application, or None if there is no match.
 
         Raises:
-            InvalidArgument: an unknown rule or variable, a match of something else, or a choice that is none.
-            RuleError: the match is none any more, or the rule is refused there; else it is refused at every match. The
-                model is as before.
+            InvalidArgument: a rule or variable is unknown, a match is of another rule, or `choose` is invalid.
+            RuleError: the match does not hold any more or the rule is refused there. If no match was given, the rule is
+                refused at every match. The model is unchanged.
         """
         arguments = values if bound is None else bindings(bound, values)
         if choose != "random" or where is not None or by is not None:
@@ -101,21 +102,21 @@ class Rewriting:
         bound: Mapping[str, object] | None = None,
         **values: object,
     ) -> list[Application]:
-        """Apply a rule at each of the matches of now that still is one when its turn comes and is not refused.
+        """Apply a rule at each of its current matches, except matches that no longer hold or at which it is refused.
 
         Args:
-            rule: its name.
-            where: only at these matches; see `apply`.
-            by: the largest value first, ties as the matches come; see `apply`.
-            top: only at so many of the first; with `by`.
+            rule: name of the rule.
+            where: restricts the matches; see `apply`.
+            by: orders the matches by this value, largest first; equal values keep their order; see `apply`.
+            top: maximal number of matches; only with `by`.
             bound, **values: values of variables of the match, as in `matches`.
 
         Returns:
-            What was done, in order.
+            The applications, in order.
 
         Raises:
-            InvalidArgument: an unknown rule or variable, or an impossible selection.
-            RuleError: the matches of a `forall` are in conflict. The model is as before.
+            InvalidArgument: a rule or variable is unknown, or the selection is invalid.
+            RuleError: the matches of a `forall` contradict each other. The model is unchanged.
         """
         with self._events.holding() or NOTHING:
             runner = self._catalog.prepare(rule)
@@ -171,10 +172,13 @@ class Rewriting:
     def _fire_elsewhere(
         self, runner: RuleRunner, rows: Sequence[Row], row: Row, error: RuleError, drawn: bool = True
     ) -> tuple[Row, Sequence[Any]]:
-        """A rule was refused at one of the rows: apply it at another one, drawn, or the next of them.
+        """Apply a rule, which was refused at `row`, at another of the rows.
+
+        Args:
+            drawn: if True, the rows are tried in random order, otherwise from the row after `row` on.
 
         Raises:
-            RuleError: it is refused at all of them.
+            RuleError: the rule is refused at all rows.
         """
         number = rows.index(row)
         try:
@@ -248,23 +252,23 @@ class Rewriting:
         return match.row
 
     def choose(self, names: Iterable[str], rng: Randomness | None = None) -> tuple[str, Row] | None:
-        """Draw a rule by weight among those with a match, then one of its matches uniformly; nothing is applied.
+        """Draw a rule by weight among those with a match, then one of its matches uniformly. Nothing is applied.
 
         Args:
-            names: of rules, groups and units. A unit takes part with its weight, always, and an empty row.
-            rng: instead of `rng` of the engine.
+            names: names of rules, groups and units. A unit always takes part with its weight, and has an empty row.
+            rng: random generator; by default that of the engine.
 
         Returns:
-            Name of the rule and the match, for `fire`; None if no rule has a match.
+            Name of the rule and row of the match, for `fire`; None if no rule has a match.
         """
         return self.choice(names).draw(self._runs.rng if rng is None else rng)
 
     def choice(self, names: Iterable[str], watched: Container[str] = ()) -> Choice:
-        """What `choose` draws from in the present state: to draw more than once, and undo what is done in between.
+        """Return the options of `choose` in the current state, for drawing several times with a rollback in between.
 
         Args:
             names: as for `choose`.
-            watched: patterns that are, so that nobody needs to keep their matches.
+            watched: watched patterns, whose matches need not be stored.
         """
         key = tuple(names)
         if key not in self._choices:
@@ -274,14 +278,14 @@ class Rewriting:
         return Choice(self._choices[key], watched)
 
     def fire(self, name: str, row: Row = ()) -> tuple[Firing, ...]:
-        """Do what `choose` chose, unchecked: apply a rule at a row, or run a unit.
+        """Apply a rule at a row, or run a unit, as drawn by `choose`. The row is not checked.
 
         Returns:
-            What was applied, for `replay`; empty if a unit found nothing to do. What event rules applied at the end is
-            part of it, unless this is inside a transaction: then they wait for its end.
+            The applications, for `replay`; empty if a unit applied nothing. Applications of event rules are included,
+            unless a transaction is open: then event rules fire at its end.
 
         Raises:
-            RuleError: it cannot be applied; the model is as before.
+            RuleError: the rule cannot be applied; the model is unchanged.
         """
         if not self._events.active:
             with self._events.holding() or NOTHING:
@@ -304,16 +308,16 @@ class Rewriting:
         return trace
 
     def replay(self, trace: Iterable[tuple[str, Sequence[Value]]]) -> None:
-        """Apply rules at recorded matches, in order: from an equal state it leads to an equal state, ids included.
+        """Apply rules at recorded matches, in order. From an equal state this leads to an equal state, including ids.
 
-        Event rules do not fire: what they applied is part of the trace. The states that a `Trace` knows have to come
-        again; for any other state give a list of its applications.
+        Event rules do not fire, as their applications are part of the trace. If a `Trace` is given, the states must
+        equal the recorded ones. To replay from another state, give a list of applications.
 
         Raises:
-            InvalidArgument: an unknown rule, or a row of another length.
+            InvalidArgument: a rule is unknown, or a row has another length.
             RuleError: a row is no match (reason "stale-match"), or a rule cannot be applied. Nothing is applied then.
-            TraceError: the run began, or an application led, to another state when it was recorded; or any of the
-                above, if the trace was read from a text. Nothing is applied then.
+            TraceError: a state differs from the recorded one. If the trace was parsed from text, also in the cases
+                above. Nothing is applied then.
         """
         self._history.notice()
         done: list[Firing] = []

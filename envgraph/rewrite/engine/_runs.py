@@ -1,4 +1,4 @@
-"""Units are run, and rules and groups as if they were units; where the random choices of an engine come from."""
+"""Runs of units, and of rules and groups as units, with the random generator of an engine."""
 
 from __future__ import annotations
 
@@ -26,11 +26,11 @@ if TYPE_CHECKING:
 
 
 class Runs:
-    """Runs what a catalog defines, notes it in the history, and lets event rules fire afterwards.
+    """The part of an engine that runs units, records their applications, and lets event rules fire afterwards.
 
     Attributes:
-        seed: of `rng`.
-        step_limit: how many calls and rounds one `run` may take, and how often event rules may fire until they rest.
+        seed: seed of `rng`.
+        step_limit: maximal number of calls and loop rounds in one `run`, and of event rule firings in one settling.
     """
 
     def __init__(self, catalog: Catalog, events: Events, history: EngineHistory, seed: int) -> None:
@@ -44,9 +44,9 @@ class Runs:
 
     @property
     def rng(self) -> numpy.random.Generator:
-        """The generator behind every random choice: seeded with `seed` when it is first needed, and settable.
+        """Return the random generator of all random choices, seeded with `seed` when it is first used. It can be set.
 
-        Without NumPy, a `random.Random` of the same seed stands in; its choices are others.
+        Without NumPy it is a `random.Random` with the same seed, which makes other choices.
         """
         if self._rng is None:
             try:
@@ -62,20 +62,21 @@ class Runs:
         self._rng = generator
 
     def run(self, unit: str, /, *, bound: Mapping[str, object] | None = None, **values: object) -> RunResult:
-        """Run a unit; a rule or a group counts as a unit that calls it.
+        """Run a unit. A rule or group is run like a unit that calls it.
 
         Args:
-            unit: its name.
+            unit: name of the unit.
             bound, **values: values of its parameters, as in `matches`.
 
         Returns:
-            What was done; it is true if the run succeeded. A unit that fails keeps what it did before, unless it is
-            `atomic`. In `outputs` are the values of its `out` parameters, of a rule also the objects that it created.
+            The result, which is true if the run succeeded. The changes of a failed unit remain, unless it is
+            `atomic`. `outputs` contains the values of the `out` parameters; for a rule also the objects that it
+            created.
 
         Raises:
-            InvalidArgument: an unknown name or argument, or a missing one.
-            RuleError: the matches of a `forall` are in conflict. The model is as before.
-            EvaluationError: the step limit was reached, or a value could not be computed. The model is as before.
+            InvalidArgument: a name or argument is unknown, or an argument is missing.
+            RuleError: the matches of a `forall` contradict each other. The model is unchanged.
+            EvaluationError: the step limit was reached, or a value cannot be computed. The model is unchanged.
         """
         qualified, arguments = self._catalog.resolve(unit), bindings(bound, values)
         if not self._events.active:
@@ -102,10 +103,13 @@ class Runs:
         *,
         strict: bool = False,
     ) -> tuple[Run, bool | None, Mapping[str, Node | Value]]:
-        """A run, whether it failed (None) or else changed anything, and its outputs.
+        """Run a unit, rule or group without recording it.
 
         Args:
-            strict: a refusal by the model that nothing goes on from is raised, and everything is undone.
+            strict: if True, raise the refusal that made the run fail, and undo everything.
+
+        Returns:
+            The run, its outcome (None: it failed; else True if it changed anything), and the outputs.
         """
         run = self.begin(rng)
         loops = self._catalog.matcher.loops if isinstance(self._catalog.matcher, ViewMatcher) else None
@@ -125,14 +129,14 @@ class Runs:
         return run, outcome, outputs
 
     def failed_step(self, unit: str, values: Mapping[str, object]) -> tuple[str, Span | None] | None:
-        """Run a unit: what fails, and where that is written; None if it succeeds."""
+        """Run a unit and return the text and span of the step that failed; None if the unit succeeds."""
         run, outcome, _ = self.execute(unit, values)
         text, span = run.failure
         told = text if run.refusal is None else f"{text}: {run.refusal.message}"
         return (told, span) if outcome is None else None
 
     def begin(self, rng: Randomness | None = None) -> Run:
-        """A run in which nothing has been done."""
+        """Return a new run with no steps taken."""
         return Run(self._model, self.rng if rng is None else rng, self.step_limit, self.step_limit)
 
     def _start(
@@ -192,7 +196,7 @@ class Runs:
 
     @guarded
     def lent(self, rng: Randomness) -> Iterator[Trace]:
-        """Inside the block random choices are made by another generator, and what is applied is only noted here."""
+        """Use another random generator inside the block, and record applications only in the returned trace."""
         recorders, own, trace = self._history.recorders, self._rng, Trace(start=self._model.state_hash())
         self._history.recorders, self._rng = [trace], cast("numpy.random.Generator", rng)
         try:
@@ -202,7 +206,7 @@ class Runs:
 
     @guarded
     def aside(self) -> Iterator[None]:
-        """Nothing notices the block, which leaves the model as it was: listeners, event rules, recordings, `rng`."""
+        """Hide the block, which must restore the model, from listeners, event rules and recordings; restore `rng`."""
         recorders, rng = self._history.recorders, self._rng
         with self._events.asleep():
             self._history.recorders, self._rng = [], deepcopy(rng)

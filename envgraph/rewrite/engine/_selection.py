@@ -1,4 +1,4 @@
-"""Selection of matches of a rule from Python: those of a query, the first, the best."""
+"""Selection of matches of a rule from Python: by a condition, the first, or the best by a value."""
 
 from __future__ import annotations
 
@@ -15,14 +15,14 @@ from envgraph.rewrite.run._run import best, read_feature
 from envgraph.rewrite.run._runner import RuleRunner
 
 Choose = Literal["random", "first"] | Callable[[list[Match]], "Match | None"]
-"""How one of several matches is chosen: drawn uniformly, the first in their order, or by a function of the user."""
+"""The way to choose a match: draw it uniformly, take the first, or call a function of the user."""
 
 Where = str | Expression | Callable[[Match], object]
-"""Which matches are meant: the name of a pattern, whose parameters are the variables of the match that have the same
-names; an expression over the variables of the match; or a function."""
+"""A condition on matches: the name of a pattern whose parameters are bound to the match variables of the same names, an
+expression over the variables of the match, or a function."""
 
 By = Expression | Callable[[Match], Any]
-"""What orders the matches: an expression over their variables, or a function."""
+"""The value by which matches are ordered: an expression over their variables, or a function."""
 
 
 def select(
@@ -33,11 +33,13 @@ def select(
     by: By | None,
     top: int | None,
 ) -> list[Row]:
-    """The rows for which `where` holds; with `by`, the largest first, ties as they come, and `top` of them.
+    """Return the rows for which `where` holds. With `by`, sort them by value, largest first, and return at most `top`.
+
+    Rows with equal values keep their order.
 
     Raises:
-        InvalidArgument: an unknown pattern, one that shares no variable with the rule, an impossible `top`, or values
-            of `by` that have no order.
+        InvalidArgument: the pattern is unknown or shares no variable with the rule, `top` is invalid, or values of `by`
+            cannot be ordered.
     """
     if top is not None and (type(top) is not int or top < 1):
         raise InvalidArgument(f"`top` is a number from 1, not {top!r}")
@@ -48,7 +50,11 @@ def select(
 
 
 def _best(rows: Sequence[Row], value: Callable[[Row], Any], rule: RuleRunner, top: int | None) -> list[Row]:
-    """As `best`, for values that people make."""
+    """Return the rows with the largest values, like `best`, for values that come from a function of the user.
+
+    Raises:
+        InvalidArgument: a value is nan, or the values cannot be ordered.
+    """
     valued = {row: value(row) for row in rows}
     if any(isinstance(one, float) and isnan(one) for one in valued.values()):
         raise InvalidArgument(f"`by` is nan at a match of `{rule.name}`: return None where there is no value")
@@ -59,17 +65,17 @@ def _best(rows: Sequence[Row], value: Callable[[Row], Any], rule: RuleRunner, to
 
 
 def among(catalog: Catalog, rule: RuleRunner, rows: Iterable[Row], where: Where | None) -> Iterator[Row]:
-    """Those of the rows for which `where` holds, as they come; raises as `select`."""
+    """Yield the rows for which `where` holds, in their order. Exceptions are raised as in `select`."""
     return iter(rows) if where is None else filter(_condition(catalog, rule, where), rows)
 
 
 def choose_one(
     catalog: Catalog, rule: RuleRunner, rows: Sequence[Row], choose: Choose, pick: Callable[[int], int]
 ) -> Row | None:
-    """One of the rows; None if there is none, or the function wants none.
+    """Return the chosen row; None if there are no rows or the function `choose` returns None.
 
     Raises:
-        InvalidArgument: `choose` is nothing of the kind, or chose something else.
+        InvalidArgument: `choose` is no valid choice, or the function returns something other than one of its matches.
     """
     if not (choose in ("random", "first") or callable(choose)):
         raise InvalidArgument(f'`choose` is "random", "first" or a function, not {choose!r}')

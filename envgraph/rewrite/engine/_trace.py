@@ -1,12 +1,12 @@
-"""Recorded runs: what was applied where, and in which state that ended; and as text, one JSON object a line.
+"""Traces: recorded applications with hashes of states, and their text form with one JSON object per line.
 
     {"format": "envgraph-trace-1", "model": "target", "metamodel": "burning_forest", "state": "5b0e..."}
     {"rule": "burning_forest.moveLeft", "match": {"truck": 0, "from": 7, "to": 6}, "state": "91aa..."}
     {"end": 1, "state": "91aa..."}
 
-The first line says in which state the run began, the last one how many applications there were. Objects are ids. A
-state is the identity hash of the model (`Model.state_hash`) as 16 hexadecimal digits; after an application inside a
-unit it is left out. Replaying applies the rules at these matches, and compares the states.
+The first line contains the state before the first application, the last line the number of applications. Objects are
+ids. A state is the identity hash of the model (`Model.state_hash`) as 16 hexadecimal digits; it is left out after an
+application inside a unit. A replay applies the rules at these matches and compares the states.
 
 `trace.schema.json` in this package is the JSON Schema of a line.
 """
@@ -33,13 +33,14 @@ _HINT: Final = (
 
 
 class Trace(list[Firing]):
-    """What was applied, in order: a list of `Firing`s that knows states.
+    """A list of applications (`Firing`s), in order, with the hashes of the states between them.
 
     Attributes:
-        states: hash of the state after so many applications, where it is known; at 0, before the first.
-        gaps: after so many applications something else changed the model: a trace with gaps is of no use.
-        spans: where the states stand, the first one included, if the trace was read from a text; else empty.
-        matches: where the matches stand then.
+        states: hash of the state after n applications, by n, if it is known; at 0, the state before the first.
+        gaps: numbers n such that the model was changed, after n applications, by something other than a rule. A trace
+            with gaps cannot be replayed.
+        spans: spans of the states, including the first one, if the trace was parsed from text; else empty.
+        matches: spans of the matches, if the trace was parsed from text; else empty.
     """
 
     def __init__(self, firings: Iterable[Firing] = (), *, start: int | None = None) -> None:
@@ -50,7 +51,7 @@ class Trace(list[Firing]):
         self.matches: tuple[Span, ...] = ()
 
     def notice(self, state: int) -> None:
-        """The next application follows on this state."""
+        """Record the state before the next application. If it differs from the last state, add a gap."""
         known = self.states.setdefault(len(self), state)
         if known != state:
             if len(self) not in self.gaps:
@@ -58,22 +59,26 @@ class Trace(list[Firing]):
             self.states[len(self)] = state
 
     def put(self, firings: Iterable[Firing], state: int, gaps: Sequence[int] = ()) -> None:
-        """Rules have been applied, something else after so many of them, and this is the state after all."""
+        """Add applications and the state after them.
+
+        Args:
+            gaps: numbers of these applications after which something other than a rule changed the model.
+        """
         self.gaps.extend(len(self) + gap for gap in gaps)
         self.extend(firings)
         self.states[len(self)] = state
 
     def cut(self, length: int) -> None:
-        """Everything from an application on was undone."""
+        """Remove all applications from the index `length` on, because they were undone."""
         del self[length:]
         self.states = {count: state for count, state in self.states.items() if count <= length}
         self.gaps = [gap for gap in self.gaps if gap < length]
 
     def close(self, state: int) -> None:
-        """The recording ends in this state.
+        """End the recording in this state.
 
         Raises:
-            TraceError: something that is no application of a rule has changed the model.
+            TraceError: something other than a rule changed the model.
         """
         self.notice(state)
         if self.gaps:
@@ -86,10 +91,10 @@ class Trace(list[Firing]):
         )
 
     def check(self, count: int, state: int) -> None:
-        """After so many applications of a replay the model is in this state.
+        """Check that the state after `count` applications of a replay equals the recorded state.
 
         Raises:
-            TraceError: it was another one when this was recorded.
+            TraceError: the states differ.
         """
         known = self.states.get(count)
         if known is None or known == state:
@@ -106,7 +111,7 @@ class Trace(list[Firing]):
         raise TraceError([Diagnostic("other-state", message, self.span(count), hint)])
 
     def refused(self, count: int, error: RuleError | EvaluationError) -> TraceError:
-        """An application of a trace that was read cannot be made."""
+        """Return the error for an application, of a trace parsed from text, that cannot be made."""
         message = f"application {count}: {error.message}"
         notes: tuple[Note, ...] = (Note("this cannot be done", error.span),) if error.span else ()
         notes += tuple(map(Note, error.details if isinstance(error, RuleError) else ()))
@@ -115,12 +120,12 @@ class Trace(list[Firing]):
         return TraceError([found])
 
     def span(self, count: int) -> Span | None:
-        """Return where the state after so many applications stands."""
+        """Return the span of the state after `count` applications, or None."""
         return self.spans[count] if self.spans else None
 
 
 def trace_to_text(engine: Engine, trace: Trace) -> str:
-    """A trace as JSON lines; the engine is the one that recorded it, or has the same rules."""
+    """Format a trace as JSON lines. The engine must be the one that recorded it, or have the same rules."""
     head: dict[str, Any] = {
         "format": TRACE_FORMAT,
         "model": engine.model.name,
@@ -141,17 +146,19 @@ def _line(trace: Trace, count: int, values: dict[str, Any]) -> str:
 
 
 def state_text(state: int) -> str:
-    """A state hash as it is written."""
+    """Format a state hash as 16 hexadecimal digits."""
     return f"{state:016x}"
 
 
 def trace_schema() -> dict[str, Any]:
-    """The JSON Schema (2020-12) of one line of a trace; it is the file `trace.schema.json` in this package.
+    """Return the JSON Schema (2020-12) of one line of a trace, from the file `trace.schema.json` in this package.
 
     >>> trace_schema()["$defs"]["application"]["required"]
     ['rule', 'match']
     """
-    from importlib.resources import files  # takes as long to import as a small model to read
+    from importlib.resources import (
+        files,
+    )  # imported here because the import takes as long as parsing a small model
 
     schema: dict[str, Any] = json.loads(
         files("envgraph.rewrite.engine").joinpath("trace.schema.json").read_text("utf-8")

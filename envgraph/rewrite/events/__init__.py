@@ -1,1 +1,1 @@
-"""Event rules, the agenda, and listeners of matches."""
+"""Event rules, the agenda, and listeners for matches."""

@@ -1,4 +1,4 @@
-"""The conflict set: what event rules are about to do, in the order of firing, and who fires it when."""
+"""The conflict set: the pending activations of event rules in their order of firing, and the firing itself."""
 
 from __future__ import annotations
 
@@ -18,14 +18,14 @@ if TYPE_CHECKING:
     from envgraph.rewrite.engine._engine import Engine
 
 _ROUND = 20
-"""So many of the last firings are named when event rules go round."""
+"""Number of last firings whose rules are named in the message about the step limit."""
 
 
 class ConflictSet:
-    """All event rules of an engine, and their conflict set. A `Follower` of the model, after the matcher.
+    """All event rules of an engine and their conflict set. A `Follower` of the model, notified after the matcher.
 
-    Invariant: the conflict set is a heap by the order of firing; activations that are not `live` are no longer part of
-    it.
+    Invariant: the conflict set is a heap in the order of firing. Activations with `live` False remain in the heap but
+    do not belong to the conflict set.
     """
 
     def __init__(self, engine: Engine, matcher: ViewMatcher) -> None:
@@ -44,11 +44,11 @@ class ConflictSet:
 
     @property
     def rules(self) -> tuple[EventRule, ...]:
-        """Those that are not cancelled."""
+        """Return the event rules that are not cancelled."""
         return tuple(self._rules)
 
     def add(self, rule: EventRule, pattern: str, existing: bool) -> None:
-        """Watch the pattern of a rule, and take in the matches that it has.
+        """Watch the pattern of an event rule; if `existing`, activate the rule for its current matches.
 
         Raises:
             InvalidArgument, TransactionError: as `Engine.watch`.
@@ -68,7 +68,7 @@ class ConflictSet:
                 rule.came(row)
 
     def remove(self, rule: EventRule) -> None:
-        """Forget a rule; once is enough."""
+        """Remove an event rule. Do nothing if it is removed already."""
         if rule.subscription is None:
             return
         self._matcher.listeners.remove(rule.subscription)
@@ -81,12 +81,12 @@ class ConflictSet:
     # --- the conflict set
 
     def push(self, activation: Activation) -> None:
-        """Add an activation."""
+        """Add an activation to the conflict set."""
         rule = activation.rule
         heappush(self._heap, (-rule.priority, self._rules[rule], next(self._arrived), activation))
 
     def pending(self) -> Iterator[Activation]:
-        """The conflict set, in the order of firing."""
+        """Return the activations of the conflict set, in the order of firing."""
         return (entry[-1] for entry in sorted(self._heap) if entry[-1].live)
 
     def _next(self) -> Activation | None:
@@ -103,11 +103,11 @@ class ConflictSet:
         self._heap.clear()
 
     def run(self) -> None:
-        """Fire until nothing is left to fire; not while something is under way that will settle at its end.
+        """Fire activations until none is pending. Do nothing inside a block, transaction or notification.
 
         Raises:
-            EvaluationError: more firings than the engine's step limit.
-            Exception: what a job has raised.
+            EvaluationError: more firings than the step limit of the engine.
+            Exception: raised by a job.
         """
         if (
             self._firing
@@ -152,7 +152,7 @@ class ConflictSet:
 
     @guarded
     def held(self) -> Iterator[None]:
-        """Fire nothing inside the block; settle at its end, if it ends well."""
+        """Delay all firings to the end of the block. After an exception nothing is fired."""
         self._held += 1
         try:
             yield
@@ -162,7 +162,7 @@ class ConflictSet:
 
     @guarded
     def muted(self) -> Iterator[None]:
-        """Let changes inside the block activate nothing, and empty the conflict set."""
+        """Ignore changes inside the block, and empty the conflict set at its end."""
         self.run()
         self._muted = True
         try:
@@ -173,7 +173,7 @@ class ConflictSet:
 
     @guarded
     def asleep(self) -> Iterator[None]:
-        """Nothing fires inside the block, and what is pending stays so: it ends in the state in which it began."""
+        """Fire nothing inside the block and keep the conflict set. The block must restore the state of the model."""
         self._held += 1
         self._asleep = True
         try:
@@ -185,40 +185,40 @@ class ConflictSet:
     # --- Follower
 
     def settle(self) -> None:
-        """A savepoint or a commit follows: nothing fires before its end."""
+        """Do nothing before a savepoint or commit: activations fire only when the outermost transaction ends."""
 
     def released(self) -> None:
-        """The outermost transaction has ended well, or the present state has become a version."""
+        """Fire pending activations, as the outermost transaction was committed or a version was created."""
         if not self._muted:
             self.run()
 
     def checked_out(self) -> None:
-        """The model is in another version."""
+        """Empty the conflict set, as the model was set to another version."""
         if not self._asleep:
             self.clear()
 
     def rolled_back(self) -> None:
-        """What was rolled back has not arrived here."""
+        """Do nothing: rolled back changes have never reached the conflict set."""
 
     def interrupted(self) -> None:
-        """What the matcher tells is right."""
+        """Do nothing: the matcher repairs its matches itself."""
 
     def suspend(self) -> None:
-        """The model is about to be loaded."""
+        """Do nothing before a model is loaded."""
 
     def loaded(self) -> None:
-        """The load has ended; its net change arrives with the next one."""
+        """Do nothing after a model was loaded: its net change arrives with the next notification."""
 
 
 def _nothing(appeared: list[Row], disappeared: list[Row]) -> None:
-    """What a checkout has changed activates nothing."""
+    """Do nothing: changes of matches by a checkout activate no event rules."""
 
 
 @short_repr
 class Agenda(Sequence[Activation]):
-    """The conflict set of an engine: what its event rules are about to do, in the order of firing. Live, and read-only.
+    """A live, read-only view of the conflict set of an engine: pending activations of event rules in firing order.
 
-    Outside of jobs it is empty, unless a job has raised, a rule is new, or a transaction is open.
+    Outside of jobs the agenda is empty, unless a job has raised an exception, a rule is new, or a transaction is open.
     """
 
     __slots__ = ("_conflicts",)
@@ -243,7 +243,7 @@ class Agenda(Sequence[Activation]):
         return f"<agenda: {len(self._list())} to fire>"
 
     def __str__(self) -> str:
-        """The first twenty, a line each."""
+        """Return the number of activations, and the first twenty, one per line."""
         found = self._list()
         lines = [
             f"<agenda: {len(found)} to fire>",

@@ -1,23 +1,24 @@
-"""Event rules: what is done when matches appear, disappear or change; and the conflict set of what is still to do.
+"""Event rules: jobs that are executed when matches appear, disappear or are updated.
 
-The matches of an event rule's pattern are watched. At the end of every outermost transaction, at a commit and when
-asked to settle, the net change of the matches becomes *activations*:
+The pattern of an event rule is watched. At the end of every outermost transaction, at a commit and by `settle`, the
+net change of its matches becomes *activations*:
 
 - `appear`: a match is new;
-- `disappear`: a match is gone whose appearance was handled: its `appear` has fired, or there is no such job;
-- `update`: a match is gone and another one with the same key is new, in one net change. A key is a set of variables.
+- `disappear`: a match disappeared whose appearance was handled: its `appear` has fired, or there is no such job;
+- `update`: in one net change, a match disappeared and another one with the same key is new. A key is a set of
+variables.
 
-They fire one after the other: the highest priority first, then the rule that was registered first, then the activation
-that came first (of one net change: what is gone, what has changed, what is new). Each firing is a transaction; its net
-change is looked at before the next one. So an activation goes without firing when there is no reason for it any more:
+Activations fire one after the other: first by highest priority, then by the order in which rules were registered, then
+by age (in one net change: `disappear`, `update`, `appear`). Each firing is a transaction, and its net change is handled
+before the next firing. An activation is dropped without firing if its reason no longer exists:
 
-- an `appear` whose match is gone; a `disappear` whose match is back;
-- an `update` whose match is back as it was. If it changes again, there is one update, from the first to the last; if it
-  goes, a `disappear` of the first, which is the last that a job was notified of.
+- an `appear` whose match disappeared; a `disappear` whose match is back;
+- an `update` whose match is as before. If the match changes again, there is one update from the first to the last
+  match. If it disappears, there is a `disappear` of the first match, the last that a job was notified of.
 
-A job that raises has done nothing, is not tried again, and ends the settling; what is left stays in the conflict set
-until something settles again. Changes that are rolled back never arrive here. A checkout delivers nothing and empties
-the conflict set: the other version has been settled when it was made.
+The changes of a job that raises an exception are undone, the job is not repeated, and the settling ends. Other
+activations stay in the conflict set until the next settling. Rolled back changes cause no activations. A checkout
+causes none either and empties the conflict set, because the other version was settled when it was created.
 """
 
 from __future__ import annotations
@@ -38,7 +39,12 @@ if TYPE_CHECKING:
 
 @short_repr
 class Activation:
-    """Something that an event rule is about to do; `old` is the match before an update, else None."""
+    """A pending job of an event rule at a match.
+
+    Attributes:
+        live: False if the activation was dropped or has fired.
+        old: the match before an update, else None.
+    """
 
     __slots__ = ("event", "live", "match", "old", "rule")
 
@@ -56,16 +62,16 @@ class Activation:
 
 @short_repr
 class EventRule:
-    """What `Engine.on` has registered; as a context manager it is cancelled at the end of the block.
+    """An event rule registered by `Engine.on`. As a context manager it is cancelled at the end of the block.
 
-    Invariants: `_here` holds the pending `appear` and `update` activations by the match that is there now, `_moved`
-    the updates by the match that was there before, `_gone` the `disappear`s. `_failed` are present matches whose
-    `appear` has raised. Every other present match counts as handled.
+    Invariants: `_here` contains the pending `appear` and `update` activations by their current match, `_moved` the
+    updates by the match before, `_gone` the `disappear` activations. `_failed` contains current matches whose
+    `appear` job has raised an exception. All other current matches are handled.
 
     Attributes:
-        name: for messages.
-        pattern: qualified name of what is watched.
-        priority: higher ones fire first.
+        name: name for messages.
+        pattern: qualified name of the watched pattern.
+        priority: rules with higher priorities fire first.
         calls: qualified names of its jobs that are rules, groups or units.
     """
 
@@ -95,16 +101,16 @@ class EventRule:
 
     @property
     def activations(self) -> tuple[Activation, ...]:
-        """What this rule is about to do, in the order of the conflict set."""
+        """Return the pending activations of this rule, in the order of firing."""
         return tuple(activation for activation in self._conflicts.pending() if activation.rule is self)
 
     @property
     def active(self) -> bool:
-        """False once it is cancelled."""
+        """Return True until the rule is cancelled."""
         return self.subscription is not None
 
     def cancel(self) -> None:
-        """Do nothing any more; activations of this rule are dropped. The pattern stays watched."""
+        """Cancel the rule and drop its pending activations. The pattern remains watched."""
         self._conflicts.remove(self)
         self.clear()
 
@@ -117,10 +123,10 @@ class EventRule:
     def __repr__(self) -> str:
         return f"<event rule {self.name} on {self.pattern}{'' if self.active else ', cancelled'}>"
 
-    # --- what the matches do
+    # --- net changes of matches
 
     def changed(self, appeared: Sequence[Row], disappeared: Sequence[Row]) -> None:
-        """Take in a net change."""
+        """Turn a net change of the matches into activations."""
         pairs, new, old = self._paired(appeared, disappeared)
         for row in old:
             self._left(row)
@@ -137,7 +143,7 @@ class EventRule:
         return paired(appeared, disappeared, self._key)
 
     def came(self, row: Row) -> None:
-        """A match that was not there."""
+        """Handle a match that appeared."""
         back = self._gone.pop(row, None)
         if back is not None:
             back.live = False
@@ -165,7 +171,10 @@ class EventRule:
             self._here[after] = self._moved[known] = self._push("update", after, known)
 
     def _known(self, row: Row) -> Row | None:
-        """For a match that has gone, what jobs last knew: the match, what it was before an update, or nothing."""
+        """Return the match that jobs were last notified of, for a match that disappeared; drop its pending activation.
+
+        This is the match itself, or the match before a pending update. Return None if no job was notified.
+        """
         if row in self._failed:
             self._failed.remove(row)
             return None
@@ -196,16 +205,16 @@ class EventRule:
     # --- firing
 
     def take(self, activation: Activation) -> None:
-        """The activation is about to fire: its match counts as handled."""
+        """Remove an activation that is about to fire; its match is then handled."""
         self._drop(activation)
 
     def failed(self, activation: Activation) -> None:
-        """The job has raised."""
+        """Record that the job of an activation has raised an exception."""
         if activation.event == "appear":
             self._failed.add(activation.match.row)
 
     def clear(self) -> None:
-        """Forget everything that is pending; what is there counts as handled."""
+        """Drop all pending activations; all current matches are then handled."""
         for pending in (self._here, self._gone):
             for activation in pending.values():
                 activation.live = False
@@ -217,9 +226,9 @@ class EventRule:
 def paired(
     appeared: Sequence[Row], disappeared: Sequence[Row], key: Sequence[int]
 ) -> tuple[list[tuple[Row, Row]], Sequence[Row], Sequence[Row]]:
-    """Updates as matches before and after, what merely came, what merely went.
+    """Split a net change into updates (pairs of matches before and after), new matches and disappeared matches.
 
-    Of several matches with one key, the first to go meets the first to come.
+    If several matches have the same key, they are paired in their order.
 
     >>> paired([("a", 2), ("c", 1)], [("a", 1), ("b", 1)], [0])
     ([(('a', 1), ('a', 2))], [('c', 1)], [('b', 1)])
@@ -242,15 +251,15 @@ def paired(
 
 
 def update_key(pattern: Pattern | None, shape: Shape, key: Iterable[str] | None) -> tuple[int, ...]:
-    """The places of the variables by which two matches are the same thing, before and after an update.
+    """Return the indexes of the key variables, by which the matches before and after an update are paired.
 
     Args:
-        pattern: may say so by `@FunctionalDependency`; None for the left side of a rule.
-        shape: variables and types.
-        key: names, or None for what the pattern says, else the variables that stand for objects.
+        pattern: the pattern, whose annotation may define a key; or None.
+        shape: shape of its matches.
+        key: names, or None for the key of the annotation, or else all variables that stand for objects.
 
     Raises:
-        InvalidArgument: an unknown variable, or a key of all variables: two different matches never share it.
+        InvalidArgument: a variable is unknown, or the key contains all variables, so that two matches never share it.
     """
     if isinstance(key, str):
         raise InvalidArgument(f"`key` takes several names: write ({key!r},)")
@@ -266,7 +275,7 @@ def update_key(pattern: Pattern | None, shape: Shape, key: Iterable[str] | None)
 
 
 def _dependency(pattern: Pattern | None) -> tuple[str, ...] | None:
-    """The `forEach` of the first `@FunctionalDependency`."""
+    """Return the variables after `forEach` in the first `@FunctionalDependency` of a pattern, or None."""
     for annotation in () if pattern is None else pattern.annotations:
         if annotation.name == "FunctionalDependency":
             values: list[object] = [value for name, value in annotation.named if name == "forEach"]

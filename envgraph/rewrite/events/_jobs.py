@@ -20,14 +20,14 @@ Job = Callable[..., object] | str
 """A function that takes variables of the match by name, or the name of a rule, group or unit."""
 
 BoundJob = Callable[[Match, "Match | None"], object]
-"""A job that is ready to be done, at a match and, for an update, the match before."""
+"""A function that executes a job; its arguments are the match and, for an update, the match before, else None."""
 
 
 def bind_job(engine: Engine, shape: Shape, event: Event, job: Job) -> BoundJob:
-    """Make a job ready for the matches of a pattern.
+    """Return a function that executes a job at a match of the given shape.
 
     Raises:
-        InvalidArgument: an unknown name, or one that needs a value that the match does not have.
+        InvalidArgument: a name is unknown, or the job needs a value that the match does not have.
     """
     if isinstance(job, str):
         return _named(engine, shape, job)
@@ -46,7 +46,7 @@ def _function(engine: Engine, shape: Shape, event: Event, function: Callable[...
         arguments: dict[str, object] = {}
         for name, place in places:
             value = match.row[place]
-            # A handle even of what has been deleted: a `disappear` may want its id.
+            # A node even for a deleted object, because a `disappear` job may use its id.
             arguments[name] = Node(engine.model, int(value)) if shape.is_object(place) else value
         for name, other in (("engine", engine), ("match", match), ("old", old)):
             if name in taken:
@@ -79,7 +79,7 @@ def _named(engine: Engine, shape: Shape, name: str) -> BoundJob:
             return None
         arguments = {variable: match.row[place] for variable, place in places}
         result = engine.run(qualified, bound=arguments)
-        if result.refusal is not None:  # nobody looks at the result
+        if result.refusal is not None:  # raised here because the result of a job is not used
             raise result.refusal
         return result
 
@@ -87,15 +87,15 @@ def _named(engine: Engine, shape: Shape, name: str) -> BoundJob:
 
 
 def job_name(job: Job) -> str:
-    """Return what a rule is called that has this job and no name of its own."""
+    """Return the default name of an event rule with this job."""
     return job if isinstance(job, str) else getattr(job, "__name__", type(job).__name__)
 
 
 def check_runs(function: Callable[..., object]) -> None:
-    """Refuse functions that a call only prepares.
+    """Refuse coroutine and generator functions, because calling them does not execute their body.
 
     Raises:
-        InvalidArgument: it is a coroutine or a generator.
+        InvalidArgument: the function is a coroutine or a generator.
     """
     for kind, found in (("a coroutine", iscoroutinefunction), ("a generator", isgeneratorfunction)):
         if found(function):

@@ -1,4 +1,4 @@
-"""Listeners of people, who are notified of matches, as listeners of the matcher, which notifies of rows."""
+"""Adapters that call listeners with matches, as listeners of the matcher are called with rows."""
 
 from __future__ import annotations
 
@@ -11,16 +11,16 @@ from envgraph.rewrite.events._event_rules import paired
 from envgraph.rewrite.events._jobs import check_runs
 
 Listener = Callable[[list[Match], list[Match]], object]
-"""Called with the matches that have appeared, and those that have disappeared."""
+"""A function that is called with the matches that appeared and the matches that disappeared."""
 
 UpdateListener = Callable[[list[tuple[Match, Match]]], object]
-"""Called with the matches that were replaced, each with the one that is there now."""
+"""A function that is called with pairs: the match before an update and the match after it."""
 
 Change = Callable[[list[Row], list[Row]], object]
 
 
 def match_listener(model: Model, shape: Shape, listener: Listener) -> Change:
-    """A listener that is notified of rows."""
+    """Return a listener of rows that calls a listener of matches."""
     return lambda appeared, disappeared: listener(
         _matches(model, shape, appeared), _matches(model, shape, disappeared)
     )
@@ -29,7 +29,10 @@ def match_listener(model: Model, shape: Shape, listener: Listener) -> Change:
 def update_listener(
     model: Model, shape: Shape, changed: Listener, updated: UpdateListener, key: Sequence[int]
 ) -> Change:
-    """A listener of rows: those of one key as updates, then the others, even if the first call raises."""
+    """Return a listener of rows that calls `updated` with pairs of equal key, and `changed` with the other matches.
+
+    `changed` is called even if `updated` raises an exception.
+    """
     others = match_listener(model, shape, changed)
 
     def notified(appeared: list[Row], disappeared: list[Row]) -> None:
@@ -51,10 +54,10 @@ def _matches(model: Model, shape: Shape, rows: Iterable[Row]) -> list[Match]:
 
 
 def check_functions(*given: object) -> None:
-    """Refuse listeners that cannot be called.
+    """Check that listeners can be called.
 
     Raises:
-        InvalidArgument: one is no function, or one whose body a call does not run.
+        InvalidArgument: a listener is not callable, or is a coroutine or generator function.
     """
     for one in given:
         if not callable(one):

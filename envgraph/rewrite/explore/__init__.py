@@ -1,1 +1,1 @@
-"""The states that rules can reach."""
+"""Exploration of all states that rules and units can reach."""

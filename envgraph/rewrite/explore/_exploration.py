@@ -1,4 +1,4 @@
-"""The result of an exploration."""
+"""The result of an exploration: states, transitions and statistics."""
 
 from __future__ import annotations
 
@@ -16,21 +16,21 @@ if TYPE_CHECKING:
     import networkx as nx
 
 Ending = Literal["exhausted", "goal", "limit", "depth"]
-"""Why an exploration ended: every state was left in every way, a goal was found, there were too many states, or what is
-left are states as deep as was asked for."""
+"""The reason why an exploration ended: all moves were made ("exhausted"), a goal was found, there are more states than
+the limit, or only states at the maximal depth are left."""
 
 Firings = tuple[Firing, ...]
 
 
 @short_repr
 class State(NamedTuple):
-    """A state that was found.
+    """A state found by an exploration.
 
     Attributes:
-        number: from 0, in the order in which states were found; 0 is the one in which the exploration began.
-        depth: how many moves the path has by which it was found; with strategy "breadth" none is shorter.
-        holds: names of the predicates that hold.
-        version: for `Engine.checkout`, if versions were to be kept.
+        number: from 0, in the order of discovery; 0 is the state in which the exploration began.
+        depth: number of moves on the path by which it was found; with strategy "breadth" this is the minimum.
+        holds: names of the predicates that hold in this state.
+        version: the version for `Engine.checkout` if the exploration was called with `keep`, else None.
     """
 
     number: int
@@ -41,12 +41,12 @@ class State(NamedTuple):
 
 @short_repr
 class Transition(NamedTuple):
-    """A move from one state to another, or to itself.
+    """A move from a state to another state, or to the same state.
 
     Attributes:
         source, target: numbers of states.
-        name: of the rule, or of the unit.
-        firings: what was applied: the rule and its match, or all that the unit did.
+        name: name of the rule or unit.
+        firings: the applications of the move: the rule with its match, or all applications of the unit.
     """
 
     source: int
@@ -57,14 +57,14 @@ class Transition(NamedTuple):
 
 @dataclass(frozen=True, slots=True)
 class Statistics:
-    """Figures of an exploration.
+    """Statistics of an exploration.
 
     Attributes:
-        states, transitions: how many were found.
-        expanded: states of which all moves were made.
-        refused: moves that the model refused, for a dangling link or the like.
-        depth: of the deepest state.
-        merged: states by identity that were isomorphic to one found before; 0 unless `up_to` is "isomorphism".
+        states, transitions: numbers of states and transitions found.
+        expanded: number of states from which all moves were made.
+        refused: number of moves that the model refused, for example because of a dangling edge.
+        depth: depth of the deepest state.
+        merged: number of states that were isomorphic to an earlier state; 0 unless `up_to` is "isomorphism".
     """
 
     states: int
@@ -77,14 +77,15 @@ class Statistics:
 
 @dataclass(slots=True)
 class Record:
-    """What a search writes down.
+    """The states and transitions that a search has recorded so far.
 
     Attributes:
-        states: by number.
-        found_by: for each state the place of the transition by which it was found, -1 for the first.
-        sources, targets, names, done: columns of the transitions; `done` is a rule's match, or what a unit applied.
-        expanded, refused, merged: as in `Statistics`.
-        goal: number of the goal that was found.
+        states: the states, by number.
+        found_by: for each state, the index of the transition that found it; -1 for the first state.
+        sources, targets, names, done: columns of the transitions; `done` is the row of a rule's match, or the firings
+            of a unit.
+        expanded, refused, merged: as in `Statistics`; `expanded` lists the states.
+        goal: number of the goal state that was found, or None.
     """
 
     states: list[State] = field(default_factory=list)
@@ -99,7 +100,7 @@ class Record:
     goal: int | None = None
 
     def note(self, source: int, target: int, name: str, done: Row | Firings) -> None:
-        """One more transition."""
+        """Record a transition."""
         self.sources.append(source)
         self.targets.append(target)
         self.names.append(name)
@@ -108,13 +109,13 @@ class Record:
 
 @short_repr
 class Exploration:
-    """The states that were found, and the transitions between them; made by `Engine.explore`.
+    """The states that `Engine.explore` found, and the transitions between them.
 
     Attributes:
-        states: in the order in which they were found.
-        predicates: names of what was asked of every state.
-        ending: why it ended.
-        goal: number of the state that is a goal, None if there was none.
+        states: all states, in the order of discovery.
+        predicates: names of the predicates that were evaluated in every state.
+        ending: the reason why the exploration ended.
+        goal: number of the goal state, or None if no goal was found.
     """
 
     def __init__(
@@ -142,12 +143,12 @@ class Exploration:
 
     @property
     def complete(self) -> bool:
-        """Whether all reachable states and transitions are there."""
+        """Return True if all reachable states and transitions were found."""
         return self.ending == "exhausted"
 
     @property
     def statistics(self) -> Statistics:
-        """Figures."""
+        """Return the statistics of the exploration."""
         record = self._record
         return Statistics(
             states=len(self),
@@ -160,7 +161,7 @@ class Exploration:
 
     @cached_property
     def transitions(self) -> tuple[Transition, ...]:
-        """In the order in which they were made."""
+        """Return all transitions, in the order in which the moves were made."""
         return tuple(map(self._transition, range(len(self._record.sources))))
 
     def _transition(self, place: int) -> Transition:
@@ -176,12 +177,12 @@ class Exploration:
         return done  # type: ignore[return-value]
 
     def path(self, state: int | None = None) -> list[Firing]:
-        """Return what leads from the first state to another one, by default to the goal; `Engine.replay` does it again.
+        """Return the firings that lead from the first state to a state, by default the goal; see `Engine.replay`.
 
-        With strategy "breadth" there is no path of fewer moves.
+        With strategy "breadth" no path has fewer moves.
 
         Raises:
-            InvalidArgument: no such state, or no goal was found.
+            InvalidArgument: the state does not exist, or no goal was found.
         """
         number = self.goal if state is None else state
         if number is None:
@@ -196,10 +197,10 @@ class Exploration:
         return [firing for leg in reversed(legs) for firing in leg]
 
     def holding(self, predicate: str) -> list[int]:
-        """Numbers of the states in which a predicate holds.
+        """Return the numbers of the states in which a predicate holds.
 
         Raises:
-            InvalidArgument: there is no such predicate.
+            InvalidArgument: the exploration has no such predicate.
         """
         if predicate not in self.predicates:
             hint = did_you_mean(predicate, self.predicates)
@@ -208,16 +209,16 @@ class Exploration:
 
     @property
     def deadlocks(self) -> list[int]:
-        """Numbers of the states that no move leaves."""
+        """Return the numbers of the states without outgoing transitions."""
         left = set(self._record.sources)
         return sorted(state for state in self._record.expanded if state not in left)
 
     @cached_property
     def graph(self) -> nx.MultiDiGraph:
-        """The states as nodes, by number, and the transitions as edges.
+        """Return a networkx graph with the states (by number) as nodes and the transitions as edges.
 
-        Nodes have the attributes of `State` but the number; edges have `name` and `firings`, and `match`: that of the
-        rule, or None for a unit.
+        Nodes have the attributes of `State` except the number. Edges have the attributes `name`, `firings` and `match`,
+        which is the match of the rule, or None for a unit.
         """
         import networkx as nx
 

@@ -1,7 +1,7 @@
-"""The states that rules can reach.
+"""A search for all states that rules can reach.
 
-Every move is made once and undone: a state costs the changes that lead to it from the one in which it was found. It
-is known by its facts by identity, or, up to isomorphism, by what `Shapes` makes of them.
+Every move is made once and undone, so a state costs the changes that lead to it from its predecessor. States are
+compared by a hash of their facts, or, up to isomorphism, by the numbers that `Shapes` assigns to them.
 """
 
 from __future__ import annotations
@@ -28,22 +28,22 @@ Strategy = Literal["breadth", "depth"]
 Sameness = Literal["identity", "isomorphism"]
 
 Predicate = str | Callable[["Engine"], bool]
-"""The name of a pattern or rule, which has a match, or a function of the engine."""
+"""The name of a pattern or rule, true if it has a match, or a function of the engine."""
 
 Test = Callable[[], bool]
-"""Whether something holds in the present state."""
+"""A function that returns True if a condition holds in the current state."""
 
 
 @dataclass(frozen=True, slots=True)
 class Mover:
-    """A rule, with a move for each match, or a unit, with one for each way in which its random choices may turn out.
+    """The moves of a rule or unit in a state: one for each match of a rule, or for each outcome of a unit's choices.
 
     Attributes:
-        name: of it.
-        shape: of the matches of a rule; None for a unit.
-        choices: what can be tried in the present state, which is the same again whenever the iterator goes on.
-        make: makes the move: the match of the rule, or what the unit applied; None if that was nothing. A `RuleError`
-            says that it is refused; the model is as before then.
+        name: name of the rule or unit.
+        shape: shape of the matches of a rule; None for a unit.
+        choices: iterates over the moves in the current state. The state is restored before the iterator continues.
+        make: makes a move. It returns the match of the rule or the firings of the unit, or None if nothing was applied.
+            It raises a `RuleError` if the move is refused; the model is then unchanged.
     """
 
     name: str
@@ -53,7 +53,7 @@ class Mover:
 
 
 def _rule_mover(rule: RuleRunner) -> Mover:
-    rule.prepare(())  # refuses a rule that needs values
+    rule.prepare(())  # raises for a rule that needs arguments
 
     def make(row: Row) -> Row:
         rule.fire(row)
@@ -63,17 +63,17 @@ def _rule_mover(rule: RuleRunner) -> Mover:
 
 
 def _ways() -> Iterator[Branches]:
-    """Random choices that turn out otherwise each time."""
+    """Yield a `Branches` for each sequence of random choices."""
     branches = Branches()
     while branches.advance():
         yield branches
 
 
 def _movers(engine: Engine, names: Iterable[str]) -> list[Mover]:
-    """The rules and units of these names, each once.
+    """Return the movers of rules, units and groups, each rule and unit once.
 
     Raises:
-        InvalidArgument: no name, an unknown one, or a rule or unit that needs values.
+        InvalidArgument: `names` is empty, or has an unknown name or a rule or unit that needs values.
     """
     if not isinstance(names, Iterable):
         raise InvalidArgument(f"rules, units and groups are given by their names, not as {names!r}")
@@ -99,17 +99,18 @@ def _mover(engine: Engine, name: str) -> Mover:
 
 @dataclass(slots=True)
 class Search:
-    """One exploration.
+    """A running exploration.
 
     Attributes:
-        movers: what is done in every state, in this order.
-        predicates: by name what is asked of every state.
-        goal: where to stop; None for nowhere.
-        limit: how many states there may be, and how many ways one unit may run in one of them.
-        depth: how many moves from the first state are made; None for any number.
+        movers: rules and units to execute in every state, in this order.
+        predicates: the tests to evaluate in every state, by name.
+        goal: the test that ends the search, or None.
+        limit: maximal number of states, and maximal number of runs of one unit in one state.
+        depth: maximal number of moves from the first state; None for no maximum.
 
     Raises:
-        InvalidArgument: a limit below 1, an unknown strategy or sameness, a depth below 0 or of a depth-first search.
+        InvalidArgument: the limit is below 1, the strategy or `up_to` is unknown, or the depth is negative or used
+            with a depth-first search.
     """
 
     model: Model
@@ -142,7 +143,7 @@ class Search:
             raise InvalidArgument(f'`up_to` is "identity" or "isomorphism", not {self.up_to!r}')
 
     def run(self) -> Exploration:
-        """Explore; at the end, however it comes, the model is in the state in which it was."""
+        """Explore, and return the result. At the end, or after an exception, the model is in its first state again."""
         walking = walk_of_versions if self.keep else walk_of_savepoints
         with deferred() as check, walking(self.model) as walk:
             self._number(0)
@@ -190,7 +191,7 @@ class Search:
                 yield mover, choice
 
     def _make(self, state: State, mover: Mover, choice: Any) -> Row | Firings | None:
-        """Make a move: what was done if it leads to a new state; any other is noted here."""
+        """Make a move. Return its match or firings if it leads to a new state; otherwise record it and return None."""
         record = self._record
         try:
             done = mover.make(choice)
@@ -209,7 +210,7 @@ class Search:
         return None
 
     def _number(self, new: int) -> int:
-        """The number of the present state, `new` if it has none yet."""
+        """Return the number of the current state, or `new` if the state is new."""
         total = self.model.graph.store.total
         known = self._known.get(total)
         if known is None:
@@ -221,7 +222,7 @@ class Search:
         return known
 
     def _arrive(self, walk: Walk, source: State, name: str, done: Row | Firings) -> Ending | None:
-        """A move has led to a new state."""
+        """Record the transition to a new state and the state. Return "limit" or "goal" if the search ends here."""
         record = self._record
         number = len(record.states)
         if number >= self.limit:
@@ -230,7 +231,7 @@ class Search:
         return self._enter(source.depth + 1, walk.keep())
 
     def _enter(self, depth: int, version: Version | None) -> Ending | None:
-        """Note the present state, and ask what there is to ask of it."""
+        """Record the current state with the predicates that hold. Return "goal" if it is a goal."""
         record = self._record
         number = len(record.states)
         holds = tuple([name for name, test in self.predicates.items() if test()])
@@ -254,29 +255,29 @@ def explore(
     predicates: Iterable[str] | Mapping[str, Predicate] = (),
     keep: bool = False,
 ) -> Exploration:
-    """The states that rules, groups and units can reach from the present one, and how.
+    """Find the states that rules, groups and units can reach from the current state, and the transitions between them.
 
-    From each state every rule is applied at every match; a unit runs in every way in which its random choices may
-    turn out. Weights and priorities of rules do not count, and event rules do not fire. Two states are one if
-    they have the same objects with the same values and links. Afterwards the engine is in the state in which it
-    was, also after an exception or Ctrl-C. The result is a function of the state and the arguments.
+    From each state every rule is applied at every match, and a unit runs with every sequence of random choices. Weights
+    and priorities of rules are ignored, and event rules do not fire. Two states are equal if they have the same objects
+    with the same values and links. At the end, or after an exception or Ctrl-C, the engine is in the state in which it
+    was. The result depends only on the state and the arguments.
 
     Args:
-        rules: names.
-        limit: how many states there may be; with more, the exploration ends, and says so.
-        depth: how many moves a state may be away: deeper ones are not looked for. With strategy "breadth".
-        strategy: "breadth": states with few moves first, so that paths are the shortest; or "depth".
-        up_to: "isomorphism": states that differ by ids alone are one. Rules that create objects need it, where
-            they come back to what was there before.
-        goal: where to stop: the name of a pattern or rule, which has a match then, or a function of the engine.
-            Functions only look at the model.
-        predicates: names, or names of your choice for such goals; asked of every state.
-        keep: hold a version of every state, for `checkout`. Uncommitted changes are committed first.
+        rules: names of rules, groups and units.
+        limit: maximal number of states; if there are more, the exploration ends with `ending` "limit".
+        depth: maximal number of moves to a state; deeper states are not explored. Only with strategy "breadth".
+        strategy: "breadth" explores states with few moves first, so that paths are shortest; or "depth".
+        up_to: with "isomorphism", states that differ only by ids are equal. Rules that create objects need this
+            if they can return to an earlier state.
+        goal: ends the search in a state where it holds: the name of a pattern or rule that has a match, or a function
+            of the engine. Such functions must not change the model.
+        predicates: goals to evaluate in every state: their names, or a mapping from your own names to them.
+        keep: store a version of every state, for `checkout`. Uncommitted changes are committed first.
 
     Raises:
-        InvalidArgument: an unknown name, a unit or rule that needs values, a limit below 1, an impossible depth.
-        TransactionError: versions are to be kept, inside a transaction.
-        RuleError, EvaluationError: a rule or unit is wrong; not if the model only refuses an application.
+        InvalidArgument: unknown name, unit or rule that needs values, limit below 1, or a wrong depth.
+        TransactionError: `keep` was given inside a transaction.
+        RuleError, EvaluationError: a rule or unit contains a mistake. Refused applications are only counted.
     """
     if isinstance(predicates, str):
         predicates = (predicates,)

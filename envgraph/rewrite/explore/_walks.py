@@ -1,4 +1,4 @@
-"""Move a model from one state of an exploration to another, and at last back to the first."""
+"""Navigation of a model between the states of an exploration, and back to the first state."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from envgraph.graph import Model, Savepoint, Shelf, Version, guarded
 
 
 class Walk(ABC):
-    """The current state in the tree of the states found so far; 0 is the first.
+    """A position in the tree of the states found so far; state 0 is the first.
 
     The caller calls `attempt`, makes a move, and calls either `back`, or `keep` and then `park`.
     """
@@ -24,7 +24,7 @@ class Walk(ABC):
 
     @abstractmethod
     def keep(self) -> Version | None:
-        """Accept the new state after the move; return its version, None if the walk has no versions."""
+        """Accept the new state after the move. Return its version, or None if the walk stores no versions."""
 
     @abstractmethod
     def park(self, state: int) -> None:
@@ -32,13 +32,13 @@ class Walk(ABC):
 
     @abstractmethod
     def go(self, state: int) -> None:
-        """Restore a state that `park` has stored, or the first."""
+        """Restore a state that `park` has stored, or the first state."""
 
 
 class SavepointWalk(Walk):
     """A walk inside a transaction, with one savepoint for each move from the first state to the current one.
 
-    Going to another state takes time in proportion to the changes on the path between the two in the tree.
+    The time to restore a state is proportional to the changes on the path between the two states in the tree.
     """
 
     def __init__(self, model: Model) -> None:
@@ -56,10 +56,10 @@ class SavepointWalk(Walk):
         self._model.graph.history.rollback(self._attempt)
 
     def keep(self) -> None:
-        """Do nothing: `park` stores the state."""
+        """Do nothing and return None: `park` stores the state."""
 
     def park(self, state: int, savepoint: Savepoint | None = None) -> None:
-        """Store the current state, and undo the move since the savepoint, by default that of `attempt`."""
+        """Store the current state, and undo the moves since `savepoint`, by default the savepoint of `attempt`."""
         savepoint = savepoint or self._attempt
         assert savepoint is not None
         self._known[state] = self._path[-1], len(self._path), self._model.graph.history.shelve(savepoint)
@@ -82,7 +82,7 @@ class SavepointWalk(Walk):
 
 @guarded
 def walk_of_savepoints(model: Model) -> Iterator[SavepointWalk]:
-    """Yield a walk inside one transaction. At the end, or after an exception, the model is as before."""
+    """Yield a walk inside a transaction. At the end, or after an exception, restore the state of the model."""
     with model.transaction():
         depth = model.graph.history.depth
         yield SavepointWalk(model)
@@ -90,7 +90,7 @@ def walk_of_savepoints(model: Model) -> Iterator[SavepointWalk]:
 
 
 class VersionWalk(Walk):
-    """A walk outside of transactions, in which every state is a version."""
+    """A walk outside of transactions that stores every state as a version."""
 
     def __init__(self, model: Model) -> None:
         self._model = model
@@ -99,7 +99,7 @@ class VersionWalk(Walk):
         self._kept = self._here
 
     def attempt(self) -> None:
-        """Do nothing: the current state is a version."""
+        """Do nothing: the current state is already a version."""
 
     def back(self) -> None:
         self._model.checkout(self._here, discard=True)
@@ -119,7 +119,7 @@ class VersionWalk(Walk):
 
 @guarded
 def walk_of_versions(model: Model) -> Iterator[Walk]:
-    """Yield a walk outside of transactions. At the end, or after an exception, the model is as before."""
+    """Yield a walk outside of transactions. At the end, or after an exception, restore the version of the model."""
     start = model.commit()
     try:
         yield VersionWalk(model)

@@ -1,1 +1,1 @@
-"""Rules and units as functions that change a model."""
+"""Compilation of rules and units to functions that change a model."""

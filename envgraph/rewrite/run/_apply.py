@@ -1,7 +1,7 @@
-"""Plans as functions that change a model.
+"""Compilation of rule plans to functions that change a model.
 
-A rule without nested blocks whose variables are all different objects becomes one straight function. Any other rule
-is carried out phase by phase over the matches of all its blocks, after looking for conflicts between them.
+A rule without nested blocks whose variables are all different objects becomes a single straight-line function. Any
+other rule is executed phase by phase over the matches of all its blocks, after a check for contradictions between them.
 """
 
 from __future__ import annotations
@@ -26,22 +26,22 @@ from envgraph.rewrite.run._refusal import refusal
 from envgraph.rewrite.run._source import FIRST, Writer
 
 Effect = Callable[[Row], Sequence[Any]]
-"""Applies a rule at a row that is a match, and returns all slots of the rule, created objects among them.
+"""A function that applies a rule at a match and returns all slots of the rule, including created objects.
 
 Raises:
-    RuleError: the rule is refused; the model is as before.
+    RuleError: the rule is refused; the model is unchanged.
 """
 
 Again = Callable[[Link, int, int], None]
 
 MOST_INSTANCES: Final = 100_000
-"""Matches of the blocks of one application: a `forall` that makes the model larger each time ends here."""
+"""Maximal number of block matches in one application, against a `forall` that enlarges the model each time."""
 
 PHASES: Final = ("compute", "unlink", "delete", "strip", "retype", "create", "link", "assign")
 
 
 def effect_of(plan: RulePlan, model: Model, matcher: Matcher, report: Report) -> Effect:
-    """The function that applies a rule; `report` is notified of links that it creates although they are there."""
+    """Compile a plan to the function that applies the rule. `report` is called for created links that already exist."""
 
     def again(link: Link, source: int, target: int) -> None:
         report(plan.name, link, model.graph.describe(source), model.graph.describe(target))
@@ -103,14 +103,14 @@ def _slot(number: int) -> code.Local:
 
 
 def _changes(writer: Writer, body: BlockPlan, kept: tuple[int, ...] = ()) -> code.Body:
-    """All changes of a straight rule, in order; what is `kept` is looked at after deletions."""
+    """Emit the changes of a straight-line rule, in order, with a check of the `kept` slots after deletions."""
     changes = [*writer.unlink(body), *writer.delete(body)]
     changes += [writer.keep(kept, body)] if kept else []
     return (*changes, *(statement for phase in PHASES[3:] for statement in getattr(writer, phase)(body)))
 
 
 def _interrupted(end: code.Expression) -> code.Handler:
-    """Return what is done with an exception in the middle of changes: see `Interrupted`."""
+    """Emit an exception handler that undoes or completes partly executed changes; see `Interrupted`."""
     done = [
         code.method(code.Name("interrupted"), "append", end),
         code.method(code.Name("interrupted"), "repair"),
@@ -121,7 +121,10 @@ def _interrupted(end: code.Expression) -> code.Handler:
 def _redone(
     plan: RulePlan, model: Model, endangered: Collection[str], names: Sequence[code.Local]
 ) -> Callable[..., None]:
-    """Makes the changes of a straight rule of which some may be made; only the first of them may be refused."""
+    """Return a function that completes the changes of a straight-line rule after an interruption.
+
+    Some changes may be made already. Only the first change may be refused.
+    """
 
     def redo(*values: Any) -> None:
         writer = Writer(model, _slot, lossy=plan.lossy, sure=True, redo=True, endangered=endangered)
@@ -133,14 +136,14 @@ def _redone(
 
 
 def _endangered(blocks: Sequence[BlockPlan], metamodel: Metamodel) -> set[str]:
-    """Classes of variables whose objects may go along with an object that one of the blocks deletes."""
+    """Return classes of variables whose objects may be deleted together with an object that a block deletes."""
     classes = {b.classes[d.node] for b in blocks for d in b.deletes} - {None}
     deleted = (sub for cls in classes for sub in metamodel.concrete(cls or ""))
     return {above for cls in metamodel.all_contents(deleted) for above in metamodel.supertypes(cls)}
 
 
 def _needs_savepoint(body: BlockPlan, metamodel: Metamodel) -> bool:
-    """Whether a change that the model may refuse comes after another one; each is made completely or not at all."""
+    """Return True if a change that may be refused follows another change. A single change is never made partly."""
     if body.moves or body.absorbs:
         return True
     safe = [True] * len(body.unlinks)
@@ -163,12 +166,12 @@ def _needs_savepoint(body: BlockPlan, metamodel: Metamodel) -> bool:
 
 
 def _always_fits(reference: Reference, metamodel: Metamodel) -> bool:
-    """Return whether the model never refuses a link, given ends of the right classes."""
+    """Return True if the model never refuses a link of this reference between ends of the right classes."""
     return reference.upper is None and metamodel.most_sources(reference) is None
 
 
 def _always_set(reference: Reference, metamodel: Metamodel) -> bool:
-    """Return whether the model never refuses to replace the targets of a single-valued reference."""
+    """Return True if the model never refuses to replace the targets of a single-valued reference."""
     contains = metamodel.containment(reference, 0, 1) is not None
     return not (reference.many or contains) and metamodel.most_sources(reference) in (None, 1)
 
@@ -181,7 +184,7 @@ REFUSALS: Final = (RuleError, EvaluationError)
 
 @dataclass(slots=True)
 class Instance:
-    """One match of a block: its plan, its slots, and the match of the enclosing block."""
+    """A match of a block: the block, the values of its slots, and the match of the enclosing block."""
 
     block: _Block
     slots: list[Any]
@@ -189,7 +192,7 @@ class Instance:
 
 
 class _Block:
-    """A block with its compiled phases."""
+    """A block of a rule with one compiled function for each phase."""
 
     def __init__(
         self,
@@ -230,10 +233,10 @@ class _Block:
         fresh: Iterator[int],
         most: int,
     ) -> None:
-        """Add the match with these slots, then those of the nested blocks, all on the present state.
+        """Add the instance with these slots to `found`, then the instances of nested blocks in the current state.
 
         Raises:
-            EvaluationError: there are more than `most`.
+            EvaluationError: there would be more than `most` instances.
         """
         slots += [None] * (self.plan.slots - len(slots))
         for new in self.plan.creates:
@@ -242,7 +245,7 @@ class _Block:
         found.append(instance)
         for block in self.nested:
             assert block.rows is not None
-            # Sorted: the order of rows is the matcher's own, and ids of new objects follow from this one.
+            # Sorted, because ids of new objects depend on this order and the order of the matcher is arbitrary.
             rows = sorted(block.rows(*(slots[number] for number in block.plan.arguments)))
             if block.plan.kind == "optional":
                 rows = rows[:1]
@@ -254,7 +257,7 @@ class _Block:
 
 
 class _Staged:
-    """Applies a rule with nested blocks, or one of which not even the match tells what it changes."""
+    """An executor of rules with nested blocks, or of rules whose variables may stand for one object."""
 
     def __init__(self, plan: RulePlan, model: Model, matcher: Matcher, again: Again) -> None:
         self.plan = plan
@@ -266,7 +269,7 @@ class _Staged:
         self.block = _Block(plan.body, model, matcher, plan.lossy, self.doomed, endangered)
 
     def apply(self, row: Row) -> Sequence[Any]:
-        """See `Effect`."""
+        """Apply the rule at a match; see `Effect`."""
         instances: list[Instance] = []
         try:
             self.block.collect(list(row), None, instances, count(-1, -1), self.most)
@@ -294,7 +297,11 @@ class _Staged:
                 function(instance.slots)
 
     def _check(self, instances: Sequence[Instance]) -> Conflicts:
-        """Look for conflicts; returns what all matches want."""
+        """Check the instances for contradictory changes and return the collected changes.
+
+        Raises:
+            RuleError: two changes contradict each other ("ambiguous"), or a deletion is ambiguous ("identification").
+        """
         conflicts = Conflicts(self.model.metamodel, self._describe)
         try:
             for instance in instances:
@@ -324,7 +331,7 @@ class _Staged:
         check_kept(self.model.graph, changed, ("",) * len(changed))
 
     def _notify(self, instances: Sequence[Instance]) -> None:
-        """Of links that are to be created, and are there."""
+        """Report links that the rule creates although they already exist."""
         for instance in instances:
             for link in instance.block.plan.links:
                 source, target = instance.slots[link.source], instance.slots[link.target]

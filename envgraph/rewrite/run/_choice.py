@@ -1,4 +1,4 @@
-"""What can be done in one state of a model, to draw from as often as the model comes back to that state."""
+"""The options of a random choice in one state of a model, cached for drawing several times in this state."""
 
 from __future__ import annotations
 
@@ -11,13 +11,13 @@ from envgraph.rewrite.run._units import UnitProgram
 
 
 class Choice:
-    """The rules that match in the present state, units, and of drawn rules the matches.
+    """The rules with a match in the current state, the units, and the cached matches of drawn rules.
 
-    Only in that state it is true: after a rollback, not after a change that is kept.
+    The cache is valid only in this state, for example again after a rollback.
 
     Args:
-        alternatives: rules and units; units take part with their weight, always.
-        watched: patterns whose matches need not be kept here, since asking for them takes constant time.
+        alternatives: rules and units; units always take part with their weight.
+        watched: watched patterns, whose matches are not cached because reading them takes constant time.
     """
 
     def __init__(self, alternatives: Sequence[RuleRunner | UnitProgram], watched: Container[str]) -> None:
@@ -27,10 +27,10 @@ class Choice:
         self._rows: dict[str, Sequence[Row]] = {}
 
     def draw(self, rng: Randomness) -> tuple[str, Row] | None:
-        """Draw a rule by weight, then one of its matches uniformly: its name and the match.
+        """Draw a rule by weight, then one of its matches uniformly, and return its name and the match.
 
         Returns:
-            For a unit an empty match; None if there is neither a unit nor a rule with a match.
+            For a unit, its name and an empty match; None if there is no unit and no rule with a match.
         """
         if not self._live:
             return None

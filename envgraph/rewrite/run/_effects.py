@@ -1,4 +1,4 @@
-"""Steps of the code of rules at run time: containers, merges, lists of values."""
+"""Functions that the generated code of rules calls at run time, for containers, merges and multi-valued attributes."""
 
 from __future__ import annotations
 
@@ -16,10 +16,10 @@ ModelLink = tuple[Reference, int, int]
 
 
 def need(value: Value | int | None, feature: str) -> Value | int:
-    """The value, which an operator needs.
+    """Return the value, which an operator needs.
 
     Raises:
-        EvaluationError: there is none.
+        EvaluationError: the value is None.
     """
     if value is None:
         raise EvaluationError(f"`{feature}` has no value")
@@ -27,22 +27,26 @@ def need(value: Value | int | None, feature: str) -> Value | int:
 
 
 def listed(values: Values, attribute: Attribute) -> Values:
-    """The values of an attribute with many: each once, unless it may have one several times."""
+    """Return the values of a multi-valued attribute, without duplicates if the attribute is unique."""
     return tuple(dict.fromkeys(values)) if attribute.unique else values
 
 
 def more(values: Values, value: Value, attribute: Attribute) -> Values:
-    """The values with one more at the end; see `listed`."""
+    """Return the values with one more value at the end, without duplicates if the attribute is unique."""
     return listed((*values, value), attribute)
 
 
 def less(values: Values, value: Value) -> Values:
-    """The values without one, wherever it stands."""
+    """Return the values without all occurrences of one value."""
     return tuple(one for one in values if one != value)
 
 
 class Dragged(RuleError):
-    """An object that a rule keeps or changes would go with its container; `node` is there again after a rollback."""
+    """An error: an object that a rule preserves or changes would be deleted with its container.
+
+    Attributes:
+        node: id of the object, which exists again after the rollback.
+    """
 
     def __init__(self, message: str, node: int) -> None:
         super().__init__(message, reason="containment", hint=_DRAGGED)
@@ -50,10 +54,10 @@ class Dragged(RuleError):
 
 
 def check_kept(graph: Graph, nodes: tuple[int, ...], names: tuple[str, ...]) -> None:
-    """Check that objects are still there.
+    """Check that objects still exist.
 
     Raises:
-        Dragged: one went with its container.
+        Dragged: an object was deleted with its container.
     """
     for node, name in zip(nodes, names, strict=True):
         if not graph.alive(node):
@@ -62,15 +66,15 @@ def check_kept(graph: Graph, nodes: tuple[int, ...], names: tuple[str, ...]) -> 
 
 
 def present(targets: tuple[int | None, ...]) -> tuple[int, ...]:
-    """The targets that there are, each once."""
+    """Return the targets that are not None, without duplicates."""
     return tuple(dict.fromkeys(target for target in targets if target is not None))
 
 
 def there(graph: Graph, source: int, reference: Reference, target: int) -> None:
-    """Check that there is a link.
+    """Check that a link exists.
 
     Raises:
-        RuleError: there is none ("missing-link").
+        RuleError: the link does not exist ("missing-link").
     """
     if not graph.has_link(source, reference, target):
         ends = f"{graph.describe(source)} -{reference.name}-> {graph.describe(target)}"
@@ -78,14 +82,14 @@ def there(graph: Graph, source: int, reference: Reference, target: int) -> None:
 
 
 def leave(graph: Graph, node: int, container: int | None, reference: Reference) -> None:
-    """Take an object out of its container, unless it is already where it is to go, or not there yet."""
+    """Remove an object from its container, unless it is in the new container already or has no container."""
     old = graph.container(node) if graph.alive(node) else None
     if old is not None and old != (container, reference):
         graph.unlink(old[0], old[1], node)
 
 
 def inside(graph: Graph, node: int, others: Collection[int]) -> bool:
-    """Return whether an object is contained in one of the others, at any depth."""
+    """Return True if an object is contained in one of the others, at any depth."""
     found = graph.container(node)
     while found is not None:
         if found[0] in others:
@@ -95,10 +99,10 @@ def inside(graph: Graph, node: int, others: Collection[int]) -> bool:
 
 
 def house(graph: Graph, source: int, reference: Reference, target: int) -> None:
-    """Add a link between a container and an object that is in none: like any other, it needs room at both ends.
+    """Add a link between a container and an object without a container. Both ends must have room for it.
 
     Raises:
-        RuleError: the object is in a container ("full"), or the container is inside it ("containment").
+        RuleError: the object has a container ("full"), or the container is inside the object ("containment").
     """
     found = graph.metamodel.containment(reference, source, target)
     assert found is not None
@@ -119,14 +123,14 @@ def house(graph: Graph, source: int, reference: Reference, target: int) -> None:
 def release(
     graph: Graph, node: int | None, reference: Reference, targets: tuple[int | None, ...], every: bool
 ) -> None:
-    """Take out of containers what setting targets will take out; `every`: these will be all of them.
+    """Remove objects from the containers that they will leave when targets of a containment are set.
 
     Args:
-        graph: of the model.
-        node: the object that gets the targets; None if it is not there yet.
-        reference: that contains, or whose opposite does.
-        targets: None is none.
-        every: the targets replace those that are there.
+        graph: the graph of the model.
+        node: the object that gets the targets; None if it is not created yet.
+        reference: a containment, or the opposite of a containment.
+        targets: the new targets; None is skipped.
+        every: True if the targets replace all existing targets.
     """
     known = node is not None and graph.alive(node)
     if not reference.containment:
@@ -145,7 +149,7 @@ def release(
 
 
 def strip(graph: Graph, node: int) -> list[ModelLink]:
-    """Take away all links of an object that is going to be merged, and return them."""
+    """Remove all links of an object before a merge, and return them."""
     links = links_of(graph, node)
     for reference, source, target in links:
         graph.unlink(source, reference, target)
@@ -153,21 +157,22 @@ def strip(graph: Graph, node: int) -> list[ModelLink]:
 
 
 def absorb(graph: Graph, kept: int, absorbed: int, links: list[ModelLink], *, lossy: bool) -> None:
-    """Merge two objects: the links of `absorbed` go over to `kept`, then it is deleted.
+    """Merge two objects: move the links of `absorbed` to `kept`, then delete `absorbed`.
 
-    A link that both have becomes one, one between the two a loop. The container of `kept` stays, if it has one.
+    A link that both have becomes one link, a link between the two becomes a loop. If `kept` has a container, it stays
+    there.
 
     Raises:
         RuleError: the class of `kept` lacks a reference ("lost-link", unless `lossy`), or `kept` has another target
-            there ("full").
+            of a single-valued reference ("full").
     """
     if kept == absorbed:
         raise RuleError("an object cannot be merged with itself", reason="identification")
     if not graph.alive(absorbed):
-        return  # another match of a block has merged the same two
+        return  # another match of a block has merged the same objects
     house = graph.container(kept)
     housed = house is not None and house[0] != absorbed
-    # Another merge may have handed links over to this one.
+    # Another merge may have moved links to `absorbed` since its links were removed.
     for reference, source, target in [*links, *strip(graph, absorbed)]:
         link = f"{graph.describe(source)} -{reference.name}-> {graph.describe(target)}"
         source, target = (kept if end == absorbed else end for end in (source, target))
@@ -186,7 +191,7 @@ def absorb(graph: Graph, kept: int, absorbed: int, links: list[ModelLink], *, lo
 
 
 def links_of(graph: Graph, node: int) -> list[ModelLink]:
-    """The links at an object; of an opposite pair by the reference that contains, else by the first."""
+    """Return all links of an object; a pair of opposites once, by its containment or else by its first reference."""
     found: dict[ModelLink, None] = {}
     cls = graph.class_of(node)
     for reference in graph.metamodel.references:
@@ -205,7 +210,7 @@ def _precedence(reference: Reference) -> tuple[bool, int]:
 
 
 ON_MODEL: Final = (check_kept, house, inside, leave, release, strip, there)
-"""Functions that generated code calls without the graph as an argument, by the name after `_`."""
+"""Functions that generated code calls by the name after `_`; the graph argument is bound in advance."""
 
 ON_VALUES: Final = (less, listed, more, need, present)
-"""The same for what needs no graph."""
+"""Functions that generated code calls by the name after `_` and that have no graph argument."""

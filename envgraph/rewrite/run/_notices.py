@@ -1,4 +1,4 @@
-"""Notices of what applications of rules come upon that is no mistake, but may not be meant: each once."""
+"""Notices about effects of applications that are allowed but may be unintended, each reported once."""
 
 from __future__ import annotations
 
@@ -9,22 +9,22 @@ from envgraph.errors import Diagnostic, Severity
 from envgraph.rewrite._plan import Link
 
 Report = Callable[[str, Link, str, str], None]
-"""Takes the name of a rule, what it creates, and the texts of the ends of the link."""
+"""A function that is called with the name of a rule, the operation, and the texts of both ends of the link."""
 
 
 class Notices:
-    """Reports, each once for a rule and a place in it; they also go to the logger "envgraph", as warnings."""
+    """A collection of notices, one for each rule and operation; also logged as warnings to the logger "envgraph"."""
 
     def __init__(self) -> None:
         self._told: dict[tuple[str, Link], Diagnostic] = {}
 
     @property
     def all(self) -> tuple[Diagnostic, ...]:
-        """In the order in which they came."""
+        """Return the notices in the order of their first occurrence."""
         return tuple(self._told.values())
 
     def existing_link(self, rule: str, link: Link, source: str, target: str) -> None:
-        """A rule creates a link that is there."""
+        """Add a notice that a rule creates a link that already exists."""
         if (rule, link) in self._told:
             return
         message = f"rule `{rule}` creates {source} -{link.reference.name}-> {target}, which is there already"

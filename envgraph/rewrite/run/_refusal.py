@@ -1,6 +1,7 @@
-"""Explains why the model refuses the application of a rule, or why a value of it cannot be computed.
+"""Explanation of refused applications, and of values that cannot be computed.
 
-The line of a generated function that has failed comes from an operation, and that from a place of a text.
+The failed line of the generated function is mapped to an operation of the plan, and the operation to a span in the
+text.
 """
 
 from __future__ import annotations
@@ -31,7 +32,7 @@ _ADVICE: Final[Mapping[str, str]] = MappingProxyType(
 
 
 def refusal(plan: RulePlan, error: RuleError | EvaluationError, model: Model) -> RuleError | EvaluationError:
-    """The reason that the model gives, with the rule that was to be applied and the place; the model is as before."""
+    """Return the error of a refused application, extended by the rule, the span and a hint. The model is as before."""
     message = f"rule `{plan.name}` cannot be applied: {error.message}"
     operation, frame = origin_of(error)
     span = getattr(operation, "span", None) or error.span or plan.span
@@ -63,7 +64,10 @@ def _advice(error: RuleError, operation: object) -> str | None:
 def _computed(
     compute: Compute, frame: FrameType, error: EvaluationError, model: Model, span: Span | None
 ) -> EvaluationError:
-    """An error of an expression, which is evaluated again: values are computed before anything changes."""
+    """Return the error of an expression with its smallest failing part, found by evaluating the expression again.
+
+    This is possible because values are computed before any change.
+    """
     here: Mapping[str, Any] = frame.f_locals
     slots = here.get("e")
     values = {name: slots[slot] if slots else here[f"e{slot}"] for name, slot, _ in compute.scope}

@@ -1,6 +1,6 @@
-"""One run of a unit: its limits, what it leaves open, and what generated units call for what is seldom or long.
+"""The state of a run of a unit, and functions that generated units call for rare or long tasks.
 
-A step that is run gives None if it fails, else whether it has changed anything.
+The outcome of a step is None if the step failed, else True or False: whether it changed anything.
 """
 
 from __future__ import annotations
@@ -20,19 +20,19 @@ from envgraph.rewrite._match import Firing, Row
 from envgraph.rewrite.run._runner import REFUSALS, Randomness, RuleRunner, others
 
 STEP_LIMIT: Final = 100_000
-"""How many calls and rounds one run may take, unless told otherwise."""
+"""Default maximal number of calls and loop rounds in one run."""
 
 MOST_RUNNING: Final = 200
-"""How deep the steps of a run may nest, those of called units included; Python's own stack ends beyond it."""
+"""Maximal nesting of steps in a run, including called units; deeper nesting would exhaust the stack of Python."""
 
 Environment = dict[str, Value]
 
 Site = tuple[str, Span | None]
-"""A step, for messages: what it is called, and where it is written."""
+"""A description of a step and its span, for messages."""
 
 Unset = type("Unset", (), {"__slots__": (), "__repr__": lambda self: "UNSET"})
 UNSET: Final = Unset()
-"""Stands for an `out` parameter of a unit that has no value yet."""
+"""The value of an `out` parameter of a unit that is not bound yet."""
 
 
 @dataclass(slots=True)
@@ -40,13 +40,15 @@ class Run:
     """The state of one run of a unit.
 
     Attributes:
-        steps: how many are left.
-        trace: what was applied, in order: a rule, its match, a rule, its match ... Flat, because it may be long.
-        refusal: why the model refused the last application that failed, if that is why the last step failed.
-        failure: which step failed last and why, and where it is written.
-        gaps: after so many applications something that was no rule changed the model: see `Trace`.
-        opened: savepoints of the steps under way that leave nothing behind if they fail.
-        ordered: whether matches are put in the order of what they stand for before one is drawn.
+        steps: number of steps left.
+        limit: number of steps at the beginning.
+        trace: applications in order, as a flat list (a rule, its match, a rule, its match ..), since it may be long.
+        refusal: the refusal of the last failed application, if the last step failed because of it; else None.
+        failure: text and span of the step that failed last.
+        levels: number of nested steps, including those of called units.
+        gaps: numbers of applications after which something other than a rule changed the model: see `Trace`.
+        opened: savepoints of the running steps that are undone if they fail.
+        ordered: True if matches are sorted before one is drawn.
     """
 
     model: Model
@@ -70,25 +72,28 @@ class Run:
 
     @property
     def firings(self) -> list[Firing]:
-        """What was applied, in order."""
+        """Return the applications in order."""
         return firings(self.trace)
 
     def count(self, site: Site | None = None) -> None:
-        """One more step; `site` says which.
+        """Count one step.
+
+        Args:
+            site: description of the step for the error message.
 
         Raises:
-            EvaluationError: that is one too many.
+            EvaluationError: the step limit is exceeded.
         """
         self.steps -= 1
         if self.steps < 0:
             spent(self, site)
 
     def whole(self, function: Callable[..., Any], *arguments: Any) -> Any:
-        """Run a step that leaves nothing behind if it fails."""
+        """Run a step and undo its changes if it fails. Return its outcome."""
         savepoint, length, gaps = self.model.graph.history.savepoint(), len(self.trace), len(self.gaps)
         self.opened.append(savepoint)
         outcome = function(self, *arguments)
-        # Not in a `finally`: what an exception leaves open is closed by `abandon`, where the stack is not exhausted.
+        # No `finally`: after an exception, perhaps by an exhausted stack, `abandon` closes the open savepoints.
         self.opened.pop()
         if outcome is None:
             self.model.graph.history.rollback(savepoint)
@@ -98,7 +103,7 @@ class Run:
         return outcome
 
     def abandon(self) -> None:
-        """Take back what every open step has done, after an exception."""
+        """Undo the changes of all running steps after an exception."""
         if self.opened:
             interrupted = self.model.graph.store.interrupted
             interrupted.append(self.opened[0])
@@ -107,12 +112,12 @@ class Run:
 
 
 def at(span: Span | None) -> str:
-    """Return where something is written, if it is."""
+    """Format a span as ` (span)`, or "" for None."""
     return f" ({span})" if span else ""
 
 
 def firings(trace: Sequence[Any]) -> list[Firing]:
-    """The applications of a flat trace."""
+    """Convert a flat trace to a list of firings."""
     items = iter(trace)
     return [Firing(rule.name, row) for rule, row in zip(items, items, strict=True)]
 
@@ -125,7 +130,10 @@ def _picker(rng: Randomness) -> Callable[[int], int]:
 
 
 def spent(run: Run, site: Site | None) -> NoReturn:
-    """The step limit is reached; `site` is the loop or the call that took the last step.
+    """Raise the error that the step limit is reached.
+
+    Args:
+        site: the loop or call that took the last step.
 
     Raises:
         EvaluationError: always.
@@ -137,7 +145,7 @@ def spent(run: Run, site: Site | None) -> NoReturn:
 
 
 def note_refusal(run: Run, error: RuleError) -> None:
-    """The model has refused an application; anything else ends the run."""
+    """Record that the model refused an application. Raise errors that are no refusals."""
     if error.reason not in REFUSALS:
         raise error
     run.refusal = error
@@ -147,7 +155,10 @@ def note_refusal(run: Run, error: RuleError) -> None:
 
 
 def fire_one(run: Run, rule: RuleRunner, rows: Sequence[Row]) -> tuple[Row, Sequence[Any]] | None:
-    """Apply a rule at one of the rows, drawn uniformly; if that is refused, at one of the others."""
+    """Apply a rule at one of the rows, drawn uniformly. If it is refused, try the other rows in random order.
+
+    Return the row and the slots of the application, or None.
+    """
     if not rows:
         return None
     number = run.pick(len(rows)) if len(rows) > 1 else 0
@@ -162,7 +173,7 @@ def fire_one(run: Run, rule: RuleRunner, rows: Sequence[Row]) -> tuple[Row, Sequ
 def _go_on(
     run: Run, rule: RuleRunner, rows: Iterable[Row], error: RuleError
 ) -> tuple[Row, Sequence[Any]] | None:
-    """A rule was refused: apply it at the first of these rows at which it is not."""
+    """Apply a refused rule at the first of the other rows at which it is not refused; None if there is no such row."""
     try:
         return rule.fire_next(rows, error)
     except RuleError as refused:
@@ -173,7 +184,7 @@ def _go_on(
 def call_rule(
     run: Run, rule: RuleRunner, rows: Sequence[Row], missing: Site, refused: Site
 ) -> Sequence[Any] | None:
-    """A call of a rule at one of its matches: `fire_one`, written out because calls are many."""
+    """Execute the call of a rule at a random match. The code of `fire_one` is repeated here for speed."""
     if not rows:
         return _called(run, rule, None, missing)
     number = run.pick(len(rows)) if len(rows) > 1 else 0
@@ -196,7 +207,7 @@ def call_first(
     missing: Site,
     refused: Site,
 ) -> Sequence[Any] | None:
-    """A call of a rule at the first of its matches, if there is one; `rows` lists them all, where that is refused."""
+    """Execute the call of a rule at its first match `row`, or None. `rows` lists all matches, used after a refusal."""
     if row is None:
         return _called(run, rule, None, missing)
     found: tuple[Row, Sequence[Any]] | None
@@ -220,7 +231,7 @@ def _called(
 
 
 def fire_every(run: Run, rule: RuleRunner, rows: Iterable[Row], site: Site) -> bool | None:
-    """Apply a rule at each of the rows that still is a match when its turn comes and is not refused."""
+    """Apply a rule at each of the rows, except rows that are no match any more or at which it is refused."""
     changed = None
     for row in rows:
         run.steps -= 1
@@ -241,7 +252,7 @@ def fire_every(run: Run, rule: RuleRunner, rows: Iterable[Row], site: Site) -> b
 
 
 def fire_one_of(run: Run, rules: Sequence[RuleRunner]) -> tuple[RuleRunner, Row, Sequence[Any]] | None:
-    """Draw a rule by weight among those that match, and apply it at one of its matches; go on if that is refused."""
+    """Draw a rule by weight among those with a match, and apply it at a random match; after a refusal, draw again."""
     left = [rule for rule in rules if rule.exists()]
     while left:
         rule = left[draw_weighted(run.rng, [rule.weight for rule in left])]
@@ -254,7 +265,7 @@ def fire_one_of(run: Run, rules: Sequence[RuleRunner]) -> tuple[RuleRunner, Row,
 
 
 def apply_one_of(run: Run, rules: Sequence[RuleRunner], site: Site | None = None) -> bool | None:
-    """`fire_one_of` as a step."""
+    """Execute the call of a group as a step: see `fire_one_of`."""
     run.count(site)
     run.refusal = None
     found = fire_one_of(run, rules)
@@ -267,7 +278,7 @@ def apply_one_of(run: Run, rules: Sequence[RuleRunner], site: Site | None = None
 
 
 def apply_every_of(run: Run, rules: Sequence[RuleRunner], site: Site) -> bool | None:
-    """`fire_every` of the rules of a group, at the matches that all of them have now."""
+    """Apply all rules of a group at all of their current matches: see `fire_every`."""
     run.count(site)
     run.refusal = None
     changed = None
@@ -281,15 +292,15 @@ def apply_every_of(run: Run, rules: Sequence[RuleRunner], site: Site) -> bool | 
 def rows_bound_by(
     prepare: Callable[[tuple[str, ...]], Callable[..., Any]], names: Sequence[str], values: Sequence[Any]
 ) -> Any:
-    """The matches that agree with those of the values that are set, as `prepare` or `seek` of the rule gives them."""
+    """Return the matches that agree with all values that are set, by `prepare` or `seek` of a rule."""
     given = {name: value for name, value in zip(names, values, strict=True) if value is not UNSET}
     return prepare(tuple(given))(*given.values())
 
 
 def is_applicable(rule: RuleRunner, values: Mapping[str, Any]) -> bool:
-    """Return whether a rule is applicable at one of the matches that agree with those of the values that are set.
+    """Return True if a rule is applicable at a match that agrees with the values that are set.
 
-    What has no value, or was deleted, has no match.
+    Return False if a value is None or a deleted object.
     """
     given = {name: value for name, value in values.items() if value is not UNSET}
     for name, value in given.items():
@@ -300,16 +311,16 @@ def is_applicable(rule: RuleRunner, values: Mapping[str, Any]) -> bool:
     return any(map(rule.is_applicable, list(rule.rows_known(given))))
 
 
-# --- choice
+# --- choices
 
 Tier = tuple[tuple[Callable[..., Any], ...], tuple[float, ...]]
-"""Alternatives of one priority, and their weights."""
+"""Alternatives of a choice with the same priority, and their weights."""
 
 
 def run_one_of(run: Run, tiers: Sequence[Tier], *arguments: Any) -> bool | None:
-    """Try alternatives until one succeeds, tier by tier, in a tier drawn by weight.
+    """Try alternatives until one succeeds: tier by tier, and in each tier in random order by weight.
 
-    The refusal of any of them is a reason for all of them to fail.
+    If all fail, the first refusal is recorded as the reason.
     """
     refusal = None
     for alternatives, weights in tiers:
@@ -326,7 +337,7 @@ def run_one_of(run: Run, tiers: Sequence[Tier], *arguments: Any) -> bool | None:
 
 
 def draw_weighted(rng: Randomness, weights: Sequence[float]) -> int:
-    """A number from 0, with probabilities in proportion to the weights; without a choice nothing is drawn."""
+    """Return a random index, with probabilities proportional to the weights. For a single weight no number is drawn."""
     if len(weights) == 1:
         return 0
     if isinstance(rng, Branches):
@@ -336,23 +347,29 @@ def draw_weighted(rng: Randomness, weights: Sequence[float]) -> int:
         point -= weight
         if point < 0:
             return number
-    return len(weights) - 1  # rounding
+    return len(weights) - 1  # reached only by rounding errors
 
 
 def best(rows: Sequence[Row], value: Callable[[Row], Any], limit: int | None) -> list[Row]:
-    """The rows with the largest values, in that order, ties as they come; rows without a value are left out."""
+    """Return the rows with the largest values, in this order, without rows whose value is None.
+
+    Rows with equal values keep their order.
+    """
     valued = [(found, row) for row in rows if (found := value(row)) is not None]
-    valued.sort(key=lambda pair: pair[0], reverse=True)  # stable, reversed or not
+    valued.sort(key=lambda pair: pair[0], reverse=True)  # the sort is stable even with `reverse`
     return [row for _, row in valued[:limit]]
 
 
 def argument_value(
     expression: Expression, values: Mapping[str, Any], read: Callable[[int, str], Value | None], site: Site
 ) -> Value | None:
-    """The value of an argument or a bound, or None if a path in it has none; `site` is what it is, and where.
+    """Return the value of an argument or bound, or None if a path in it has no value.
+
+    Args:
+        site: description and span of the expression, for messages.
 
     Raises:
-        EvaluationError: division by zero, overflow, a function outside its domain.
+        EvaluationError: division by zero, overflow, or a function outside its domain.
     """
     if any(evaluate(path, values, read) is None for path in navigations(expression)):
         return None
@@ -365,10 +382,10 @@ def argument_value(
 
 
 def rounds(run: Run, lower: int, upper: int, span: Span | None) -> int:
-    """A number of rounds between two bounds that were worked out.
+    """Return a random number of rounds between two computed bounds.
 
     Raises:
-        EvaluationError: the upper one is below the lower one, or the lower one below 0.
+        EvaluationError: the upper bound is below the lower bound, or the lower bound is below 0.
     """
     if not 0 <= lower <= upper:
         hint = "the lower bound comes first, and is at least 0"
@@ -377,7 +394,7 @@ def rounds(run: Run, lower: int, upper: int, span: Span | None) -> int:
 
 
 def read_feature(model: Model, node: int, feature: str) -> Value | None:
-    """A single-valued feature of an object, for `evaluate`; one that was deleted has none."""
+    """Return the value or target of a single-valued feature; None if the object was deleted or lacks it."""
     if not model.graph.alive(node):
         return None
     found = model.metamodel.feature(model.graph.class_of(node), feature)

@@ -1,4 +1,4 @@
-"""Rules that are ready to run: their matches, and what applying them does."""
+"""Runners: compiled rules that find their matches and apply themselves."""
 
 from __future__ import annotations
 
@@ -22,25 +22,25 @@ from envgraph.rewrite.run._notices import Report
 REFUSALS: Final = frozenset(
     {"containment", "dangling", "full", "identification", "lost-link", "missing-link", "multiplicity"}
 )
-"""Reasons for which a rule is not applicable at a match; any other `RuleError` is a mistake, and is raised."""
+"""Reasons that count as a refusal at a match; a `RuleError` with another reason is a mistake and is raised."""
 
 
 class Randomness(Protocol):
-    """What random choices need: a `numpy.random.Generator` has it."""
+    """A source of random floats, such as a `numpy.random.Generator`."""
 
     def random(self) -> float:
-        """A number from 0 (included) to 1 (excluded)."""
+        """Return a number from 0 (included) to 1 (excluded)."""
 
 
 def draw(rng: Randomness, count: int) -> int:
-    """One of `count` numbers from 0, equally likely; without a choice nothing is drawn."""
+    """Return a random number from 0 to `count` - 1. If `count` is 1 or less, return 0 without drawing."""
     if count <= 1:
         return 0
     return rng.choose(count) if isinstance(rng, Branches) else int(rng.random() * count)
 
 
 def others(rows: Sequence[Row], number: int, pick: Callable[[int], int]) -> Iterator[Row]:
-    """The rows but the one of this number, drawn one after the other."""
+    """Yield all rows except the one at the index `number`, in random order."""
     left = [*rows[:number], *rows[number + 1 :]]
     while left:
         yield left.pop(pick(len(left)) if len(left) > 1 else 0)
@@ -52,17 +52,17 @@ NO_ARGUMENTS: Mapping[str, Value] = {}
 
 
 class RuleRunner(ABC):
-    """A rule over the model of one engine.
+    """A compiled rule over the model of an engine.
 
-    Rows are matches as plain tuples, in the order of `shape.names`; objects are ids. Arguments bind any variables of
-    the match in advance, by name.
+    Rows are matches as plain tuples, in the order of `shape.names`, with ids in place of objects. Arguments bind
+    variables of the match in advance, by name.
 
     Attributes:
         shape: name and variables of the rule.
         parameters: names of its parameters, in order.
-        weight, priority: for random choices among rules.
-        inputs: variables that an argument has to bind, because nothing enumerates them.
-        certain: whether a match decides what an application does.
+        weight, priority: used in random choices among rules.
+        inputs: variables that must be bound by an argument, because matching cannot enumerate their values.
+        certain: True if a match determines the result of an application.
     """
 
     certain: ClassVar[bool] = True
@@ -97,76 +97,76 @@ class RuleRunner(ABC):
     # --- matches
 
     def rows(self, arguments: Mapping[str, object] = NO_ARGUMENTS) -> Sequence[Row]:
-        """All matches that agree with the arguments.
+        """Return all matches that agree with the arguments.
 
         Raises:
-            InvalidArgument: an unknown variable, or an input without an argument.
-            TypeMismatch: an argument of the wrong type.
+            InvalidArgument: a variable is unknown, or an input has no argument.
+            TypeMismatch: an argument has the wrong type.
         """
         return self.matcher.rows(self.pattern, self._arguments(arguments)) if arguments else self.all_rows()
 
     def all_rows(self) -> Sequence[Row]:
-        """All matches; fast."""
+        """Return all matches in a fast way."""
         if self._all is None:
             self._all = self.prepare(())
         return self._all()
 
     def live_rows(self) -> Sequence[Row]:
-        """As `all_rows`, but to be read before the model changes, and not to be kept.
+        """Return all matches as a sequence that may be used only until the model changes.
 
-        Takes constant time where the rule is watched (`Engine.watch`).
+        This takes constant time if the rule is watched (`Engine.watch`).
         """
         return (self._live or self.reader())()
 
     def reader(self) -> Find:
-        """`live_rows` as the fastest function that there is."""
+        """Return the fastest function for `live_rows`."""
         if self._live is None:
             self._require(())
             self._live = self.matcher.lister(self.pattern)
         return self._live
 
     def rows_known(self, arguments: Mapping[str, Value]) -> Sequence[Row]:
-        """As `rows`, unchecked: names and types are right, and the objects are there."""
+        """Return the matches for arguments, unchecked: names and types must be right, and objects must exist."""
         if not arguments:
             return self.live_rows()
         return self.prepare(tuple(arguments))(*arguments.values())
 
     def exists(self, arguments: Mapping[str, object] = NO_ARGUMENTS) -> bool:
-        """Return whether there is a match that agrees with the arguments; raises like `rows`."""
+        """Return True if a match agrees with the arguments. Exceptions are raised as in `rows`."""
         return self.matcher.exists(self.pattern, self._arguments(arguments))
 
     def is_match(self, row: Row) -> bool:
-        """Return whether a row is a match in the present state."""
+        """Return True if a row is a match in the current state."""
         return self.matcher.exists(self.pattern, row)
 
     def still_holds(self, row: Row) -> bool:
-        """As `is_match`, for a row that has been one: unchecked, and fast."""
+        """Return True if a row that was a match is still one. This is fast, and the row is not checked."""
         if self._holds is None:
             self._holds = self.matcher.tester(self.pattern)
         return self._holds(row)
 
     def prepare(self, names: tuple[str, ...]) -> Find:
-        """`rows` for one set of bound variables, as a fast function of their values in the order of `names`.
+        """Return a fast function that finds matches for values of the variables `names`, in this order.
 
-        The values are not checked: they must have the right type, and objects must exist.
+        The values are not checked: they must have the right types, and objects must exist.
 
         Raises:
-            InvalidArgument: an unknown variable, or an input that is not bound.
+            InvalidArgument: a variable is unknown, or an input is not bound.
         """
         if names not in self._prepared:
             self._prepared[names] = self._bound(names, self.matcher.prepare)
         return self._prepared[names]
 
     def seek(self, names: tuple[str, ...]) -> Callable[..., Iterator[Row]]:
-        """As `prepare`, one by one: each is looked for when it is asked for, and not after the model has changed."""
+        """Return a function like that of `prepare`, but lazy; its iterator is valid until the model changes."""
         return self._bound(names, self.matcher.seeker)
 
     def seek_known(self, arguments: Mapping[str, Value]) -> Iterator[Row]:
-        """As `rows_known`, one by one."""
+        """Yield the matches for arguments lazily; none if an object among the arguments does not exist."""
         return self.seek(tuple(arguments))(*arguments.values()) if self._alive(arguments) else iter(())
 
     def _alive(self, arguments: Mapping[str, Value]) -> bool:
-        """Whether the objects among arguments exist."""
+        """Return True if the objects among the arguments exist."""
         shape, alive = self.shape, self.model.graph.alive
         return all(
             alive(value)  # type: ignore[arg-type]
@@ -177,7 +177,7 @@ class RuleRunner(ABC):
     def _bound(
         self, names: tuple[str, ...], make: Callable[[str, tuple[int, ...]], Callable[..., Found]]
     ) -> Callable[..., Found]:
-        """A function of the values of variables, in their order, made of one in the order of the shape."""
+        """Return a function of values in the order of `names`, from a function in the order of the shape."""
         self._require(names)
         positions = [self.shape.position(name) for name in names]
         order = sorted(range(len(positions)), key=positions.__getitem__)
@@ -185,21 +185,21 @@ class RuleRunner(ABC):
         return find if order == list(range(len(order))) else _reordered(find, order)
 
     def pick(self, rng: Randomness, arguments: Mapping[str, object] = NO_ARGUMENTS) -> Row | None:
-        """One of the matches, equally likely; None if there is none."""
+        """Return one of the matches, drawn uniformly; None if there are no matches."""
         rows = self.rows(arguments) if arguments else self.live_rows()
         return rows[draw(rng, len(rows))] if rows else None
 
     def once(self, rng: Randomness) -> Row | None:
-        """Apply the rule at one of its matches, equally likely: the fast path of loops, unchecked and unrecorded.
+        """Apply the rule at one of its matches, drawn uniformly: the fast, unchecked and unrecorded way for loops.
 
-        If it is refused there, at another one. Watch the rule (`Engine.watch`) and this takes the time of the change,
-        whatever the number of matches.
+        If the rule is refused, other matches are tried. If the rule is watched (`Engine.watch`), the time depends
+        only on the change, not on the number of matches.
 
         Returns:
-            The match; None if there is none.
+            The match; None if there are no matches.
 
         Raises:
-            RuleError: the rule is refused at each match; the model is as before.
+            RuleError: the rule is refused at each match; the model is unchanged.
         """
         rows = (self._live or self.reader())()
         if not rows:
@@ -230,17 +230,17 @@ class RuleRunner(ABC):
 
     @abstractmethod
     def fire(self, row: Row) -> Sequence[Any]:
-        """Apply the rule at a row that is a match; the result is for `application`.
+        """Apply the rule at a row that is a match, and return the values of its slots, for `application`.
 
         Raises:
-            RuleError: the rule is refused; the model is as before.
+            RuleError: the rule is refused; the model is unchanged.
         """
 
     def fire_next(self, rows: Iterable[Row], error: RuleError) -> tuple[Row, Sequence[Any]]:
-        """A row was refused with an error: apply the rule at the first of these rows at which it is applicable.
+        """Apply the rule, which was refused with `error`, at the first of these rows at which it is not refused.
 
         Raises:
-            RuleError: the last refusal, if there is none; or what is no refusal.
+            RuleError: the rule is refused at all rows (the last refusal), or an error is no refusal.
         """
         if error.reason not in REFUSALS:
             raise error
@@ -254,7 +254,7 @@ class RuleRunner(ABC):
         raise error
 
     def refusal_at(self, row: Row) -> RuleError | EvaluationError | None:
-        """Why the rule cannot be applied at a match; it is tried, and undone."""
+        """Return the error that an application at a match raises, or None. The application is undone."""
         try:
             with self.model.transaction():
                 self.fire(row)
@@ -265,10 +265,10 @@ class RuleRunner(ABC):
             return error
 
     def is_applicable(self, row: Row) -> bool:
-        """Return whether the rule can be applied at a match.
+        """Return True if the rule can be applied at a match.
 
         Raises:
-            RuleError, EvaluationError: something other than a refusal; see `REFUSALS`.
+            RuleError, EvaluationError: the application fails for another reason than a refusal; see `REFUSALS`.
         """
         error = self.refusal_at(row)
         if error is None:
@@ -278,22 +278,22 @@ class RuleRunner(ABC):
         raise error
 
     def apply_row(self, row: Row) -> Firing:
-        """Apply the rule at a row that is known to be a match: the fast path of searches.
+        """Apply the rule at a row that is known to be a match: the fast way for searches.
 
         Returns:
-            What a trace needs to do the same again: see `Engine.replay`.
+            The firing, for `Engine.replay`.
 
         Raises:
-            RuleError: the rule is refused; the model is as before.
+            RuleError: the rule is refused; the model is unchanged.
         """
         self.fire(row)
         return Firing(self.name, row)
 
     def apply_checked(self, row: Row) -> Sequence[Any]:
-        """Apply the rule at a row that may have ceased to be a match.
+        """Apply the rule at a row that may not be a match any more.
 
         Raises:
-            RuleError: it has ("stale-match"), or the rule is refused.
+            RuleError: the row is no match ("stale-match"), or the rule is refused.
         """
         if not self.is_match(row):
             match = Match(self.model, self.shape, row)
@@ -301,12 +301,12 @@ class RuleRunner(ABC):
         return self.fire(row)
 
     def application(self, row: Row, result: Sequence[Any]) -> Application:
-        """Return what people see of an application."""
+        """Return the public description of an application from its row and its slots."""
         return Application(self.name, Match(self.model, self.shape, row), {}, {})
 
 
 class _Tried(Exception):
-    """Ends a trial that was successful."""
+    """An exception that rolls back a successful trial application."""
 
 
 def _reordered(find: Callable[..., Found], order: Sequence[int]) -> Callable[..., Found]:
@@ -317,7 +317,7 @@ def _reordered(find: Callable[..., Found], order: Sequence[int]) -> Callable[...
 
 
 class GraphRule(RuleRunner):
-    """A rule with a plan."""
+    """The runner of a rule with a plan."""
 
     def __init__(
         self, plan: RulePlan, model: Model, library: Library, matcher: Matcher, report: Report
@@ -334,7 +334,7 @@ class GraphRule(RuleRunner):
         )
         self.plan = plan
         self._effect = effect_of(plan, model, matcher, report)
-        # An instance attribute, to save a call in the loop of a search.
+        # Set on the instance, to save a call in the loops of searches.
         self.fire = self._effect  # type: ignore[method-assign, assignment]
 
     def fire(self, row: Row) -> Sequence[Any]:
@@ -342,7 +342,7 @@ class GraphRule(RuleRunner):
         return self._effect(row)
 
     def application(self, row: Row, result: Sequence[Any]) -> Application:
-        """Return what people see of an application."""
+        """Return the public description of an application, with created objects and outputs."""
         plan = self.plan
         match = Match(self.model, self.shape, row)
         if not (plan.outputs or plan.body.creates):
@@ -353,11 +353,11 @@ class GraphRule(RuleRunner):
 
     def _shown(self, name: str, value: Any) -> Node | Value:
         is_object = name not in self.shape.names or self.shape.is_object(self.shape.position(name))
-        return Node(self.model, value) if is_object else value  # a block may have deleted it
+        return Node(self.model, value) if is_object else value  # the object may have been deleted by a block
 
 
 class ExactClassRule(GraphRule):
-    """A rule whose left side is an object of exactly one class: its matches are an extent."""
+    """The runner of a rule whose LHS is one object of exactly one class: its matches are the objects of this class."""
 
     def __init__(
         self, plan: RulePlan, model: Model, library: Library, matcher: Matcher, report: Report
@@ -367,21 +367,21 @@ class ExactClassRule(GraphRule):
         self._rows = ExtentRows(model.graph.exact_extent(plan.exact))
 
     def all_rows(self) -> Sequence[Row]:
-        """All matches."""
+        """Return all matches."""
         return list(self._rows)
 
     def reader(self) -> Find:
-        """`live_rows`."""
+        """Return a function that returns all matches in constant time."""
         self._live = lambda: self._rows
         return self._live
 
     def exists(self, arguments: Mapping[str, object] = NO_ARGUMENTS) -> bool:
-        """Return whether there is a match."""
+        """Return True if a match agrees with the arguments."""
         return super().exists(arguments) if arguments else bool(self._rows)
 
 
 class ExtentRows(Sequence[Row]):
-    """The objects of a class as rows, which are made when they are read."""
+    """The objects of a class as a sequence of rows, each of which is created when it is read."""
 
     __slots__ = ("_nodes",)
 
@@ -401,18 +401,19 @@ class ExtentRows(Sequence[Row]):
 
 
 def graph_rule(plan: RulePlan, model: Model, library: Library, matcher: Matcher, report: Report) -> GraphRule:
-    """The runner for a plan."""
+    """Return the runner for a plan."""
     kind = GraphRule if plan.exact is None else ExactClassRule
     return kind(plan, model, library, matcher, report)
 
 
 class PythonRule(RuleRunner):
-    """A rule whose left side is a pattern and whose right side is a function.
+    """The runner of a rule whose LHS is a pattern and whose RHS is a Python function.
 
-    The function takes variables of the match by name, as handles or values, and `engine` if it has such a parameter.
+    The function takes variables of the match by name, as nodes or values, and the engine if it has a parameter
+    `engine`.
     """
 
-    certain = False  # it may draw
+    certain = False  # the function may make random choices
 
     def __init__(
         self,
@@ -438,7 +439,7 @@ class PythonRule(RuleRunner):
         self._aside = aside
 
     def fire(self, row: Row) -> Sequence[Any]:
-        """Call the function; an exception undoes what it did."""
+        """Call the function at a match and return the row. If it raises an exception, its changes are undone."""
         match = Match(self.model, self.shape, row)
         arguments: dict[str, object] = {name: match[name] for name in self._names}
         if self._takes_engine:
@@ -456,10 +457,10 @@ class PythonRule(RuleRunner):
 def wanted_arguments(
     function: Callable[..., object], shape: Shape, others: Sequence[str]
 ) -> tuple[tuple[str, ...], tuple[str, ...]]:
-    """The variables that a function takes, and what else of `others`; a variable of such a name comes first.
+    """Return the match variables that a function takes, and its parameters in `others`. Variables take precedence.
 
     Raises:
-        InvalidArgument: it takes something else.
+        InvalidArgument: the function has another parameter without a default.
     """
     names: list[str] = []
     taken: list[str] = []

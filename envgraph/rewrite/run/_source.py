@@ -1,7 +1,8 @@
-"""Code for the parts of a plan.
+"""Generation of code for the operations of a plan.
 
-Classes, features and literals are values of the generated function's namespace. Slot number 3 is the local variable
-`e3`, or `e[3]` where blocks share a list. Each statement comes from the operation that it carries out.
+Classes, features and literals are values in the namespace of the generated function. Slot number 3 is the local
+variable `e3`, or `e[3]` if blocks share a list of slots. Each statement has the operation that it executes as its
+origin.
 """
 
 from __future__ import annotations
@@ -55,29 +56,29 @@ _VERBS: Final = (
     *("alive", "delete", "link", "new", "retype", "set_target", "set_targets", "set_value"),
     *("target", "unlink", "value", "values"),
 )
-"""What generated code calls of the model itself."""
+"""Methods of the graph that generated code calls."""
 
 Namer = Callable[[int], code.Local | code.Index]
-"""What stands for a slot."""
+"""A function that returns the variable for a slot."""
 
 
 class Writer:
-    """Writes the code of functions, and keeps the constants they name.
+    """A generator of the code of rule functions, which collects the constants that the code refers to.
 
     Args:
-        model: that the function changes.
-        slot: what stands for a slot.
-        lossy: SPO.
-        sure: objects are of the classes that the plan says, so that links are changed without a look at them.
-        again: notified of a link that is created and there already; None if nobody needs to be.
-        redo: whether some of the changes may be made already: ids of new objects are counted from `first`, and sums
-            are known unless they are None.
-        doomed: what the whole application deletes, known when it is made; None if the block alone deletes.
-        endangered: classes of objects that may go along with another one that is deleted.
+        model: the model that the function changes.
+        slot: returns the variable for a slot.
+        lossy: True for SPO semantics, False for DPO.
+        sure: True if objects are certainly of the classes in the plan, so that links can be changed without checks.
+        again: called for a created link that already exists; None for no call.
+        redo: True if the code completes an interrupted application, so that some changes may be made already. Ids of
+            new objects are counted from `first`, and sums are computed only if they are None.
+        doomed: the objects that the whole application deletes, filled at run time; None if only this block deletes.
+        endangered: classes of objects that may be deleted together with another deleted object.
 
     Attributes:
-        namespace: what the code may refer to.
-        sums: the values that are computed between the changes.
+        namespace: values for the names in the code.
+        sums: local variables for values that are computed between changes.
     """
 
     def __init__(
@@ -118,24 +119,24 @@ class Writer:
             )
 
     def constant(self, value: object) -> code.Name:
-        """A name for a constant."""
+        """Add a constant to the namespace and return its name."""
         name = f"k{len(self.namespace)}"
         self.namespace[name] = value
         return code.Name(name)
 
     def slots(self, numbers: Iterable[int]) -> code.Tuple:
-        """A tuple of slots."""
+        """Return a tuple expression of slots."""
         return code.Tuple(tuple(self.slot(number) for number in numbers))
 
     # --- the phases of a block, in order
 
     def compute(self, plan: BlockPlan) -> list[code.Statement]:
-        """Values on the state before the rule, and links that have to be there."""
+        """Emit code that checks required links and computes all values on the state before the rule."""
         asked = [code.Do(code.call("_there", *self._ends(u)), u) for u in plan.unlinks if u.required]
         return [*asked, *(code.Assign(self.slot(c.slot), self._value(c), origin=c) for c in plan.computed)]
 
     def unlink(self, plan: BlockPlan) -> list[code.Statement]:
-        """Links that go, and objects that leave their container: all before one enters another."""
+        """Emit code that removes links, and takes objects out of old containers before any object is moved."""
         fresh = {new.node for new in plan.creates}
         leaving = [
             self._leave(move, move.container in fresh) for move in plan.moves if move.node not in fresh
@@ -152,7 +153,7 @@ class Writer:
         return relation.containment or relation.contained
 
     def _release(self, op: SetTargets | ChangeTargets, fresh: set[int]) -> list[code.Statement]:
-        """Return what targets that are set take out of containers."""
+        """Emit code that removes objects from containers which they leave because targets are set."""
         known = tuple(value for value in op.values if value not in fresh)
         if op.object in fresh and (not op.reference.containment or _removes(op)):
             return []
@@ -165,23 +166,23 @@ class Writer:
         ]
 
     def delete(self, plan: BlockPlan) -> list[code.Statement]:
-        """Objects that go."""
+        """Emit code that deletes objects."""
         return [self._delete(d, plan) for d in plan.deletes]
 
     def strip(self, plan: BlockPlan) -> list[code.Statement]:
-        """Links that objects which are merged take along."""
+        """Emit code that removes and stores the links of objects to be merged."""
         return [
             code.Assign(self.slot(a.links), code.call("_strip", self.slot(a.absorbed)), origin=a)
             for a in plan.absorbs
         ]
 
     def keep(self, slots: tuple[int, ...], plan: BlockPlan) -> code.Statement:
-        """Makes sure that what the rule keeps has not gone with its container."""
+        """Emit code that checks that the rule's preserved objects were not deleted with their containers."""
         names = tuple(plan.names[slot] for slot in slots)
         return code.Do(code.call("_check_kept", self.slots(slots), self.constant(names)))
 
     def retype(self, plan: BlockPlan) -> list[code.Statement]:
-        """Objects that change their class."""
+        """Emit code that retypes objects."""
         lossy = code.Constant(self.lossy)
         return [
             code.Do(code.call("retype", self.slot(r.node), self.constant(r.cls), lossy), r)
@@ -189,7 +190,7 @@ class Writer:
         ]
 
     def create(self, plan: BlockPlan) -> list[code.Statement]:
-        """New objects."""
+        """Emit code that creates objects."""
         return [
             code.Assign(self.slot(new.node), self._new(number, self.constant(new.cls)), origin=new)
             for number, new in enumerate(plan.creates)
@@ -201,7 +202,7 @@ class Writer:
         return code.call("made", code.Operation("+", (FIRST, code.Constant(number))), cls)
 
     def link(self, plan: BlockPlan) -> list[code.Statement]:
-        """Merges, moves and new links."""
+        """Emit code for merges, moves and new links."""
         moves = [
             code.Do(
                 code.call("link", self.slot(m.container), self.constant(m.reference), self.slot(m.node)), m
@@ -222,7 +223,7 @@ class Writer:
         return [*map(self._absorb, plan.absorbs), *moves, *links]
 
     def assign(self, plan: BlockPlan) -> list[code.Statement]:
-        """Values and targets that are set."""
+        """Emit code that sets attributes and references."""
         return [statement for change in plan.sets for statement in self._assigned(change)]
 
     # --- parts
@@ -231,7 +232,7 @@ class Writer:
         return self.slot(op.source), self.constant(op.reference), self.slot(op.target)
 
     def _unlink(self, op: Unlink) -> code.Statement:
-        """Removes a link, if it is there."""
+        """Emit code that removes a link if it exists."""
         if not self.sure:
             return code.Do(code.call("unlink", *self._ends(op)), op)
         relation = self.model.graph.store.relations[op.reference.index]
@@ -241,7 +242,11 @@ class Writer:
         return code.If(there_, (code.Do(code.call(disconnect, source, target)),), origin=op)
 
     def _make(self, op: Link, homeless: bool) -> code.Expression:
-        """Adds a link that is not there; `homeless` if what it contains, if anything, is surely in no container."""
+        """Emit an expression that adds a missing link.
+
+        Args:
+            homeless: True if the contained end certainly has no container.
+        """
         relation = self.model.graph.store.relations[op.reference.index]
         source, reference, target = self._ends(op)
         if relation.containment or relation.contained:
@@ -255,7 +260,7 @@ class Writer:
         if relation.opposite_upper < maxsize:
             room.append(_fewer(code.Index(backward, target), relation.opposite_upper))
         made = code.call(self.constant(relation.connect), source, target)
-        # Where there is no room `link` says so.
+        # If an end is full, `link` raises the error.
         return (
             code.Choice(code.joined("and", room, True), made, code.call("link", source, reference, target))
             if room
@@ -263,12 +268,16 @@ class Writer:
         )
 
     def _leave(self, op: Rehome, fresh: bool) -> code.Statement:
-        """An object leaves its container; `fresh` if it goes to one that is not there yet."""
+        """Emit code that removes an object from its container.
+
+        Args:
+            fresh: True if the new container is not created yet.
+        """
         container = code.NONE if fresh else self.slot(op.container)
         return code.Do(code.call("_leave", self.slot(op.node), container, self.constant(op.reference)), op)
 
     def _delete(self, op: Delete, plan: BlockPlan) -> code.Statement:
-        # A container that went before has taken its contents along; one that will go takes them.
+        # The object may have been deleted with its container, or its container may be deleted later.
         node = self.slot(op.node)
         test: code.Expression = code.call("alive", node)
         if plan.classes[op.node] in self.endangered and (self.doomed is not None or len(plan.deletes) > 1):
@@ -281,7 +290,12 @@ class Writer:
         return code.Do(code.call("_absorb", *map(self.slot, (op.kept, op.absorbed, op.links))), op)
 
     def _link(self, op: Link, *, fresh: bool, homeless: bool) -> code.Statement:
-        """Adds a link unless it is there; `fresh` if that cannot be, `homeless` as for `_make`."""
+        """Emit code that adds a link unless it exists.
+
+        Args:
+            fresh: True if the link cannot exist, because an end is created by the rule.
+            homeless: as for `_make`.
+        """
         source, target = self.slot(op.source), self.slot(op.target)
         forward = self.constant(self.model.graph.store.relations[op.reference.index].forward)
         made = code.Do(self._make(op, homeless))
@@ -294,7 +308,7 @@ class Writer:
     def _assigned(self, op: Assign_) -> list[code.Statement]:
         if not isinstance(op, Increase):
             return [self._assign(op, op)]
-        # Two steps: to set a value once more changes nothing.
+        # Two statements, because repeating the second one after an interruption changes nothing.
         node, attribute, value = self.slot(op.object), self.constant(op.attribute), self.slot(op.value)
         new: code.Expression
         if op.attribute.many:
@@ -350,7 +364,7 @@ class Writer:
     def expression(
         self, expression: Term, names: Mapping[str, code.Expression], types: Mapping[str, StaticType | None]
     ) -> code.Expression:
-        """The code of an expression without paths."""
+        """Emit the code of an expression without paths."""
         base = len(self.namespace)
         known = {name: type_ for name, type_ in types.items() if type_ is not None}
         compiled = compile_expression(expression, names, known, constant=lambda n: code.Name(f"c{base}_{n}"))
@@ -361,7 +375,7 @@ class Writer:
 
 _T: Final = code.Local("t")
 FIRST: Final = code.Local("first")
-"""The id of the first new object."""
+"""The variable with the id of the first new object."""
 
 
 def _fewer(collection: code.Expression, most: int) -> code.Operation:
@@ -369,9 +383,9 @@ def _fewer(collection: code.Expression, most: int) -> code.Operation:
 
 
 class PathReader:
-    """Replaces the paths of an expression by variables, whose code reads the model.
+    """A rewriter that replaces the paths of an expression by variables whose code reads the model.
 
-    A path that leads nowhere is None where `evaluate` gives None, and an error where an operator needs a value.
+    A path without a value is None in places where `evaluate` gives None, and an error if an operator needs a value.
     """
 
     def __init__(
@@ -383,7 +397,11 @@ class PathReader:
         self.names = dict(names)
 
     def without_paths(self, node: Term, needed: bool = False) -> Term:
-        """The expression without paths; `needed` where the operator around it takes no None."""
+        """Return the expression with variables in place of paths.
+
+        Args:
+            needed: True if the enclosing operator cannot take None.
+        """
         match node:
             case Navigation() if is_method(node, self._type(node.object)):
                 return FunctionCall(node.feature, (self.without_paths(node.object, True),), node.span)

@@ -1,4 +1,4 @@
-"""Calls of rules, groups and units in generated functions."""
+"""Code generation for calls of rules, groups and units inside units."""
 
 from __future__ import annotations
 
@@ -23,14 +23,14 @@ from envgraph.rewrite.run._unit_values import UnitValues
 
 
 class UnitCalls:
-    """Writes calls into the functions of one unit.
+    """A generator of the calls in the functions of one unit.
 
     Args:
-        functions: what is being written.
-        values: writes the arguments and conditions.
-        rules: all that can be called, by qualified name.
-        run_unit: runs a unit that is called, by qualified name.
-        members: the rules of a group.
+        functions: the functions being generated.
+        values: generates arguments and conditions.
+        rules: all rules that can be called, by qualified name.
+        run_unit: returns the function that runs a unit, by its qualified name.
+        members: returns the rules of a group.
     """
 
     def __init__(
@@ -48,7 +48,7 @@ class UnitCalls:
         self._members = members
 
     def write(self, step: Call, callee: Signature, scope: Scope) -> None:
-        """Write the call of something."""
+        """Emit the call of a rule, group or unit."""
         if callee.kind == "unit":
             self._unit(step, callee, scope)
         elif callee.kind == "group":
@@ -97,9 +97,9 @@ class UnitCalls:
     def _rows(
         self, step: Call, callee: Signature, scope: Scope
     ) -> tuple[RuleRunner, code.Expression, dict[str, str]]:
-        """The rule, its matches, and the variables that get values from `out` parameters.
+        """Emit the preparation of a rule call. Return the rule, an expression for its matches, and its outputs.
 
-        For `first` the matches are an iterator, which looks no further than it is asked.
+        Outputs are the variables that get values, by `out` parameter. For `first` the expression is a lazy iterator.
         """
         rule = self._rules[callee.name]
         function, site = self._functions.now, self._functions.constant((f"`{callee.simple}`", step.span))
@@ -107,7 +107,7 @@ class UnitCalls:
         given, new = self._values.arguments(step, callee, scope)
         maybe = [scope.names[name] for name in scope.maybe]
         for name, value in given:
-            if name not in rule.shape.names:  # an object that the rule creates
+            if name not in rule.shape.names:  # the parameter is an object that the rule creates
                 there = code.Operation("is not", (value, code.Name("UNSET")))
                 self._functions.fails_if(there, f"`{name}` of `{callee.simple}` is a new object", step.span)
         given = [pair for pair in given if pair[0] in rule.shape.names]
@@ -132,7 +132,7 @@ class UnitCalls:
     def _check_alive(
         self, step: Call, rule: RuleRunner, given: Sequence[tuple[str, code.Expression]]
     ) -> None:
-        """An object that was deleted has no match."""
+        """Emit code that makes the step fail if an argument is a deleted object."""
         shape = rule.shape
         alive = [code.call("alive", value) for name, value in given if shape.is_object(shape.position(name))]
         if alive:
@@ -176,7 +176,7 @@ class UnitCalls:
         self._functions.changed(OUTCOME)
 
     def _chosen(self, step: Call, rule: RuleRunner, rows: code.Expression, scope: Scope) -> code.Expression:
-        """Those of the matches that a call is about, in its order."""
+        """Return an expression for the selected matches of a call, in the order of its `by`."""
         inside = scope.inner()
         for place, name in enumerate(rule.shape.names):
             inside.names[name] = code.Index(ROW, code.Constant(place))

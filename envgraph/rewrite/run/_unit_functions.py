@@ -1,4 +1,4 @@
-"""The generated functions of a unit while they are written: their statements, and the names in these."""
+"""The functions of a unit during code generation: their statements and their names."""
 
 from __future__ import annotations
 
@@ -18,28 +18,34 @@ FAILED: Final = code.If(code.is_none(OUTCOME), (code.Return(code.NONE),))
 
 @dataclass(slots=True)
 class Scope:
-    """What stands for each variable of the unit; those in `maybe` may have no value yet."""
+    """The expressions for the variables of a unit. Variables in `maybe` may have no value yet."""
 
     names: dict[str, code.Local | code.Index] = field(default_factory=dict)
     maybe: set[str] = field(default_factory=set)
 
     def inner(self) -> Scope:
-        """The scope of a block, which begins with the same variables."""
+        """Return a copy for a nested block."""
         return Scope(dict(self.names), set(self.maybe))
 
     def known(self, name: str) -> bool:
-        """Return whether a variable has a value for sure."""
+        """Return True if a variable certainly has a value."""
         return name in self.names and name not in self.maybe
 
     @property
     def locals(self) -> list[code.Local]:
-        """All of them as further arguments."""
+        """Return all local variables, which are passed as further arguments."""
         return [local for local in self.names.values() if isinstance(local, code.Local)]
 
 
 @dataclass(slots=True)
 class OpenFunction:
-    """A function that is being written; `tracks`: the local `c` holds whether anything was changed."""
+    """A function whose code is being generated.
+
+    Attributes:
+        bodies: the statement lists of the open compound statements, outermost first.
+        branches: number of nested branches of `if`.
+        tracks: True if the local variable `c` stores whether anything was changed.
+    """
 
     bodies: list[list[code.Statement]] = field(default_factory=lambda: [[]])
     branches: int = 0
@@ -49,28 +55,28 @@ class OpenFunction:
         self.bodies[-1] += statements
 
     def inside(self, write: Callable[[], None]) -> code.Body:
-        """Return what is written inside a compound statement."""
+        """Return the statements that `write` emits, as the body of a compound statement."""
         self.bodies.append([])
         write()
         return tuple(self.bodies.pop())
 
     @property
     def body(self) -> code.Body:
-        """All of it."""
+        """Return all statements of the function."""
         (body,) = self.bodies
         return tuple(body)
 
     @property
     def outcome(self) -> code.Expression:
-        """What it returns if it succeeds."""
+        """Return the expression that the function returns if it succeeds."""
         return CHANGED if self.tracks else code.TRUE
 
 
 class UnitFunctions:
-    """The functions of one unit: those under way, each inside the one before, and those that are done.
+    """The generated functions of one unit: finished ones, and a stack of unfinished ones, the innermost last.
 
     Args:
-        namespace: what they need; gets the constants, too.
+        namespace: values for the names in the functions; constants are added to a copy.
     """
 
     def __init__(self, namespace: Named[str, Any]) -> None:
@@ -81,69 +87,69 @@ class UnitFunctions:
 
     @contextmanager
     def begun(self) -> Iterator[OpenFunction]:
-        """A function that is written in the block."""
+        """Open a function for the duration of the block."""
         function = OpenFunction()
         self._open.append(function)
         yield function
         self._open.pop()
 
     def end(self, name: str, parameters: tuple[code.Local, ...], body: code.Body) -> code.Name:
-        """A function is complete."""
+        """Store a finished function and return its name."""
         self._done.append(code.Function(name, parameters, body))
         return code.Name(name)
 
     def compiled(self, name: str) -> Callable[..., Any]:
-        """One of the functions, which are all there now."""
+        """Compile all functions and return one of them."""
         code.define(tuple(self._done), "<unit of envgraph>", self._namespace)
         compiled: Callable[..., Any] = self._namespace[name]
         return compiled
 
     @property
     def source(self) -> str:
-        """What was written."""
+        """Return the source of all finished functions."""
         return code.printed(tuple(self._done)).text
 
     @property
     def now(self) -> OpenFunction:
-        """The innermost function under way."""
+        """Return the innermost unfinished function."""
         return self._open[-1]
 
     def new(self, letter: str) -> str:
-        """A name that nothing has yet."""
+        """Return an unused name that begins with a letter."""
         self._numbers += 1
         return f"{letter}{self._numbers}"
 
     def local(self, letter: str) -> code.Local:
-        """A new local variable."""
+        """Return a new local variable."""
         return code.Local(self.new(letter))
 
     def constant(self, value: object) -> code.Name:
-        """A name for an object, which the functions find in the namespace."""
+        """Add an object to the namespace and return its name."""
         name = self.new("k")
         self._namespace[name] = value
         return code.Name(name)
 
     def fails(self, text: str, span: Span | None) -> code.Body:
-        """The function ends here, and the step has failed."""
+        """Return statements that record the failure of the step and return None from the function."""
         return code.Assign(FAILURE, self.constant((text, span))), code.Return(code.NONE)
 
     def fails_if(self, test: code.Expression, text: str, span: Span | None) -> None:
-        """The function ends here if a test says so."""
+        """Emit code that makes the step fail if a test is true."""
         self.now.add(code.If(test, self.fails(text, span)))
 
     def changed(self, changed: code.Expression) -> None:
-        """Note that a step has changed something, where that is not sure anyway."""
+        """Emit code that records that a step has changed something, if the function tracks changes."""
         if self.now.tracks:
             self.now.add(code.Assign(CHANGED, changed, "=" if changed == code.TRUE else "|="))
 
     def give(self, scope: Scope, name: str) -> code.Local:
-        """A new local variable for a variable that has its value from now on."""
+        """Return a new local variable for a variable of the unit, which certainly has a value from now on."""
         scope.maybe.discard(name)
         local = scope.names[name] = self.local("v")
         return local
 
     def takes_step(self, site: code.Name) -> code.Body:
-        """A step of those that a run may take."""
+        """Return statements that count one step and raise an error beyond the step limit."""
         left = code.Member(RUN, "steps")
         over = code.Operation("<", (left, code.Constant(0)))
         return code.Assign(left, code.Constant(1), "-="), code.If(

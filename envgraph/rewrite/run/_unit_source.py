@@ -1,8 +1,8 @@
-"""Units as generated functions: one for a unit, and one for each block inside it that can fail alone.
+"""Generation of functions for units: one for the unit, and one for each nested block that can fail by itself.
 
-A function returns None as soon as a step fails, and else whether anything was changed. Variables of the unit are local
-variables, passed to the functions of inner blocks by value, so that a block cannot give a value to anything outside.
-They hold names of ours, operators and numbers; whatever comes from a text is in the namespace.
+A function returns None when a step fails, and else True if anything was changed. Variables of the unit are local
+variables. They are passed by value to the functions of inner blocks, so that blocks cannot change outer variables. The
+source contains only generated names, operators and numbers; values from texts are in the namespace.
 """
 
 from __future__ import annotations
@@ -62,19 +62,19 @@ from envgraph.rewrite.run._unit_functions import (
 from envgraph.rewrite.run._unit_values import UnitValues, is_open
 
 _INLINE: Final = 8
-"""So many branches of `if` stand inside each other in one function; Python limits how deep source may nest."""
+"""Maximal number of nested `if` branches in one function, because Python limits the nesting of source code."""
 
 
 class UnitSource:
-    """Writes the functions of one checked unit.
+    """A generator of the functions of one checked unit.
 
     Args:
         checked: a unit without errors.
-        rules: everything that can be called, by qualified name.
-        run_unit: runs a unit that is called, by qualified name.
-        group: the members of a group.
-        model: what is changed.
-        matcher: says whether conditions hold.
+        rules: all rules that can be called, by qualified name.
+        run_unit: returns the function that runs a unit, by its qualified name.
+        group: returns the members of a group.
+        model: the model that is changed.
+        matcher: evaluates conditions.
     """
 
     def __init__(
@@ -97,7 +97,11 @@ class UnitSource:
         self._calls = UnitCalls(functions, self._values, rules, run_unit, members)
 
     def compile(self, signature: Signature) -> Callable[..., bool | None]:
-        """The function of the unit; it takes a run and the values of the parameters, and adds the `out` ones."""
+        """Generate and compile the function of the unit.
+
+        The function takes a run and an environment with the parameters, and adds the `out` parameters to the
+        environment.
+        """
         scope, functions = Scope(), self._functions
         given = code.Local("e")
         with functions.begun() as function:
@@ -118,11 +122,11 @@ class UnitSource:
 
     @property
     def source(self) -> str:
-        """What was written."""
+        """Return the generated source."""
         return self._functions.source
 
     def _body(self, step: Step, scope: Scope) -> None:
-        """The steps of a function, which has just begun."""
+        """Emit the steps of a function that has just been opened."""
         function = self._functions.now
         function.tracks = not surely_changes(step, self._checked.calls)
         if function.tracks:
@@ -130,7 +134,11 @@ class UnitSource:
         self._step(step, scope)
 
     def _inner(self, step: Step, scope: Scope, gives: Sequence[str] = ()) -> code.Name:
-        """A function of its own for a block; it also returns the variables of the names that it gives."""
+        """Generate a separate function for a block and return its name.
+
+        Args:
+            gives: variables whose values the function also returns.
+        """
         name, within = self._functions.new("b"), scope.inner()
         with self._functions.begun() as function:
             self._body(step, within)
@@ -159,7 +167,7 @@ class UnitSource:
                 self._atomic(step, scope)
 
     def _whole(self, step: Step, scope: Scope) -> code.Expression:
-        """A call that runs a block which leaves nothing behind if it fails."""
+        """Return a call that runs a block and undoes its changes if it fails."""
         name = self._inner(step, scope)
         return (
             self._entered(name, scope)
@@ -223,7 +231,7 @@ class UnitSource:
         function.add(code.For(done, code.call("range", number), function.inside(each)))
 
     def _rounds(self, step: Repeat, scope: Scope) -> tuple[code.Expression, code.Expression]:
-        """The least number of rounds, and the number that is drawn."""
+        """Return expressions for the least number of rounds and for the number that is drawn."""
         if isinstance(step.lower, int) and isinstance(step.upper, int):
             spread, least = step.upper - step.lower + 1, code.Constant(step.lower)
             drawn = code.method(RUN, "pick", code.Constant(spread))
@@ -260,7 +268,7 @@ class UnitSource:
         function.add(code.If(test, then, other))
 
     def _branch(self, step: Step, scope: Scope) -> None:
-        """A block that fails with the steps around it: it is written in place, unless it nests too deep."""
+        """Emit a block that fails together with the steps around it: in place, or as a function if it is too deep."""
         function = self._functions.now
         if function.branches == _INLINE:
             function.add(code.Assign(OUTCOME, self._entered(self._inner(step, scope), scope)), FAILED)
@@ -279,7 +287,7 @@ class UnitSource:
                 whole = code.Return(self._guarded(name, scope))
                 name = self._functions.end(self._functions.new("b"), (RUN, *scope.locals), (whole,))
             tiers.setdefault(priority, []).append((name, weight))
-        # The functions are not there yet.
+        # Built as expressions, because the functions are not compiled yet.
         ordered = [
             code.tuple_of(
                 code.tuple_of(*(name for name, _ in tier)),
@@ -307,7 +315,7 @@ class UnitSource:
 
 
 def surely_changes(step: Step, calls: Named[int, Signature]) -> bool:
-    """Return whether a step that succeeds has always changed something."""
+    """Return True if a step that succeeds has always changed something."""
     match step:
         case Call():
             return calls[id(step)].kind != "unit"
@@ -326,7 +334,7 @@ def surely_changes(step: Step, calls: Named[int, Signature]) -> bool:
 
 
 def leaves_nothing(step: Step | None, calls: Named[int, Signature]) -> bool:
-    """Return whether a step leaves nothing behind when it fails, or never fails."""
+    """Return True if a step makes no changes when it fails, or never fails."""
     match step:
         case Call():
             return calls[id(step)].kind != "unit"
@@ -337,7 +345,7 @@ def leaves_nothing(step: Step | None, calls: Named[int, Signature]) -> bool:
         case Try(_, otherwise):
             return leaves_nothing(otherwise, calls)
         case Repeat(lower, _, _):
-            return lower == 0  # one that is worked out may be anything
+            return lower == 0  # a computed bound may have any value
         case _:
             return True
 
@@ -350,7 +358,7 @@ def _preference(step: Step, calls: Named[int, Signature]) -> tuple[int, float]:
 
 
 def _outputs(step: Step, calls: Named[int, Signature]) -> list[str]:
-    """The variables that a block may give values to, for those around it that share its scope."""
+    """Return the variables that a block may bind for the enclosing block that shares its scope."""
     match step:
         case Steps(steps):
             return list(dict.fromkeys(name for inner in steps for name in _outputs(inner, calls)))
@@ -364,7 +372,7 @@ def _outputs(step: Step, calls: Named[int, Signature]) -> list[str]:
 
 
 def _namespace(model: Model, matcher: Matcher) -> dict[str, Any]:
-    """Return what the functions of units need."""
+    """Return the functions that generated units call, by name."""
     return {
         "UNSET": UNSET,
         "alive": model.graph.alive,

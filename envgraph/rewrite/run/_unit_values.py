@@ -1,4 +1,4 @@
-"""Terms and conditions of units in generated functions."""
+"""Code generation for expressions and conditions inside units."""
 
 from __future__ import annotations
 
@@ -26,13 +26,13 @@ from envgraph.rewrite.run._unit_functions import Scope, UnitFunctions
 
 
 class UnitValues:
-    """Writes values and conditions into the functions of one checked unit.
+    """A generator of values and conditions in the functions of one checked unit.
 
     Args:
         checked: the unit.
-        functions: what is being written.
-        matcher: says whether conditions hold.
-        members: the rules that a name stands for.
+        functions: the functions being generated.
+        matcher: evaluates conditions.
+        members: returns the rules that a name stands for.
     """
 
     def __init__(
@@ -51,9 +51,9 @@ class UnitValues:
     def arguments(
         self, step: Call, callee: Signature, scope: Scope
     ) -> tuple[list[tuple[str, code.Expression]], dict[str, str]]:
-        """The parameters that get values, with the locals that hold them; the variables that get one from `out` ones.
+        """Return expressions for the given parameters of a call, and the variables that its `out` parameters bind.
 
-        A variable that may have a value is among both.
+        A variable that may have a value is in both results.
         """
         given: list[tuple[str, code.Expression]] = []
         new: dict[str, str] = {}
@@ -72,7 +72,11 @@ class UnitValues:
         return given, new
 
     def value(self, term: Term, scope: Scope, what: str, span: Span | None = None) -> code.Expression:
-        """A local variable with the value of an expression; without a value the step fails."""
+        """Emit code that computes an expression and fails without a value; return the local variable with the result.
+
+        Args:
+            what: description of the expression, for messages.
+        """
         local = self._functions.local("a")
         if isinstance(term, Literal):
             return self._functions.constant(term.value)
@@ -81,29 +85,33 @@ class UnitValues:
         return local
 
     def _worked_out(self, term: Term, scope: Scope, what: str, span: Span | None) -> code.Expression:
-        """The value of an expression, None without one; `what` and the place are for errors."""
+        """Return code that computes an expression, or None if it has no value.
+
+        Args:
+            what, span: description and place of the expression, for messages.
+        """
         site = self._functions.constant((f"{what} in `{self._name}`", term.span or span))
         term_, values = self._functions.constant(term), self.values(term, scope)
         return code.call("argument", term_, values, code.Name("read"), site)
 
     def values(self, term: Term, scope: Scope) -> code.Mapping:
-        """The values of the variables of an expression."""
+        """Return a mapping expression with the values of the variables of an expression."""
         used = {variable.name: scope.names[variable.name] for variable in variables_in(term)}
         return self.mapping(used)
 
     def mapping(self, names: Named[str, code.Expression]) -> code.Mapping:
-        """Values by name."""
+        """Return a mapping expression from names to values."""
         return code.Mapping(tuple((self._functions.constant(name), value) for name, value in names.items()))
 
     def holds(self, step: If_, scope: Scope) -> code.Expression:
-        """Return whether the condition of an `if` holds."""
+        """Return an expression for the condition of an `if`."""
         if id(step) in self._checked.asked:
             return self._applicable(step, scope)
         assert not isinstance(step.condition, Applicable)
         return self.condition(step, 0, step.condition, scope)
 
     def _applicable(self, step: If_, scope: Scope) -> code.Expression:
-        """Return whether a rule is applicable."""
+        """Return an expression that tests if a rule is applicable."""
         asked, callee = self._checked.asked[id(step)]
         rules = self._functions.constant(self._members(callee.name))
         given: dict[str, code.Expression] = {}
@@ -120,7 +128,11 @@ class UnitValues:
         return code.inverse(test) if asked.negated else test
 
     def condition(self, step: Step, number: int, condition: Constraint, scope: Scope) -> code.Expression:
-        """Return whether a condition holds."""
+        """Return an expression that tests a condition.
+
+        Args:
+            number: index of the condition in its step.
+        """
         if isinstance(condition, Check):
             asked = condition.expression
             return code.call(
@@ -133,7 +145,7 @@ class UnitValues:
 
 
 def is_open(argument: Term) -> bool | None:
-    """Return whether an argument is a variable; None if it is `_`."""
+    """Return True if an argument is a named variable, None if it is `_`, and False for other expressions."""
     if not isinstance(argument, Variable):
         return False
     return None if argument.name.startswith("_") else True

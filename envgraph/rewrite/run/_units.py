@@ -1,29 +1,32 @@
-"""Control units: what they mean, and those that are ready to run.
+"""Control units: the meaning of their steps, and compiled units.
 
-A step *fails* or *succeeds*; a step that succeeds may have changed the model or not. Where Henshin has a unit for it,
-the meaning is Henshin's with `strict` and without `rollback`; `atomic` and `try` undo what was done before a failure.
+A step *fails* or *succeeds*. A step that succeeds may or may not have changed the model. If Henshin has a unit of the
+same kind, the meaning is that of Henshin with `strict` and without `rollback`; `atomic` and `try` undo changes.
 
-- A call of a rule applies it at one of its matches, drawn uniformly. If the model refuses the application there (a
-  dangling link, a full reference ...), the other matches are tried in random order; the call fails if none is left. A
-  call of a group draws a rule by weight among those that match, and goes on with the others likewise.
-- `first rule` takes the first match, and goes on in order. The order of matches is a function of the model's version.
-- `where` leaves those matches for which a condition holds.
-- `a; b;` runs the steps in order and fails at the first that fails; what was done before stays.
-- `a | b` tries the alternatives, those of the highest `@priority` first, among equals drawn by `@weight`, until one
-  succeeds; an alternative that fails leaves nothing behind. It fails if all do.
-- `alap` repeats its body as long as that succeeds and applies a rule; the last, failing round leaves nothing
-  behind. It never fails.
-- `repeat n..m` works its bounds out and draws a number of rounds. The first that fails ends it and leaves nothing
-  behind; the step fails if fewer than n have succeeded then, or if a bound has no value.
-- `try` never fails by itself: a body that fails is undone, and `else` runs, which may fail.
-- `if` runs one branch; without a branch to run it succeeds. `if rule(x)` asks whether the rule is applicable at one of
-  its matches: it is tried there, and undone.
-- `atomic` undoes everything if its body fails, and fails then.
-- `all rule` applies the rule at each of its matches of now that still is one when its turn comes and is not refused;
-  it fails if there is none. `by` puts them in order, the largest value first, and equal ones as they come; a match for
-  which it has no value is left out. `top 3 rule by e` takes the first three of those alone.
-- A failed evaluation, a conflict between the matches of a `forall`, an exception in a Python rule, more steps than
-  the limit: these end the whole run with the exception, and everything is undone.
+- A call of a rule applies it at one of its matches, drawn uniformly. If the rule is refused there (a dangling edge, a
+  full reference ..), the other matches are tried in random order. The call fails if it is refused at all. A call of a
+  group draws a rule by weight among those with a match; if this call fails, another rule is drawn.
+- `first rule` takes the first match, then the others in order. The order of matches depends only on the version.
+- `where` restricts the matches to those for which a condition holds.
+- `a; b;` runs the steps in order and fails at the first that fails; changes of earlier steps remain.
+- `a | b` tries the alternatives until one succeeds: those of the highest `@priority` first, in random order by
+`@weight`.
+  The changes of a failed alternative are undone. The step fails if all alternatives fail.
+- `alap` repeats its body as long as it succeeds and applies a rule. The changes of the last, failed round are undone.
+  The step never fails.
+- `repeat n..m` computes its bounds and draws a number of rounds. The first round that fails ends the step and is
+undone.
+  The step fails if fewer than n rounds succeeded, or if a bound has no value.
+- `try` undoes its body if it fails, and then runs `else`. It fails only if `else` fails.
+- `if` runs one branch, and succeeds if the branch is missing. `if rule(x)` tests if the rule is applicable at one of
+its
+  matches by applying it and undoing this.
+- `atomic` undoes everything if its body fails, and then fails.
+- `all rule` applies the rule at each of its current matches, except matches that no longer hold or at which it is
+  refused; it fails if it was never applied. `by` orders the matches, the largest value first; equal values keep
+  their order, and matches without a value are left out. `top 3 rule by e` takes only the first three of these.
+- A failed evaluation, contradictory matches of a `forall`, an exception in a Python rule, or more steps than the limit
+  end the whole run with an exception, and everything is undone.
 """
 
 from __future__ import annotations
@@ -46,12 +49,12 @@ from envgraph.rewrite.run._unit_source import UnitSource
 
 
 class UnitProgram:
-    """A unit that is ready to run: its parameters are given in an environment, where its `out` ones are found then.
+    """A compiled unit. An environment passes its parameters, and receives the values of its `out` parameters.
 
-    It is compiled when it is first run: what it calls may be defined after it.
+    The unit is compiled when it first runs, because definitions that it calls may be added later.
 
     Attributes:
-        checked: the unit, and what its names mean; None if it is a Python function.
+        checked: the unit and the meaning of its names; None for a Python function.
     """
 
     checked: CheckedUnit | None = None
@@ -68,7 +71,14 @@ class UnitProgram:
         self._source = ""
 
     def run(self, run: Run, environment: Environment, site: Site | None = None) -> bool | None:
-        """Run it inside of a run; `site` is the call."""
+        """Execute the unit as part of a run.
+
+        Args:
+            site: the call, for messages.
+
+        Raises:
+            EvaluationError: too many nested steps, or the step limit is exceeded.
+        """
         run.count(site)
         run.levels += self.levels
         if run.levels > MOST_RUNNING:
@@ -90,7 +100,7 @@ class UnitProgram:
 
     @property
     def source(self) -> str:
-        """The generated source."""
+        """Return the generated Python source of the unit."""
         if self._function is None:
             self._compiled()
         return self._source
@@ -105,7 +115,7 @@ def unit_program(
     model: Model,
     matcher: Matcher,
 ) -> UnitProgram:
-    """The program of a unit without errors; rules and units may be added until it first runs."""
+    """Return the program of a unit without errors. Rules and units that it calls may be added until it first runs."""
 
     def called(name: str) -> Callable[[Run, Environment, Site], bool | None]:
         return units[name].run
@@ -115,16 +125,17 @@ def unit_program(
 
 @short_repr
 class RunResult:
-    """What a run has done: true if it succeeded.
+    """The result of a run, which is true if the run succeeded.
 
     Attributes:
-        name: of the unit, rule or group.
-        succeeded: whether it did; one that fails keeps what it did before, unless it is `atomic`.
-        reason: why it failed: which step, and where it is written; None if it succeeded.
-        span: the step that failed, if it was read from a text.
-        refusal: the reason of the model, if that refused an application and the run failed for it; else None.
-        outputs: values of the `out` parameters, if it succeeded.
-        steps: how many calls and rounds it took.
+        name: name of the unit, rule or group.
+        succeeded: True if the run succeeded. The changes of a failed run remain, unless the unit is `atomic`.
+        reason: the step that failed, its span and the reason; None if the run succeeded.
+        span: span of the step that failed, if it was parsed from text.
+        refusal: the refused application that made the run fail, or None.
+        outputs: values of the `out` parameters, if the run succeeded.
+        steps: number of calls and loop rounds.
+        events: applications of event rules that fired at the end of the run.
     """
 
     __slots__ = (
@@ -164,18 +175,18 @@ class RunResult:
 
     @property
     def applications(self) -> int:
-        """How many rules the run itself has applied."""
+        """Return the number of rule applications of the run, without event rules."""
         return len(self._trace) // 2
 
     @property
     def matches(self) -> tuple[Match, ...]:
-        """Where rules were applied, in order; the `definition` of each is the rule."""
+        """Return the matches at which rules were applied, in order. The `definition` of each is the rule."""
         items = iter(self._trace)
         return tuple(Match(rule.model, rule.shape, row) for rule, row in zip(items, items, strict=True))
 
     @property
     def firings(self) -> tuple[Firing, ...]:
-        """What was applied, for `Engine.replay`: by the run, then by event rules that fired at its end."""
+        """Return the applications for `Engine.replay`: those of the run, then those of event rules."""
         return (*firings(self._trace), *self.events)
 
     def __repr__(self) -> str:
