@@ -95,7 +95,7 @@ class Directory:
             InvalidArgument: the name is unknown or ambiguous, or is not a string.
         """
         if not isinstance(name, str):
-            raise InvalidArgument(f"a {what} is given by its name, not as {name!r}")
+            raise InvalidArgument(f"expected the name of a {what}, not {name!r}")
         found = self.candidates(name)
         if len(found) == 1:
             return found[0]

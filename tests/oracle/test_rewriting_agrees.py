@@ -141,7 +141,7 @@ def test_what_is_bound_in_advance_chooses_among_the_matches(seed: int) -> None:
         things = [name for name in order if isinstance(chosen[name], Thing)]
         if things:
             other = max(state.classes) + 1000
-            with pytest.raises(InvalidArgument, match="which there is not"):
+            with pytest.raises(InvalidArgument, match="which does not exist"):
                 engine.matches(rule.name, **plain(values | {things[0]: Thing(other)}))
 
 

@@ -106,7 +106,7 @@ def changes_of(
         if name in outer.created:
             span = node_names(lowered.left).get(name)
             message = f"`{name}` is created by the enclosing rule"
-            hint = "a new object is in no match: choose another name for one of the two"
+            hint = "choose another name for one of the two: a new object is not part of a match"
             outer.error("duplicate-definition", message, span, hint)
     scope = outer.inner(types)
     left = lowered.left
@@ -197,7 +197,7 @@ class ActionReader:
         name = node.name
         self.changes.spans[name] = node.span
         if not is_named(name):
-            hint = "a name that starts with `_` stands for anything, once; give the object another name"
+            hint = "choose a name without a leading `_`: such a name stands for any value and cannot be used again"
             self.scope.error("bad-name", f"`{name}` cannot name a new object", node.span, hint)
         # The name becomes known even if its class has an error, so that each mistake is reported once.
         if self.scope.instantiable(node.type, node.type_span or node.span):
@@ -238,7 +238,7 @@ class ActionReader:
         elif name in self.scope.deleted:
             self.scope.warn("duplicate-action", f"`{name}` is deleted already", span, "leave it out")
         elif name in self.changes.kept:
-            message = f"`{name}` is deleted and changed"
+            message = f"`{name}` is both deleted and changed"
             notes = (Note("the other action is here", self.changes.kept[name]),)
             self.scope.problems.append(
                 Diagnostic("contradiction", message, span, "leave one of the two out", notes=notes)
@@ -299,7 +299,7 @@ class ActionReader:
                 "duplicate-definition",
                 f"`{node.name}` is created twice",
                 node.span,
-                "choose another name for one",
+                "choose another name for one of them",
             )
         elif node.type is not None and node.type not in self._left_classes(node.name):
             self._retype(Retype(Variable(node.name, node.span), node.type, node.span, node.type_span))
@@ -349,15 +349,17 @@ class ActionReader:
             case DeleteNode():
                 name = action.node.name
                 if name in kept:
-                    message = f"`{name}` stands in the right side, so it cannot be deleted"
-                    hint = "take it out of the right side, or leave the deletion out"
+                    message = f"`{name}` occurs in the right side, so it cannot be deleted"
+                    hint = "remove it from the right side, or remove the deletion"
                     self.scope.error("duplicate-action", message, action.node.span or action.span, hint)
                 elif name not in self.changes.deleted:
                     self._delete(name, action.node.span or action.span)
             case Create() | Retype() | Move() | Merge() | Redirect():
                 word = type(action).__name__.lower()
-                hint = "say what the graph looks like afterwards, or use `modify { .. }`"
-                self.scope.error("misplaced-action", f"`{word}` stands in `modify` only", action.span, hint)
+                hint = "describe the graph after the rule, or use `modify { .. }`"
+                self.scope.error(
+                    "misplaced-action", f"`{word}` is allowed only in `modify`", action.span, hint
+                )
 
     # --- links
 
@@ -366,7 +368,7 @@ class ActionReader:
         for node in nodes:
             given = node.type or node.assignments or node.name in linked
             if not given and self.scope.sees(node.name) and node.name not in self.scope.created:
-                message = f"`{node.name}` is there already: this creates nothing"
+                message = f"`{node.name}` exists already, so this creates nothing"
                 self.scope.warn(
                     "no-creation", message, node.span, "write `create name : Class;`, or leave it out"
                 )
@@ -378,8 +380,9 @@ class ActionReader:
             key = self.scope.key(resolved)
             self.changes.links[key] = resolved
             if key in there:
-                message = f"the left side has `{edge.source} -{edge.reference}-> {edge.target}` already"
-                hint = "there is one such link: leave this out, or make it another object"
+                text = f"`{edge.source} -{edge.reference}-> {edge.target}`"
+                message = f"{text} is in the left side, so this creates nothing"
+                hint = "remove this, or link another object: two objects have at most one such link"
                 self.scope.warn("existing-link", message, edge.span, hint)
         for node in nodes:
             self._assignments(node)
@@ -438,7 +441,12 @@ class ActionReader:
             return
         if not reference.containment:
             hint = f"write `create {container.name} -{reference.name}-> {node.name};` to link them"
-            self.scope.error("not-a-containment", f"`{reference}` does not contain its targets", where, hint)
+            self.scope.error(
+                "not-a-containment",
+                f"`{reference}` is not a containment, so `move` does not apply",
+                where,
+                hint,
+            )
             return
         self.changes.moves.append(
             Rehome(self.scope.slot(node.name), self.scope.slot(container.name), reference, action.span)

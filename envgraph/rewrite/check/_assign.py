@@ -143,10 +143,9 @@ class AssignmentReader:
             self.scope.error("wrong-type", message, span, "write `=`, or `= none` to clear it")
         elif operator == "=" and (_is_none(value) or value == ()):
             if reference.lower:
-                message = (
-                    f"`{name}` gets no `{reference.name}`, and `{reference}` needs {reference.multiplicity}"
-                )
-                self.scope.warn("missing-required", message, span, "give it what it needs")
+                many = reference.multiplicity
+                message = f"`{name}` gets no `{reference.name}`, but `{reference}` has multiplicity {many}"
+                self.scope.warn("missing-required", message, span, "assign as many targets as it requires")
             self.sets.append(SetTargets(object_, reference, (), span))
         else:
             values = self._targets(reference, value, span)
@@ -190,9 +189,9 @@ class AssignmentReader:
         read = {variable.name: variable for variable in variables_in(expression)}
         for name, variable in read.items():
             if name in self.scope.created:
-                message = f"`{name}` is created by this rule: it has no values before it"
+                message = f"`{name}` is created by this rule, so it has no values before the rule"
                 self.scope.error(
-                    "no-value-yet", message, variable.span or span, "take a value from the left side"
+                    "no-value-yet", message, variable.span or span, "use a value of the left side"
                 )
                 return None
         problems = self._check(expression, expected, span)
@@ -209,13 +208,20 @@ class AssignmentReader:
     def _check(self, expression: Expression, expected: StaticType, span: Span | None) -> list[Diagnostic]:
         if _is_none(expression):
             return [
-                Diagnostic("wrong-type", "`none` is no value here", expression.span or span, "write `= none`")
+                Diagnostic(
+                    "wrong-type",
+                    "`none` cannot be added, removed or listed",
+                    expression.span or span,
+                    "write `= none` to clear it",
+                )
             ]
         for read in expression_reads(expression, self.scope.types, self.scope.metamodel):
             query = self.scope.defined.get(read.feature)
             if query is not None:
-                message = f"query `{query}` defines `{read.feature}`, which is read on the left side"
-                hint = f"write `find {query}(object, value)` there, and `value` here"
+                message = (
+                    f"`{read.feature}` cannot be read in the right side, because query `{query}` defines it"
+                )
+                hint = f"write `find {query}(object, value)` in the left side, and `value` here"
                 return [Diagnostic("query-feature", message, read.span or span, hint)]
         _, problems = check_expression(expression, self.scope.types, self.scope.metamodel, expected=expected)
         return [_located(problem, span) for problem in problems]

@@ -87,8 +87,8 @@ def examine(rule: Rule, library: Library) -> CheckedRule:
     """Check a rule, and build its plan if it has no errors."""
     problems = [*_check_header(rule), *_check_names(rule), *_check_types(rule, library)]
     if _depth(rule) > MOST_NESTED:
-        hint = "make a pattern of a part of it"
-        message = f"more than {MOST_NESTED} blocks inside each other"
+        hint = "move a part of the rule into a pattern, and call it with `find`"
+        message = f"blocks are nested more than {MOST_NESTED} levels deep"
         return CheckedRule(rule, (), None, (*problems, Diagnostic("rule-too-deep", message, rule.span, hint)))
     called = _called_types(rule, library)
     lowering = LeftLowering(rule, library, _unknown(rule, called, library.metamodel))
@@ -268,7 +268,7 @@ def _check_names(rule: Rule) -> Iterable[Diagnostic]:
     yield from duplicate_parameters(rule.parameters)
     for parameter in rule.parameters:
         if not is_named(parameter.name):
-            hint = "a name that starts with `_` stands for anything, once"
+            hint = "choose a name without a leading `_`: such a name stands for any value and cannot be used again"
             message = f"`{parameter.name}` cannot name a parameter"
             yield Diagnostic("bad-name", message, parameter.span, hint)
     named = ((one.name, one.span) for one in rule.left.nodes if one.type is not None and is_named(one.name))
@@ -305,16 +305,14 @@ def _outputs(rule: Rule, scope: RuleScope, given: Sequence[str]) -> tuple[tuple[
         if parameter.direction != "out":
             continue
         if name in scope.deleted:
-            message = f"`{name}` is deleted by this rule, and cannot be handed out"
-            scope.error(
-                "deleted-variable", message, parameter.span, "leave out the deletion, or the parameter"
-            )
+            message = f"`{name}` is deleted by this rule, so it cannot be an `out` parameter"
+            scope.error("deleted-variable", message, parameter.span, "remove the deletion, or the parameter")
         elif name in scope.created:
             found.append((name, scope.slot(name)))
             _check_created_output(parameter, scope)
         elif name not in mentioned or name in given:
             hint = "bind it in the left side, or create it in the right side"
-            scope.error("unbound-output", f"nothing gives `{name}` a value", parameter.span, hint)
+            scope.error("unbound-output", f"`out` parameter `{name}` gets no value", parameter.span, hint)
         else:
             found.append((name, scope.slot(name)))
     return tuple(found)
@@ -338,11 +336,15 @@ def _check_effect(rule: Rule, lowered: LoweredBlock, plan: BlockPlan) -> Iterabl
             yield from _check_effect(rule, inner, inner_plan)
     elif block is None:
         message = f"rule `{rule.name}` has no right side: it changes nothing"
-        hint = "add `modify { .. }`, which may be empty; what is only to be found is a `pattern`"
+        hint = (
+            "add `modify { .. }`, which may be empty, or declare a `pattern` if you only search for matches"
+        )
         yield Diagnostic("no-right-side", message, rule.span, hint, Severity.WARNING)
     else:
         message = f"this `{block.kind}` block has no right side: it changes nothing"
-        hint = "add `modify { .. }`" + ("; a condition is a `require`" if block.kind == "forall+" else "")
+        hint = "add `modify { .. }`" + (
+            "; to state a condition, write `require`" if block.kind == "forall+" else ""
+        )
         yield Diagnostic("no-right-side", message, block.span, hint, Severity.WARNING)
 
 
@@ -358,7 +360,7 @@ def _check_homomorphic(rule: Rule, scope: RuleScope, problems: list[Diagnostic])
                 message = f"the left side has no variable `{name}`"
                 problems.append(Diagnostic("unknown-variable", message, span, hint))
             elif scope.types.get(name) is not None and not isinstance(scope.types[name], ObjectType):
-                message = f"`{name}` is a data value; values are never compared"
+                message = f"`{name}` is a data value, but `@hom` is about objects"
                 problems.append(Diagnostic("not-an-object", message, span, "leave it out"))
         problems.extend(_never_one(group, spans, scope))
 
@@ -385,13 +387,13 @@ def _block_variables(blocks: Iterable[Block]) -> dict[str, None]:
 def _never_one(group: Sequence[str], spans: Mapping[str, Span], scope: RuleScope) -> Iterable[Diagnostic]:
     """Report a `@hom` group with fewer than two names. Warn about pairs whose classes share no objects."""
     if len(set(group)) < 2:
-        message = "`@hom` names two or more different variables"
+        message = "`@hom` needs two or more different variables"
         hint = "write `@hom(a, b)`, or `@match(homomorphic)` for all names"
         yield Diagnostic("bad-annotation", message, spans.get(group[0]) if group else None, hint)
     for one, other in combinations(dict.fromkeys(group), 2):
         left, right = scope.before(one), scope.before(other)
         if left and right and not scope.metamodel.overlap(left, right):
             classes = f"{with_article(left)} and {with_article(right)}"
-            message = f"`{one}` and `{other}` are never one object: nothing is {classes}"
+            message = f"`{one}` and `{other}` are never one object, because no object is both {classes}"
             hint = f"leave `{other}` out"
             yield Diagnostic("useless-annotation", message, spans.get(other), hint, Severity.WARNING)

@@ -144,7 +144,7 @@ class Conflicts:
         for node, (_, want) in self._gone.items():
             if node in self._touched:
                 raise Contradiction(
-                    f"{self.describe(node)} is deleted and changed", want, self._touched[node]
+                    f"{self.describe(node)} is both deleted and changed", want, self._touched[node]
                 )
         for arrow, want in self._added.items():
             self._check_added(arrow, want)
@@ -152,7 +152,9 @@ class Conflicts:
             if node in self._classes and not self.metamodel.is_a(self._classes[node][0], owner):
                 cls, retyped = self._classes[node]
                 raise Contradiction(
-                    f"{self.describe(node)} becomes `{cls}`, and changes as `{owner}`", retyped, want
+                    f"{self.describe(node)} is retyped to `{cls}`, but another change needs `{owner}`",
+                    retyped,
+                    want,
                 )
 
     @property
@@ -168,7 +170,7 @@ class Conflicts:
     def _check_added(self, arrow: Arrow, want: Want) -> None:
         removed = self._removed.get(arrow) or self._withdrawn.get(arrow)
         if removed is not None:
-            raise Contradiction(f"{self._text(arrow)} is removed and added", removed, want)
+            raise Contradiction(f"{self._text(arrow)} is both removed and added", removed, want)
         reference, source, target = arrow
         for node, feature, other in (
             (source, reference, target),
@@ -184,7 +186,7 @@ class Conflicts:
         for gone, other in plan.identified:
             if slots[gone] == slots[other]:
                 names = f"`{plan.names[gone]}` and `{plan.names[other]}`"
-                message = f"{names} are one object, and `{plan.names[gone]}` is deleted"
+                message = f"{names} are one object, but only `{plan.names[gone]}` is deleted"
                 span = next((delete.span for delete in plan.deletes if delete.node == gone), None)
                 details = [self.describe(slots[gone])]
                 raise RuleError(message, reason="identification", details=details, span=span)
@@ -194,7 +196,9 @@ class Conflicts:
             if self._canonical(gone_link.reference, *ends) == self.metamodel.canonical(
                 other_link.reference, *same
             ):
-                message = f"two arrows `{gone_link.reference.name}` are one link, and one of them is deleted"
+                message = (
+                    f"two edges `{gone_link.reference.name}` are one link, but only one of them is deleted"
+                )
                 details = [self.describe(end) for end in ends]
                 raise RuleError(message, reason="identification", details=details, span=gone_link.span)
 
@@ -205,7 +209,9 @@ class Conflicts:
         other, earlier = self._gone.setdefault(node, (into, want))
         if other != into:
             raise Contradiction(
-                f"{self.describe(node)} is merged, and deleted or merged otherwise", earlier, want
+                f"{self.describe(node)} is merged, but also deleted or merged into another object",
+                earlier,
+                want,
             )
 
     def _touch(self, node: int, want: Want) -> None:
@@ -215,7 +221,9 @@ class Conflicts:
         self._touch(node, want)
         other, earlier = self._classes.setdefault(node, (cls, want))
         if other != cls:
-            raise Contradiction(f"{self.describe(node)} becomes `{other}` and `{cls}`", earlier, want)
+            raise Contradiction(
+                f"{self.describe(node)} is retyped to both `{other}` and `{cls}`", earlier, want
+            )
 
     # --- links
 
@@ -292,7 +300,9 @@ class Conflicts:
         """Record that a value is added to or removed from a multi-valued attribute."""
         other, earlier = self._members.setdefault((node, attribute, value), (operator, want))
         if other != operator:
-            message = f"{value!r} is added to and removed from `{attribute.name}` of {self.describe(node)}"
+            message = (
+                f"{value!r} is both added to and removed from `{attribute.name}` of {self.describe(node)}"
+            )
             raise Contradiction(message, earlier, want, always=False)
 
     # --- messages

@@ -20,15 +20,15 @@ def check_weight(weight: float, annotations: Sequence[Annotation], span: Span | 
     """Report a weight that is not a finite number above 0."""
     if not (isfinite(weight) and weight > 0):
         where = annotation_span(annotations, "weight") or span
-        hint = "leave the rule out where it shall never be chosen"
-        yield Diagnostic("bad-weight", f"a weight is a number above 0, not {weight}", where, hint)
+        hint = "remove the rule if it should never be chosen"
+        yield Diagnostic("bad-weight", f"the weight is {weight}, but must be a number above 0", where, hint)
 
 
 def check_annotations(annotations: Sequence[Annotation], known: Sequence[str]) -> Iterable[Diagnostic]:
     """Warn about annotations whose names are neither in `known` nor `suppress`."""
     for annotation in annotations:
         if annotation.name not in (*known, SUPPRESS):
-            message = f"`@{annotation.name}` means nothing here"
+            message = f"annotation `@{annotation.name}` has no effect here"
             hint = name_hint(annotation.name, known)
             yield Diagnostic("unknown-annotation", message, annotation.span, hint, Severity.WARNING)
 

@@ -204,13 +204,13 @@ class LeftLowering:
                 self._untyped(node.name, node.span)
             elif not isinstance(static_type(node.type, self.metamodel) or ObjectType(""), ObjectType):
                 hint = f"bind it, as in `Class.feature(object, {node.name});`, or make it a parameter"
-                message = f"nothing gives `{node.name}`, {with_article(node.type)}, a value"
+                message = f"`{node.name}`, {with_article(node.type)}, gets no value"
                 self._error("unbound-value", message, node.span, hint)
                 self.untyped.add(node.name)
 
     def _untyped(self, name: str, span: Span | None) -> None:
         self.untyped.add(name)
-        message = f"nothing says of what class `{name}` is"
+        message = f"the class of `{name}` is unknown"
         hint = f"write `{name} : Class`"
         self.problems.append(Diagnostic("untyped-variable", message, span, hint, subject=(name,)))
 
@@ -238,7 +238,7 @@ class LeftLowering:
 
     def _attribute_in_arrow(self, edge: Edge, feature: Attribute) -> None:
         hint = f"write `{feature.owner}.{feature.name}({edge.source}, {edge.target});`"
-        message = f"`{feature}` is an attribute, and an arrow follows references"
+        message = f"`{feature}` is an attribute, but an edge needs a reference"
         self._error("not-a-reference", message, edge.reference_span or edge.span, hint)
 
     def _injectivity(
@@ -264,12 +264,12 @@ class LeftLowering:
     def _condition(self, block: Block, outside: Types) -> Constraint:
         """Lower a `not` or `require` block to a call of its pattern, negated for `not`."""
         if block.right is not None:
-            message = f"a `{block.kind}` block is a condition and rewrites nothing"
-            hint = "move the rewriting to the rule, or use `forall`"
+            message = f"a `{block.kind}` block is a condition, so it cannot have a right side"
+            hint = "move the right side to the rule, or use `forall`"
             self._error("misplaced-right-side", message, block.right.span or block.span, hint)
         for inner in block.blocks:
             if inner.kind not in _CONDITIONS:
-                message = f"`{inner.kind}` cannot stand in a `{block.kind}` block, which rewrites nothing"
+                message = f"`{inner.kind}` is not allowed in a `{block.kind}` block, which is a condition"
                 self._error("misplaced-block", message, inner.span, "move it to the rule")
         conditions = tuple(inner for inner in block.blocks if inner.kind in _CONDITIONS)
         misplaced = len(conditions) < len(block.blocks)
@@ -290,8 +290,8 @@ class LeftLowering:
         number = next(self._numbers)
         constraints, nested = self._body(block.left, block.blocks, types, enclosing)
         if not constraints and not quiet:
-            message = f"this `{block.kind}` block asks for nothing"
-            self._error("empty-block", message, block.span, "leave it out, or write a constraint in it")
+            message = f"this `{block.kind}` block has no constraints"
+            self._error("empty-block", message, block.span, "remove it, or write a constraint in it")
         used = all_names(LeftSide(constraints=tuple(constraints)))
         # Nested blocks may use more variables: they are matched later, with the whole enclosing match as arguments.
         inherited = tuple(name for name in enclosing if name in used)
@@ -314,7 +314,7 @@ class LeftLowering:
         body = Body(tuple(constraints) or (Check(Constant(True), span),), span=span)
         home = self.rule.left.span or self.rule.span
         if span is not None and home is not None and span.source.name != home.source.name:
-            span = home  # a block may be a separate source text, but private patterns are visible only inside one source
+            span = home  # a block may be a separate source, but private patterns are visible only inside one source
         pattern = Pattern(
             f"{self.rule.name}#{suffix}",
             tuple(parameters),

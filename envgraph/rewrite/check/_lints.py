@@ -28,10 +28,8 @@ def check_links(changes: Changes) -> None:
     """Report links that are deleted but exist after the rule, and deleted links that the LHS does not match."""
     for key, edge in changes.removed.items():
         if key in changes.wanted or key in changes.links:
-            message = (
-                f"`{edge.source} -{edge.reference}-> {edge.target}` is both deleted and there afterwards"
-            )
-            hint = "leave out the deletion, or what creates or keeps the link"
+            message = f"`{edge.source} -{edge.reference}-> {edge.target}` is both deleted and created or kept"
+            hint = "remove the deletion, or the edge that creates or keeps the link"
             changes.scope.error("duplicate-action", message, edge.span, hint)
         else:
             _ask_for(changes, key, edge, "nothing happens")
@@ -50,7 +48,7 @@ def _ask_for(changes: Changes, key: LinkKey, edge: Edge, otherwise: str) -> None
     if any({edge.source, edge.target} <= called for called in changes.scope.called):
         return
     text = f"{edge.source} -{edge.reference}-> {edge.target}"
-    message = f"the left side does not ask for `{text}`: where it is missing, {otherwise}"
+    message = f"the left side does not contain `{text}`: if the link is missing, {otherwise}"
     changes.scope.warn("unmatched-link", message, edge.span, f"add `{text};` to the left side")
 
 
@@ -104,9 +102,7 @@ def _check_orphans(changes: Changes) -> None:
         if changes.scope.key(arrow) in changes.removed:
             continue
         text = f"{arrow.source} -{arrow.reference.name}-> {arrow.target}"
-        message = (
-            f"`{container}` is deleted, and `{part}` stays without a container: the left side has `{text}`"
-        )
+        message = f"`{container}` is deleted, but `{part}`, which it contains by `{text}`, is kept"
         hint = f"write `delete {part};` or `move {part} to ..`, or `delete {text};` if that is meant"
         changes.scope.warn("orphan", message, changes.gone.get(container) or arrow.span, hint)
 
@@ -132,8 +128,8 @@ def _check_retyped(changes: Changes) -> None:
         text = f"{lost.source} -{lost.reference.name}-> {lost.target}"
         new = with_article(changes.scope.retyped[name])
         message = f"`{name}` becomes {new}, which cannot have `{text}`"
-        hint = f"write `delete {text};` as well, or `@semantics(spo)` before the rule: then it is lost"
-        notes = (Note("the link is asked for here", lost.span),) if lost.span else ()
+        hint = f"also write `delete {text};`, or write `@semantics(spo)` before the rule to remove the link"
+        notes = (Note("the link is matched here", lost.span),) if lost.span else ()
         whole = f"{message}, so that the rule can never be applied"
         found = Diagnostic("never-applicable", whole, changes.spans.get(name), hint, Severity.WARNING, notes)
         changes.scope.problems.append(found)
@@ -153,7 +149,7 @@ def _check_homeless(changes: Changes, name: str) -> None:
         return
     if before and homeless(metamodel.concrete(before), after, metamodel):
         old, new = with_article(before), with_article(after)
-        message = f"what contains {old} cannot contain {new}: in a container `{name}` cannot be retyped"
+        message = f"no container of {old} can contain {new}, so `{name}` cannot be retyped in a container"
         hint = f"write `move {name} to ..`, or delete the link to its container"
         changes.scope.warn("homeless", message, changes.spans.get(name), hint)
 
@@ -194,7 +190,7 @@ def _check_required(changes: Changes, plan: BlockPlan) -> None:
 def _warn_required(changes: Changes, name: str, feature: Feature) -> None:
     changes.scope.warn(
         "missing-required",
-        f"`{name}` gets no `{feature.name}`, and `{feature}` needs {feature.multiplicity}",
+        f"`{name}` gets no `{feature.name}`, but `{feature}` has multiplicity {feature.multiplicity}",
         changes.spans.get(name),
         f"add `{feature.name} = ..`",
     )

@@ -123,13 +123,11 @@ class RuleScope:
             if name in self.elsewhere:
                 kind = self.elsewhere[name]
                 advice = (
-                    "ask for it in the left side"
-                    if kind in ("not", "require")
-                    else "say in there what happens"
+                    "add it to the left side" if kind in ("not", "require") else "move this into the block"
                 )
-                hint = f"{with_article(kind)} block has `{name}` for itself: {advice}"
+                hint = f"{advice}: `{name}` is known only inside {with_article(kind)} block"
             if name.startswith("_"):
-                hint = "a name that starts with `_` stands for anything, once; give the variable another name"
+                hint = "choose a name without a leading `_`: such a name stands for any value and cannot be used again"
             typed = f"`{name} : Class`"
             self.error(
                 "unknown-variable",
@@ -148,7 +146,7 @@ class RuleScope:
                 "deleted-variable",
                 f"`{name}` is deleted by this rule",
                 span,
-                "leave this out, or do not delete it",
+                "remove this, or remove the deletion",
             )
             return False
         return self.was_object(name, span)
@@ -160,7 +158,7 @@ class RuleScope:
         if name in self.created:
             self.error(
                 "no-value-yet",
-                f"`{name}` is created by this rule: it has no links before it",
+                f"`{name}` is created by this rule, so it has no links before the rule",
                 span,
                 "leave this out",
             )
@@ -177,7 +175,7 @@ class RuleScope:
                 "not-an-object",
                 f"`{name}` is a data value, not an object",
                 span,
-                "name a variable of a class",
+                "use a variable for an object",
             )
         return False
 
@@ -215,21 +213,21 @@ class RuleScope:
             self.error("unknown-feature", f"`{cls}` has no feature `{name}`", span, hint)
         elif feature in self.defined:
             message = f"`{feature}` is read-only: query `{self.defined[feature]}` defines its values"
-            self.error("read-only-feature", message, span, "change what the query reads")
+            self.error("read-only-feature", message, span, "change the features that the query reads")
             return None
         return feature
 
     def _subclass_hint(self, cls: str, feature: str) -> str | None:
         for sub in self.metamodel.class_list:
             if any(own.name == feature for own in sub.features) and self.metamodel.is_a(sub.name, cls):
-                return f"its subclass `{sub.name}` has one: declare the variable as `{sub.name}`"
+                return f"declare the variable as `{sub.name}`, a subclass that has this feature"
         return None
 
     def reference(self, cls: str, name: str, span: Span | None) -> Reference | None:
         """Return a reference of a class. Report an attribute or an unknown feature and return None."""
         feature = self.feature(cls, name, span)
         if isinstance(feature, Attribute):
-            hint = "set it: `set object.attribute = value;`"
+            hint = "write `set object.attribute = value;`"
             self.error("not-a-reference", f"`{feature}` is an attribute, not a reference", span, hint)
             return None
         return feature
@@ -239,8 +237,10 @@ class RuleScope:
         cls = self.after(name)
         if cls is None or self.metamodel.is_a(cls, reference.target):
             return cls is not None
-        message = f"`{reference}` leads to `{reference.target}`, and `{name}` is {with_article(cls)}"
-        self.error("wrong-type", message, span, f"name an object of class `{reference.target}`")
+        message = (
+            f"`{reference}` has targets of class `{reference.target}`, but `{name}` is {with_article(cls)}"
+        )
+        self.error("wrong-type", message, span, f"use an object of class `{reference.target}`")
         return False
 
     # --- arrows

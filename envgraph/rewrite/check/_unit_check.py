@@ -185,15 +185,17 @@ class _Checker:
         outputs = {parameter.name for parameter in unit.parameters if parameter.direction == "out"}
         scope = {name: type_ for name, type_ in self.result.types.items() if name not in outputs}
         if depth(unit.body) > MOST_NESTED:
-            hint = "make a unit of a part of it"
-            self._error("unit-too-deep", f"more than {MOST_NESTED} blocks inside each other", unit.span, hint)
+            hint = "move a part of the unit into another unit, and call it"
+            self._error(
+                "unit-too-deep", f"blocks are nested more than {MOST_NESTED} levels deep", unit.span, hint
+            )
             return
         self._step(unit.body, scope)
         for parameter in unit.parameters:
             if parameter.name in outputs and parameter.name not in scope:
                 self._error(
                     "unbound-output",
-                    f"nothing gives `{parameter.name}` a value",
+                    f"`out` parameter `{parameter.name}` gets no value",
                     parameter.span,
                     "pass it to an `out` parameter of a rule, outside of any block",
                 )
@@ -223,7 +225,9 @@ class _Checker:
             case Steps(steps):
                 if not steps:
                     hint = "write the name of a rule or unit, or leave the block out"
-                    found = Diagnostic("empty-block", "nothing to do here", step.span, hint, Severity.WARNING)
+                    found = Diagnostic(
+                        "empty-block", "this block is empty", step.span, hint, Severity.WARNING
+                    )
                     self.result.problems.append(found)
             case Repeat():
                 self._bounds(step, scope)
@@ -242,7 +246,7 @@ class _Checker:
                 self.result.problems.extend(found[1])
         least = lower if isinstance(lower, int) else 0
         if least < 0 or (isinstance(upper, int) and upper < least):
-            hint = "the lower bound comes first, and is at least 0"
+            hint = "write the lower bound first; it must be at least 0"
             shown = f"{least}..{upper}" if isinstance(upper, int) else str(least)
             self._error("bad-bounds", f"cannot repeat {shown} times", step.span, hint)
 
@@ -272,7 +276,7 @@ class _Checker:
             return self.directory.signatures[found[0]]
         if found:
             names = ", ".join(f"`{name}`" for name in found)
-            message = f"`{call.name}` may mean {names}"
+            message = f"`{call.name}` is ambiguous: it may mean {names}"
             self._error("ambiguous-name", message, span, "write the qualified name")
         elif call.name in self.library.unknown:
             self.result.complete = False
@@ -307,18 +311,18 @@ class _Checker:
 
     def _shape_of_selection(self, call: Call) -> None:
         if call.limit is not None and call.limit < 1:
-            self._error("bad-bounds", "`top` takes at least 1", call.span, "write `top 1`")
+            self._error("bad-bounds", "`top` must be at least 1", call.span, "write `top 1`")
         if call.limit is not None and call.by is None:
             hint = "write `by` and an expression: the matches with the largest values are taken"
-            self._error("missing-by", "`top` says how many, and not by what", call.span, hint)
+            self._error("missing-by", "`top` needs `by`, which orders the matches", call.span, hint)
         if call.by is not None and not call.every:
-            hint = "write `top 1` before the rule for the match with the largest value, `all` for one after the other"
+            hint = "write `top 1` before the rule for the match with the largest value, or `all` for all in this order"
             self._error(
-                "missing-top", "`by` puts several matches in order, and this is one", call.by.span, hint
+                "missing-top", "`by` orders several matches, but this call takes only one", call.by.span, hint
             )
         if (call.first or call.limit is not None) and call.every is not (call.limit is not None):
-            message = "a call takes the `first`, `all` or the `top` ones of the matches, not several of these"
-            self._error("wrong-selection", message, call.span, "leave one of the words out")
+            message = "a call takes only one of `first`, `all` and `top`"
+            self._error("wrong-selection", message, call.span, "keep only one of these words")
 
     def _order(self, by: Expression, scope: Scope) -> None:
         type_, problems = check_expression(by, scope, self.metamodel, bare_objects=False)
@@ -330,7 +334,7 @@ class _Checker:
     def _arity(self, call: Call, callee: Signature) -> bool:
         required = [parameter.name for parameter in callee.parameters if parameter.required]
         names = ", ".join(parameter.name for parameter in callee.parameters)
-        hint = f"write `{call.name}({names})`; `_` leaves one open" if names else f"write `{call.name}`"
+        hint = f"write `{call.name}({names})`; `_` passes no value" if names else f"write `{call.name}`"
         if not call.arguments:
             if required:
                 missing = ", ".join(f"`{name}`" for name in required)
@@ -355,7 +359,9 @@ class _Checker:
             scope[argument.name] = parameter.type
             return
         if parameter.output and callee.kind == "rule" and self._is_created(parameter, callee):
-            message = f"`{parameter.name}` of `{callee.simple}` is a new object, and no value that there is"
+            message = (
+                f"`{parameter.name}` of `{callee.simple}` is a new object, so no existing value can be passed"
+            )
             self._error("bound-output", message, argument.span, "write a new name, or `_`")
             return
         type_, problems = check_expression(argument, scope, self.metamodel, expected=_data(parameter.type))
@@ -389,8 +395,13 @@ class _Checker:
         if callee is None:
             return
         if callee.kind == "unit":
-            hint = "ask one of its rules, or write `try { .. } else { .. }`"
-            self._error("wrong-kind", f"`{asked.name}` is a unit, which cannot be asked", asked.span, hint)
+            hint = "test one of its rules, or write `try { .. } else { .. }`"
+            self._error(
+                "wrong-kind",
+                f"`{asked.name}` is a unit, but a condition tests rules",
+                asked.span,
+                hint,
+            )
             return
         self.result.asked[id(step)] = asked, callee
         call = Call(asked.name, asked.arguments, span=asked.span)
@@ -409,7 +420,7 @@ class _Checker:
     def _condition(self, step: Step, place: int, condition: Constraint, scope: Scope) -> None:
         unknown = list(self._unknown(condition, scope))
         for variable in unknown:
-            hint = did_you_mean(variable.name, scope) or "write `_` for any"
+            hint = did_you_mean(variable.name, scope) or "write `_` for any value"
             self._error("unknown-variable", f"unknown variable `{variable.name}`", variable.span, hint)
         if unknown:
             return

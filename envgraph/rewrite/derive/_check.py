@@ -50,7 +50,7 @@ def check_derivation(derivation: Derivation, metamodel: Metamodel) -> list[Diagn
         return problems
     for annotation in derivation.annotations:
         if annotation.name == "weight" and annotation.named:
-            message = "a group of retypings has one weight: all its rules are of one kind"
+            message = "`@weight` of a `retype` group takes one number, not weights of kinds"
             problems.append(Diagnostic("bad-annotation", message, annotation.span, "write `@weight(2.0)`"))
     if len(derivation.classes) < 2:
         message = f"`{derivation.name}` needs at least two classes to retype among"
@@ -59,7 +59,7 @@ def check_derivation(derivation: Derivation, metamodel: Metamodel) -> list[Diagn
         )
     number = len(derivation.classes) * (len(derivation.classes) - 1)
     if number > limit(MOST_RULES):
-        message = f"`{derivation.name}` stands for {number:,} rules; there may be {limit(MOST_RULES):,}"
+        message = f"`{derivation.name}` would derive {number:,} rules, but the limit is {limit(MOST_RULES):,}"
         hint = f"divide the classes among several derivations; {RAISE_LIMIT}"
         problems.append(Diagnostic("too-many-rules", message, derivation.span, hint))
     if not has_errors(problems):
@@ -78,8 +78,8 @@ def _check_containers(derivation: Derivation, metamodel: Metamodel) -> Iterator[
         for before, after in ways:
             if homeless([before], after, metamodel):
                 old, new = with_article(before), with_article(after)
-                message = f"what contains {old} cannot contain {new}: in a container none can be retyped"
-                hint = f"leave `{name}` out, or write a rule that moves the object"
+                message = f"no container of {old} can contain {new}, so contained objects cannot be retyped"
+                hint = f"remove `{name}`, or write a rule that moves the object"
                 span = _class_span(derivation, position)
                 yield Diagnostic("homeless", message, span, hint, Severity.WARNING)
                 break
@@ -99,8 +99,8 @@ def _check_classes(derivation: Derivation, metamodel: Metamodel) -> Iterator[Dia
             message = f"`{name}` is abstract: no object is exactly a `{name}`"
             yield Diagnostic("abstract-class", message, span, f"name one of its subclasses: {concrete}")
         elif cls.frozen and derivation.kind == "retype":
-            message = f"`{name}` is `@frozen`, and yet retyped here"
-            hint = "leave it out; else take `@frozen` away from the class"
+            message = f"`{name}` is `@frozen`, but is retyped here"
+            hint = "remove it here, or remove `@frozen` from the class"
             yield Diagnostic("frozen-class", message, span, hint, Severity.WARNING)
         seen.add(name)
 
@@ -127,12 +127,12 @@ def _check_operators(derivation: Derivation, metamodel: Metamodel) -> Iterator[D
         touched = [sub for sub in concrete if not schema.frozen(sub)]
         if not touched:
             message = f"`{cls}` is frozen" if concrete else f"`{cls}` has no concrete subclass"
-            hint = "operators leave frozen classes alone"
+            hint = "name another class: operators never change frozen classes"
             if concrete and all(map(schema.needs_values, concrete)):
-                message = f"`{cls}` needs values of an attribute with many"
-                hint = "operators cannot choose them, and leave its objects alone"
+                message = f"`{cls}` requires values of a multi-valued attribute"
+                hint = "name another class: operators cannot choose such values"
             if not concrete:
-                hint = f"declare a class that extends `{cls}`, or leave `abstract` out there"
+                hint = f"declare a class that extends `{cls}`, or remove `abstract` from its declaration"
             yield Diagnostic(
                 "nothing-derived", f"{message}: there is no operator for it", derivation.span, hint
             )
@@ -159,9 +159,9 @@ def _without_creation(schema: Schema, classes: Iterable[str], derivation: Deriva
         if not comes_along and not creation_plans(schema, cls, 1):
             yield Diagnostic(
                 "nothing-derived",
-                f"no operator creates a `{cls}`: what it needs is frozen, or too much at once",
+                f"no operator creates a `{cls}`: it needs frozen objects, or too many objects or links",
                 derivation.span,
-                f"write a rule that creates a `{cls}`, if there shall be new ones",
+                f"write a rule that creates a `{cls}`, if new ones are needed",
                 Severity.WARNING,
             )
 
@@ -171,20 +171,20 @@ def _check_annotations(derivation: Derivation) -> Iterator[Diagnostic]:
         if annotation.name == "cap":
             given = annotation.arguments
             if len(given) > 1 or not (given or annotation.named) or not all(map(_is_cap, given)):
-                hint = "write `@cap(8)`, in how many ways an object is created at most, or `@cap(swap = 2)`"
-                message = "`@cap` takes one number above 0, and numbers of kinds"
+                hint = "write `@cap(8)` to limit the ways to create an object, or `@cap(swap = 2)` to limit a kind"
+                message = "`@cap` takes one whole number above 0, or numbers for kinds of operators"
                 yield Diagnostic("bad-annotation", message, annotation.span, hint)
         for kind, value in annotation.named if annotation.name in ANNOTATIONS["operators"] else ():
             place = dict(annotation.places).get(kind, annotation.span)
             if kind not in KINDS:
                 hint = did_you_mean(kind, KINDS) or "the kinds are " + ", ".join(f"`{one}`" for one in KINDS)
-                yield Diagnostic("bad-annotation", f"`{kind}` is no kind of operators", place, hint)
+                yield Diagnostic("bad-annotation", f"`{kind}` is not a kind of operators", place, hint)
             elif annotation.name == "cap" and not _is_cap(value):
-                message = f"of a kind there is a whole number of rules above 0, not {value}"
-                hint = f"`@weight({kind} = 0)` leaves a kind out"
+                message = f"the cap of `{kind}` is {value}, but must be a whole number above 0"
+                hint = f"write `@weight({kind} = 0)` to leave the kind out"
                 yield Diagnostic("bad-annotation", message, place, hint)
             elif annotation.name == "weight" and not _is_weight(value):
-                message = f"the weight of a kind is a number, 0 or above, not {value}"
+                message = f"the weight of `{kind}` is {value}, but must be a number, 0 or above"
                 hint = f"write `@weight({kind} = 0.5)`; with 0 the kind is left out"
                 yield Diagnostic("bad-weight", message, place, hint)
 

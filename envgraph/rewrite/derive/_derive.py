@@ -70,7 +70,7 @@ def _retypings(derivation: Derivation) -> tuple[Rule, ...]:
             right=Modification((Retype(Variable("object"), after),)),
             package=derivation.package,
             weight=derivation.weight,
-            doc=f"`{before}` becomes `{after}`.",
+            doc=f"Retype a `{before}` to `{after}`.",
             span=derivation.span,
         )
         for before, after in permutations(derivation.classes, 2)

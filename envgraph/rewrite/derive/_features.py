@@ -26,19 +26,19 @@ from envgraph.rewrite.derive._rule_builder import RuleBuilder
 from envgraph.rewrite.derive._schema import End, Schema
 
 _LINKS: Final = {
-    "add.{}": ("+ source target", "One more target of `{}`."),
-    "remove.{}": ("- source target", "One target less of `{}`."),
+    "add.{}": ("+ source target", "Add a target of `{}`."),
+    "remove.{}": ("- source target", "Remove a target of `{}`."),
     "change.{}.source": (
         "- source target + other target",
-        "A target of `{}` goes over to another `{holder}`.",
+        "Move a target of `{}` to another `{holder}`.",
     ),
     "change.{}.target": (
         "- source target + source other",
-        "Another target of `{}` instead of one that is there.",
+        "Replace a target of `{}` by another object.",
     ),
     "swap.{}": (
         "- source target - source2 target2 + source target2 + source2 target",
-        "Two objects exchange a target of `{}`.",
+        "Exchange a target of `{}` between two objects.",
     ),
 }
 """Operators on a reference, by name: the links that are removed (-) and added (+), and the documentation."""
@@ -46,11 +46,11 @@ _LINKS: Final = {
 _SYMMETRIC: Final = {name: _LINKS[name] for name in _LINKS if name != "change.{}.source"} | {
     "swap.{}.joining": (
         "+ source target - source source - target target",
-        "Two objects are linked to each other by `{}`.",
+        "Link two objects to each other by `{}`, instead of each to itself.",
     ),
     "swap.{}.parting": (
         "- source target + source source + target target",
-        "Two objects are linked each to itself by `{}`.",
+        "Link two objects each to itself by `{}`, instead of to each other.",
     ),
 }
 """Operators on a reference that is its own opposite, where objects may be linked to themselves."""
@@ -88,12 +88,12 @@ def container_operators(schema: Schema, group: str, cls: str) -> Iterator[RuleBu
         if not end.contains or child is None or end.frozen:
             continue
         if end.flexible:
-            doc = f"A `{child}` goes into another `{end.reference}`."
+            doc = f"Move a `{child}` to another container by `{end.reference}`."
             builder = RuleBuilder(schema, group, f"move.{cls}.{end.name}", doc)
             part = builder.node(child, "part")
             builder.move(end, builder.node(end.near, "container"), part)
             yield builder
-        doc = f"Two containers exchange a `{child}` of `{end.reference}`."
+        doc = f"Exchange a `{child}` of `{end.reference}` between two containers."
         builder = RuleBuilder(schema, group, f"swap.{cls}.{end.name}", doc)
         _relink(builder, end, end.near, child, _SWAP)
         yield builder

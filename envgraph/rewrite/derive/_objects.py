@@ -40,21 +40,21 @@ def creating_and_deleting(schema: Schema, group: str, cls: str, most: int) -> It
         builder = begun(f"create.{cls}{_suffix(plan)}", _creation_doc(plan))
         _fulfil(builder, plan, _old(builder, plan))
         yield builder
-    doc = f"A `{cls}` goes, with what it contains, if everybody else can do without."
+    doc = f"Delete a `{cls}` with its contents, if no other object then has too few links."
     yield _delete(begun(f"delete.{cls}", doc), Plan((cls,)))
     if any(map(_goes_over, schema.ends_of(cls))):
-        doc = f"A `{cls}` goes, and another one takes its place where it is needed."
+        doc = f"Delete a `{cls}`, and link the objects that need it to another one."
         yield _rehome(begun(f"delete.{cls}.rehoming", doc), cls)
     for end in schema.ends_of(cls):
         if _goes_over(end, 1) and not schema.overlap(end.near, end.far):
-            doc = f"A `{cls}` goes, and two others take its place at `{end.name}`."
+            doc = f"Delete a `{cls}`, and link the objects that need it at `{end.name}` to two others."
             yield _rehome(begun(f"delete.{cls}.spreading.{end.name}.all", doc), cls, end)
     for plan in plans:
         if plan.given(0) and len(plan.tops) == 1:
-            yield _spread(begun("", f"A `{cls}` goes, and what needs it goes over to others."), plan)
+            yield _spread(begun("", f"Delete a `{cls}`, and link the objects that need it to others."), plan)
         elif not plan.removed and len(plan.tops) > 1:
             first, *others = (plan.new[node] for node in plan.tops)
-            doc = f"Objects that need each other go together: {', '.join(f'a `{o}`' for o in (first, *others))}."
+            doc = f"Delete objects that need each other: {', '.join(f'a `{o}`' for o in (first, *others))}."
             yield _delete(begun(f"delete.{first}.with.{'.'.join(others)}", doc), plan)
 
 
@@ -72,10 +72,10 @@ def _suffix(plan: Plan) -> str:
 
 
 def _creation_doc(plan: Plan) -> str:
-    text = f"A new `{plan.new[0]}`"
+    text = f"Create a new `{plan.new[0]}`"
     if len(plan.new) > 1:
         text += ", together with " + " and ".join(map(with_article, plan.new[1:]))
-    return text + (", which takes what it needs from others." if plan.removed else ".")
+    return text + (", which takes links that it needs from others." if plan.removed else ".")
 
 
 def _old(builder: RuleBuilder, plan: Plan) -> dict[int, str]:
@@ -274,7 +274,7 @@ def retypings(schema: Schema, group: str, cls: str, most: int) -> Iterator[RuleB
     """Yield the operators that retype an object from one concrete subclass of a class to another."""
     for before, start in retyping_starts(schema, cls):
         for plan in cheapest_plans(schema, start, most):
-            name, doc = f"{before}.{start.new[0]}{_suffix(plan)}", f"`{before}` becomes `{start.new[0]}`."
+            name, doc = f"{before}.{start.new[0]}{_suffix(plan)}", f"Retype a `{before}` to `{start.new[0]}`."
             yield _retype(RuleBuilder(schema, group, f"retype.{name}", doc), before, plan)
 
 

@@ -79,7 +79,9 @@ class Catalog:
             InvalidArgument: the matcher cannot watch.
         """
         if not isinstance(self.matcher, ViewMatcher):
-            raise InvalidArgument("the naive matcher keeps nothing current: it cannot watch")
+            raise InvalidArgument(
+                "the naive matcher cannot watch patterns; create the engine with a `ViewMatcher`"
+            )
         return self.matcher
 
     # --- definitions
@@ -91,9 +93,9 @@ class Catalog:
             InvalidArgument: the function is not callable, the name is in use, or the weight is not a number above 0.
         """
         if not callable(function):
-            raise InvalidArgument(f"a function is registered, not {function!r}")
+            raise InvalidArgument(f"expected a function to register, not {function!r}")
         if not (weight > 0 and isfinite(weight)):
-            raise InvalidArgument(f"a weight is a number above 0, not {weight}")
+            raise InvalidArgument(f"the weight is {weight}, but must be a number above 0")
         own = name or job_name(function)
         if own in self.directory.signatures or own in self.library.names():
             raise InvalidArgument(f"`{own}` is defined already")
@@ -123,7 +125,7 @@ class Catalog:
             rules = derived_rules(derivation, self.model.metamodel)
             return next(rule for rule in rules if rule.qualified_name == qualified)
         if qualified in self.runners or qualified in self.programs:
-            raise InvalidArgument(f"`{name}` is a Python function, of which there is no data")
+            raise InvalidArgument(f"`{name}` is a Python function, which has no definition as data")
         return self.library.get(qualified)
 
     def group(self, name: str) -> tuple[str, ...]:
@@ -246,7 +248,7 @@ class Catalog:
             InvalidArgument: the name is unknown, or the definition has no matches.
         """
         if not isinstance(name, str):
-            raise InvalidArgument(f"a pattern or rule is given by its name, not as {name!r}")
+            raise InvalidArgument(f"expected the name of a pattern or rule, not {name!r}")
         if name not in self._asked:
             shape, pattern = self._find(name)
             needed = tuple(shape.names[position] for position in self.library.inputs(pattern))
@@ -350,8 +352,8 @@ class Catalog:
                 node = value.id if isinstance(value, Node) else value
                 if not self.model.graph.alive(node):
                     raise InvalidArgument(
-                        f"`{shape.names[position]}` of `{shape.definition}` is object {node}, which there is not",
-                        "it was never created, was deleted, or was undone",
+                        f"`{shape.names[position]}` of `{shape.definition}` is object {node}, which does not exist",
+                        "check that it was created, and was not deleted or rolled back",
                     )
                 return node
             wanted = f"a `{type_.cls}`"
@@ -372,10 +374,10 @@ def bindings(bound: Mapping[str, object] | None, values: Mapping[str, object]) -
         return values
     if not isinstance(bound, Mapping) or not all(isinstance(name, str) for name in bound):
         raise InvalidArgument(
-            f"`bound` is a mapping from variables to their values, not {bound!r}; "
-            "a variable of that name is given as `bound={'bound': ..}`"
+            f"`bound` must be a mapping from variables to their values, not {bound!r}; "
+            "to bind a variable of that name, write `bound={'bound': ..}`"
         )
     twice = next((name for name in bound if name in values), None)
     if twice is not None:
-        raise InvalidArgument(f"`{twice}` is given twice: in `bound`, and by itself")
+        raise InvalidArgument(f"`{twice}` is given twice: in `bound`, and as a keyword argument")
     return {**bound, **values}

@@ -126,7 +126,9 @@ class Steps:
         """
         last = self._last
         if not isinstance(last, Choice):
-            raise InvalidArgument("`alternatively` comes right after `either`, `alternatively` or `choose`")
+            raise InvalidArgument(
+                "`alternatively` must directly follow `either`, `alternatively` or `choose`"
+            )
         return self._block(lambda body: self._mend(replace(last, alternatives=(*last.alternatives, body))))
 
     def alap(self) -> AbstractContextManager[None]:
@@ -169,7 +171,7 @@ class Steps:
         """
         last = self._last
         if not isinstance(last, Try | If) or last.otherwise is not None:
-            raise InvalidArgument("`otherwise` comes right after `attempt`, `when` or `unless`")
+            raise InvalidArgument("`otherwise` must directly follow `attempt`, `when` or `unless`")
         return self._block(lambda body: self._mend(replace(last, otherwise=body)))
 
     @property
@@ -192,7 +194,7 @@ class Steps:
 
 def _call(name: str, arguments: tuple[Given, ...]) -> Call:
     if not isinstance(name, str):
-        raise InvalidArgument(f"a rule or unit is called by its name, not by {name!r}")
+        raise InvalidArgument(f"expected the name of a rule or unit, not {name!r}")
     return Call(name, _given(arguments))
 
 
@@ -218,7 +220,9 @@ def _expression(given: Given) -> Expression:
         return Variable("_")
     if isinstance(given, str | int | float):
         return Constant(given)
-    raise InvalidArgument(f"an argument is a parameter, an expression, a plain value or `...`, not {given!r}")
+    raise InvalidArgument(
+        f"an argument must be a parameter, an expression, a number, a string or `...`, not {given!r}"
+    )
 
 
 # --- functions
@@ -257,7 +261,9 @@ def unit_parameters(
     found: list[Parameter] = []
     for argument in signature(function).parameters.values():
         if argument.kind not in (Argument.POSITIONAL_OR_KEYWORD, Argument.KEYWORD_ONLY):
-            raise InvalidArgument(f"unit `{name}` takes its arguments by name, not as `{argument}`")
+            raise InvalidArgument(
+                f"parameter `{argument}` of unit `{name}` cannot be passed by name: use an ordinary parameter"
+            )
         if argument.name in others:
             continue
         if argument.default is not Argument.empty:

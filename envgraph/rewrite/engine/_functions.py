@@ -57,7 +57,7 @@ class PythonUnit(UnitProgram):
                 if not (outcome is None or isinstance(outcome, bool)):
                     found = with_article(type(outcome).__name__)
                     raise InvalidArgument(
-                        f"unit `{self.name}` returned {found}: it returns False if it has failed, else nothing or True"
+                        f"unit `{self.name}` returned {found}, but must return False if it failed, else True or None"
                     )
                 trace.notice(model.state_hash())
         except RuleError as error:
@@ -65,7 +65,7 @@ class PythonUnit(UnitProgram):
                 run.failure = error.message, error.span
             else:
                 note_refusal(run, error)
-                run.failure = f"the model refused what `{self.name}` did", None
+                run.failure = f"a change by `{self.name}` was refused", None
             return None
         run.gaps.extend(len(run.trace) // 2 + gap for gap in trace.gaps)
         for firing in trace:

@@ -74,7 +74,7 @@ class Events:
         elif key is None:
             call = match_listener(self._model, shape, changed)
         else:
-            raise InvalidArgument("`key` says which matches are `updated`: give a function for these")
+            raise InvalidArgument("`key` has no effect without `updated`: also pass a function as `updated`")
         later = None if restored is None else match_listener(self._model, shape, restored)
         return self._catalog.views.listen(pattern, call, later)
 
@@ -85,7 +85,7 @@ class Events:
             InvalidArgument: the argument was not returned by `listen`.
         """
         if not isinstance(subscription, Subscription):
-            raise InvalidArgument(f"{subscription!r} is nothing that `listen` gave")
+            raise InvalidArgument(f"expected a subscription that `listen` returned, not {subscription!r}")
         self._catalog.views.listeners.remove(subscription)
 
     def settle(self) -> None:
@@ -152,7 +152,7 @@ class Events:
         given = {"appear": appear, "disappear": disappear, "update": update}
         jobs = [(cast("Event", event), job) for event, job in given.items() if job is not None]
         if not jobs:
-            raise InvalidArgument("an event rule does something: give `appear`, `disappear` or `update`")
+            raise InvalidArgument("an event rule needs a job: pass `appear`, `disappear` or `update`")
         bound = {event: bind_job(self._engine, shape, event, job) for event, job in jobs}
         places = (
             update_key(self._catalog.library.get(qualified), shape, key)

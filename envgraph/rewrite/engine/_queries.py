@@ -118,13 +118,13 @@ class Queries:
             asked: the value of the argument `applicable`, which must be True.
         """
         if asked is not True:
-            message = f"`applicable` is True or False, not {asked!r}"
+            message = f"`applicable` must be True or False, not {asked!r}"
             raise InvalidArgument(
-                f"{message}; a variable of that name is given as `bound={{'applicable': ..}}`"
+                f"{message}; to bind a variable of that name, write `bound={{'applicable': ..}}`"
             )
         runner = self._catalog.runners.get(shape.definition)
         if runner is None:
-            raise InvalidArgument(f"`{name}` is a pattern: only rules are applied")
+            raise InvalidArgument(f"`{name}` is a pattern, but `applicable` needs a rule")
         with self._runs.aside():
             return list(islice(filter(runner.is_applicable, list(rows)), most))
 
@@ -148,10 +148,10 @@ class Queries:
         """
         shape, pattern, _ = self._catalog.asked(name)
         if not isinstance(self._matcher, ViewMatcher):
-            raise InvalidArgument("the naive matcher tries everything, and has no plans")
+            raise InvalidArgument("the naive matcher has no plans; create the engine with a `ViewMatcher`")
         known = self._positions(shape, bindings(bound, values))
         if variables and known:
-            raise InvalidArgument("give names of variables, or values for them, not both")
+            raise InvalidArgument("pass either names of variables or values for them, not both")
         positions = tuple(sorted(known)) or tuple(sorted(shape.position(variable) for variable in variables))
         return Explanation(
             self._matcher.explain(pattern, positions, [known[position] for position in sorted(known)])
@@ -188,7 +188,7 @@ class Queries:
             )
         shape, pattern, _ = self._catalog.asked(name)
         if not isinstance(self._matcher, ViewMatcher):
-            raise InvalidArgument("the naive matcher tries everything, and has no plans")
+            raise InvalidArgument("the naive matcher has no plans; create the engine with a `ViewMatcher`")
         known = self._positions(shape, given)
         found = self._matcher.why_not(pattern, known)
         runner, refusal = self._catalog.runners.get(shape.definition), None
@@ -272,5 +272,7 @@ class Queries:
         ids = self._catalog.ids(shape, given)
         missing = ", ".join([f"`{variable}`" for variable in needed if variable not in ids])
         if missing:
-            raise InvalidArgument(f"`{shape.definition}` needs values for {missing}: nothing enumerates them")
+            raise InvalidArgument(
+                f"`{shape.definition}` needs values for {missing}: matching cannot enumerate them"
+            )
         return shape, pattern, tuple(map(ids.get, shape.names, repeat(FREE)))

@@ -29,14 +29,14 @@ def register_function(
         ResolutionError: a type is unknown or a class, or the name is that of a function of the language.
     """
     if not callable(function):
-        raise InvalidArgument(f"a function is registered, not {function!r}")
+        raise InvalidArgument(f"expected a function to register, not {function!r}")
     name = given or str(getattr(function, "__name__", ""))
     if not name.isidentifier():
         raise InvalidArgument(f'a function needs a name: `engine.function("name", ..)`, not {name!r}')
     known = library.functions.get(name)
     if known is not None and known.code is not None:
-        message = f"function `{name}` has its code already, and what has been found with it stays"
-        raise InvalidArgument(f"{message}: choose another name, or take another engine")
+        message = f"function `{name}` is already registered, and its earlier results are kept"
+        raise InvalidArgument(f"{message}: choose another name, or use another engine")
     if known is None or parameters is not None or result is not None:
         declaration = _declaration(function, name, parameters, result)
         problems = copy(library).declare(declaration)
@@ -58,12 +58,12 @@ def _declaration(
         parameters = {}
         for one in _signature(function, name).parameters.values():
             if one.kind not in _POSITIONAL or one.default is not Argument.empty:
-                message = f"function `{name}` is called with a value for each parameter, in their order"
-                raise InvalidArgument(f"{message}: `{one}` cannot be one of these")
+                message = f"a parameter of function `{name}` must be positional and have no default"
+                raise InvalidArgument(f"{message}: `{one}` is not allowed")
             parameters[one.name] = one.annotation
     written: object = parameters
     if not isinstance(written, Mapping):
-        message = f'the parameters of `{name}` are a mapping from names to types, `{{"x": int}}`'
+        message = f'the parameters of `{name}` must be a mapping from names to types, such as `{{"x": int}}`'
         raise InvalidArgument(f"{message}, not {written!r}")
     given = _signature(function, name).return_annotation if result is None else result
     return FunctionDeclaration(
@@ -77,8 +77,8 @@ def _signature(function: Callable[..., object], name: str) -> Signature:
     try:
         return signature(function)
     except ValueError:  # some functions written in C have no signature
-        message = f"nothing says what `{name}` takes: "
-        raise InvalidArgument(message + "give `parameters` and `result`") from None
+        message = f"`{name}` has no signature: "
+        raise InvalidArgument(message + "pass `parameters` and `result`") from None
 
 
 def _type(given: object, what: str, name: str) -> str:
@@ -123,5 +123,5 @@ def _check_count(function: Callable[..., object], name: str, count: int) -> None
         taken.bind(*range(count))
     except TypeError:
         raise InvalidArgument(
-            f"function `{name}` is called with {count} arguments, and takes `{taken}`"
+            f"function `{name}` must take {count} arguments, but its signature is `{taken}`"
         ) from None

@@ -171,9 +171,8 @@ class Registrar:
         for feature, query in new.items():
             node = first_with(model.graph, feature)
             if node is not None:
-                message = (
-                    f"query `{query}` defines `{feature}`, and {model.graph.describe(node)} has a value of it"
-                )
+                text = model.graph.describe(node)
+                message = f"query `{query}` defines `{feature}`, but {text} has a stored value of it"
                 span, hint = library.get(query).span, "clear these values first"
                 raise ResolutionError([Diagnostic("stored-values", message, span, hint)])
         model.graph.define(model.graph.defined | {one: defined(query) for one, query in new.items()})
@@ -203,12 +202,12 @@ class Registrar:
         """
         strange: list[object] = [one for one in definitions if not isinstance(one, Definition)]
         if strange:
-            hint = ": `envgraph.lang.from_text` reads definitions" if isinstance(strange[0], str) else ""
-            raise InvalidArgument(f"a pattern, rule, unit or derivation is added, not {strange[0]!r}{hint}")
+            hint = "; parse definitions with `envgraph.lang.from_text`" if isinstance(strange[0], str) else ""
+            raise InvalidArgument(f"expected a pattern, rule, unit or derivation, not {strange[0]!r}{hint}")
         for one in definitions:
             mistake = None if one.span is not None else mistake_in(one)
             if mistake is not None:
-                raise InvalidArgument(f"{mistake}; `envgraph.Rule` and its like take texts, too")
+                raise InvalidArgument(f"{mistake}; use `envgraph.Rule` and similar classes to pass texts")
 
     # --- uses of definitions
 
@@ -241,13 +240,13 @@ class Registrar:
             texts.append(f"`{name}`" + (f" ({hint})" if hint else ""))
         if texts:
             verb = "is" if len(texts) == 1 else "are"
-            raise InvalidArgument(f"{', '.join(texts)} {verb} not there to be replaced; `add` adds new ones")
+            raise InvalidArgument(f"{', '.join(texts)} {verb} not defined: use `add` for new definitions")
 
     def _check_free(self, names: Collection[str], users: Collection[str]) -> None:
         owner = self._catalog.owners()
         for name in names:
             if owner(name) != name:
-                raise InvalidArgument(f"`{name}` is a rule of `{owner(name)}`: name the whole group")
+                raise InvalidArgument(f"`{name}` belongs to the group `{owner(name)}`: name the whole group")
         if users:
             what = ", ".join(f"`{name}`" for name in names)
             verb = "is" if len(names) == 1 else "are"

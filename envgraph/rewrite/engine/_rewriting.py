@@ -82,7 +82,7 @@ class Rewriting:
         arguments = values if bound is None else bindings(bound, values)
         if choose != "random" or where is not None or by is not None:
             if match is not None or (by is not None and choose != "random"):
-                raise InvalidArgument("one of `match`, `choose` and `by` says where the rule is applied")
+                raise InvalidArgument("pass only one of `match`, `choose` and `by`")
             with self._events.holding() or NOTHING:
                 return self._apply_chosen(rule, choose, where, by, arguments)
         holding = self._events.holding()
@@ -201,7 +201,7 @@ class Rewriting:
             self._history.notice()
         if match is not None:
             if arguments:
-                raise InvalidArgument("give a match or arguments, not both")
+                raise InvalidArgument("pass either a match or arguments, not both")
             row = self._row_of(runner, match)
             result = runner.apply_checked(row)
         else:
@@ -225,7 +225,7 @@ class Rewriting:
         self, group: str, match: Match | None, arguments: Mapping[str, object]
     ) -> Application | None:
         if arguments:
-            raise InvalidArgument(f"`{group}` is a group: its rules have no arguments in common")
+            raise InvalidArgument(f"`{group}` is a group, which takes no arguments")
         if match is not None:
             if match.definition not in self._catalog.members[group]:
                 raise InvalidArgument(f"{match!r} is no match of a rule of `{group}`")

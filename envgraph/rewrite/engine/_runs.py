@@ -122,7 +122,7 @@ class Runs:
                     loops.back_to(depth)
                 run.abandon()
                 if isinstance(error, RecursionError):
-                    raise EvaluationError(f"`{name}` nests too deeply") from None
+                    raise EvaluationError(f"the steps of `{name}` are nested too deeply") from None
                 raise
             if strict and outcome is None and run.refusal is not None:
                 raise run.refusal
@@ -146,7 +146,7 @@ class Runs:
             return self._start_rule(run, self._catalog.runners[name], arguments)
         if name in self._catalog.members:
             if arguments:
-                raise InvalidArgument(f"`{name}` is a group: its rules have no arguments in common")
+                raise InvalidArgument(f"`{name}` is a group, which takes no arguments")
             run.failure = f"no rule of `{name}` could be applied", None
             return apply_one_of(
                 run, [self._catalog.runners[member] for member in self._catalog.members[name]]

@@ -42,9 +42,9 @@ def select(
             cannot be ordered.
     """
     if top is not None and (type(top) is not int or top < 1):
-        raise InvalidArgument(f"`top` is a number from 1, not {top!r}")
+        raise InvalidArgument(f"`top` is {top!r}, but must be a whole number from 1")
     if top is not None and by is None:
-        raise InvalidArgument("`top` says how many: `by` has to say of what order")
+        raise InvalidArgument("`top` needs `by`, which orders the matches")
     found = list(among(catalog, rule, rows, where))
     return found if by is None else _best(found, _value(catalog, rule, by), rule, top)
 
@@ -57,11 +57,13 @@ def _best(rows: Sequence[Row], value: Callable[[Row], Any], rule: RuleRunner, to
     """
     valued = {row: value(row) for row in rows}
     if any(isinstance(one, float) and isnan(one) for one in valued.values()):
-        raise InvalidArgument(f"`by` is nan at a match of `{rule.name}`: return None where there is no value")
+        raise InvalidArgument(f"`by` is nan at a match of `{rule.name}`: return None if there is no value")
     try:
         return best(rows, valued.__getitem__, top)
     except TypeError as error:
-        raise InvalidArgument(f"`by` cannot put the matches of `{rule.name}` in order: {error}") from error
+        raise InvalidArgument(
+            f"the values of `by` cannot order the matches of `{rule.name}`: {error}"
+        ) from error
 
 
 def among(catalog: Catalog, rule: RuleRunner, rows: Iterable[Row], where: Where | None) -> Iterator[Row]:
@@ -78,7 +80,7 @@ def choose_one(
         InvalidArgument: `choose` is no valid choice, or the function returns something other than one of its matches.
     """
     if not (choose in ("random", "first") or callable(choose)):
-        raise InvalidArgument(f'`choose` is "random", "first" or a function, not {choose!r}')
+        raise InvalidArgument(f'`choose` must be "random", "first" or a function, not {choose!r}')
     if not rows:
         return None
     if choose == "random":
@@ -89,7 +91,7 @@ def choose_one(
     matches = [Match(catalog.model, rule.shape, row) for row in rows]
     chosen = choose(matches)
     if chosen is not None and chosen not in matches:
-        raise InvalidArgument(f"`choose` has to return one of the matches it was given, not {chosen!r}")
+        raise InvalidArgument(f"`choose` must return one of the matches passed to it or None, not {chosen!r}")
     return None if chosen is None else chosen.row
 
 
@@ -106,7 +108,7 @@ def _pattern(catalog: Catalog, rule: RuleRunner, name: str) -> Callable[[Row], b
     if not set(names) & set(own):
         known = ", ".join(f"`{variable}`" for variable in own) or "none"
         raise InvalidArgument(
-            f"`{name}` has no parameter that is a variable of `{rule.name}`: these are {known}"
+            f"`{name}` has no parameter that is a variable of `{rule.name}`, whose variables are {known}"
         )
     places = [own.index(parameter) if parameter in own else None for parameter in names]
     exists = catalog.matcher.exists
@@ -126,7 +128,7 @@ def _value(
         )
     if not callable(asked):
         raise InvalidArgument(
-            f"a function of the match, or an expression of `envgraph.pattern`, is asked, not {asked!r}: "
+            f"expected a function of the match, or an expression of `envgraph.pattern`, not {asked!r}: "
             "write `lambda match: ..`"
         )
     function = asked

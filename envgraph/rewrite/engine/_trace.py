@@ -25,10 +25,10 @@ if TYPE_CHECKING:
 
 TRACE_FORMAT: Final = "envgraph-trace-1"
 
-_CHANGED: Final = "the trace was changed, or the rule is not what it was"
+_CHANGED: Final = "check if the trace or the rule was changed after the recording"
 _HINT: Final = (
-    "a trace holds applications of rules: put the edit into a rule (`@engine.rule` makes one of a function), or leave "
-    "it out"
+    "make the change in a rule (`@engine.rule` turns a function into a rule) or remove it: a trace contains only "
+    "applications of rules"
 )
 
 
@@ -87,7 +87,7 @@ class Trace(list[Firing]):
     def _gap(self, gap: int) -> Diagnostic:
         where = f"after application {gap}, `{self[gap - 1].rule}`," if gap else "before the first application"
         return Diagnostic(
-            "unrecorded-change", f"{where} something changed the model that no rule did", None, _HINT
+            "unrecorded-change", f"{where} the model was changed by something other than a rule", None, _HINT
         )
 
     def check(self, count: int, state: int) -> None:
@@ -106,14 +106,14 @@ class Trace(list[Firing]):
             )
             hint = _CHANGED
         else:
-            message = f"the run began in state {state_text(known)}, and this is {state_text(state)}"
+            message = f"the recorded run began in state {state_text(known)}, but this is {state_text(state)}"
             hint = "replay it on the model that it was recorded on"
         raise TraceError([Diagnostic("other-state", message, self.span(count), hint)])
 
     def refused(self, count: int, error: RuleError | EvaluationError) -> TraceError:
         """Return the error for an application, of a trace parsed from text, that cannot be made."""
         message = f"application {count}: {error.message}"
-        notes: tuple[Note, ...] = (Note("this cannot be done", error.span),) if error.span else ()
+        notes: tuple[Note, ...] = (Note("this operation failed", error.span),) if error.span else ()
         notes += tuple(map(Note, error.details if isinstance(error, RuleError) else ()))
         hint = error.hint or _CHANGED
         found = Diagnostic("not-applicable", message, self.matches[count - 1], hint, notes=notes)
@@ -158,7 +158,7 @@ def trace_schema() -> dict[str, Any]:
     """
     from importlib.resources import (
         files,
-    )  # imported here because the import takes as long as parsing a small model
+    )  # as slow to import as a small model is to parse
 
     schema: dict[str, Any] = json.loads(
         files("envgraph.rewrite.engine").joinpath("trace.schema.json").read_text("utf-8")

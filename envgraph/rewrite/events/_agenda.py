@@ -129,8 +129,8 @@ class ConflictSet:
             self._matcher.listeners.deliver()
             if fired == limit and any(True for _ in self.pending()):
                 names = ", ".join(f"`{name}`" for name in dict.fromkeys(last))
-                message = f"event rules do not come to rest: {limit} firings, the last ones of {names}"
-                hint = "what a rule does must end what it waits for; else set `step_limit` of the engine"
+                message = f"event rules do not terminate: {limit} firings, the last ones of {names}"
+                hint = "make each job remove the match that triggers it, or set `step_limit` of the engine"
                 raise EvaluationError(message, hint=hint)
             activation = self._next()
             if activation is None:

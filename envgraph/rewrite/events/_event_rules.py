@@ -269,7 +269,7 @@ def update_key(pattern: Pattern | None, shape: Shape, key: Iterable[str] | None)
     places = tuple(shape.position(name) for name in dict.fromkeys(names))
     if len(places) == len(shape.names):
         raise InvalidArgument(
-            f"no match of `{shape.definition}` is ever updated: all its variables belong to the key; give `key`"
+            f"the key of `{shape.definition}` contains all variables, so no match is updated; pass a smaller `key`"
         )
     return places
 

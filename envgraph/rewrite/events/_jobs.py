@@ -33,7 +33,7 @@ def bind_job(engine: Engine, shape: Shape, event: Event, job: Job) -> BoundJob:
         return _named(engine, shape, job)
     if callable(job):
         return _function(engine, shape, event, job)
-    raise InvalidArgument(f"`{event}` takes a function or the name of a rule or unit, not {job!r}")
+    raise InvalidArgument(f"`{event}` must be a function or the name of a rule or unit, not {job!r}")
 
 
 def _function(engine: Engine, shape: Shape, event: Event, function: Callable[..., object]) -> BoundJob:
@@ -100,4 +100,6 @@ def check_runs(function: Callable[..., object]) -> None:
     for kind, found in (("a coroutine", iscoroutinefunction), ("a generator", isgeneratorfunction)):
         if found(function):
             name = getattr(function, "__name__", type(function).__name__)
-            raise InvalidArgument(f"`{name}` is {kind}: a call does not run what stands in it")
+            raise InvalidArgument(
+                f"`{name}` is {kind}, whose body a call does not execute; use an ordinary function"
+            )

@@ -61,5 +61,5 @@ def check_functions(*given: object) -> None:
     """
     for one in given:
         if not callable(one):
-            raise InvalidArgument(f"a listener is a function, not {one!r}")
+            raise InvalidArgument(f"a listener must be a function, not {one!r}")
         check_runs(one)

@@ -186,9 +186,11 @@ class Exploration:
         """
         number = self.goal if state is None else state
         if number is None:
-            raise InvalidArgument("no goal was found: give the number of a state")
+            raise InvalidArgument("no goal was found: pass the number of a state")
         if not 0 <= number < len(self):
-            raise InvalidArgument(f"there are states 0 to {len(self) - 1}, no {number}")
+            raise InvalidArgument(
+                f"state {number} does not exist; states are numbered from 0 to {len(self) - 1}"
+            )
         legs: list[Firings] = []
         while number:
             place = self._record.found_by[number]
@@ -204,7 +206,7 @@ class Exploration:
         """
         if predicate not in self.predicates:
             hint = did_you_mean(predicate, self.predicates)
-            raise InvalidArgument(f"`{predicate}` was not asked", hint)
+            raise InvalidArgument(f"`{predicate}` is not a predicate of this exploration", hint)
         return [state.number for state in self.states if predicate in state.holds]
 
     @property

@@ -76,10 +76,10 @@ def _movers(engine: Engine, names: Iterable[str]) -> list[Mover]:
         InvalidArgument: `names` is empty, or has an unknown name or a rule or unit that needs values.
     """
     if not isinstance(names, Iterable):
-        raise InvalidArgument(f"rules, units and groups are given by their names, not as {names!r}")
+        raise InvalidArgument(f"expected names of rules, units and groups, not {names!r}")
     members = dict.fromkeys(member for name in names for member in engine.group(name))
     if not members:
-        raise InvalidArgument("name a rule, group or unit")
+        raise InvalidArgument("pass at least one name of a rule, group or unit")
     return [_mover(engine, member) for member in members]
 
 
@@ -130,17 +130,17 @@ class Search:
 
     def __post_init__(self) -> None:
         if self.limit < 1:
-            raise InvalidArgument(f"there is at least one state, so the limit is not {self.limit}")
+            raise InvalidArgument(f"`limit` is {self.limit}, but must be at least 1")
         if self.strategy not in ("breadth", "depth"):
-            raise InvalidArgument(f'the strategy is "breadth" or "depth", not {self.strategy!r}')
+            raise InvalidArgument(f'`strategy` must be "breadth" or "depth", not {self.strategy!r}')
         if self.depth is not None and (type(self.depth) is not int or self.depth < 0):
-            raise InvalidArgument(f"`depth` is a number of moves from 0, not {self.depth!r}")
+            raise InvalidArgument(f"`depth` is {self.depth!r}, but must be a whole number from 0")
         if self.depth is not None and self.strategy == "depth":
             raise InvalidArgument(
-                'a depth-first search may come to a state by a long way first: with `depth` leave `strategy` "breadth"'
+                '`depth` needs `strategy="breadth"`, because a depth-first search may find a long path to a state first'
             )
         if self.up_to not in ("identity", "isomorphism"):
-            raise InvalidArgument(f'`up_to` is "identity" or "isomorphism", not {self.up_to!r}')
+            raise InvalidArgument(f'`up_to` must be "identity" or "isomorphism", not {self.up_to!r}')
 
     def run(self) -> Exploration:
         """Explore, and return the result. At the end, or after an exception, the model is in its first state again."""
@@ -282,7 +282,7 @@ def explore(
     if isinstance(predicates, str):
         predicates = (predicates,)
     if not isinstance(predicates, Iterable):
-        raise InvalidArgument(f"predicates are given by their names, not as {predicates!r}")
+        raise InvalidArgument(f"expected names of predicates, not {predicates!r}")
     asked = predicates if isinstance(predicates, Mapping) else {name: name for name in predicates}
     search = Search(
         engine.model,
@@ -303,6 +303,6 @@ def _test(engine: Engine, predicate: Predicate) -> Callable[[], bool]:
     if callable(predicate):
         return lambda: bool(predicate(engine))
     if not isinstance(predicate, str):
-        raise InvalidArgument(f"a predicate is the name of a pattern or a function, not {predicate!r}")
+        raise InvalidArgument(f"a predicate must be the name of a pattern or a function, not {predicate!r}")
     _, pattern, free = engine.queries.question(predicate)
     return partial(engine.matcher.exists, pattern, free)

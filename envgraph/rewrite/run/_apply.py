@@ -251,7 +251,7 @@ class _Block:
                 rows = rows[:1]
             if len(found) + len(rows) > most:
                 message = f"the blocks of one application have more than {most:,} matches"
-                raise EvaluationError(message, block.plan.span, f"ask for less; {RAISE_LIMIT}")
+                raise EvaluationError(message, block.plan.span, f"restrict their left sides; {RAISE_LIMIT}")
             for row in rows:
                 block.collect([*slots, *row[len(block.plan.arguments) :]], instance, found, fresh, most)
 

@@ -62,7 +62,7 @@ def check_kept(graph: Graph, nodes: tuple[int, ...], names: tuple[str, ...]) -> 
     for node, name in zip(nodes, names, strict=True):
         if not graph.alive(node):
             what = f"`{name}` is kept" if name else "an object is changed"
-            raise Dragged(f"{what}, and goes with a container that is deleted", node)
+            raise Dragged(f"{what}, but would be deleted with its container", node)
 
 
 def present(targets: tuple[int | None, ...]) -> tuple[int, ...]:
@@ -78,7 +78,7 @@ def there(graph: Graph, source: int, reference: Reference, target: int) -> None:
     """
     if not graph.has_link(source, reference, target):
         ends = f"{graph.describe(source)} -{reference.name}-> {graph.describe(target)}"
-        raise RuleError(f"there is no {ends} to redirect", reason="missing-link", details=[ends])
+        raise RuleError(f"the link {ends} to redirect does not exist", reason="missing-link", details=[ends])
 
 
 def leave(graph: Graph, node: int, container: int | None, reference: Reference) -> None:
@@ -110,12 +110,12 @@ def house(graph: Graph, source: int, reference: Reference, target: int) -> None:
     old = graph.container(target) if graph.alive(target) else None
     if old is not None:
         container, feature = graph.describe(old[0]), old[1].name
-        message = f"{graph.describe(target)} is in {container} already"
+        message = f"{graph.describe(target)} is contained in {container} already"
         raise RuleError(
             message,
             reason="full",
             details=[f"{container} -{feature}-> {graph.describe(target)}"],
-            hint="`move` or `set` takes it out",
+            hint="use `move` or `set`, which remove it from there",
         )
     graph.link(source, reference, target)
 
@@ -184,7 +184,7 @@ def absorb(graph: Graph, kept: int, absorbed: int, links: list[ModelLink], *, lo
             if lossy:
                 continue
             found = f"{graph.describe(wrong)}, {with_article(graph.class_of(wrong))},"
-            message = f"{found} cannot have the links of `{reference}` that are handed over"
+            message = f"{found} cannot have the links of `{reference}` that the merge moves"
             raise RuleError(message, reason="lost-link", details=[link])
         graph.link(source, reference, target)
     graph.delete(absorbed, "dpo")

@@ -27,8 +27,8 @@ class Notices:
         """Add a notice that a rule creates a link that already exists."""
         if (rule, link) in self._told:
             return
-        message = f"rule `{rule}` creates {source} -{link.reference.name}-> {target}, which is there already"
-        hint = "it stays one link; a `not` block can ask that there is none; this is reported once"
+        message = f"rule `{rule}` creates {source} -{link.reference.name}-> {target}, which exists already"
+        hint = "add a `not` block if the rule should match only without this link; this is reported once"
         notice = Diagnostic("existing-link", message, link.span, hint, Severity.WARNING)
         self._told[rule, link] = notice
         logging.getLogger("envgraph").warning("%s", notice)

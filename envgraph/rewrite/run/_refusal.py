@@ -20,13 +20,13 @@ from envgraph.rewrite.run._effects import Dragged
 
 _ADVICE: Final[Mapping[str, str]] = MappingProxyType(
     {
-        "containment": "ask on the left side for a container that is not inside the object",
-        "ambiguous": "the matches must want the same: ask for more on the left side of the block",
-        "dangling": "delete these links as well, or write `@semantics(spo)` before the rule: then they go along",
-        "full": "delete what is in the way, or write `set`, which replaces it; or ask for room on the left side",
-        "identification": "say on the left side that they are different, with `!=`",
-        "lost-link": "delete these links as well, or write `@semantics(spo)` before the rule: then they are lost",
-        "missing-link": "draw the link on the left side, so that the rule matches only where it is",
+        "containment": "require in the left side that the container is not inside the object",
+        "ambiguous": "restrict the left side of the block, so that its matches make the same changes",
+        "dangling": "also delete these links, or write `@semantics(spo)` before the rule to delete them as well",
+        "full": "delete the existing link, write `set` to replace it, or require a free place in the left side",
+        "identification": "require in the left side that they are different, with `!=`",
+        "lost-link": "also delete these links, or write `@semantics(spo)` before the rule to remove them",
+        "missing-link": "add the link to the left side, so that the rule matches only if it exists",
     }
 )
 
@@ -54,10 +54,12 @@ def _advice(error: RuleError, operation: object) -> str | None:
     if error.hint:
         return error.hint
     if error.reason == "missing-link" and isinstance(operation, Unlink) and operation.span:
-        return f"write `{operation.span.text};` on the left side, so that the rule matches only where it is"
+        return f"write `{operation.span.text};` in the left side, so that the rule matches only if the link exists"
     if error.reason == "full" and isinstance(operation, Link) and not operation.reference.many:
         name = operation.reference.name
-        return f"write `set` for `{name}`, which replaces its target, or ask for room on the left side"
+        return (
+            f"write `set` for `{name}`, which replaces its target, or require a free place in the left side"
+        )
     return _ADVICE.get(error.reason)
 
 

@@ -139,9 +139,11 @@ def spent(run: Run, site: Site | None) -> NoReturn:
         EvaluationError: always.
     """
     name, span = site or ("", None)
-    where = f"; it was in {name}" if name else ""
-    message = f"the run took more than {run.limit} steps{where}: it may never end"
-    raise EvaluationError(message, span, f"else set `step_limit` of the engine; {RAISE_LIMIT}")
+    where = f", the last one in {name}" if name else ""
+    message = f"the run took more than {run.limit} steps{where}; it may never end"
+    raise EvaluationError(
+        message, span, f"make the unit terminate, or set `step_limit` of the engine; {RAISE_LIMIT}"
+    )
 
 
 def note_refusal(run: Run, error: RuleError) -> None:
@@ -388,7 +390,7 @@ def rounds(run: Run, lower: int, upper: int, span: Span | None) -> int:
         EvaluationError: the upper bound is below the lower bound, or the lower bound is below 0.
     """
     if not 0 <= lower <= upper:
-        hint = "the lower bound comes first, and is at least 0"
+        hint = "write the lower bound first; it must be at least 0"
         raise EvaluationError(f"cannot repeat {lower}..{upper} times", span, hint)
     return lower + (run.pick(upper - lower + 1) if upper > lower else 0)
 

@@ -449,7 +449,7 @@ class PythonRule(RuleRunner):
             if result is not None:
                 found = with_article(type(result).__name__)
                 raise InvalidArgument(
-                    f"rule `{self.name}` returned {found}: the function of a rule returns nothing"
+                    f"rule `{self.name}` returned {found}, but the function of a rule must return None"
                 )
         return row
 
@@ -475,7 +475,7 @@ def wanted_arguments(
             hint = did_you_mean(argument.name, shape.names)
             known = ", ".join(f"`{name}`" for name in shape.names) or "none"
             raise InvalidArgument(
-                f"`{shape.definition}` takes `{argument.name}`, which is no variable of its pattern: "
-                + (hint or f"they are {known}")
+                f"parameter `{argument.name}` is not a variable of `{shape.definition}`: "
+                + (hint or f"its variables are {known}")
             )
     return tuple(names), tuple(taken)

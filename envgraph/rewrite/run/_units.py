@@ -83,7 +83,7 @@ class UnitProgram:
         run.levels += self.levels
         if run.levels > MOST_RUNNING:
             raise EvaluationError(
-                f"more than {MOST_RUNNING} steps inside each other; `{self.name}` is one that calls on",
+                f"steps are nested more than {MOST_RUNNING} levels deep; `{self.name}` is one of the called units",
                 site and site[1],
                 "use `alap` or `repeat` instead of units that call each other without an end",
             )

@@ -663,7 +663,7 @@ def test_a_trace_that_was_changed_is_refused_at_its_place(envgraph: Envgraph) ->
         "missing.trace:1:1: there is no such file"
     )
     other = envgraph("replay", domain / "running_4x4.model", domain / "burning_forest.rules", "out.trace")
-    assert other.code == 1 and "the run began in state" in other.err
+    assert other.code == 1 and "the recorded run began in state" in other.err
 
 
 def test_apply_tells_why_a_unit_failed(envgraph: Envgraph) -> None:
@@ -697,7 +697,7 @@ def test_what_fails_while_a_rule_is_applied_is_shown_in_its_text(envgraph: Envgr
     result = envgraph("apply", "maze/maze.model", "more.rules", "vanish")
     assert result.code == 1
     assert "more.rules:3:65: rule `vanish` cannot be applied" in result.err
-    assert "hint: delete these links as well, or write `@semantics(spo)`" in result.err
+    assert "hint: also delete these links, or write `@semantics(spo)`" in result.err
 
 
 def test_the_only_object_of_a_class_need_not_be_given_to_a_unit(envgraph: Envgraph) -> None:

@@ -150,11 +150,13 @@ def test_what_is_no_refusal_is_raised() -> None:
         made.exists("contra", applicable=True)
     with pytest.raises(Exception, match="division by zero"):
         made.exists("broken", applicable=True)
-    with pytest.raises(InvalidArgument, match="`any` is a pattern: only rules are applied"):
+    with pytest.raises(InvalidArgument, match="`any` is a pattern, but `applicable` needs a rule"):
         made.exists("any", applicable=True)
     for ask in (made.matches, made.first, made.exists, made.count):
         for value in (made.model.node(0), 0, None):
-            with pytest.raises(InvalidArgument, match=r"not .*; a variable of that name is given as `bound="):
+            with pytest.raises(
+                InvalidArgument, match=r"not .*; to bind a variable of that name, write `bound="
+            ):
                 ask("cut", applicable=value)  # type: ignore[arg-type]
 
 

@@ -113,7 +113,7 @@ def test_retypings_keep_identity() -> None:
 def test_a_derivation_stands_for_so_many_rules_at_most(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(_check, "MOST_RULES", 1)
     (found,) = problems("derive d = retype among { Item, Special };")
-    assert found.code == "too-many-rules" and found.message == "`d` stands for 2 rules; there may be 1"
+    assert found.code == "too-many-rules" and found.message == "`d` would derive 2 rules, but the limit is 1"
     assert found.span is not None and found.span.text == "d"
     assert found.hint is not None and "ENVGRAPH_LIMITS=10" in found.hint
     monkeypatch.setenv("ENVGRAPH_LIMITS", "10")

@@ -583,14 +583,20 @@ def test_weights_are_shared_by_those_that_are_left() -> None:
 @pytest.mark.parametrize(
     ("cap", "message"),
     [
-        (Annotation("cap"), "`@cap` takes one number above 0, and numbers of kinds"),
-        (Annotation("cap", (2, 3)), "`@cap` takes one number above 0, and numbers of kinds"),
-        (Annotation("cap", (True,)), "`@cap` takes one number above 0, and numbers of kinds"),
-        (Annotation("cap", (), (("swop", 2),)), "`swop` is no kind of operators"),
-        (Annotation("cap", (), (("swap", 0),)), "of a kind there is a whole number of rules above 0, not 0"),
+        (Annotation("cap"), "`@cap` takes one whole number above 0, or numbers for kinds of operators"),
+        (
+            Annotation("cap", (2, 3)),
+            "`@cap` takes one whole number above 0, or numbers for kinds of operators",
+        ),
+        (
+            Annotation("cap", (True,)),
+            "`@cap` takes one whole number above 0, or numbers for kinds of operators",
+        ),
+        (Annotation("cap", (), (("swop", 2),)), "`swop` is not a kind of operators"),
+        (Annotation("cap", (), (("swap", 0),)), "the cap of `swap` is 0, but must be a whole number above 0"),
         (
             Annotation("cap", (), (("swap", 1.5),)),
-            "of a kind there is a whole number of rules above 0, not 1.5",
+            "the cap of `swap` is 1.5, but must be a whole number above 0",
         ),
     ],
 )

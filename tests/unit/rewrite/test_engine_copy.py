@@ -123,7 +123,7 @@ def test_why_not_knows_that_an_object_is_gone() -> None:
     one = engine()
     lamp = one.model.nodes("Lamp")[0]
     lamp.delete()
-    with pytest.raises(InvalidArgument, match="there is not"):
+    with pytest.raises(InvalidArgument, match="which does not exist"):
         one.why_not("lit", lamp=lamp.id)
 
 

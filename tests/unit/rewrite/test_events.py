@@ -282,18 +282,18 @@ def test_a_rule_that_does_not_match_does_nothing() -> None:
 @pytest.mark.parametrize(
     ("options", "message"),
     [
-        ({}, "give `appear`, `disappear` or `update`"),
+        ({}, "pass `appear`, `disappear` or `update`"),
         ({"pattern": "dne", "appear": print}, "did you mean `done`"),
-        ({"appear": lambda y: None}, "takes `y`, which is no variable of its pattern"),
-        ({"appear": lambda old: None}, "takes `old`"),
+        ({"appear": lambda y: None}, "parameter `y` is not a variable of `done`"),
+        ({"appear": lambda old: None}, "parameter `old` is not a variable"),
         ({"appear": "finsh"}, "did you mean `finish`"),
         ({"appear": "add"}, "rule `add` needs `k`, which is no variable of `done`"),
         ({"pattern": "following", "appear": "both"}, "unit `both` needs `x`"),
-        ({"appear": 3}, "takes a function or the name of a rule or unit, not 3"),
-        ({"update": "reset"}, "no match of `done` is ever updated"),
+        ({"appear": 3}, "must be a function or the name of a rule or unit, not 3"),
+        ({"update": "reset"}, "the key of `done` contains all variables"),
         ({"pattern": "number", "update": "finish", "key": "x"}, "`key` takes several names"),
         ({"pattern": "number", "update": "finish", "key": ("y",)}, "no variable `y`"),
-        ({"pattern": "number", "update": "finish", "key": ("n", "x")}, "is ever updated"),
+        ({"pattern": "number", "update": "finish", "key": ("n", "x")}, "contains all variables"),
         ({"pattern": "sought", "appear": "finish"}, "cannot be watched"),
     ],
 )
@@ -509,7 +509,7 @@ def test_going_round_is_found_and_named() -> None:
     made.on("done", appear=flip)
     made.on("done", disappear=flop)
     with pytest.raises(
-        EvaluationError, match=r"do not come to rest: 50 firings, the last ones of `(flip|flop)`, `fl"
+        EvaluationError, match=r"do not terminate: 50 firings, the last ones of `(flip|flop)`, `fl"
     ):
         made.settle()
     assert len(made.agenda) == 1

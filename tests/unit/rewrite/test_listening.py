@@ -106,11 +106,11 @@ def test_what_comes_and_goes_is_told_even_if_the_function_for_updates_raises() -
 
 def test_arguments_that_are_none_are_refused() -> None:
     made = items()
-    with pytest.raises(InvalidArgument, match="a listener is a function, not 3"):
+    with pytest.raises(InvalidArgument, match="a listener must be a function, not 3"):
         made.listen("number", print, updated=3)  # type: ignore[arg-type]
-    with pytest.raises(InvalidArgument, match="`key` says which matches are `updated`"):
+    with pytest.raises(InvalidArgument, match="`key` has no effect without `updated`"):
         made.listen("number", print, key=("x",))
-    with pytest.raises(InvalidArgument, match="no match of `follows` is ever updated"):
+    with pytest.raises(InvalidArgument, match="the key of `follows` contains all variables"):
         made.listen("follows", print, updated=print)
     with pytest.raises(InvalidArgument, match="`number` has no variable `y`"):
         made.listen("number", print, updated=print, key=("y",))

@@ -133,7 +133,7 @@ def test_a_loop_without_end_stops_at_the_limit_and_everything_is_as_before(
     one.step_limit = 500
     before = snapshot(one.model)
     for _ in range(2):
-        with pytest.raises(EvaluationError, match="took more than 500 steps; it was in `grow`"):
+        with pytest.raises(EvaluationError, match="took more than 500 steps, the last one in `grow`"):
             one.run("endless")
         assert snapshot(one.model) == before
         assert_left(one)

@@ -144,7 +144,7 @@ def test_new_objects_and_several_matches() -> None:
 
 
 def test_matches_that_add_and_remove_one_value_contradict_each_other() -> None:
-    with pytest.raises(RuleError, match="'y' is added to and removed from `tags` of `a`"):
+    with pytest.raises(RuleError, match="'y' is both added to and removed from `tags` of `a`"):
         engine().apply("odd")
 
 
@@ -237,4 +237,4 @@ class Box { int[1..*] sizes }
         engine.apply("grow")
         assert all(item.tags in ([], ["a"]) for item in engine.model.nodes("Item"))
     (problem,) = derived("Box").errors  # type: ignore[attr-defined]
-    assert problem.message == "`Box` needs values of an attribute with many: there is no operator for it"
+    assert problem.message == "`Box` requires values of a multi-valued attribute: there is no operator for it"

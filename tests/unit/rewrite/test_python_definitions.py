@@ -34,9 +34,12 @@ LAST = Pattern("last", "x : Item", "Item(x); neg Item.next(x, _)")
 
 def test_only_definitions_are_added() -> None:
     made = engine("")
-    with pytest.raises(InvalidArgument, match=r"is added, not 'rule r .*: `envgraph\.lang\.from_text` reads"):
+    with pytest.raises(
+        InvalidArgument,
+        match=r"expected a pattern, .*, not 'rule r .*; parse definitions with `envgraph\.lang\.from_text`",
+    ):
         made.add("rule r { lhs { } }")  # type: ignore[arg-type]
-    with pytest.raises(InvalidArgument, match="a pattern, rule, unit or derivation is added, not 3"):
+    with pytest.raises(InvalidArgument, match="expected a pattern, rule, unit or derivation, not 3"):
         made.check(3)  # type: ignore[arg-type]
 
 
@@ -98,11 +101,11 @@ def test_a_function_may_bring_its_pattern_along() -> None:
 
     assert made.patterns == ("last",) and made.rules == ("drop", "mark")
     assert made.apply("drop") is not None and made.count("last") == 2
-    with pytest.raises(InvalidArgument, match="`drop` is a Python function, of which there is no data"):
+    with pytest.raises(InvalidArgument, match="`drop` is a Python function, which has no definition as data"):
         made.definition("drop")
     with pytest.raises(ResolutionError, match="unknown"):
         made.rule(when=Pattern("bad", "x : Itme", "Itme(x)"))
-    with pytest.raises(InvalidArgument, match="a weight is a number above 0, not inf"):
+    with pytest.raises(InvalidArgument, match="the weight is inf, but must be a number above 0"):
         made.rule(when=LAST, weight=float("inf"))(lambda x: None)
 
 
@@ -179,7 +182,10 @@ unit day(k : int) {
 }
 """
     assert to_text(made.definition("day")) == text.lstrip()
-    with pytest.raises(InvalidArgument, match="`alternatively` comes right after"), Steps().alternatively():
+    with (
+        pytest.raises(InvalidArgument, match="`alternatively` must directly follow"),
+        Steps().alternatively(),
+    ):
         pass
 
 
@@ -216,13 +222,13 @@ def test_what_a_function_describes_is_checked() -> None:
 
     with pytest.raises(ResolutionError, match="unknown rule or unit `wakl`\nhint: did you mean `walk`"):
         made.unit(unknown)
-    with pytest.raises(InvalidArgument, match="`otherwise` comes right after"), Steps().otherwise():
+    with pytest.raises(InvalidArgument, match="`otherwise` must directly follow"), Steps().otherwise():
         pass
     with pytest.raises(InvalidArgument, match="`choose` takes at least one"):
         Steps().choose()
-    with pytest.raises(InvalidArgument, match="called by its name, not by 3"):
+    with pytest.raises(InvalidArgument, match="expected the name of a rule or unit, not 3"):
         Steps().call(3)  # type: ignore[arg-type]
-    with pytest.raises(InvalidArgument, match=r"an argument is a parameter, .* not \[\]"):
+    with pytest.raises(InvalidArgument, match=r"an argument must be a parameter, .* not \[\]"):
         Steps().call("walk", [])  # type: ignore[arg-type]
     steps = Steps()
     with steps.alap(), pytest.raises(InvalidArgument, match="a block of the unit is still open"):
@@ -375,11 +381,11 @@ def test_functions_that_cannot_be_units_are_refused() -> None:
         made.unit(wrong)
     with pytest.raises(InvalidArgument, match="parameter `x` of unit `preset` cannot have a default"):
         made.unit(preset)
-    with pytest.raises(InvalidArgument, match="unit `rest` takes its arguments by name"):
+    with pytest.raises(InvalidArgument, match="of unit `rest` cannot be passed by name"):
         made.unit(rest)
     with pytest.raises(InvalidArgument, match="`cut` is defined already"):
         made.unit(name="cut")(lambda: None)
-    with pytest.raises(InvalidArgument, match="a function is registered, not 'walk'"):
+    with pytest.raises(InvalidArgument, match="expected a function to register, not 'walk'"):
         made.unit("walk")  # type: ignore[call-overload]
     assert made.units == ()
 

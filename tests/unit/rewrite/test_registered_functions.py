@@ -217,18 +217,20 @@ def test_what_cannot_be_registered() -> None:
     made = declared()
     made.function("isOdd", is_odd)
     refused: list[tuple[str, Callable[..., object], str]] = [
-        ("isOdd", is_odd, "`isOdd` has its code already"),
+        ("isOdd", is_odd, "`isOdd` is already registered"),
         ("a", lambda x: x, "parameter `x` of function `a` has no type: it is `int`"),
         ("not a name", is_odd, "a function needs a name"),
-        ("heavy", is_odd, r"`heavy` is called with 2 arguments, and takes `\(n: "),
-        ("b", lambda *x: x, r"`b` is called with a value for each parameter, in their order: `\*x` cannot"),
+        ("heavy", is_odd, r"`heavy` must take 2 arguments, but its signature is `\(n: "),
+        ("b", lambda *x: x, r"a parameter of function `b` must be positional and have no default: `\*x`"),
     ]
     for name, code, message in refused:
         with pytest.raises(InvalidArgument, match=message):
             made.function(name, code)
-    with pytest.raises(InvalidArgument, match="a function is registered, not 3"):
+    with pytest.raises(InvalidArgument, match="expected a function to register, not 3"):
         made.function("c", 3)  # type: ignore[call-overload]
-    with pytest.raises(InvalidArgument, match=r'are a mapping from names to types, `\{"x": int\}`, not \(\('):
+    with pytest.raises(
+        InvalidArgument, match=r'must be a mapping from names to types, such as `\{"x": int\}`, not \(\('
+    ):
         made.function("c", is_odd, (("n", int),), bool)  # type: ignore[call-overload]
     for name, types, message in (
         ("heavy", {"n": int}, "function `heavy` is declared twice, with different types"),

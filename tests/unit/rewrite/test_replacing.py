@@ -96,7 +96,7 @@ def test_listeners_event_rules_and_python_rules_are_users() -> None:
 def test_a_group_is_removed_as_a_whole() -> None:
     engine = Engine(chain(2))
     engine.add(Derivation("kinds", "retype", ("Item", "Special")), Unit("u", body="kinds.Item.Special"))
-    with pytest.raises(InvalidArgument, match="is a rule of `kinds`: name the whole group"):
+    with pytest.raises(InvalidArgument, match="belongs to the group `kinds`: name the whole group"):
         engine.remove("kinds.Item.Special")
     with pytest.raises(InvalidArgument, match="`kinds` is used by unit `u`"):
         engine.remove("kinds")
@@ -170,7 +170,7 @@ def test_what_uses_a_replaced_definition_has_to_fit_it() -> None:
         engine.replace(Unit("mark", body="alap { twice }"))
     with pytest.raises(ResolutionError):
         engine.replace(SMALLER, SMALLER)
-    with pytest.raises(InvalidArgument, match="a pattern, rule, unit or derivation is added, not 3"):
+    with pytest.raises(InvalidArgument, match="expected a pattern, rule, unit or derivation, not 3"):
         engine.replace(3)  # type: ignore[arg-type]
     assert engine.definitions == before and engine.run("twice").applications == 4
 
@@ -184,9 +184,9 @@ def test_what_is_not_there_is_not_replaced() -> None:
         engine.replace(treat, Rule("smal", "a : Item"), SMALLER, Rule("treet", package="hospital"), ALL)
     assert str(caught.value) == (
         '`treat` (give it `package="hospital"`), `smal` (did you mean `small`?), '
-        "`hospital.treet` (did you mean `hospital.treat`?) are not there to be replaced; `add` adds new ones"
+        "`hospital.treet` (did you mean `hospital.treat`?) are not defined: use `add` for new definitions"
     )
-    with pytest.raises(InvalidArgument, match=r"^`hospital.small` \(leave its package out\) is not there"):
+    with pytest.raises(InvalidArgument, match=r"^`hospital.small` \(leave its package out\) is not defined"):
         engine.replace(Pattern("small", "a : Item", "Item(a)", package="hospital"))
     assert engine.definitions == before
     engine.replace(Rule("treat", "a : Item", modify="set a.n = 0", package="hospital"))

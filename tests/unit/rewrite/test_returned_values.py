@@ -28,10 +28,10 @@ def test_a_function_that_returns_what_means_nothing_is_named(value: object) -> N
         return value
 
     before = engine.model.state_hash()
-    with pytest.raises(InvalidArgument, match=r"rule `shrink` returned an? `.*`: .* returns nothing"):
+    with pytest.raises(InvalidArgument, match=r"rule `shrink` returned an? `.*`, .* must return None"):
         engine.apply("shrink")
     with pytest.raises(
-        InvalidArgument, match=r"unit `whole` returned an? `.*`: it returns False if it has failed"
+        InvalidArgument, match=r"unit `whole` returned an? `.*`, but must return False if it failed"
     ):
         engine.run("whole")
     assert engine.model.state_hash() == before
@@ -41,8 +41,8 @@ def test_a_function_that_returns_what_means_nothing_is_named(value: object) -> N
     ("by", "message"),
     [
         (lambda match: float("nan"), "`by` is nan at a match of `up`"),
-        (lambda match: "x" if match.a.n else 3, "`by` cannot put the matches of `up` in order"),
-        (lambda match: {}, "`by` cannot put the matches of `up` in order"),
+        (lambda match: "x" if match.a.n else 3, "the values of `by` cannot order the matches of `up`"),
+        (lambda match: {}, "the values of `by` cannot order the matches of `up`"),
     ],
 )
 def test_values_without_an_order_name_the_rule(by: Callable[[Match], object], message: str) -> None:
@@ -66,9 +66,7 @@ def test_a_listener_that_would_not_run_is_refused() -> None:
         yield 1
 
     engine.watch("big")
-    with pytest.raises(
-        InvalidArgument, match="`later` is a coroutine: a call does not run what stands in it"
-    ):
+    with pytest.raises(InvalidArgument, match="`later` is a coroutine, whose body a call does not execute"):
         engine.listen("big", later)
     with pytest.raises(InvalidArgument, match="`some` is a generator"):
         engine.listen("big", some)

@@ -459,7 +459,7 @@ def test_what_is_kept_does_not_go_with_a_container(header: str) -> None:
         model=model,
     )
     error = refused(made, "containment", a=outer, b=inner)
-    assert "`b` is kept, and goes with a container that is deleted" in str(error)
+    assert "`b` is kept, but would be deleted with its container" in str(error)
     made.apply("r", a=inner, b=outer)
     assert outer.n == 1
 
@@ -507,7 +507,7 @@ def test_what_is_deleted_may_not_be_matched_as_something_kept() -> None:
         """,
         model=chain(1),
     )
-    assert "`a` and `b` are one object, and `a` is deleted" in str(refused(made, "identification"))
+    assert "`a` and `b` are one object, but only `a` is deleted" in str(refused(made, "identification"))
     refused(made, "identification", "both")
 
 
@@ -653,7 +653,7 @@ def test_an_object_in_a_container_is_not_created_in_another() -> None:
         model=model,
     )
     error = refused(made, "full", "make", b=new, i=item)
-    assert "`Item#0` is in `Box#1` already" in str(error)
+    assert "`Item#0` is contained in `Box#1` already" in str(error)
     assert error.details == ("`Box#1` -content-> `Item#0`",)
     refused(made, "full", "literal", i=item)
     made.apply("make", b=old, i=item)
@@ -753,7 +753,7 @@ def test_blocks_do_not_match_what_the_rule_deletes_as_something_else() -> None:
         """,
         model=chain(1),
     )
-    assert "`x` and `y` are one object, and `x` is deleted" in str(refused(made, "identification"))
+    assert "`x` and `y` are one object, but only `x` is deleted" in str(refused(made, "identification"))
 
 
 def test_interrupted_applications_leave_no_savepoint(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -789,7 +789,7 @@ def test_links_that_are_made_again_are_reported_once(caplog: pytest.LogCaptureFi
     made.apply("new", a=0)
     assert [notice.code for notice in made.notices] == ["existing-link", "existing-link"]
     first, second = made.notices
-    assert first.message == "rule `one` creates `Item#0` -links-> `Item#1`, which is there already"
+    assert first.message == "rule `one` creates `Item#0` -links-> `Item#1`, which exists already"
     assert first.span is not None and first.span.text == "a -links-> b"
     assert "`all` creates `Item#2` -prev-> `Item#1`" in second.message
     assert [record.getMessage() for record in caplog.records] == [str(first), str(second)]
@@ -909,7 +909,7 @@ def test_blocks_that_retype_refuse_what_the_old_class_had() -> None:
         model=chain(1),
     )
     error = refused(made, "ambiguous", a=0)
-    assert "`Item#0` becomes `Box`, and changes as `Item`" in str(error)
+    assert "`Item#0` is retyped to `Box`, but another change needs `Item`" in str(error)
 
 
 def test_checking_a_rule_that_binds_nothing_tells_so() -> None:

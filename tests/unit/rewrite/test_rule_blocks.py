@@ -161,9 +161,9 @@ def test_increases_of_several_matches_add_up() -> None:
     [
         ("set a.n = b.n;", "gets two values of `Thing.n`: 1 and 2"),
         ("set a.next = b;", "two values of `Item.next`"),
-        ("delete b; set c.n = 1;", "is deleted and changed"),
-        ("retype b : Special; delete c;", "is deleted and changed"),
-        ("create b -links-> c; delete c -links-> b;", "is removed and added"),
+        ("delete b; set c.n = 1;", "is both deleted and changed"),
+        ("retype b : Special; delete c;", "is both deleted and changed"),
+        ("create b -links-> c; delete c -links-> b;", "is both removed and added"),
     ],
 )
 def test_matches_that_contradict_each_other_are_refused_by_name(actions: str, message: str) -> None:

@@ -29,14 +29,22 @@ def both(one: str, other: str) -> str:
 @pytest.mark.parametrize(
     ("one", "other", "message"),
     [
-        ("delete b;", "set a.links += c;", "`Item#1` is deleted and changed"),
-        ("delete b;", "create x : Item { links = c };", "`Item#1` is deleted and changed"),
-        ("delete b;", "move c to a.kids;", "`Item#1` is deleted and changed"),
-        ("merge a <- b;", "delete c;", "`Item#1` is merged, and deleted or merged otherwise"),
-        ("retype b : Special;", "retype c : Item;", "`Item#1` becomes `Special` and `Item`"),
-        ("retype b : Box;", "set c.done = true;", "`Item#1` becomes `Box`, and changes as `Item`"),
-        ("retype b : Box;", "create a -links-> c;", "`Item#1` becomes `Box`, and changes as `Item`"),
-        ("set a.links -= b;", "set a.links += c;", "`Item#0` -links-> `Item#1` is removed and added"),
+        ("delete b;", "set a.links += c;", "`Item#1` is both deleted and changed"),
+        ("delete b;", "create x : Item { links = c };", "`Item#1` is both deleted and changed"),
+        ("delete b;", "move c to a.kids;", "`Item#1` is both deleted and changed"),
+        ("merge a <- b;", "delete c;", "`Item#1` is merged, but also deleted or merged into another object"),
+        ("retype b : Special;", "retype c : Item;", "`Item#1` is retyped to both `Special` and `Item`"),
+        (
+            "retype b : Box;",
+            "set c.done = true;",
+            "`Item#1` is retyped to `Box`, but another change needs `Item`",
+        ),
+        (
+            "retype b : Box;",
+            "create a -links-> c;",
+            "`Item#1` is retyped to `Box`, but another change needs `Item`",
+        ),
+        ("set a.links -= b;", "set a.links += c;", "`Item#0` -links-> `Item#1` is both removed and added"),
         ("set a.links = [a];", "set a.links += c;", "`Item#0` gets two values of `Item.links`"),
         ("set a.links = [a];", "create a -links-> c;", "values of `Item.links`: `Item#0` and `Item#1`"),
         ("set b.next = a;", "set c.next = a;", "`Item#0` gets two values of `Item.prev`"),
@@ -73,7 +81,7 @@ def test_a_conflict_names_both_matches_and_what_they_want() -> None:
         "   |" + " " * 75 + "^" * 14,
         "note: forall(a = `root`, b = `left`): set a.next = b",
         "note: forall(a = `root`, b = `right`): set a.next = b",
-        "hint: the matches must want the same: ask for more on the left side of the block",
+        "hint: restrict the left side of the block, so that its matches make the same changes",
     ]
 
 
@@ -116,12 +124,12 @@ def test_matches_that_agree_are_applied(one: str, other: str) -> None:
         ("set a.next = c; set b.next = c;", "`c` gets two values of `Item.prev`: `a` and `b`", (57, 73)),
         ("set a.next = c; set c.prev = none;", "`c` gets two values of `Item.prev`", (57, 73)),
         ("set a.next = c; create a -next-> b;", "`a` gets two values of `Item.next`", (57, 80)),
-        ("set a.links += [b, c]; set a.links -= b;", "`a` -links-> `b` is removed and added", (57, 80)),
+        ("set a.links += [b, c]; set a.links -= b;", "`a` -links-> `b` is both removed and added", (57, 80)),
         ("move a to b.kids; move a to c.kids;", "`a` gets two values of `Item.parent`", (57, 75)),
         ("move a to b.kids; set a.parent = none;", "`a` gets two values of `Item.parent`", (57, 75)),
-        ("merge a <- b; delete a;", "`a` is deleted and changed", (57, 78)),
-        ("delete a; retype a : Special;", "`a` is deleted and changed", (64, 78)),
-        ("retype b : Special; merge a <- b;", "`b` is deleted and changed", (68, 77)),
+        ("merge a <- b; delete a;", "`a` is both deleted and changed", (57, 78)),
+        ("delete a; retype a : Special;", "`a` is both deleted and changed", (64, 78)),
+        ("retype b : Special; merge a <- b;", "`b` is both deleted and changed", (68, 77)),
     ],
 )
 def test_actions_that_contradict_each_other_at_every_match_are_a_mistake(

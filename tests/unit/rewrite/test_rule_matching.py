@@ -283,7 +283,7 @@ def test_a_rule_says_why_it_cannot_be_applied_at_its_match() -> None:
         " 2 | rule drop(a : Item) { lhs { a -next-> b; } modify { delete a; } }",
         "   |                                                            ^",
         "note: `Item#1` -prev-> `Item#0`",
-        "hint: delete these links as well, or write `@semantics(spo)` before the rule: then they go along",
+        "hint: also delete these links, or write `@semantics(spo)` before the rule to delete them as well",
     ]
     assert isinstance(why.refusal, RuleError) and why.refusal.reason == "dangling"
     assert made.why_not("drop", a=0).refusal is None

@@ -97,7 +97,7 @@ def test_a_function_chooses_among_the_matches_or_none() -> None:
     assert ids(one.apply("mark", choose=last)) == [3]
     assert seen == [one.matches("mark")]
     assert one.apply("mark", choose=lambda matches: None) is None
-    with pytest.raises(InvalidArgument, match="one of the matches it was given"):
+    with pytest.raises(InvalidArgument, match="one of the matches passed to it"):
         one.apply("mark", choose=lambda matches: one.matches("cut")[0])
 
 
@@ -111,7 +111,8 @@ def test_a_query_filters_by_the_variables_that_it_shares_with_the_rule() -> None
         (0, 1),
     ]
     with pytest.raises(
-        InvalidArgument, match="`other` has no parameter that is a variable of `mark`: these are `a`"
+        InvalidArgument,
+        match="`other` has no parameter that is a variable of `mark`, whose variables are `a`",
     ):
         one.apply("mark", where="other")
     with pytest.raises(InvalidArgument, match="did you mean `small`"):
@@ -166,11 +167,11 @@ def test_arguments_and_selection_go_together() -> None:
 @pytest.mark.parametrize(
     ("options", "message"),
     [
-        ({"choose": "best"}, '`choose` is "random", "first" or a function'),
+        ({"choose": "best"}, '`choose` must be "random", "first" or a function'),
         ({"choose": "first", "by": N}, "one of `match`, `choose` and `by`"),
-        ({"by": 3}, "a function of the match, or an expression of .*, is asked, not 3"),
-        ({"by": "a.n"}, "is asked, not 'a.n': write `lambda match"),
-        ({"where": 3}, "a function of the match, or an expression of .*, is asked, not 3"),
+        ({"by": 3}, "expected a function of the match, or an expression of .*, not 3"),
+        ({"by": "a.n"}, "not 'a.n': write `lambda match"),
+        ({"where": 3}, "expected a function of the match, or an expression of .*, not 3"),
     ],
 )
 def test_wrong_selections_are_refused(options: dict[str, object], message: str) -> None:
@@ -181,9 +182,9 @@ def test_wrong_selections_are_refused(options: dict[str, object], message: str) 
         one.apply("kinds", choose="first")
     with pytest.raises(InvalidArgument, match="one of `match`"):
         one.apply("mark", one.matches("mark")[0], choose="first")
-    with pytest.raises(InvalidArgument, match="`top` is a number from 1, not 0"):
+    with pytest.raises(InvalidArgument, match="`top` is 0, but must be a whole number from 1"):
         one.apply_all("mark", by=N, top=0)
-    with pytest.raises(InvalidArgument, match="`by` has to say of what order"):
+    with pytest.raises(InvalidArgument, match="`top` needs `by`"):
         one.apply_all("mark", top=2)
 
 

@@ -91,7 +91,7 @@ def test_an_edit_from_python_is_refused_at_its_place(when: int) -> None:
             one.model.node(0).label = "edited"
     where = f"after application {when}, `up`," if when else "before the first application"
     (problem,) = caught.value.diagnostics
-    assert problem.message == f"{where} something changed the model that no rule did"
+    assert problem.message == f"{where} the model was changed by something other than a rule"
     assert problem.code == "unrecorded-change" and "@engine.rule" in str(problem.hint)
 
 
@@ -197,7 +197,7 @@ def test_a_replay_from_another_state_is_refused_unless_it_is_only_a_list() -> No
     other = made()
     other.model.node(0).label = "other"
     before = snapshot(other.model)
-    with pytest.raises(TraceError, match="the run began in state") as caught:
+    with pytest.raises(TraceError, match="the recorded run began in state") as caught:
         other.replay(trace)
     assert caught.value.diagnostics[0].code == "other-state" and snapshot(other.model) == before
     other.replay(list(trace))

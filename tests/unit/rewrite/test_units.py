@@ -448,7 +448,7 @@ def test_a_run_that_does_not_end_is_stopped_and_taken_back() -> None:
 
 def test_units_that_call_each_other_forever_are_stopped() -> None:
     made = one("unit u { grow; v; } unit v { u; }")
-    with pytest.raises(EvaluationError, match="more than 200 steps inside each other") as caught:
+    with pytest.raises(EvaluationError, match="nested more than 200 levels deep") as caught:
         made.run("u")
     assert len(made.model) == 1
     assert caught.value.span is not None and caught.value.span.text == "u"
@@ -512,7 +512,7 @@ def test_deeply_nested_steps_are_refused() -> None:
     calls = Call("up")
     units = [Unit(f"u{i}", (), nested(Call(f"u{i - 1}") if i else calls, 40)) for i in range(45)]
     made.add(*units)
-    with pytest.raises(EvaluationError, match="more than 200 steps inside each other"):
+    with pytest.raises(EvaluationError, match="nested more than 200 levels deep"):
         made.run("u44")
     assert n(made) == 1
 
@@ -545,12 +545,12 @@ def test_arguments_of_a_run_are_checked() -> None:
 
 MISTAKES = [
     ("unit u { upp; }", "unknown-rule", "upp", "did you mean `up`?"),
-    ("unit u { mark; }", "wrong-arity", "mark", "write `mark(a, value)`; `_` leaves one open"),
+    ("unit u { mark; }", "wrong-arity", "mark", "write `mark(a, value)`; `_` passes no value"),
     (
         "unit u(a : Item) { mark(a); }",
         "wrong-arity",
         "mark(a)",
-        "write `mark(a, value)`; `_` leaves one open",
+        "write `mark(a, value)`; `_` passes no value",
     ),
     ("unit u(a : Item) { mark(a, _); }", "wrong-arity", "_", "write a value instead of `_`"),
     ("unit u(a : Item) { mark(b, 1); }", "unknown-variable", "b", "there is `a`"),
@@ -561,7 +561,7 @@ MISTAKES = [
         "unit v(a : Item) { mark(a, 1); } unit u { v; }",
         "wrong-arity",
         "v",
-        "write `v(a)`; `_` leaves one open",
+        "write `v(a)`; `_` passes no value",
     ),
     ("unit u(a) { mark(a, 1); }", "missing-type", "a", "write `a : Class`, or a data type"),
     ("unit u(a : Itm) { mark(a, 1); }", "unknown-type", "Itm", "did you mean `Item`?"),
@@ -572,7 +572,7 @@ MISTAKES = [
         "x",
         "pass it to an `out` parameter of a rule, outside of any block",
     ),
-    ("unit u { if find linked(a, _) { up; } }", "unknown-variable", "a", "write `_` for any"),
+    ("unit u { if find linked(a, _) { up; } }", "unknown-variable", "a", "write `_` for any value"),
     ("unit u { if find linkd(_, _) { up; } }", "unknown-pattern", "linkd", "did you mean `linked`?"),
     ("unit u(a : Item) { if check a.n { up; } }", "wrong-type", "a.n", "compare it: `.. == ..`"),
     (
@@ -586,7 +586,7 @@ MISTAKES = [
         "unit u(k : int) { repeat -1..k { up; } }",
         "bad-bounds",
         "repeat -1..k { up; }",
-        "the lower bound comes first, and is at least 0",
+        "write the lower bound first; it must be at least 0",
     ),
     ("@weigth(2.0) unit u { up; }", "unknown-annotation", "@weigth(2.0)", "did you mean `weight`?"),
 ]
