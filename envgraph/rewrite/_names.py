@@ -14,11 +14,9 @@ Kind = Literal["rule", "unit", "group"]
 
 @dataclass(frozen=True, slots=True)
 class Taken:
-    """A parameter of a rule or unit, as callers see it.
+    """A parameter of a rule or unit, as callers see it: `output` marks `out` parameters.
 
-    Attributes:
-        output: True for an `out` parameter.
-        required: True if the caller must pass a value, because the callee cannot find values by matching.
+    `required` is True if callers must pass a value, because the callee cannot find values by matching.
     """
 
     name: str
@@ -29,10 +27,9 @@ class Taken:
 
 @dataclass(frozen=True, slots=True)
 class Signature:
-    """The signature of a rule, unit or group: everything that a call in a unit needs to know about its callee.
+    """The signature of a rule, unit or group: the information that a call in a unit needs about its callee.
 
-    Attributes:
-        variables: for a rule, the variables of its matches; else empty.
+    `variables` are the variables of a rule's matches; units and groups have none.
     """
 
     name: str
@@ -76,20 +73,13 @@ class Directory:
         return self._simple.get(name, [])
 
     def hint(self, name: str, others: Iterable[str] = ()) -> str | None:
-        """Return a hint that suggests the known name nearest to `name`, or None.
-
-        Args:
-            others: further names that may be suggested.
-        """
+        """Return a hint that suggests the nearest known name, or one of `others`; None if no name is near."""
         known = [simple if len(names) == 1 else names[0] for simple, names in self._simple.items()]
         near = did_you_mean(name, [*known, *self.signatures, *others])
         return near or name_hint(name, known)
 
     def resolve(self, name: str, what: str = "rule, unit or group") -> str:
-        """Return the qualified name that a name means.
-
-        Args:
-            what: the word for the callee in messages.
+        """Return the qualified name that a name means; `what` is the word for the definition in messages.
 
         Raises:
             InvalidArgument: the name is unknown or ambiguous, or is not a string.

@@ -36,11 +36,7 @@ class Compute:
 
 @dataclass(frozen=True, slots=True)
 class Unlink:
-    """An operation that removes a link.
-
-    Attributes:
-        required: True if the link is not part of the LHS; the rule is then refused if the link is missing.
-    """
+    """An operation that removes a link. If `required`, the link is not in the LHS, and its absence refuses the rule."""
 
     source: int
     reference: Reference
@@ -78,8 +74,7 @@ class New:
 class Absorb:
     """An operation that merges `absorbed` into `kept`: all links are moved to `kept`, then `absorbed` is deleted.
 
-    Attributes:
-        links: the slot that stores the links of `absorbed` until they are added to `kept`.
+    The slot `links` stores the links of `absorbed` until they are added to `kept`.
     """
 
     kept: int

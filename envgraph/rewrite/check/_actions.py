@@ -397,11 +397,7 @@ class ActionReader:
         self.changes.removed[key] = edge
 
     def _once(self, key: LinkKey, edge: Edge, what: str) -> None:
-        """Report an error or warning if an earlier action already deletes or redirects the same link.
-
-        Args:
-            what: "deleted" or "redirected", the action of `edge`.
-        """
+        """Report if an earlier action deletes or redirects the same link; `what` is "deleted" or "redirected"."""
         earlier = self.changes.redirected.get(key) or self.changes.removed.get(key)
         if earlier is None:
             return

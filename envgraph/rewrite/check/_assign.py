@@ -181,10 +181,9 @@ class AssignmentReader:
     def _value(
         self, expression: Expression, expected: StaticType, span: Span | None, *, needed: bool
     ) -> int | None:
-        """Return the slot of a value that is computed before the rule, or None if an error is reported.
+        """Return the slot of a value computed before the rule, or None after an error.
 
-        Args:
-            needed: True if a missing value is an error when the rule is applied.
+        If `needed`, an application raises an error when the value is missing.
         """
         read = {variable.name: variable for variable in variables_in(expression)}
         for name, variable in read.items():

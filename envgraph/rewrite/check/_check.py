@@ -293,11 +293,7 @@ def _check_types(rule: Rule, library: Library) -> Iterable[Diagnostic]:
 
 
 def _outputs(rule: Rule, scope: RuleScope, given: Sequence[str]) -> tuple[tuple[str, int], ...]:
-    """Return name and slot of the `out` parameters, and report those that get no value.
-
-    Args:
-        given: variables that only a caller can bind.
-    """
+    """Return name and slot of the `out` parameters. Report those that neither the rule nor its LHS binds."""
     found: list[tuple[str, int]] = []
     mentioned = all_names(rule.left)
     for parameter in rule.parameters:

@@ -228,11 +228,7 @@ class Conflicts:
     # --- links
 
     def _link(self, reference: Reference, source: int, target: int, want: Want, forced: bool) -> None:
-        """Record that a link is added.
-
-        Args:
-            forced: True if the operation first removes other links of a full reference.
-        """
+        """Record that a link is added; `forced` if the operation first removes other links of a full reference."""
         opposite = self.metamodel.opposite(reference)
         self._touch(source, want)
         self._touch(target, want)

@@ -98,11 +98,7 @@ class LeftLowering:
         self._numbers = count(1)
 
     def lower(self, created: set[str]) -> LoweredBlock:
-        """Lower the whole rule and return it as a block.
-
-        Args:
-            created: parameters that the rule creates; they are not part of the match.
-        """
+        """Lower the whole rule and return it as a block. Parameters in `created` are not part of the match."""
         rule = self.rule
         parameters = [p for p in rule.parameters if p.name not in created]
         outside = {p.name: static_type(p.type, self.metamodel) for p in parameters}
@@ -280,10 +276,9 @@ class LeftLowering:
     def _helper(
         self, block: Block, outside: Types, exported: Sequence[str], *, quiet: bool = False
     ) -> LoweredBlock:
-        """Lower a block to a pattern over the enclosing variables that it uses and over its `exported` own variables.
+        """Lower a block to a pattern over the enclosing variables that it uses and its own `exported` variables.
 
-        Args:
-            quiet: True if no error is reported for an empty block.
+        If `quiet`, an empty block is not reported.
         """
         types = self._types(block.left, block.blocks, outside)
         enclosing = list(outside)

@@ -40,8 +40,7 @@ def check_links(changes: Changes) -> None:
 def _ask_for(changes: Changes, key: LinkKey, edge: Edge, otherwise: str) -> None:
     """Warn about a deleted or redirected link that no edge, path or pattern call of the left-hand sides can match.
 
-    Args:
-        otherwise: the effect if the link is missing, for the message.
+    The message says `otherwise`, the effect if the link is missing.
     """
     if key in changes.scope.paths or any(changes.scope.key(arrow) == key for arrow in changes.scope.arrows):
         return

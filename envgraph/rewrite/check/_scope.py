@@ -110,11 +110,7 @@ class RuleScope:
         return name in self.types or name in self.created
 
     def knows(self, name: str, span: Span | None, *, matched: bool = False) -> bool:
-        """Return True if a name is in scope. Otherwise report the name, once.
-
-        Args:
-            matched: True if the name must be a matched variable; this changes only the hint.
-        """
+        """Return True if a name is in scope; otherwise report it, once. If `matched`, the hint is about matching."""
         if self.sees(name):
             return True
         if name not in self._reported:

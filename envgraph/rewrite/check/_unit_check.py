@@ -447,9 +447,9 @@ class _Checker:
                 yield variable
 
     def _pattern(self, relation: Constraint, negated: bool, scope: Scope, span: Span | None) -> Condition:
-        """Return the pattern of a condition without its negation, so that its arguments need no other binding.
+        """Return the pattern of a condition without its negation, which is applied to the result of the pattern.
 
-        The generated code negates the result.
+        So arguments of a negated condition need no other binding.
         """
         used = tuple(dict.fromkeys(v.name for v in mentioned(relation) if is_named(v.name)))
         parameters = tuple(parameter_for(name, scope[name]) for name in used)

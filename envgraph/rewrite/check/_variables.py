@@ -111,13 +111,9 @@ def equated(*lefts: LeftSide) -> set[frozenset[str]]:
 def may_be_one(
     one: str, other: str, groups: Iterable[Collection[str]], same: Collection[frozenset[str]]
 ) -> bool:
-    """Return True if two variables are equated by `==`, or may stand for one object by a `@hom` group.
+    """Return True if two variables are equated by `==`, or may stand for one object by one of the `groups` of `@hom`.
 
-    A variable also belongs to every group that contains a variable equated with it.
-
-    Args:
-        groups: the groups of `@hom`.
-        same: pairs of equated variables.
+    `same` contains the pairs of equated variables. A variable also belongs to the groups of variables equated with it.
     """
     if frozenset((one, other)) in same:
         return True

@@ -110,11 +110,9 @@ def _own_ends(schema: Schema, cls: str) -> Iterator[tuple[End, Feature]]:
 
 
 def _relink(builder: RuleBuilder, end: End, near: str, far: str, links: str) -> None:
-    """Add objects and link changes to a rule, as described by a template.
+    """Add objects and link changes to a rule by a template `links`: words in groups of sign (`+`, `-`), source, target.
 
-    Args:
-        near, far: classes of the sources and of the targets.
-        links: words in groups of three: `+` or `-`, source, target.
+    Sources have the class `near` and targets the class `far`.
     """
     words = links.split()
     changes = list(zip(words[::3], words[1::3], words[2::3], strict=True))

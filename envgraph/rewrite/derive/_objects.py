@@ -219,8 +219,7 @@ def _spread(builder: RuleBuilder, plan: Plan) -> RuleBuilder:
 def _goes_over(end: End, elsewhere: int = 0) -> bool:
     """Return True if objects that need a link at this end may be linked to another object of the class instead.
 
-    Args:
-        elsewhere: number of links that are given to a third object.
+    `elsewhere` is the number of links that are given to a third object.
     """
     fits = end.upper is None or 2 * end.lower <= end.upper + elsewhere
     return bool(end.other.lower) and fits and not (end.frozen or end.reference.containment)
@@ -229,8 +228,7 @@ def _goes_over(end: End, elsewhere: int = 0) -> bool:
 def _rehome(builder: RuleBuilder, cls: str, shared: End | None = None) -> RuleBuilder:
     """Delete an object, and link objects that would have too few links to another object of the class.
 
-    Args:
-        shared: an end of which one link is given to a third object of the class; None for no such end.
+    If an end is `shared`, one link at this end is given to a third object of the class.
     """
     name, other = builder.node(cls, exact=True), builder.node(cls, "other")
     builder.differ(name, other)

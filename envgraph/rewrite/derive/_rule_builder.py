@@ -135,11 +135,7 @@ class RuleBuilder:
         bodies: Iterable[Iterable[Constraint]],
         strategy: Strategy | None = "search",
     ) -> str:
-        """Add a private pattern for this derivation and return its qualified name.
-
-        Args:
-            parameters: types of the parameters, by name.
-        """
+        """Add a private pattern with typed parameters for this derivation and return its qualified name."""
         package, _, name = self.group.rpartition(".")
         declared = tuple(Parameter(parameter, cls) for parameter, cls in parameters.items())
         made = Pattern(
@@ -214,8 +210,7 @@ class RuleBuilder:
     def retype(self, name: str, after: str, gained: Iterable[Reference]) -> None:
         """Add an action that retypes an object, and conditions for the links that the new class does not have.
 
-        Args:
-            gained: references by which the object gets new links; it must have no old links of them.
+        The object must have no old links of the `gained` references, by which it gets new links.
         """
         ends = self.schema.ends_of
         self.retyped.append(name)
@@ -233,9 +228,7 @@ class RuleBuilder:
         self.gone += names
 
     def leave(self, end: End, name: str) -> None:
-        """Add conditions for an object that loses its links at an end: the linked objects are not frozen, and keep
-        enough links.
-        """
+        """Add conditions for an object that loses its links at an end: linked objects must be able to spare them."""
         if end.frozen:
             self.absent(end, name)
             return

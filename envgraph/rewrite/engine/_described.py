@@ -87,9 +87,8 @@ class Steps:
     ) -> None:
         """Add the step `name(arguments);`, a call of a rule, group or unit.
 
-        Args:
-            first: apply a rule at its first match, not at a random one.
-            where: conditions that the match of a rule must satisfy.
+        If `first`, a rule is applied at its first match, not at a random one. Its match must satisfy all `where`
+        conditions.
         """
         self._add(replace(_call(name, arguments), first=first, where=tuple(where)))
 
@@ -249,11 +248,7 @@ def described(function: Callable[..., object], name: str, weight: float, priorit
 def unit_parameters(
     function: Callable[..., object], name: str, others: tuple[str, ...]
 ) -> tuple[Parameter, ...]:
-    """Return the parameters of a function as unit parameters, with their annotations as types.
-
-    Args:
-        name: name of the unit, for messages.
-        others: names of parameters that are left out.
+    """Return the parameters of a function, except `others`, as parameters of the unit `name`, with their types.
 
     Raises:
         InvalidArgument: a parameter has no type, or is of a kind that units cannot have.

@@ -103,10 +103,9 @@ class EngineHistory:
                 recorder.notice(state)
 
     def record(self, firings: Iterable[Firing], gaps: Sequence[int] = ()) -> None:
-        """Add applications to the traces that are being recorded.
+        """Add applications to the recorded traces.
 
-        Args:
-            gaps: indexes into `firings` before which something other than a rule changed the model.
+        `gaps` are indexes before which something other than a rule changed the model.
         """
         if self.recorders:
             found, state = list(firings), self._model.state_hash()

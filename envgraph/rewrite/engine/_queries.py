@@ -112,11 +112,7 @@ class Queries:
     def _applicable(
         self, name: str, asked: object, shape: Shape, rows: Sequence[Row], most: int
     ) -> list[Row]:
-        """Return the first `most` rows at which a rule is not refused.
-
-        Args:
-            asked: the value of the argument `applicable`, which must be True.
-        """
+        """Return the first `most` rows at which a rule is not refused; raise if `asked` (`applicable`) is not True."""
         if asked is not True:
             message = f"`applicable` must be True or False, not {asked!r}"
             raise InvalidArgument(

@@ -82,10 +82,7 @@ def _signature(function: Callable[..., object], name: str) -> Signature:
 
 
 def _type(given: object, what: str, name: str) -> str:
-    """Return the name of a type.
-
-    Args:
-        what: the parameter or result, for messages.
+    """Return the name of a type; `what` is the parameter or result, for messages.
 
     Raises:
         InvalidArgument: `given` names no type.

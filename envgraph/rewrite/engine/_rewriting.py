@@ -172,10 +172,7 @@ class Rewriting:
     def _fire_elsewhere(
         self, runner: RuleRunner, rows: Sequence[Row], row: Row, error: RuleError, drawn: bool = True
     ) -> tuple[Row, Sequence[Any]]:
-        """Apply a rule, which was refused at `row`, at another of the rows.
-
-        Args:
-            drawn: if True, the rows are tried in random order, otherwise from the row after `row` on.
+        """Apply a rule, which was refused at `row`, at another row: a random one if `drawn`, else the next one.
 
         Raises:
             RuleError: the rule is refused at all rows.

@@ -103,13 +103,10 @@ class Runs:
         *,
         strict: bool = False,
     ) -> tuple[Run, bool | None, Mapping[str, Node | Value]]:
-        """Run a unit, rule or group without recording it.
+        """Run a unit, rule or group without recording it; return the run, its outcome and its outputs.
 
-        Args:
-            strict: if True, raise the refusal that made the run fail, and undo everything.
-
-        Returns:
-            The run, its outcome (None: it failed; else True if it changed anything), and the outputs.
+        The outcome is None if the run failed, else True if it changed anything. If `strict`, a refusal that makes the
+        run fail is raised, and everything is undone.
         """
         run = self.begin(rng)
         loops = self._catalog.matcher.loops if isinstance(self._catalog.matcher, ViewMatcher) else None

@@ -61,8 +61,7 @@ class Trace(list[Firing]):
     def put(self, firings: Iterable[Firing], state: int, gaps: Sequence[int] = ()) -> None:
         """Add applications and the state after them.
 
-        Args:
-            gaps: numbers of these applications after which something other than a rule changed the model.
+        `gaps` are numbers of these applications after which something other than a rule changed the model.
         """
         self.gaps.extend(len(self) + gap for gap in gaps)
         self.extend(firings)

@@ -39,11 +39,9 @@ if TYPE_CHECKING:
 
 @short_repr
 class Activation:
-    """A pending job of an event rule at a match.
+    """A pending job of an event rule at a match; `old` is the match before an update, else None.
 
-    Attributes:
-        live: False if the activation was dropped or has fired.
-        old: the match before an update, else None.
+    `live` is False if the activation was dropped or has fired.
     """
 
     __slots__ = ("event", "live", "match", "old", "rule")

@@ -44,8 +44,7 @@ def less(values: Values, value: Value) -> Values:
 class Dragged(RuleError):
     """An error: an object that a rule preserves or changes would be deleted with its container.
 
-    Attributes:
-        node: id of the object, which exists again after the rollback.
+    `node` is the id of the object, which exists again after the rollback.
     """
 
     def __init__(self, message: str, node: int) -> None:

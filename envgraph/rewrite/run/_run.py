@@ -76,10 +76,7 @@ class Run:
         return firings(self.trace)
 
     def count(self, site: Site | None = None) -> None:
-        """Count one step.
-
-        Args:
-            site: description of the step for the error message.
+        """Count one step, described by `site` in the error message.
 
         Raises:
             EvaluationError: the step limit is exceeded.
@@ -130,14 +127,7 @@ def _picker(rng: Randomness) -> Callable[[int], int]:
 
 
 def spent(run: Run, site: Site | None) -> NoReturn:
-    """Raise the error that the step limit is reached.
-
-    Args:
-        site: the loop or call that took the last step.
-
-    Raises:
-        EvaluationError: always.
-    """
+    """Raise the error that the step limit is reached; `site` is the loop or call that took the last step."""
     name, span = site or ("", None)
     where = f", the last one in {name}" if name else ""
     message = f"the run took more than {run.limit} steps{where}; it may never end"
@@ -157,10 +147,7 @@ def note_refusal(run: Run, error: RuleError) -> None:
 
 
 def fire_one(run: Run, rule: RuleRunner, rows: Sequence[Row]) -> tuple[Row, Sequence[Any]] | None:
-    """Apply a rule at one of the rows, drawn uniformly. If it is refused, try the other rows in random order.
-
-    Return the row and the slots of the application, or None.
-    """
+    """Apply a rule at a random row, or if it is refused there, at the other rows; return row and slots, or None."""
     if not rows:
         return None
     number = run.pick(len(rows)) if len(rows) > 1 else 0
@@ -365,10 +352,7 @@ def best(rows: Sequence[Row], value: Callable[[Row], Any], limit: int | None) ->
 def argument_value(
     expression: Expression, values: Mapping[str, Any], read: Callable[[int, str], Value | None], site: Site
 ) -> Value | None:
-    """Return the value of an argument or bound, or None if a path in it has no value.
-
-    Args:
-        site: description and span of the expression, for messages.
+    """Return the value of an argument or bound, described by `site`, or None if a path in it has no value.
 
     Raises:
         EvaluationError: division by zero, overflow, or a function outside its domain.

@@ -242,11 +242,7 @@ class Writer:
         return code.If(there_, (code.Do(code.call(disconnect, source, target)),), origin=op)
 
     def _make(self, op: Link, homeless: bool) -> code.Expression:
-        """Emit an expression that adds a missing link.
-
-        Args:
-            homeless: True if the contained end certainly has no container.
-        """
+        """Emit an expression that adds a missing link; `homeless` if the contained end certainly has no container."""
         relation = self.model.graph.store.relations[op.reference.index]
         source, reference, target = self._ends(op)
         if relation.containment or relation.contained:
@@ -268,11 +264,7 @@ class Writer:
         )
 
     def _leave(self, op: Rehome, fresh: bool) -> code.Statement:
-        """Emit code that removes an object from its container.
-
-        Args:
-            fresh: True if the new container is not created yet.
-        """
+        """Emit code that removes an object from its container; `fresh` if the new container is not created yet."""
         container = code.NONE if fresh else self.slot(op.container)
         return code.Do(code.call("_leave", self.slot(op.node), container, self.constant(op.reference)), op)
 
@@ -290,12 +282,7 @@ class Writer:
         return code.Do(code.call("_absorb", *map(self.slot, (op.kept, op.absorbed, op.links))), op)
 
     def _link(self, op: Link, *, fresh: bool, homeless: bool) -> code.Statement:
-        """Emit code that adds a link unless it exists.
-
-        Args:
-            fresh: True if the link cannot exist, because an end is created by the rule.
-            homeless: as for `_make`.
-        """
+        """Emit code that adds a link unless it exists; `fresh` is True if the rule creates an end. See `_make`."""
         source, target = self.slot(op.source), self.slot(op.target)
         forward = self.constant(self.model.graph.store.relations[op.reference.index].forward)
         made = code.Do(self._make(op, homeless))
@@ -397,11 +384,7 @@ class PathReader:
         self.names = dict(names)
 
     def without_paths(self, node: Term, needed: bool = False) -> Term:
-        """Return the expression with variables in place of paths.
-
-        Args:
-            needed: True if the enclosing operator cannot take None.
-        """
+        """Return the expression with variables in place of paths; `needed` if its operator cannot take None."""
         match node:
             case Navigation() if is_method(node, self._type(node.object)):
                 return FunctionCall(node.feature, (self.without_paths(node.object, True),), node.span)

@@ -39,12 +39,10 @@ class Scope:
 
 @dataclass(slots=True)
 class OpenFunction:
-    """A function whose code is being generated.
+    """A function whose code is being generated; `tracks` means that the local `c` stores whether anything was changed.
 
-    Attributes:
-        bodies: the statement lists of the open compound statements, outermost first.
-        branches: number of nested branches of `if`.
-        tracks: True if the local variable `c` stores whether anything was changed.
+    `bodies` are the statement lists of open compound statements, outermost first; `branches` counts nested `if`
+    branches.
     """
 
     bodies: list[list[code.Statement]] = field(default_factory=lambda: [[]])

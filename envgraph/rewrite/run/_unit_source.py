@@ -134,11 +134,7 @@ class UnitSource:
         self._step(step, scope)
 
     def _inner(self, step: Step, scope: Scope, gives: Sequence[str] = ()) -> code.Name:
-        """Generate a separate function for a block and return its name.
-
-        Args:
-            gives: variables whose values the function also returns.
-        """
+        """Generate a separate function for a block and return its name; it also returns the variables `gives`."""
         name, within = self._functions.new("b"), scope.inner()
         with self._functions.begun() as function:
             self._body(step, within)

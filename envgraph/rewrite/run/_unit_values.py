@@ -72,10 +72,9 @@ class UnitValues:
         return given, new
 
     def value(self, term: Term, scope: Scope, what: str, span: Span | None = None) -> code.Expression:
-        """Emit code that computes an expression and fails without a value; return the local variable with the result.
+        """Emit code that computes an expression and fails without a value; return the local variable of the result.
 
-        Args:
-            what: description of the expression, for messages.
+        `what` describes the expression in messages.
         """
         local = self._functions.local("a")
         if isinstance(term, Literal):
@@ -85,11 +84,7 @@ class UnitValues:
         return local
 
     def _worked_out(self, term: Term, scope: Scope, what: str, span: Span | None) -> code.Expression:
-        """Return code that computes an expression, or None if it has no value.
-
-        Args:
-            what, span: description and place of the expression, for messages.
-        """
+        """Return code that computes an expression, or None without a value; `what` describes it in messages."""
         site = self._functions.constant((f"{what} in `{self._name}`", term.span or span))
         term_, values = self._functions.constant(term), self.values(term, scope)
         return code.call("argument", term_, values, code.Name("read"), site)
@@ -128,11 +123,7 @@ class UnitValues:
         return code.inverse(test) if asked.negated else test
 
     def condition(self, step: Step, number: int, condition: Constraint, scope: Scope) -> code.Expression:
-        """Return an expression that tests a condition.
-
-        Args:
-            number: index of the condition in its step.
-        """
+        """Return an expression that tests a condition, given its index `number` in the step."""
         if isinstance(condition, Check):
             asked = condition.expression
             return code.call(

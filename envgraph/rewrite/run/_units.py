@@ -71,10 +71,7 @@ class UnitProgram:
         self._source = ""
 
     def run(self, run: Run, environment: Environment, site: Site | None = None) -> bool | None:
-        """Execute the unit as part of a run.
-
-        Args:
-            site: the call, for messages.
+        """Execute the unit as part of a run; `site` describes the call in messages.
 
         Raises:
             EvaluationError: too many nested steps, or the step limit is exceeded.
