@@ -208,7 +208,7 @@ class BlockPlan:
 
     @property
     def contended(self) -> bool:
-        """Return True if another operation may also change an object that is the result of a computed value."""
+        """Return True if the object that a computed value refers to may also be changed by another operation."""
         computed = {each.slot for each in self.computed if each.object}
         named = [link.target for link in self.links]
         for change in self.sets:

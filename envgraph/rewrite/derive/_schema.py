@@ -143,8 +143,8 @@ class Schema:
         metamodel: the metamodel.
         ends: both ends of each association, in the order of declaration.
         concrete: the classes that are not abstract.
-        roots: concrete classes whose objects need no container: nothing can contain them except their own objects and
-            their contents.
+        roots: concrete classes whose objects need no container: only objects of the same class, or objects that they
+            contain themselves, could contain them.
     """
 
     def __init__(self, metamodel: Metamodel) -> None:

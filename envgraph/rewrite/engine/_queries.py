@@ -154,7 +154,7 @@ class Queries:
         )
 
     def why_not(self, name: str, /, *, bound: Mapping[str, object] | None = None, **values: object) -> WhyNot:
-        """Explain why a pattern or rule has no match for some values: the largest partial match, and what it fails.
+        """Explain why a pattern or rule has no match: the largest partial match, and the condition that it fails.
 
         A rule that has a match is applied there and undone: `refusal` of the result says why it cannot be applied. A
         unit

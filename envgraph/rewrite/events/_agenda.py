@@ -22,7 +22,7 @@ _ROUND = 20
 
 
 class ConflictSet:
-    """All event rules of an engine and their conflict set. A `Follower` of the model, notified after the matcher.
+    """The event rules of an engine and their conflict set. A `Follower` of the model, notified after the matcher.
 
     Invariant: the conflict set is a heap in the order of firing. Activations with `live` False remain in the heap but
     do not belong to the conflict set.
@@ -173,7 +173,7 @@ class ConflictSet:
 
     @guarded
     def asleep(self) -> Iterator[None]:
-        """Fire nothing inside the block and keep the conflict set. The block must restore the state of the model."""
+        """Fire nothing inside the block, which must restore the state of the model, and keep the conflict set."""
         self._held += 1
         self._asleep = True
         try:
