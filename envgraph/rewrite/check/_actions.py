@@ -380,8 +380,7 @@ class ActionReader:
             key = self.scope.key(resolved)
             self.changes.links[key] = resolved
             if key in there:
-                text = f"`{edge.source} -{edge.reference}-> {edge.target}`"
-                message = f"{text} is in the left side, so this creates nothing"
+                message = f"the left side has `{edge.source} -{edge.reference}-> {edge.target}`: this creates nothing"
                 hint = "remove this, or link another object: two objects have at most one such link"
                 self.scope.warn("existing-link", message, edge.span, hint)
         for node in nodes:

@@ -143,8 +143,10 @@ class AssignmentReader:
             self.scope.error("wrong-type", message, span, "write `=`, or `= none` to clear it")
         elif operator == "=" and (_is_none(value) or value == ()):
             if reference.lower:
-                many = reference.multiplicity
-                message = f"`{name}` gets no `{reference.name}`, but `{reference}` has multiplicity {many}"
+                message = (
+                    f"`{name}` gets no `{reference.name}`, "
+                    f"but `{reference}` has multiplicity {reference.multiplicity}"
+                )
                 self.scope.warn("missing-required", message, span, "assign as many targets as it requires")
             self.sets.append(SetTargets(object_, reference, (), span))
         else:

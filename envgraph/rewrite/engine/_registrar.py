@@ -171,8 +171,7 @@ class Registrar:
         for feature, query in new.items():
             node = first_with(model.graph, feature)
             if node is not None:
-                text = model.graph.describe(node)
-                message = f"query `{query}` defines `{feature}`, but {text} has a stored value of it"
+                message = f"query `{query}` defines `{feature}`, but {model.graph.describe(node)} stores a value of it"
                 span, hint = library.get(query).span, "clear these values first"
                 raise ResolutionError([Diagnostic("stored-values", message, span, hint)])
         model.graph.define(model.graph.defined | {one: defined(query) for one, query in new.items()})

@@ -184,7 +184,7 @@ def test_a_query_that_is_removed_defines_nothing(engine: Engine) -> None:
     assert a.favourite == engine.model["b"]
     engine.model.check_integrity()
     with pytest.raises(
-        ResolutionError, match=r"query `below` defines `Person.descendants`, but `a` has a stored value of it"
+        ResolutionError, match=r"query `below` defines `Person.descendants`, but `a` stores a value of it"
     ):
         engine.add(*DEFINING[:2])
     assert "below" not in engine.patterns
