@@ -114,7 +114,7 @@ class Steps:
         self._add(Choice(tuple(one if isinstance(one, Call) else _call(one, ()) for one in alternatives)))
 
     def either(self) -> AbstractContextManager[None]:
-        """Open the block `{ .. }` of the first alternative of a choice; `alternatively` follows."""
+        """Open the block `{ .. }` of the first alternative of a choice; the next step must be `alternatively`."""
         return self._block(lambda body: self._add(Choice((body,))))
 
     def alternatively(self) -> AbstractContextManager[None]:

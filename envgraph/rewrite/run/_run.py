@@ -147,7 +147,7 @@ def note_refusal(run: Run, error: RuleError) -> None:
 
 
 def fire_one(run: Run, rule: RuleRunner, rows: Sequence[Row]) -> tuple[Row, Sequence[Any]] | None:
-    """Apply a rule at a random row, or if it is refused there, at the other rows; return row and slots, or None."""
+    """Apply a rule at a random row. If it is refused, try the other rows. Return row and slots, or None."""
     if not rows:
         return None
     number = run.pick(len(rows)) if len(rows) > 1 else 0

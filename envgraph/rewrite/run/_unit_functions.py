@@ -128,7 +128,7 @@ class UnitFunctions:
         return code.Name(name)
 
     def fails(self, text: str, span: Span | None) -> code.Body:
-        """Return statements that record the failure of the step and return None from the function."""
+        """Return statements that record the failed step and return None from the generated function."""
         return code.Assign(FAILURE, self.constant((text, span))), code.Return(code.NONE)
 
     def fails_if(self, test: code.Expression, text: str, span: Span | None) -> None:

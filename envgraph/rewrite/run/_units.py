@@ -112,7 +112,7 @@ def unit_program(
     model: Model,
     matcher: Matcher,
 ) -> UnitProgram:
-    """Return the program of a unit without errors. Rules and units that it calls may be added until it first runs."""
+    """Return the program of a unit without errors, compiled at its first run, when all its callees must exist."""
 
     def called(name: str) -> Callable[[Run, Environment, Site], bool | None]:
         return units[name].run
