@@ -9,10 +9,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from envgraph.env import Simulator
-from envgraph.env._sampling import Draw
 from envgraph.errors import EvaluationError, RuleError
 from envgraph.graph import Version
 
+LARGEST_BELOW_1 = np.nextafter(1.0, 0.0).item()
 Asked = tuple[float, ...] | int
 """What a choice was made of: probabilities, or a number of equal alternatives."""
 
@@ -44,6 +44,36 @@ class Transition:
     observation: int = 0
     did: bool = False
     error: Exception | None = None
+
+
+class Draw:
+    """The choices that a uniform number makes: each uses the place of the number within the stretch it lies in."""
+
+    def __init__(self, uniform: float) -> None:
+        self.rest = uniform
+
+    def choose(self, probabilities: Sequence[float]) -> int | None:
+        """Return the place of the stretch that the number lies in; None if it lies behind all of them."""
+        start = 0.0
+        for place, probability in enumerate(probabilities):
+            if self.rest < start + probability:
+                self._zoom(start, probability)
+                return place
+            start += probability
+        if 1.0 - start <= 1e-12:  # the probabilities sum to 1, but for rounding
+            self.rest = 0.0
+            return len(probabilities) - 1
+        self._zoom(start, 1.0 - start)
+        return None
+
+    def pick(self, count: int) -> int:
+        """Return which of `count` stretches of equal length the number lies in."""
+        place = min(int(self.rest * count), count - 1)
+        self.rest = min(self.rest * count - place, LARGEST_BELOW_1)
+        return place
+
+    def _zoom(self, start: float, length: float) -> None:
+        self.rest = min(max((self.rest - start) / length, 0.0), LARGEST_BELOW_1)
 
 
 class Told:

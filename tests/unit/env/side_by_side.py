@@ -14,8 +14,6 @@ import numpy as np
 
 from envgraph.env import Behaviour, KeyIndex, Simulator, Tabular, indexed_classes
 from envgraph.env.compiled import Batch, Program, program_of
-from envgraph.env.compiled._changes import calls_of
-from envgraph.env.compiled._layout import ERROR
 from envgraph.env.compiled.kernels import BEYOND, FULL, OVERFLOW
 from envgraph.errors import EvaluationError, RuleError
 from envgraph.graph import Model
@@ -31,6 +29,8 @@ CLOSELY = 40 if NIGHTLY else 20
 """States of which all are compared cell by cell."""
 MASKED = 500
 """Actions of which all masks are compared: of many agents that act together there may be some ten thousand."""
+ERROR = 0
+"""The column of `Batch.states` that says what went wrong in an environment; 0 for nothing."""
 EXTRA = REPOSITORY / "tests" / "data" / "compiled"
 
 
@@ -42,9 +42,20 @@ def opened(*paths: Path) -> tuple[Engine, Behaviour]:
     return engine, workspace.behaviour()
 
 
+def called_rules(behaviour: Behaviour) -> set[str | None]:
+    """Return the names of the rules that resets, actions and effects of a behaviour call."""
+    owners = (behaviour, *behaviour.agents)
+    branches = [
+        *(branch for reset in behaviour.resets for branch in reset.apply),
+        *(branch for owner in owners for action in owner.actions for branch in action.branches),
+        *(branch for owner in owners for effect in owner.effects for branch in effect.apply),
+    ]
+    return {branch.call.rule for branch in branches}
+
+
 def mutants(engine: Engine, behaviour: Behaviour, count: int, seed: int = 0, first: int = 0) -> list[Engine]:
     """Members of a family: random applications of rules that the behaviour does not call, and that need no value."""
-    called = {call.rule for call in calls_of(behaviour)}
+    called = called_rules(behaviour)
     rules = [name for name in engine.rules if name not in called and name.rpartition(".")[2] not in called]
     rules = [name for name in rules if not any(one.required for one in engine.signature(name).parameters)]
     found = []

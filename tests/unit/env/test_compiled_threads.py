@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 
 from envgraph.env.compiled import Batch, CompiledVectorEnv, program_of
-from envgraph.env.compiled._layout import ERROR
 from envgraph.errors import EnvgraphError, InvalidArgument
 from tests.unit.env.corners.yard import Yard
+from tests.unit.env.side_by_side import ERROR
 
 
 @pytest.mark.parametrize("threads", [1, 2, 3])

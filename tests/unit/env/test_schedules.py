@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 import numpy as np
 import pytest
 
@@ -22,9 +24,6 @@ from envgraph.env.schedules import (
     learnability,
     learning_progress,
     named_schedule,
-)
-from envgraph.env.schedules._weighted import (
-    Known,
 )
 from envgraph.errors import InvalidArgument
 
@@ -149,9 +148,12 @@ def test_candidates_are_played_and_the_best_make_their_share() -> None:
 
 
 def test_weights_are_those_of_their_definitions() -> None:
-    known = Known(3)
+    weighed: list[Any] = []
+    schedule = Weighted(3, lambda known: weighed.append(known) or learnability(known))
     for success in (np.array([0.0, 0.5, 1.0]), np.array([1.0, 0.5, 1.0])):
-        known.tell(outcomes(np.arange(3), success))
+        schedule.tell(outcomes(np.arange(3), success))
+    schedule.chances()
+    (known,) = weighed
     assert known.fast.tolist() == [0.2, 0.5, 1.0]
     assert np.allclose(learning_progress(known), [0.15, 0.0, 0.0])
     assert np.allclose(learnability(known), [0.16, 0.25, 0.0])

@@ -7,7 +7,6 @@ from collections.abc import Iterator
 import pytest
 
 from envgraph.graph import guarded
-from envgraph.graph.store._journal import Extent
 from tests.unit.graph.domain import forest
 
 
@@ -109,7 +108,7 @@ def test_a_change_of_class_is_finished_after_a_second_interruption(monkeypatch):
     model = forest()
     tile = model["t00"]
     tile.x = 7
-    take = Extent.take
+    extent = type(model.graph.extent("RoadTile"))
 
     def interrupted(whole, after):
         calls = []
@@ -122,7 +121,7 @@ def test_a_change_of_class_is_finished_after_a_second_interruption(monkeypatch):
 
         return replaced
 
-    monkeypatch.setattr(Extent, "take", interrupted(take, after=True))
+    monkeypatch.setattr(extent, "take", interrupted(extent.take, after=True))
     monkeypatch.setattr(model.graph.history, "_repair", interrupted(model.graph.history._repair, after=False))
     with pytest.raises(KeyboardInterrupt):
         tile.retype("BurningTile")

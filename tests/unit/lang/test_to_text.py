@@ -171,7 +171,7 @@ def test_steps_of_units_become_blocks() -> None:
         ),
         (Pattern("p", (), (Body((TypeConstraint("T", Constant(None)),)),)), "`none` stands for no value"),
         (Pattern("p", (), (Body(()),), doc="a */ b"), "its comment contains"),
-        (Rule("r", weight=-1.0), "the weight is -1.0, but must be a number above 0"),
+        (Rule("r", weight=-1.0), "a weight is a number above 0"),
         (Unit("u", (), Choice((Sequence(()),))), "a choice has only one alternative"),
         (Unit("u", (), Choice(())), "a choice has no alternatives"),
         (

@@ -15,7 +15,6 @@ from hypothesis import given, strategies as st
 from envgraph.env import Tabular
 from envgraph.errors import InvalidArgument
 from envgraph.solve import (
-    _running,
     certify,
     cvar,
     evaluate_policy,
@@ -158,7 +157,7 @@ def test_compiled_loops_and_those_of_python_give_the_same_bits(
         return [*values, *(certify(*each, limit=50) for each in zip(cases, policies, strict=True))]
 
     compiled = all_results()
-    monkeypatch.setattr(_running, "has_numba", lambda: False)
+    monkeypatch.setenv("NUMBA_DISABLE_JIT", "1")
     assert all_results() == compiled
 
 

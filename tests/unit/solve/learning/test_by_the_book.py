@@ -8,10 +8,10 @@ import pytest
 from numpy.typing import NDArray
 
 from envgraph.env import Tabular
+from envgraph.env.compiled import program_of
 from envgraph.errors import InvalidArgument
-from envgraph.learn import Epsilon, TrainingSettings, train_curriculum
-from envgraph.solve.learning import Stage
-from envgraph.solve.learning._programs import rates_of
+from envgraph.learn import Epsilon, TrainingSettings, train_curriculum, train_program
+from tests.unit.env.corners.yard import Yard
 from tests.unit.learn.small_tables import random_table, table
 
 EPSILON = Epsilon(start=0.3, minimum=0.3)
@@ -155,5 +155,7 @@ def test_more_than_one_step_is_for_agents_that_learn_of_what_they_do(agent: str)
     ],
 )
 def test_without_tables_they_are_refused(spec: dict[str, object], what: str) -> None:
+    engine, behaviour = Yard("", "action wait = nothing()\nobserve adam.kind").opened()
+    program = program_of(engine, behaviour, native=False)
     with pytest.raises(InvalidArgument, match=f"{what} needs tables"):
-        rates_of(Stage(10, 1.0, TrainingSettings.from_spec(spec)))
+        train_program(program, TrainingSettings.from_spec(spec), np.random.default_rng(0))

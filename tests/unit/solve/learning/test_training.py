@@ -7,8 +7,7 @@ import pytest
 
 from envgraph.errors import InvalidArgument
 from envgraph.learn import Epsilon, TrainingSettings, available_backends, train_curriculum
-from envgraph.solve.learning import Backend, initial_values, occurring, prepare, train
-from envgraph.solve.learning._stage import accumulate
+from envgraph.solve.learning import Backend, flatten, initial_values, occurring, prepare, train
 from tests.unit.learn.small_tables import random_table, table
 
 HALVES = TrainingSettings(
@@ -111,9 +110,11 @@ def test_epsilon_decays_per_finished_episode_or_step(
 
 
 def test_a_step_takes_the_documented_draws(backend: Backend) -> None:
-    """u picks the action, v the outcome and w the next start: followed here draw by draw."""
-    tabular = random_table(4)
-    curve = train_curriculum([tabular], replace(RANDOM, limit=3), rng(9), steps=[200], backend=backend).curve
+    """u picks the action, v the outcome and w the next start; the steps are more than are drawn at once."""
+    tabular, steps = random_table(4), 20_000
+    curve = train_curriculum(
+        [tabular], replace(RANDOM, limit=3), rng(9), steps=[steps], backend=backend
+    ).curve
 
     def pick(weights: np.ndarray, draw: float) -> int:
         return next(index for index in range(len(weights)) if draw < weights[: index + 1].sum())
@@ -121,7 +122,7 @@ def test_a_step_takes_the_documented_draws(backend: Backend) -> None:
     draws = rng(9)
     state = tabular.start_states[pick(tabular.start_probability, draws.random())]
     total, length = 0.0, 0
-    for step in range(200):
+    for step in range(steps):
         u, v, w = draws.random(3)
         action = int(u * 3)
         index = (state, action, pick(tabular.probability[state, action], v))
@@ -135,8 +136,8 @@ def test_a_step_takes_the_documented_draws(backend: Backend) -> None:
 
 def test_rounding_never_leads_into_the_padding() -> None:
     """Ten times 0.1 is less than 1, but the tenth outcome takes the rest, not the eleventh."""
-    chances = accumulate(np.array([0.1] * 10 + [0.0]))
-    assert np.searchsorted(chances, np.nextafter(1.0, 0.0), "right") == 9
+    tabular = replace(random_table(1, starts=11), start_probability=np.array([0.1] * 10 + [0.0]))
+    assert np.searchsorted(flatten(tabular).start_cumulative, np.nextafter(1.0, 0.0), "right") == 9
 
 
 def test_exploration_is_uniform_below_epsilon(backend: Backend) -> None:
