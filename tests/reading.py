@@ -15,7 +15,9 @@ from envgraph.lang.read._model import ModelFile, read_models
 from envgraph.lang.read._query import read_query
 from envgraph.lang.read._query_header import DefinitionsFile
 from envgraph.lang.read._rules import read_rules
+from envgraph.lang.syntax._grammar import grammar
 from envgraph.lang.syntax._parsing import parse
+from envgraph.lang.syntax._toml import TomlText, parse_toml
 from envgraph.metamodel import Metamodel
 
 _READERS: dict[str, Callable[[Any], DefinitionsFile[Any]]] = {
@@ -44,6 +46,23 @@ def read_metamodel_text(text: str) -> MetamodelFile:
 def read_model_text(text: str, metamodel: Metamodel | None) -> ModelFile:
     """Return the models of a text, and their mistakes."""
     return read_models(parse("model", Source("a.model", text)), metamodel)
+
+
+def read_tree(text: str, language: str) -> object:
+    """Return the syntax tree of a text; None if the text has errors of syntax."""
+    parsed = parse(language, Source(f"t.{language}", text))
+    return None if parsed.diagnostics else parsed.tree
+
+
+def lexeme_places(text: str, language: str) -> list[tuple[int, int]]:
+    """Return where each lexeme of a text without errors begins and ends."""
+    lexemes = grammar(language).core.scan(Source(f"t.{language}", text)).lexemes
+    return [(lexeme.start, lexeme.end) for lexeme in lexemes]
+
+
+def read_toml(text: str) -> TomlText:
+    """Return the data of a TOML text, and the place of each value and key."""
+    return parse_toml(Source("a.toml", text))
 
 
 def load_family(path: str, files: Files | None = None) -> FamilySpec:

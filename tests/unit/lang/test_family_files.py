@@ -7,11 +7,9 @@ from pathlib import Path
 
 import pytest
 
-from envgraph.errors import LoadError, Source
+from envgraph.errors import LoadError
 from envgraph.lang import FamilySpec, TextFiles, bundled_domain, check_family, load_workspace
-from envgraph.lang.family._family_reader import TABLES
-from envgraph.lang.syntax._toml import parse_toml
-from tests.reading import load_family
+from tests.reading import load_family, read_toml
 
 MINIMAL = 'model = "a.model"\n[measures.size]\nkind = "count"\nof = "any"\n[mutation]\nrules = ["grow"]\n'
 
@@ -28,13 +26,22 @@ def errors(text: str) -> list[str]:
     ]
 
 
+TABLES = ("constraints", "mutation", "search", "samples", "optimise", "curriculum", "training")
+FAMILY_OF_EVERYTHING = family(
+    MINIMAL.replace("[", '[samples]\ncover = { size = 2 }\n[optimise]\nmaximise = ["size"]\n[', 1)
+)
+"""A family file from which no table is missing."""
+
+
 def test_the_reference_names_every_key() -> None:
     pages = [Path(__file__).parents[3] / "docs/languages" / name for name in ("family.md", "problem.md")]
     code = " ".join(
         re.findall(r"`[^`\n]+`|^.* = .*$", "".join(page.read_text() for page in pages), re.MULTILINE)
     )
     known = set(re.findall(r"\w+", code))
-    assert {one.name for spec in TABLES.values() for one in fields(spec)} <= known
+    specs = [getattr(FAMILY_OF_EVERYTHING, table) for table in TABLES]
+    specs.append(FAMILY_OF_EVERYTHING.training.epsilon)
+    assert {one.name for spec in specs for one in fields(spec)} <= known
 
 
 def test_the_bundled_family_has_the_settings_of_the_paper() -> None:
@@ -146,10 +153,8 @@ def test_what_is_no_toml_is_refused_with_a_position(text: str, error: str) -> No
 
 
 def test_the_index_of_a_toml_text_finds_every_value() -> None:
-    text = parse_toml(
-        Source(
-            "a.toml",
-            '''
+    text = read_toml(
+        '''
 a.b = 1 # c = 2
 "q.r" = 'x # y'
 long = """
@@ -167,8 +172,7 @@ n = 1
 m = "a\\"b"
 [[rows]]
 n = { deep.er = true, last = '' }
-''',
-        )
+'''
     )
     found = {path: span.text for path, span in text.values.items()}
     assert found["a", "b"] == "1"

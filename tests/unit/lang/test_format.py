@@ -9,15 +9,10 @@ from random import Random
 
 import pytest
 
-from envgraph.errors import InvalidArgument, LoadError, Source
+from envgraph.errors import InvalidArgument, LoadError
 from envgraph.lang import data_path, format_text, language_of
-from envgraph.lang.read._metamodel import read_metamodel
-from envgraph.lang.read._model import read_models
-from envgraph.lang.read._query import read_query
-from envgraph.lang.read._rules import read_rules
-from envgraph.lang.syntax._grammar import grammar
-from envgraph.lang.syntax._parsing import parse, parse_tokens
 from tests.profile import NIGHTLY
+from tests.reading import lexeme_places, read_definitions, read_metamodel_text, read_model_text, read_tree
 
 TESTS = Path(__file__).parents[2]
 LISTING = "burning_forest.query"
@@ -38,29 +33,25 @@ JUDGED = [path for path in FILES if NIGHTLY or path.name == LISTING or TESTS in 
 @cache
 def readable(path: Path) -> bool:
     """Whether a text has no errors of syntax."""
-    parsed = parse(language_of(path.name) or "", Source(path.name, path.read_text(encoding="utf-8")))
-    return parsed.tree is not None and not parsed.diagnostics
+    return read_tree(path.read_text(encoding="utf-8"), language_of(path.name) or "") is not None
 
 
 def meaning(name: str, text: str) -> object:
     """The data of a text; places and what is wrong with it do not count."""
     language = language_of(name)
     assert language
-    parsed = parse(language, Source(name, text))
     match language:
-        case "query":
-            query = read_query(parsed)
-            return query.header, query.definitions
-        case "rules":
-            rules = read_rules(parsed)
-            return rules.header, rules.definitions
+        case "query" | "rules":
+            read = read_definitions(text, language)
+            return read.header, read.definitions
         case "metamodel":
-            metamodel = read_metamodel(parsed).metamodel
+            metamodel = read_metamodel_text(text).metamodel
             return metamodel and (metamodel.name, metamodel.class_list, metamodel.enum_types)
         case "model":
-            return [(one.name, one.metamodel) for one in read_models(parsed, None).models]
-    assert parsed.tree is not None
-    return re.sub(r"\s+", " ", str(parsed.tree))
+            return [(one.name, one.metamodel) for one in read_model_text(text, None).models]
+    tree = read_tree(text, language)
+    assert tree is not None
+    return re.sub(r"\s+", " ", str(tree))
 
 
 @pytest.mark.parametrize("path", JUDGED, ids=lambda path: path.name)
@@ -100,14 +91,14 @@ def jumbled(random: Random, language: str, text: str) -> str:
     """The text with other blanks, and with comments between any two tokens."""
     comments, blanks = random.choice((0, 0.02, 0.1)), random.choice((0, 0.05, 0.5))
     parts, end = [], 0
-    for lexeme in parse_tokens(grammar(language), Source("", text))[1]:
-        gap = text[end : lexeme.start]
+    for start, stop in lexeme_places(text, language):
+        gap = text[end:start]
         if gap.isspace() and random.random() < blanks:
             gap = random.choice(BLANKS)
         if random.random() < comments:
             gap += random.choice(("", "", " ", "\n")) + random.choice(COMMENTS)
-        parts += [gap, text[lexeme.start : lexeme.end]]
-        end = lexeme.end
+        parts += [gap, text[start:stop]]
+        end = stop
     return "".join(parts)
 
 

@@ -8,7 +8,7 @@ import pytest
 
 from envgraph.errors import EvaluationError
 from envgraph.graph import Model
-from envgraph.match import FREE, CompiledMatcher, Matcher, ViewMatcher, _limits as limits
+from envgraph.match import FREE, CompiledMatcher, Matcher, ViewMatcher
 from envgraph.pattern import Library
 from tests.unit.match.people import METAMODEL
 from tests.unit.match.writing import is_a, path, pattern, unequal
@@ -48,15 +48,15 @@ def test_a_dozen_objects_that_nothing_connects(question: str) -> None:
 
 
 def test_the_limit_is_raised_by_the_environment(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(limits, "MOST_MATCHES", 100)
+    monkeypatch.setenv("ENVGRAPH_LIMITS", "0.0001")
     with pytest.raises(EvaluationError, match="more than 100 combinations"):
         matcher(CompiledMatcher, 15).rows("pairs", free(2))
-    monkeypatch.setenv("ENVGRAPH_LIMITS", "10")
+    monkeypatch.setenv("ENVGRAPH_LIMITS", "0.001")
     assert len(matcher(CompiledMatcher, 15).rows("pairs", free(2))) == 225
 
 
 def test_what_a_link_or_a_value_connects_has_no_limit(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(limits, "MOST_MATCHES", 10)
+    monkeypatch.setenv("ENVGRAPH_LIMITS", "0.00001")
     asked = matcher(CompiledMatcher, 15)
     assert len(asked.rows("same", free(2))) == 225
     assert "m0" not in asked.source("knows")  # type: ignore[attr-defined]
@@ -65,7 +65,7 @@ def test_what_a_link_or_a_value_connects_has_no_limit(monkeypatch: pytest.Monkey
 def test_a_view_ends_at_the_limit_when_it_is_made_and_when_the_model_grows(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
-    monkeypatch.setattr(limits, "MOST_MATCHES", 20_000)
+    monkeypatch.setenv("ENVGRAPH_LIMITS", "0.02")
     with pytest.raises(EvaluationError, match="`all` has more than 20,000 combinations"):
         matcher(ViewMatcher, 3).watch("all")  # type: ignore[attr-defined]
     views = matcher(ViewMatcher, 2)
@@ -84,7 +84,7 @@ def test_a_view_ends_at_the_limit_when_it_is_made_and_when_the_model_grows(
 
 
 def test_a_search_that_finds_nothing_ends_at_the_limit_too(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(limits, "MOST_MATCHES", 2_000)
+    monkeypatch.setenv("ENVGRAPH_LIMITS", "0.002")
     different = [unequal(one, other) for one, other in combinations(NAMES[:8], 2)]
     library = Library(METAMODEL)
     heads = ", ".join(f"{name} : Person" for name in NAMES[:8])
@@ -96,7 +96,7 @@ def test_a_search_that_finds_nothing_ends_at_the_limit_too(monkeypatch: pytest.M
     for question in (asked.rows, asked.count, asked.exists, asked.first):
         with pytest.raises(EvaluationError, match="`eight` has more than 2,000 combinations"):
             question("eight", free(8))
-    monkeypatch.setattr(limits, "MOST_MATCHES", 20_000)
+    monkeypatch.setenv("ENVGRAPH_LIMITS", "0.02")
     small = CompiledMatcher(model, library)
     for _ in range(10):  # each search begins anew
         assert not small.exists("eight", free(8))

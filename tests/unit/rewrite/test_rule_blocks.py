@@ -6,7 +6,6 @@ import pytest
 
 from envgraph.errors import EvaluationError, RuleError
 from envgraph.graph import Model
-from envgraph.rewrite.run import _apply
 from tests.unit.rewrite.graphs import METAMODEL, chain, engine, problems, snapshot
 
 
@@ -244,7 +243,7 @@ unit grow { alap { double; } }
 
 
 def test_a_forall_that_doubles_the_model_each_time_ends_at_a_limit(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(_apply, "MOST_INSTANCES", 100)
+    monkeypatch.setenv("ENVGRAPH_LIMITS", "0.001")
     made = engine(DOUBLE, model=chain(3))
     with pytest.raises(
         EvaluationError, match="the blocks of one application have more than 100 matches"
@@ -256,5 +255,5 @@ def test_a_forall_that_doubles_the_model_each_time_ends_at_a_limit(monkeypatch: 
     made = engine(DOUBLE, model=chain(12))
     with pytest.raises(EvaluationError, match="more than 100 matches"):
         made.apply("cross")  # each block has fewer
-    monkeypatch.setenv("ENVGRAPH_LIMITS", "10")
+    monkeypatch.setenv("ENVGRAPH_LIMITS", "0.01")
     assert engine(DOUBLE, model=chain(12)).apply("cross")

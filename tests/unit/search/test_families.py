@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
+import json
 from collections.abc import Callable, Sequence
 from itertools import combinations, pairwise, permutations
 from math import log, log2
 from pathlib import Path
-from typing import TypeVar, cast
+from typing import Any, TypeVar, cast
 
 import pytest
 from hypothesis import given, strategies as st
@@ -17,7 +18,6 @@ from envgraph.graph import Model
 from envgraph.metamodel import Attribute, Class, Metamodel, Reference, Scalar
 from envgraph.search import (
     BeamSearch,
-    BinnedEntropy,
     Candidate,
     Components,
     Context,
@@ -25,27 +25,14 @@ from envgraph.search import (
     ExactSelection,
     FamilyCall,
     FamilyMeasure,
-    Gini,
     HillClimbing,
     Outcome,
-    Over,
     Pool,
     RunStore,
     SimulatedAnnealing,
-    Variance,
     generate,
     resume,
     why_low,
-)
-from envgraph.search.problem._distances import Distance
-from envgraph.search.problem._family_measures import (
-    ChainTransfer,
-    Coverage,
-    Distinct,
-    Evenness,
-    Fewest,
-    Most,
-    Rising,
 )
 from envgraph.solve import chain_transfer
 
@@ -61,7 +48,7 @@ class Lamps:
 
     def __init__(self, on: Sequence[bool]) -> None:
         self.on, self.state = on, hash(tuple(on))
-        self.measures = {"lit": float(sum(on)), "first": float(on[0])}
+        self.measures = {"lit": float(sum(on)), "complexity": float(sum(on)), "first": float(on[0])}
         self._kept: dict[object, object] = {}
         self.model = Model(LAMPS)
         nodes = [self.model.create("Lamp") for _ in on]
@@ -79,53 +66,73 @@ def family(*rings: Sequence[bool]) -> list[Candidate]:
 
 
 rings = st.lists(st.lists(st.booleans(), min_size=4, max_size=4), min_size=2, max_size=6)
-BINS = BinnedEntropy(3, 0, 4)
-UNORDERED: list[FamilyMeasure] = [
-    Over(BINS, "lit"), Over(Gini(), "lit"), Over(Variance(), "lit"), Over(Coverage(BINS), "lit"),
-    Over(Fewest(BINS), "lit"), Over(Most(BINS), "lit"),
-    Distance(least=False), Distance(least=True), Distinct(),
-]  # fmt: skip
-ORDERED: list[FamilyMeasure] = [Over(Evenness(), "lit"), Over(Rising(), "lit")]
+FAMILY = "burning_forest/paper.toml"
 
 
-def named(measure: FamilyMeasure) -> str:
+def measures_of(*texts: str) -> list[Any]:
+    """Return measures of families by how a family file writes them."""
+    objective = Domain.load(FAMILY, overrides=[f"objective.maximise={json.dumps(texts)}"]).objective()
+    assert objective is not None
+    return [measure for term in objective.measures for measure in term.measures.values()]
+
+
+BINS = "complexity, 0, 4, 3"
+UNORDERED = measures_of(
+    f"entropy({BINS})", "gini(complexity)", "variance(complexity)", f"coverage({BINS})", f"fewest({BINS})",
+    f"most({BINS})", "mean_distance", "least_distance", "distinct",
+)  # fmt: skip
+ORDERED = measures_of("evenness(complexity)", "rising(complexity)")
+
+
+def named(measure: Any) -> str:
     return type(getattr(measure, "statistic", measure)).__name__
+
+
+DISTANCES = measures_of("mean_distance", "least_distance")
 
 
 @given(rings)
 def test_distances_are_those_of_all_pairs(found: list[list[bool]]) -> None:
     apart = [sum(a != b for a, b in zip(one, other, strict=True)) for one, other in combinations(found, 2)]
     members = family(*found)
-    assert Distance(least=False).score(members) == pytest.approx(sum(apart) / len(apart))
-    assert Distance(least=True).score(members) == min(apart)
-    assert Distance(least=True).score(members[:1]) == Distance(least=False).score([]) == 0.0
+    mean, least = DISTANCES
+    assert mean.score(members) == pytest.approx(sum(apart) / len(apart))
+    assert least.score(members) == min(apart)
+    assert least.score(members[:1]) == mean.score([]) == 0.0
+
+
+DISTINCT = measures_of("distinct")[0]
 
 
 @given(rings)
 def test_isomorphic_members_are_no_distinct_ones(found: list[list[bool]]) -> None:
     turned = [min(tuple(one[i:] + one[:i]) for i in range(4)) for one in found]  # a ring has no beginning
-    assert Distinct().score(family(*found)) == len(set(turned)) / len(turned)
+    assert DISTINCT.score(family(*found)) == len(set(turned)) / len(turned)
+
+
+HALVES = measures_of(*(f"{name}(complexity, 0, 4, 2)" for name in ("coverage", "fewest", "most")))
 
 
 @given(st.lists(st.floats(0, 4), min_size=2, max_size=7))
 def test_statistics_by_bins_and_along_the_order(values: list[float]) -> None:
     counts = [sum(low <= value < high for value in values) for low, high in ((0, 2), (2, 5))]
-    halves = BinnedEntropy(2, 0, 4)
-    assert Coverage(halves).score(values) == sum(count > 0 for count in counts) / 2
-    assert (Fewest(halves).score(values), Most(halves).score(values)) == (min(counts), max(counts))
+    coverage, fewest, most = (one.statistic for one in HALVES)
+    evenness, rising = (one.statistic for one in ORDERED)
+    assert coverage.score(values) == sum(count > 0 for count in counts) / 2
+    assert (fewest.score(values), most.score(values)) == (min(counts), max(counts))
     steps = [abs(b - a) for a, b in pairwise(values)]
-    assert Rising().score(values) == sum(b >= a for a, b in pairwise(values)) / len(steps)
+    assert rising.score(values) == sum(b >= a for a, b in pairwise(values)) / len(steps)
     shares = [step / sum(steps) for step in steps if sum(steps)]
     even = -sum(share * log(share) for share in shares if share)
     expected = even / log(len(steps)) if len(steps) > 1 else float(sum(steps) > 0)
-    assert Evenness().score(values) == pytest.approx(expected, abs=1e-9)
-    assert Evenness().score(values) == pytest.approx(Evenness().score(values[::-1]))
+    assert evenness.score(values) == pytest.approx(expected, abs=1e-9)
+    assert evenness.score(values) == pytest.approx(evenness.score(values[::-1]))
 
 
 @given(rings)
 @pytest.mark.parametrize("measure", [*UNORDERED, *ORDERED], ids=named)
 def test_measures_keep_their_bounds_and_do_not_mind_the_order_where_they_say_so(
-    measure: FamilyMeasure, found: list[list[bool]]
+    measure: Any, found: list[list[bool]]
 ) -> None:
     members = family(*found)
     score = measure.score(members)
@@ -138,7 +145,7 @@ def test_measures_keep_their_bounds_and_do_not_mind_the_order_where_they_say_so(
 @given(rings, rings, st.data())
 @pytest.mark.parametrize("measure", [*UNORDERED, *ORDERED], ids=named)
 def test_exchanges_agree_with_the_score(
-    measure: FamilyMeasure, found: list[list[bool]], others: list[list[bool]], data: st.DataObject
+    measure: Any, found: list[list[bool]], others: list[list[bool]], data: st.DataObject
 ) -> None:
     pool = Pool(family(*found, *others), [measure], "lit", lambda one: (one.measures["first"],))
     inside, outside = list(range(len(found))), list(range(len(found), len(pool)))
@@ -154,7 +161,6 @@ def test_exchanges_agree_with_the_score(
 
 # --- families of a file
 
-FAMILY = "burning_forest/paper.toml"
 BOTH = ['objective.maximise=["entropy(complexity)", "mean_distance"]', "search.population=4"]
 
 
@@ -252,7 +258,7 @@ def test_chain_transfer_of_a_family_is_that_of_its_tables(tmp_path: Path) -> Non
     found = generate(FAMILY, tmp_path / "run.sqlite", overrides=overrides, generations=2)
     tables = [found.explored(one).tabular for one in found.members]
     assert found.objective["chain_transfer"] == pytest.approx(chain_transfer(tables))
-    assert ChainTransfer().maximum(3) == 0.0
+    assert measures_of("chain_transfer")[0].maximum(3) == 0.0
 
 
 class Lit:

@@ -12,7 +12,7 @@ from pathlib import Path
 
 import pytest
 
-from envgraph.errors import InvalidArgument, LoadError
+from envgraph.errors import EvaluationError, InvalidArgument, LoadError
 from envgraph.lang import data_path
 from envgraph.rewrite import Engine
 from envgraph.search import (
@@ -29,8 +29,6 @@ from envgraph.search import (
     resume,
     write_family,
 )
-from envgraph.search.families._family import family_of
-from envgraph.search.problem._problem import NoValue
 from tests.profile import NIGHTLY
 
 SMALL = {"generations": 25, "population": 4}
@@ -263,9 +261,7 @@ def test_the_family_of_an_unfinished_run_is_that_of_its_last_generation(
     with pytest.raises(KeyboardInterrupt):
         generate("burning_forest/paper.toml", path, generations=3, population=4)
     monkeypatch.undo()
-    with RunStore.open(path) as store:
-        replayed = family_of(store, Domain.from_bundle(store.bundle()))
-    assert export_ga4cl(replayed) == export_ga4cl(
+    assert export_ga4cl(open_family(path)) == export_ga4cl(
         generate("burning_forest/paper.toml", tmp_path / "b.sqlite", generations=3, population=4)
     )
 
@@ -589,7 +585,7 @@ def test_without_a_single_match_a_model_has_no_value(tmp_path: Path, body: str) 
     domain = Domain.load(milked(tmp_path, bodies, ', parameter = "n", otherwise = 7'))
     assert domain.problem(domain.engine()).measure()["sum"] == 7
     domain = Domain.load(milked(tmp_path, bodies, ', parameter = "n"'))
-    with pytest.raises(NoValue):
+    with pytest.raises(EvaluationError, match="the model has no value of `sum`"):
         domain.problem(domain.engine()).measure()
 
 

@@ -11,7 +11,7 @@ import pytest
 
 from envgraph.env import Tabular, TooManyStates
 from envgraph.env.compiled import Tables
-from envgraph.errors import LoadError
+from envgraph.errors import EvaluationError, LoadError
 from envgraph.graph import model_to_json
 from envgraph.lang import bundled_domain
 from envgraph.search import (
@@ -20,9 +20,6 @@ from envgraph.search import (
     IndividualMeasure,
     certificates,
     generate,
-)
-from envgraph.search.problem._problem import (
-    NoValue,
 )
 
 KINDS = ("random_success", "optimal_return", "shortest_plan", "distance")
@@ -158,7 +155,7 @@ def test_an_expression_is_a_measure(text: str, wanted: Any) -> None:
 
 
 def test_an_expression_without_a_value_counts_otherwise() -> None:
-    with pytest.raises(NoValue, match="mixed"):
+    with pytest.raises(EvaluationError, match="the model has no value of `mixed`"):
         expressed("1 / (plan - plan)")
     assert expressed("1 / (plan - plan)", "measures.mixed.otherwise=7")[0] == 7
     walled = ["measures.plan.otherwise=100", "measures.mixed={ kind = 'expression', of = 'plan + 1' }"]

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from itertools import combinations
+from itertools import combinations, product
 
 import networkx as nx
 import pytest
@@ -14,9 +14,6 @@ from envgraph.metamodel import Class, Metamodel, Reference
 from envgraph.rewrite import Engine
 from envgraph.search import (
     PathComplexity,
-)
-from envgraph.search.problem._paths import (
-    count_paths,
 )
 
 
@@ -48,20 +45,53 @@ def built(metamodel: Metamodel) -> tuple[Engine, dict[str, int]]:
     return Engine(model), nodes
 
 
+def corner(*kinds: bool) -> str:
+    """Return the class of the nodes that are starts, goals or closed."""
+    return "Corner" + "".join(kind for kind, is_one in zip(KINDS, kinds, strict=True) if is_one)
+
+
+KINDS = ("Start", "Goal", "Closed")
+CORNERS = Metamodel(
+    "corners",
+    [
+        Class("Spot", abstract=True, features=(Reference("next", "Spot", upper=None),)),
+        *(Class(kind, abstract=True, supertypes=("Spot",)) for kind in KINDS),
+        *(
+            Class(
+                corner(*kinds),
+                supertypes=("Spot", *(kind for kind, one in zip(KINDS, kinds, strict=True) if one)),
+            )
+            for kinds in product((False, True), repeat=3)
+        ),
+    ],
+)
+
+
+def listed_paths(
+    size: int, links: set[tuple[int, int]], starts: set[int], goals: set[int], closed: set[int]
+) -> int:
+    """Return how many paths networkx lists from a start to a goal that visit no closed node."""
+    graph = nx.DiGraph(link for link in links if closed.isdisjoint(link))
+    graph.add_nodes_from(set(range(size)) - closed)
+    return sum(
+        1 if start == goal else len(list(nx.all_simple_paths(graph, start, goal)))
+        for start in starts - closed
+        for goal in goals - closed
+    )
+
+
 @given(st.integers(2, 8), st.data())
 def test_paths_are_counted_as_networkx_lists_them(size: int, data: st.DataObject) -> None:
     some_nodes = st.sets(st.integers(0, size - 1))
     links = data.draw(st.sets(st.sampled_from(list(combinations(range(size), 2)))))
     starts, goals, avoid = (data.draw(some_nodes) for _ in range(3))
-    steps = tuple((node, tuple(v for u, v in sorted(links) if u == node)) for node in range(size))
-    graph = nx.DiGraph(link for link in links if avoid.isdisjoint(link))
-    graph.add_nodes_from(set(range(size)) - avoid)
-    listed = sum(
-        1 if start == goal else len(list(nx.all_simple_paths(graph, start, goal)))
-        for start in starts - avoid
-        for goal in goals - avoid
-    )
-    assert count_paths(size, steps, sorted(starts), sorted(goals), avoid) == listed
+    model = Model(CORNERS)
+    nodes = [model.create(corner(node in starts, node in goals, node in avoid)) for node in range(size)]
+    for one, other in links:
+        nodes[one].next.append(nodes[other])
+    every, free = (listed_paths(size, links, starts, goals, closed) for closed in (set(), avoid))
+    found = PathComplexity(CORNERS, "Start", "Goal", ("next",), "Closed").evaluate(Engine(model))
+    assert found == (1.0 - free / every if every else 1.0)
 
 
 def test_a_goal_needs_no_way_on(places: Metamodel) -> None:

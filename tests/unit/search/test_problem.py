@@ -22,10 +22,6 @@ from envgraph.search import (
     Problem,
     Require,
 )
-from envgraph.search.problem._problem import (
-    CountWithin,
-    NoValue,
-)
 
 
 @pytest.fixture(scope="module")
@@ -37,14 +33,24 @@ def problem_with(domain: Domain, constraints: Sequence[Constraint]) -> Problem:
     return replace(domain.problem(domain.engine()), constraints=constraints)
 
 
+def fires(count: str) -> Constraint:
+    """Return the constraint on the number of fires that a family file writes as a range such as `18..20`."""
+    override = f'constraints.count={{ burningTile = "{count}" }}'
+    family = Domain.load("burning_forest/paper.toml", overrides=[override])
+    constraints = family.problem(family.engine()).constraints
+    (found,) = (one for one in constraints if getattr(one, "pattern", "") == "burningTile")
+    return found
+
+
+ANY_NUMBER = fires("0..*")
 SOLVABLE, FLOODED = Require("solvable"), Forbid("collectedWater")
 CONSTRAINTS = [
     (SOLVABLE,),
     (FLOODED,),
-    (CountWithin("burningTile", 18, 20),),
-    (CountWithin("burningTile", 20, None),),
-    (CountWithin("burningTile", 0, None),),
-    (FLOODED, SOLVABLE, CountWithin("burningTile", 0, 20)),
+    (fires("18..20"),),
+    (fires("20..*"),),
+    (ANY_NUMBER,),
+    (FLOODED, SOLVABLE, fires("0..20")),
 ]
 
 
@@ -103,7 +109,7 @@ def test_a_model_is_valid_if_every_constraint_holds(
             engine.model.nodes("WaterTile")[0].collected = False
         assert problem.valid() == (next(problem.violations(), None) is None)
         seen.add(problem.valid())
-    assert seen == ({True} if constraints == (CountWithin("burningTile", 0, None),) else {True, False})
+    assert seen == ({True} if constraints == (ANY_NUMBER,) else {True, False})
 
 
 def test_constraints_of_any_kind_stand_beside_queries(domain: Domain) -> None:
@@ -152,7 +158,7 @@ def test_a_constraint_and_a_measure_search_the_states_of_a_model_once(
     for key in engine.model.nodes("Key"):
         key.delete(semantics="spo")
     assert not problem.valid()
-    with pytest.raises(NoValue):
+    with pytest.raises(EvaluationError, match="the model has no value of `plan`"):
         problem.measure()
     engine.model.graph.history.rollback(savepoint)
     assert problem.valid() and problem.measure()["plan"] == plan == 9.0
@@ -271,7 +277,6 @@ def test_an_infinite_diversity_is_refused(domain: Domain) -> None:
 @pytest.mark.parametrize("value", [inf, -inf])
 def test_an_infinite_measure_is_no_value(domain: Domain, value: float) -> None:
     problem = replace(domain.problem(domain.engine()), measures={"one": Returns(1.0), "mine": Returns(value)})
-    with pytest.raises(NoValue, match="no value of `mine`") as caught:
+    with pytest.raises(EvaluationError, match="the model has no value of `mine`"):
         problem.measure()
-    assert caught.value.measure == "mine"
     assert replace(problem, otherwise={"mine": 7.0}).measure() == {"one": 1.0, "mine": 7.0}

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import importlib.util
+import json
 import sys
 from dataclasses import replace
 from pathlib import Path
@@ -16,9 +17,9 @@ from gymnasium.utils.env_checker import check_env
 from envgraph.env import EnvgraphEnv, Explored, TooManyStates
 from envgraph.env.compiled import CompiledEnv, NotCompiled, program_of
 from envgraph.errors import EvaluationError, InvalidArgument
-from envgraph.search import Family, generate
+from envgraph.graph import model_to_json
+from envgraph.search import Domain, Family, Member, generate
 from envgraph.search.export import copy_templates, write_package, write_tables
-from envgraph.search.families._opened import of_model
 from tests.unit.learn.small_tables import random_table
 
 SMALL = ("search.generations=1", "search.population=2")
@@ -34,7 +35,14 @@ def forest(tmp_path_factory: pytest.TempPathFactory) -> Family:
 @pytest.fixture(scope="module")
 def halls() -> Family:
     """With too many states for tables, and agents that take turns."""
-    return of_model("warehouse")
+    return alone("warehouse")
+
+
+def alone(domain: str) -> Family:
+    """A family whose only member is the model of a domain."""
+    loaded = Domain.load(domain)
+    model = json.dumps(model_to_json(loaded.initial()))
+    return Family("Alone", loaded.workspace.bundle(), (Member("E1", {}, model, initial=True),), loaded)
 
 
 def imported(folder: Path, name: str) -> ModuleType:
@@ -122,7 +130,7 @@ environment Lift {
 def test_agents_that_act_together_have_no_turns(tmp_path: Path) -> None:
     for name, text in LIFTERS.items():
         (tmp_path / name).write_text(text, "utf-8")
-    lifters = of_model(str(tmp_path / "family.toml"))
+    lifters = alone(str(tmp_path / "family.toml"))
     write_package(lifters, tmp_path / "lifters")
     theirs = imported(tmp_path / "lifters", "lifters").make("E1").unwrapped
     assert same(theirs, EnvgraphEnv(lifters.explored(lifters.members[0]).tabular), 200) > 5
