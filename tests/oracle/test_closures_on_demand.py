@@ -11,12 +11,12 @@ from hypothesis import HealthCheck, given, settings, strategies as st
 
 from envgraph.graph import Model
 from envgraph.match import FREE, CompiledMatcher
-from envgraph.match.demand import _closure_aggregates as _aggregates, _closures, _condensation
 from envgraph.metamodel import Attribute, Class, Metamodel, Reference, Scalar
 from envgraph.pattern import Library
 from tests.oracle.naive._naive import NaiveMatcher
 from tests.oracle.test_matchers_agree import agrees, assert_count, assert_exists, assert_first, assert_rows
 from tests.profile import NIGHTLY
+from tests.thresholds import set_thresholds
 from tests.unit.match.writing import equal, find, fold, is_a, neg, op, path, pattern, value
 
 PLACES = Metamodel(
@@ -192,27 +192,27 @@ def change(dice: Random, model: Model) -> None:
         model.graph.set_target(source, reference, target)
 
 
-MANY = {(_closures, "FEW_VISITED"): 0, (_closures, "TIMES"): 0}
+MANY = {"few nodes visited": 0, "times all nodes visited": 0}
 
 
 @pytest.fixture(
     params=[
         {},
         MANY,
-        {(_closures, "FEW_VISITED"): 4, (_closures, "TIMES"): 1, (_condensation, "MOST_BYTES"): 0},
+        {"few nodes visited": 4, "times all nodes visited": 1, "largest condensation": 0},
         {
             **MANY,
-            (_closures, "FEW_REACHED"): 0,
-            (_aggregates, "CLASS"): 0,
-            (_aggregates, "MOST_CLASSES"): 10**6,
+            "few nodes reached": 0,
+            "cost of a class": 0,
+            "most classes": 10**6,
         },
         {
             **MANY,
-            (_closures, "FEW_REACHED"): 0,
-            (_aggregates, "MOST_CLASSES"): 0,
-            (_aggregates, "DENSE"): 10**6,
+            "few nodes reached": 0,
+            "most classes": 0,
+            "dense set": 10**6,
         },
-        {(_closures, "FEW_VISITED"): 10, (_closures, "TIMES"): 1, (_closures, "MOST_KEPT"): 6},
+        {"few nodes visited": 10, "times all nodes visited": 1, "most reached nodes kept": 6},
     ],
     ids=[
         "few questions",
@@ -227,8 +227,7 @@ MANY = {(_closures, "FEW_VISITED"): 0, (_closures, "TIMES"): 0}
 def limits(request: pytest.FixtureRequest) -> Iterator[None]:
     """From when on questions are answered for all places at once."""
     with pytest.MonkeyPatch.context() as patch:
-        for (module, name), value in request.param.items():
-            patch.setattr(module, name, value)
+        set_thresholds(patch, request.param)
         yield
 
 

@@ -9,15 +9,14 @@ from random import Random
 import pytest
 from hypothesis import HealthCheck, example, given, settings, strategies as st
 
-from envgraph.code import _block
 from envgraph.graph import Model
 from envgraph.match import FREE, CompiledMatcher
 from envgraph.match.generate import _generate, _sources
-from envgraph.match.plan import _distinct
 from envgraph.pattern import Constraint, Library, Pattern
 from tests.oracle.naive._naive import NaiveMatcher
 from tests.oracle.test_closures_on_demand import PLACES, places
 from tests.oracle.test_matchers_agree import QUESTIONS, agrees, assert_rows
+from tests.thresholds import set_thresholds
 from tests.unit.match.writing import equal, find, fold, is_a, neg, path, pattern, unequal
 
 LINKS = ("to", "near", "up")
@@ -28,8 +27,7 @@ NAMES = "abcdefgh"
 def limits(request: pytest.FixtureRequest) -> Iterator[None]:
     """Sieves even where little is expected of them, and plans that are split between them."""
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(_distinct, "FEW", 0.0)
-        patch.setattr(_block, "MOST_LOOPS", request.param)
+        set_thresholds(patch, {"few partial matches": 0.0, "most loops of a function": request.param})
         yield
 
 

@@ -11,10 +11,10 @@ from hypothesis import HealthCheck, given, settings, strategies as st
 from envgraph.errors import EnvgraphError
 from envgraph.graph import Model
 from envgraph.match import CompiledMatcher
-from envgraph.match.demand import _recursion
 from envgraph.pattern import Constraint, Library, Pattern, PatternCall, Variable
 from tests.oracle.naive._naive import NaiveMatcher
 from tests.oracle.test_closures_on_demand import PLACES, assert_all, change, places
+from tests.thresholds import set_thresholds
 from tests.unit.match.writing import equal, find, fold, is_a, neg, path, pattern, unequal
 
 HEADS = {"p": "ab", "q": "ab", "r": "a", "t": "abc"}
@@ -102,15 +102,14 @@ def world(dice: Random) -> tuple[Model, Library] | None:
 
 
 @pytest.fixture(
-    params=[{}, {"FEW_ROWS": 0, "FEW_TIMES": 1}, {"MOST_KEPT": 5}],
+    params=[{}, {"few rows of questions": 0, "few questions": 1}, {"most rows kept": 5}],
     ids=["few questions", "many questions", "little room"],
     scope="module",
 )
 def limits(request: pytest.FixtureRequest) -> Iterator[None]:
     """From when on all rows with a value are computed."""
     with pytest.MonkeyPatch.context() as patch:
-        for name, value in request.param.items():
-            patch.setattr(_recursion, name, value)
+        set_thresholds(patch, request.param)
         yield
 
 

@@ -6,9 +6,10 @@ import pytest
 from hypothesis import settings, strategies as st
 from hypothesis.stateful import RuleBasedStateMachine, initialize, invariant, precondition, rule
 
-from tests.oracle.views_walk import EAGER, Walk
+from tests.oracle.views_walk import Walk
 from tests.oracle.worlds import Dice
 from tests.profile import NIGHTLY
+from tests.thresholds import EAGER, set_thresholds
 
 pytestmark = pytest.mark.slow
 
@@ -132,8 +133,7 @@ class EagerViews(Views):
 
     def before(self) -> None:
         self.patch = pytest.MonkeyPatch()
-        for module, name, value in EAGER:
-            self.patch.setattr(module, name, value)
+        set_thresholds(self.patch, EAGER)
 
     def teardown(self) -> None:
         super().teardown()
@@ -153,8 +153,7 @@ TestEagerViews.settings = settings(
 @pytest.mark.parametrize("seed", [2, 3, 15, 16, 24])
 def test_listeners_are_told_in_the_order_of_rows_when_a_model_has_outgrown_its_plan(seed: int) -> None:
     with pytest.MonkeyPatch.context() as patch:
-        for module, name, value in EAGER:
-            patch.setattr(module, name, value)
+        set_thresholds(patch, EAGER)
         walk = Walk(seed, watch=100)
         for name in walk.sizes:
             walk.listen(name)

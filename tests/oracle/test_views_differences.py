@@ -23,8 +23,9 @@ from envgraph.pattern import (
     Pattern,
     Variable,
 )
-from tests.oracle.views_walk import EAGER, Walk, step
+from tests.oracle.views_walk import Walk, step
 from tests.oracle.worlds import Dice, World
+from tests.thresholds import EAGER, set_thresholds
 from tests.unit.match.writing import equal, find, fold, is_a, neg, path, pattern, unequal
 
 METAMODEL = Metamodel(
@@ -127,8 +128,7 @@ def world(seed: int, size: int = 1) -> World:
 def stroll(seed: int, patched: bool) -> None:
     """A walk in such a world, with only what is outside watched."""
     with pytest.MonkeyPatch.context() as patch:
-        for module, name, value in EAGER if patched else ():
-            patch.setattr(module, name, value)
+        set_thresholds(patch, EAGER if patched else {})
         dice = Dice(seed)
         walk = Walk(seed, watch=0, world=world)
         walk.views.watch(*(name for name in walk.sizes if name.startswith("outside") or dice.chance(10)))

@@ -17,37 +17,16 @@ from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
 from itertools import islice
-from types import ModuleType
+
+import pytest
 
 from envgraph.errors import TransactionError
-from envgraph.graph import Savepoint, Store, Version
+from envgraph.graph import Savepoint, Version
 from envgraph.match import FREE, CompiledMatcher, Matcher, ViewMatcher
 from envgraph.match.views import Subscription
-from envgraph.match.views.delta import _delta, _joins
-from envgraph.match.views.operators import _closure as _reach, _group_aggregates as _folds, _sets
-from envgraph.match.views.watch import _kept, _partial_lookup as _agreeing
 from tests.oracle.naive._naive import NaiveMatcher
 from tests.oracle.worlds import Dice, World, edit, random_world
-
-EAGER: tuple[tuple[ModuleType | type, str, object], ...] = (
-    (Store, "crowd", 2),
-    (_sets, "LONG", 4),
-    # Three more objects make a model large, two tuples a group; one start shares what it reaches.
-    (_kept, "GROWTH", 1),
-    (_kept, "LEAST", 2),
-    (_folds, "LARGE", 1),
-    (_reach, "FEW", 0),
-    # Rows are looked up in views, whatever a search would cost.
-    (_delta, "DEAR", -1.0),
-    (_agreeing, "EXPENSIVE", 0.0),
-    (_agreeing, "READ", 0.5),
-    # Every attribute that stands beside something else is looked up by its value.
-    (_joins, "MANY", -1.0),
-    (_joins, "DIFFERENT", 0),
-    (_joins, "_met_elsewhere", lambda body, _: len(body.goals) > 1),
-    (_joins, "_told_apart", lambda *_: range(100)),
-)
-"""What happens seldom, or in large models alone, happens at once: modules with other limits."""
+from tests.thresholds import EAGER, set_thresholds
 
 Row = tuple[object, ...]
 Order = dict[str, list[Row]]
@@ -376,9 +355,7 @@ def main(arguments: Sequence[str]) -> int:
     parser.add_argument("--eager", action="store_true", help="what happens seldom happens at once")
     options = parser.parse_args(arguments)
     if options.eager:
-        for module, name, value in EAGER:
-            assert hasattr(module, name), f"{module.__name__} has no {name} any more"
-            setattr(module, name, value)
+        set_thresholds(pytest.MonkeyPatch(), EAGER)
     failed: Counter[tuple[str, str, int]] = Counter()
     for seed in range(options.first, options.last):
         try:

@@ -7,12 +7,12 @@ from hypothesis import settings, strategies as st
 from hypothesis.stateful import RuleBasedStateMachine, initialize, invariant, precondition, rule
 
 from envgraph.errors import TransactionError
-from envgraph.graph import Model, Savepoint, Store, Version
-from envgraph.graph.history import _versions
+from envgraph.graph import Model, Savepoint, Version
 from tests.facts import Notified
 from tests.profile import examples
 from tests.property.snapshots import Shadow, snapshot
 from tests.property.strategies import EDITS, edit, metamodels
+from tests.thresholds import set_thresholds
 
 
 class Transactions(RuleBasedStateMachine):
@@ -124,8 +124,7 @@ class EagerTransactions(Transactions):
     def __init__(self) -> None:
         super().__init__()
         self.patch = pytest.MonkeyPatch()
-        self.patch.setattr(_versions, "_LONG", 0)
-        self.patch.setattr(Store, "crowd", 2)
+        set_thresholds(self.patch, {"long change between versions": 0, "crowd of targets": 2})
 
     def teardown(self) -> None:
         super().teardown()

@@ -11,16 +11,15 @@ from itertools import count
 import pytest
 from hypothesis import settings
 
-from envgraph.graph import Model, Savepoint, Shelf, Store, Version, model_to_json
-from envgraph.graph.history import _versions
+from envgraph.graph import Model, Savepoint, Shelf, Version, model_to_json
 from envgraph.match import FREE
-from envgraph.match.views.operators import _group_aggregates as _folds
 from envgraph.metamodel import Attribute, Metamodel, Scalar
 from envgraph.pattern import Library
 from tests.facts import Notified
 from tests.oracle.naive._naive import NaiveMatcher
 from tests.property.interrupting import Trip
 from tests.property.snapshots import facts, spelt
+from tests.thresholds import set_thresholds
 from tests.unit.match.kinds import watched
 from tests.unit.match.people import METAMODEL
 from tests.unit.match.writing import equal, find, fold, is_a, neg, path, pattern
@@ -85,9 +84,8 @@ EXPECTED: dict[tuple[tuple[str, ...], ...], dict[str, list[tuple[object, ...]]]]
 @pytest.fixture(autouse=True)
 def small(monkeypatch: pytest.MonkeyPatch) -> None:
     """Few elements are many: so small models have everything."""
-    monkeypatch.setattr(Store, "crowd", 2)
-    monkeypatch.setattr(_versions, "_LONG", 8)
-    monkeypatch.setattr(_folds, "LARGE", 0)
+    small = {"crowd of targets": 2, "long change between versions": 8, "large group": 0}
+    set_thresholds(monkeypatch, small)
 
 
 class World:

@@ -12,7 +12,6 @@ from envgraph.errors import MOST_NESTED, EvaluationError
 from envgraph.graph import Model
 from envgraph.match import FREE, CompiledMatcher, ViewMatcher
 from envgraph.match.demand import _closures as closures, _program as compiled, _recursion as recursion
-from envgraph.match.views.operators import _recursive as recursive_views
 from envgraph.metamodel import Attribute, Class, Metamodel, Reference, Scalar
 from envgraph.pattern import Aggregate, Check, Constraint, Library, Pattern
 from tests.unit.match.kinds import Kind, assert_sound, every_kind
@@ -280,8 +279,7 @@ def test_recursion_may_compute_values(kind: Kind) -> None:
 
 
 def test_recursion_that_makes_values_without_end_is_an_error(monkeypatch: pytest.MonkeyPatch) -> None:
-    for module in (recursion, recursive_views):  # in the order of the plan, and bottom up
-        monkeypatch.setattr(module, "MOST_ROWS", 1_000)
+    monkeypatch.setenv("ENVGRAPH_LIMITS", "0.001")
     model = chain(3)
     model.node(2).east = model.node(0)
     matcher = CompiledMatcher(model, library(DISTANCE))

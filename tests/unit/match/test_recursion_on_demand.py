@@ -9,8 +9,6 @@ import pytest
 from envgraph.errors import EvaluationError
 from envgraph.graph import Model
 from envgraph.match import FREE, CompiledMatcher
-from envgraph.match.demand import _recursion
-from envgraph.match.views.operators import _recursive
 from envgraph.metamodel import Attribute, Class, Metamodel, Reference, Scalar
 from envgraph.pattern import Binary, Comparison, Constant, Constraint, Evaluation, Library
 from tests.oracle.naive._naive import NaiveMatcher
@@ -81,7 +79,7 @@ def test_from_given_values_only_what_they_lead_to_is_derived(
     body: list[Constraint], bound: tuple[int, ...], monkeypatch: pytest.MonkeyPatch
 ) -> None:
     length = 400
-    monkeypatch.setattr(_recursion, "MOST_ROWS", 4 * length)
+    monkeypatch.setenv("ENVGRAPH_LIMITS", "0.0016")  # 1,600 rows
     patterns = Library(METAMODEL)
     patterns.add(pattern("asked(a : Host, b : Host)", [path("Host.next", "a", "b")], body))
     matcher = CompiledMatcher(chain(length), patterns)
@@ -141,7 +139,7 @@ def test_a_call_whose_rows_another_one_takes_over_reads_no_more_than_its_own() -
 
 
 def test_numbers_without_end_are_an_error(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(_recursive, "MOST_ROWS", 1_000)
+    monkeypatch.setenv("ENVGRAPH_LIMITS", "0.001")
     model = chain(1)
     model.graph.set_value(0, METAMODEL.attributes[0], 1)
     with pytest.raises(EvaluationError, match="more than 1,000 matches"):

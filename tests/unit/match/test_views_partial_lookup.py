@@ -9,11 +9,10 @@ import pytest
 
 from envgraph.graph import Model
 from envgraph.match import FREE, CompiledMatcher, Row, ViewMatcher
-from envgraph.match.views.operators import _sets
-from envgraph.match.views.watch import _partial_lookup as _agreeing
 from envgraph.metamodel import Reference
 from envgraph.pattern import Library
 from tests.oracle.naive._naive import NaiveMatcher
+from tests.thresholds import set_thresholds
 from tests.unit.match.people import METAMODEL
 from tests.unit.match.writing import equal, find, fold, is_a, path, pattern, unequal
 
@@ -103,8 +102,8 @@ WAYS = {
 def test_answers_are_those_of_the_naive_matcher_and_their_order_belongs_to_the_version(
     expensive: float, read: float, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(_agreeing, "EXPENSIVE", expensive)
-    monkeypatch.setattr(_agreeing, "READ", read)
+    thresholds = {"expensive search for a question": expensive, "cost of reading a row": read}
+    set_thresholds(monkeypatch, thresholds)
     views, dice = watching(12), Random(5)
     naive = NaiveMatcher(views.model, views.library)
     start = views.model.graph.history.savepoint()
@@ -197,11 +196,12 @@ def test_an_index_does_not_outlive_an_interruption(monkeypatch: pytest.MonkeyPat
     views, dice = holding_an_index(20), Random(7)
     rows = views.kept.views["circle"].rows
 
-    def interrupted(index: _sets.Index, row: Row) -> None:
+    def interrupted(index: object, row: Row) -> None:
         raise KeyboardInterrupt
 
     with monkeypatch.context() as patched, pytest.raises(KeyboardInterrupt):
-        patched.setattr(_sets.Index, "insert", interrupted)
+        (index,) = rows.indexes.values()
+        patched.setattr(type(index), "insert", interrupted)
         for _ in range(20):
             change(views.model, dice)
             views.count("circle", (FREE, 1))

@@ -10,9 +10,9 @@ import pytest
 from envgraph.errors import InvalidArgument, TransactionError, TypeMismatch
 from envgraph.graph import Model
 from envgraph.match import FREE, Row, ViewMatcher
-from envgraph.match.views.watch import _kept
 from envgraph.pattern import Library
 from tests.oracle.naive._naive import NaiveMatcher
+from tests.thresholds import set_thresholds
 from tests.unit.match.kinds import watched
 from tests.unit.match.people import METAMODEL
 from tests.unit.match.writing import check, find, is_a, path, pattern, unequal
@@ -69,7 +69,7 @@ def test_a_model_that_has_grown_is_planned_for_anew_and_nobody_notices() -> None
 def test_a_model_is_not_planned_for_anew_while_there_is_a_state_to_go_back_to(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
-    monkeypatch.setattr(_kept, "LEAST", 3)
+    set_thresholds(monkeypatch, {"least growth of the model": 3})
     model = Model(METAMODEL)
     views = watched(model, library())
     chain(model, 3)
@@ -92,7 +92,7 @@ def test_a_model_is_not_planned_for_anew_while_there_is_a_state_to_go_back_to(
 def test_a_model_that_has_grown_is_planned_for_before_a_savepoint_and_not_after_the_rollback(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
-    monkeypatch.setattr(_kept, "LEAST", 3)
+    set_thresholds(monkeypatch, {"least growth of the model": 3})
     model = Model(METAMODEL)
     views = watched(model, library())
     chain(model, 30)

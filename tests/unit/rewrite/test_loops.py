@@ -10,11 +10,8 @@ import pytest
 from envgraph.errors import EvaluationError, TransactionError
 from envgraph.graph import Model
 from envgraph.match import ViewMatcher
-from envgraph.match.views.operators._operators import Rows
-from envgraph.match.views.watch import _loops
-from envgraph.match.views.watch._kept import KeptViews
-from envgraph.match.views.watch._loops import Loops
 from envgraph.rewrite import Engine
+from tests.thresholds import set_thresholds
 from tests.unit.rewrite.graphs import chain, definitions, engine, snapshot
 
 RULES = """
@@ -60,13 +57,17 @@ UNITS = (
 def made(long: int | None, monkeypatch: pytest.MonkeyPatch, model: Model | None = None) -> Engine:
     """An engine whose loops watch when they have listed so many rows."""
     if long is not None:
-        monkeypatch.setattr(_loops, "LONG", long)
+        set_thresholds(monkeypatch, {"long loop": long})
     return engine(RULES, model=model or chain(12))
 
 
 def views(one: Engine) -> ViewMatcher:
     assert isinstance(one.matcher, ViewMatcher)
     return one.matcher
+
+
+MATCHER = views(engine(RULES, model=chain(2)))
+KEPT_VIEWS, LOOPS = type(MATCHER.kept), type(MATCHER.loops)
 
 
 def assert_left(one: Engine) -> None:
@@ -93,7 +94,7 @@ def test_the_run_can_be_replayed_and_leaves_no_views(
     one.checkout(start, discard=True)
     one.replay(trace)  # each match is looked at again
     assert snapshot(one.model) == after
-    monkeypatch.setattr(_loops, "LONG", 10**9)
+    set_thresholds(monkeypatch, {"long loop": 10**9})
     plain.run(unit)
     if unit != "choosing":  # whatever is drawn, the end is the same
         assert snapshot(plain.model) == after
@@ -239,24 +240,24 @@ def few(length: int) -> Model:
 def test_replacing_a_search_for_few_rows_by_a_view_changes_no_result(
     unit: str, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(_loops, "LONG", 100)
-    monkeypatch.setattr(_loops, "SORTED", 1)
+    set_thresholds(monkeypatch, {"long loop": 100})
+    set_thresholds(monkeypatch, {"cost of sorting a row": 1})
     aside = 0
-    original = KeptViews.aside
+    original = KEPT_VIEWS.aside
 
-    def counting(kept: KeptViews, pattern: str) -> Rows | None:
+    def counting(kept: Any, pattern: str) -> object:
         nonlocal aside
         found = original(kept, pattern)
         aside += found is not None
         return found
 
-    monkeypatch.setattr(KeptViews, "aside", counting)
+    monkeypatch.setattr(KEPT_VIEWS, "aside", counting)
     runs = []
     for searching in (False, True):
         one = engine(FEW, model=few(60), seed=3)
         one.step_limit = 300
         if searching:
-            monkeypatch.setattr(Loops, "_is_costly", lambda *_: False)
+            monkeypatch.setattr(LOOPS, "_is_costly", lambda *_: False)
         with one.recording() as trace:
             outcome: object
             try:
@@ -271,18 +272,18 @@ def test_replacing_a_search_for_few_rows_by_a_view_changes_no_result(
 
 
 def test_a_loop_whose_rule_has_one_match_searches_a_few_times(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(_loops, "LONG", 4_000)
+    set_thresholds(monkeypatch, {"long loop": 4_000})
     one = engine(FEW, model=chain(600))
     one.model.nodes("Item")[0].done = True
     searches = 0
-    original = Loops._is_costly
+    original = LOOPS._is_costly
 
-    def counting(loops: Loops, pattern: str) -> bool:
+    def counting(loops: Any, pattern: str) -> bool:
         nonlocal searches
         searches += 1
         return original(loops, pattern)
 
-    monkeypatch.setattr(Loops, "_is_costly", counting)
+    monkeypatch.setattr(LOOPS, "_is_costly", counting)
     assert one.run("few").applications == 599 and searches < 20
     searches = 0
     assert not one.run("few").applications and searches == 1
@@ -293,16 +294,16 @@ def test_a_closure_from_one_start_is_kept_for_a_loop(monkeypatch: pytest.MonkeyP
     rule reach { lhs { x : Item -next+-> y : Item; check x.n == 0 && !y.done; } modify { set y.done = true; } }
     unit few { alap { reach; } }
     """
-    monkeypatch.setattr(_loops, "LONG", 1_000)
+    set_thresholds(monkeypatch, {"long loop": 1_000})
     watched: list[str] = []
-    original = KeptViews.watch_briefly
+    original = KEPT_VIEWS.watch_briefly
 
-    def noting(kept: KeptViews, *arguments: Any) -> bool:
+    def noting(kept: Any, *arguments: Any) -> bool:
         found = original(kept, *arguments)
         watched.extend(kept.views)
         return found
 
-    monkeypatch.setattr(KeptViews, "watch_briefly", noting)
+    monkeypatch.setattr(KEPT_VIEWS, "watch_briefly", noting)
     one = engine(text, model=chain(200))
     assert one.run("few").applications == 199 and watched == ["reach#lhs"]
     assert_left(one)
@@ -315,7 +316,7 @@ def test_a_pattern_with_a_too_large_view_is_searched_for(monkeypatch: pytest.Mon
         modify { set x.done = false; set y.done = true; } }
     unit u { alap { odd; } }
     """
-    monkeypatch.setattr(_loops, "LONG", 100)
+    set_thresholds(monkeypatch, {"long loop": 100})
     one = engine(text, model=chain(40))
     one.model.nodes("Item")[0].done = True
     assert one.run("u").applications == 39
