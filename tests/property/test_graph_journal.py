@@ -5,7 +5,7 @@ from __future__ import annotations
 from hypothesis import given, strategies as st
 
 from envgraph.graph import EXCHANGE, IN, OUT, SET, IndexedSet
-from envgraph.graph.store._journal import Extent, Journal, invert as _invert, net_changes, take_back
+from envgraph.graph.store._journal import MOVE, Extent, Journal, invert as _invert, net_changes, take_back
 
 
 class Register:
@@ -161,3 +161,50 @@ def test_a_segment_without_net_change_reduces_to_nothing(changes: list) -> None:
     assert invert_net(there + back) == []
     invert(back)
     assert world.snapshot() == before
+
+
+def test_other_structures_can_use_the_journal() -> None:
+    # As a view above the model would: its own entries between those of the model.
+    class Counter:
+        def __init__(self) -> None:
+            self.counts: dict[str, int | None] = {}
+
+        def exchange(self, key: str, state: int) -> int | None:
+            before = self.counts.get(key)
+            self.counts[key] = state
+            return before
+
+    matches, counter = IndexedSet[tuple[int, int]](()), Counter()
+    index: dict[int, object] = {}
+    journal: Journal = []
+    journal.extend((matches, (1, 2), None, OUT))
+    matches.add((1, 2))
+    journal.extend((counter, "p", counter.exchange("p", 1), EXCHANGE))
+    journal.extend((index, 1, index.get(1), SET))
+    index[1] = (1, 2)
+    mark = len(journal)
+    journal.extend((matches, (1, 2), matches.take((1, 2)), IN))
+    take_back(journal, mark)
+    assert matches == [(1, 2)]
+    back: Journal = []
+    _invert(reversed(journal), back)
+    assert (matches, counter.counts, index) == ([], {"p": None}, {1: None})
+    _invert(reversed(back), [])
+    assert (matches, counter.counts, index) == ([(1, 2)], {"p": 1}, {1: (1, 2)})
+
+
+def test_a_move_updates_indices_and_can_be_undone() -> None:
+    items = IndexedSet(tuple(range(300)))
+    journal: Journal = []
+    for item, index in ((299, 0), (5, 200), (0, 299), (150, 150), (299, 298)):
+        journal.extend((items, item, items.where(item), MOVE))
+        items.move(item, index)
+        assert items[index] == item and [items.where(one) for one in items] == [*range(300)]
+    after = list(items)
+    back: Journal = []
+    _invert(reversed(journal), back)
+    assert items == [*range(300)]
+    _invert(reversed(back), [])
+    assert items == after
+    assert items.take(299) == 298 and items.take(1) == after.index(1)
+    assert [items.where(one) for one in items] == [*range(298)]

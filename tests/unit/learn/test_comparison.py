@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from math import sqrt
+from typing import Any
 
 import pytest
 
@@ -16,17 +18,14 @@ from envgraph.learn import (
     bootstrap_interval,
     compare,
     findings,
-)
-from envgraph.learn._curricula import Kind
-from envgraph.learn._intervals import (
-    newcombe_interval,
+    wilson_interval,
 )
 
 
 def runs(
     label: str,
     successes: Sequence[float],
-    kind: Kind = "control",
+    kind: Any = "control",
     steps: int = 600,
     before: int = 0,
     returns: Sequence[float] | None = None,
@@ -51,7 +50,10 @@ def test_an_order_that_is_worse_than_its_reverse_is_said_to_be() -> None:
     (one,) = compared(WHOLE, runs("reversed", [1.0] * 820 + [0.0] * 180))
     assert one.verdict == "worse" and one.p_value < 1e-10 and one.seeds == 1_000
     assert str(one) == "E1-E6 is worse than its reverse (0.50 against 0.82 over 1,000 seeds, p < 0.001)"
-    assert one.difference == newcombe_interval(0.5, 1_000, 0.82, 1_000)
+    (low, high), (other_low, other_high) = wilson_interval(0.5, 1_000), wilson_interval(0.82, 1_000)
+    below = -0.32 - sqrt((0.5 - low) ** 2 + (other_high - 0.82) ** 2)  # Newcombe 1998, method 10
+    above = -0.32 + sqrt((high - 0.5) ** 2 + (0.82 - other_low) ** 2)
+    assert one.difference == pytest.approx((below, above), abs=1e-12)
     assert one.improvement == pytest.approx(0.5 * 0.18 + 0.5 * (0.5 * 0.82 + 0.5 * 0.18))
 
 

@@ -6,16 +6,24 @@ from math import comb
 import numpy as np
 import pytest
 from hypothesis import given, strategies as st
+from numpy.typing import ArrayLike
 
 from envgraph.errors import InvalidArgument
-from envgraph.learn import (
-    _significance,
-    holm,
-    mean_test,
-)
-from envgraph.learn._significance import (
-    permutation_test,
-)
+from envgraph.learn import Curve, Experiment, RunResult, compare, holm, mean_test
+
+CURVE = Curve((1,), (0.0,), (1,), (0,))
+
+
+def p_value(values: ArrayLike, others: ArrayLike) -> float:
+    """Return the p-value of the comparison of a curriculum with a control that have these returns, by seeds."""
+    runs = [
+        RunResult(kind, kind, seed, 1, 1, 0.0, one, 1.0, 0, 0.0, CURVE)  # type: ignore[arg-type]
+        for kind, returns in (("curriculum", values), ("control", others))
+        for seed, one in enumerate(np.asarray(returns, np.float64).tolist())
+    ]
+    (comparison,) = compare(Experiment(tuple(runs)), can_succeed=False)
+    return comparison.p_value
+
 
 ROW = st.tuples(*[st.sampled_from([0.0, 0.25, 1.0, 1 / 3, 10.2])] * 2)
 
@@ -31,7 +39,7 @@ def by_hand(blocks: list[tuple[float, ...]]) -> float:
 @given(st.lists(ROW, min_size=1, max_size=6))
 def test_p_is_the_share_of_all_permutations(blocks: list[tuple[float, ...]]) -> None:
     values, others = zip(*blocks, strict=True)
-    assert permutation_test(values, others) == pytest.approx(by_hand(blocks))
+    assert p_value(values, others) == pytest.approx(by_hand(blocks))
 
 
 @pytest.mark.parametrize(("better", "worse"), [(7, 24 - 7), (12, 3), (1, 0), (40, 60)])
@@ -41,30 +49,35 @@ def test_of_successes_it_is_the_exact_sign_test(better: int, worse: int) -> None
     others = [0] * better + [1] * worse + [1, 0, 1]
     number, least = better + worse, max(better, worse)
     tail = sum(comb(number, count) for count in range(least, number + 1)) / 2**number
-    assert permutation_test(values, others) == pytest.approx(min(1.0, 2 * tail))
+    assert p_value(values, others) == pytest.approx(min(1.0, 2 * tail))
 
 
 def test_seventeen_of_twenty_four_is_the_p_of_the_binomial_table() -> None:
-    assert permutation_test([1] * 17 + [0] * 7, [0] * 17 + [1] * 7) == pytest.approx(0.0639, abs=5e-5)
+    assert p_value([1] * 17 + [0] * 7, [0] * 17 + [1] * 7) == pytest.approx(0.0639, abs=5e-5)
 
 
 def test_fishers_data_of_darwin_have_the_p_that_fisher_printed() -> None:
     """Maize, The Design of Experiments, section 21: of 32,768 arrangements 1,726 are as far on either side."""
     differences = [49, -67, 8, 16, 6, 23, 28, 41, 14, 29, 56, 24, 75, 60, -48]
-    assert permutation_test(differences, [0] * 15) == pytest.approx(1726 / 32768)
+    assert p_value(differences, [0] * 15) == pytest.approx(1726 / 32768)
 
 
-def test_what_is_drawn_is_close_to_what_is_exact(monkeypatch: pytest.MonkeyPatch) -> None:
-    differences = [49, -67, 8, 16, 6, 23, 28, 41, 14, 29, 56, 24, 75, 60, -48]
-    monkeypatch.setattr(_significance, "_EXACT", 16)
-    drawn = permutation_test(differences, [0] * 15)
-    assert drawn == permutation_test(differences, [0] * 15) != permutation_test(differences, [0] * 15, seed=1)
-    assert drawn == pytest.approx(1726 / 32768, abs=4 * (0.05 * 0.95 / 10_000) ** 0.5)
-    assert permutation_test(np.arange(1, 40), np.zeros(39), draws=99) == 0.01  # never 0
+def test_the_p_value_of_random_signs_is_close_to_that_of_all_signs() -> None:
+    """With 18 seeds whose differences have 262,144 sums, signs are drawn at random."""
+    differences = np.random.default_rng(5).normal(0.8, 1.0, 18)
+    sums = np.zeros(1)
+    for one in differences:
+        sums = np.concatenate([sums + one, sums - one])
+    exact = float(np.mean(np.abs(sums) >= abs(differences.sum()) - 1e-9))
+    assert 0.01 < exact < 0.2
+    drawn = p_value(differences, np.zeros(18))
+    assert drawn == p_value(differences, np.zeros(18)) != exact
+    assert drawn == pytest.approx(exact, abs=4 * (exact * (1 - exact) / 10_000) ** 0.5)
+    assert p_value(np.random.default_rng(0).random(40) + 1, np.zeros(40)) == 1 / 10_001  # never 0
 
 
-def test_nothing_to_exchange_is_no_difference() -> None:
-    assert permutation_test([1, 0, 0.5], [1, 0, 0.5]) == 1.0
+def test_equal_values_have_the_p_value_1() -> None:
+    assert p_value([1, 0, 0.5], [1, 0, 0.5]) == 1.0
 
 
 @given(st.lists(st.floats(0, 1), min_size=1, max_size=6))
@@ -78,10 +91,9 @@ def test_holm_steps_down(p_values: list[float]) -> None:
         )
 
 
-@pytest.mark.parametrize(("values", "others"), [([], []), ([1], [1, 2]), ([[1]], [[1]]), ([1], [[[1]]])])
-def test_both_sides_have_the_same_seeds(values: list[object], others: list[object]) -> None:
-    with pytest.raises(InvalidArgument, match="one number for each seed"):
-        permutation_test(values, others)  # type: ignore[arg-type]
+def test_both_sides_have_the_same_seeds() -> None:
+    with pytest.raises(InvalidArgument, match="different seeds"):
+        p_value([1], [1, 2])
 
 
 @pytest.mark.parametrize(

@@ -1,15 +1,18 @@
-"""The lexical core, with a small grammar of its own."""
+"""Grammars: what is common to all, with a small grammar of its own, and parsers that are kept in the cache."""
 
+from __future__ import annotations
+
+import shutil
 from pathlib import Path
 from time import process_time
 
 import pytest
-from lark import Token
+from lark import Lark, Token
 from lark.exceptions import GrammarError
 
 from envgraph.errors import Source
 from envgraph.files import CACHE_VARIABLE
-from envgraph.lang import data_path
+from envgraph.lang import bundled_domain, data_path
 from envgraph.lang.syntax._grammar import RECOVERY, Grammar, build, grammar
 from envgraph.lang.syntax._parsing import Parsed, annotation_of, parse_tokens, span_of, tokens, trees
 from envgraph.metamodel import Annotation
@@ -207,3 +210,87 @@ def test_the_end_of_the_text_is_a_position(small: Grammar) -> None:
 def test_spans_count_characters_of_the_text(small: Grammar) -> None:
     result = parsed(small, 'let é = "🔥" = ;')
     assert [one.span.column for one in result.diagnostics if one.span] == [13]
+
+
+# --- parsers in the cache: those that Lark builds, built anew whenever the file is not what it should be
+
+GRAMMARS = data_path("grammars")
+TEXTS = {path.suffix[1:]: path.read_text(encoding="utf-8") for path in bundled_domain("keydoor").glob("*.*")}
+
+
+@pytest.fixture
+def cache(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    monkeypatch.setenv("ENVGRAPH_CACHE", str(tmp_path / "cache"))
+    return tmp_path / "cache"
+
+
+@pytest.fixture
+def lark_calls(monkeypatch: pytest.MonkeyPatch) -> list[str]:
+    """Notes what Lark builds."""
+    names: list[str] = []
+    make = Lark.__init__
+
+    def noted(self: Lark, grammar: object, **options: object) -> None:
+        names.append(Path(str(getattr(grammar, "name", ""))).stem)
+        make(self, grammar, **options)  # type: ignore[arg-type]
+
+    monkeypatch.setattr(Lark, "__init__", noted)
+    return names
+
+
+def read_grammar(language: str, directory: Path = GRAMMARS) -> Grammar:
+    """Return the grammar of a language, with the parser of the cache if there is one."""
+    return build(language, directory / f"{language}.lark", RECOVERY[language])
+
+
+@pytest.mark.parametrize("language", sorted(RECOVERY))
+def test_a_parser_that_was_kept_reads_the_same(language: str, cache: Path, lark_calls: list[str]) -> None:
+    source = Source(f"a.{language}", TEXTS[language])
+    damaged = Source(f"a.{language}", TEXTS[language].replace("}", "", 3).replace(";", "", 1))
+    first, second = read_grammar(language), read_grammar(language)
+    assert lark_calls == [language]
+    for text in (source, damaged):
+        (one, _), (other, _) = parse_tokens(first, text), parse_tokens(second, text)
+        assert one.tree == other.tree
+        assert list(map(str, one.diagnostics)) == list(map(str, other.diagnostics))
+
+
+@pytest.mark.parametrize("content", [b"", b"{", b"[1]", b'{"key": 1}', b"\xff", b"null"])
+def test_a_damaged_file_is_replaced(content: bytes, cache: Path, lark_calls: list[str]) -> None:
+    read_grammar("model")
+    (cache / "grammar-model").write_bytes(content)
+    read_grammar("model")
+    read_grammar("model")
+    assert lark_calls == ["model", "model"]
+
+
+def test_another_grammar_or_half_a_file_is_not_believed(
+    cache: Path, lark_calls: list[str], tmp_path: Path
+) -> None:
+    shutil.copytree(data_path("grammars"), tmp_path / "grammars")
+    read_grammar("model", tmp_path / "grammars")
+    common = tmp_path / "grammars" / "common.lark"
+    common.write_text(common.read_text() + "\n// another one\n")
+    read_grammar("model", tmp_path / "grammars")
+    assert lark_calls == ["model", "model"]
+    kept = cache / "grammar-model"
+    kept.write_bytes(kept.read_bytes()[:-1])
+    read_grammar("model", tmp_path / "grammars")
+    assert lark_calls == ["model", "model", "model"]
+
+
+def test_tables_of_one_language_are_not_those_of_another(cache: Path, lark_calls: list[str]) -> None:
+    read_grammar("model")
+    read_grammar("query")
+    shutil.copy(cache / "grammar-query", cache / "grammar-model")
+    read_grammar("model")
+    assert lark_calls == ["model", "query", "model"]
+
+
+def test_nothing_is_kept_where_that_is_off(
+    cache: Path, monkeypatch: pytest.MonkeyPatch, lark_calls: list[str]
+) -> None:
+    monkeypatch.setenv("ENVGRAPH_CACHE", "off")
+    read_grammar("model")
+    read_grammar("model")
+    assert lark_calls == ["model", "model"] and not cache.exists()
