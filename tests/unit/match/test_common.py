@@ -2,20 +2,17 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
 from itertools import pairwise
-from typing import Any
 
 import pytest
 
 from envgraph.graph import IndexedSet, Model
 from envgraph.match import FREE, CompiledMatcher
 from envgraph.match.demand._intersections import common
-from envgraph.match.demand._program import Program
-from envgraph.match.generate._symbols import Column, Symbol
 from envgraph.metamodel import Class, Metamodel, Reference
 from envgraph.pattern import Library, Pattern
 from tests.oracle.naive._naive import NaiveMatcher
+from tests.unit.match.counting import CountingMatcher
 from tests.unit.match.writing import path, pattern
 
 PEOPLE = Metamodel("people", (Class("One", features=(Reference("knows", "One", 0, None),)),))
@@ -74,53 +71,16 @@ def test_circles_around_a_hub_are_found_in_the_order_of_the_links(circle: Patter
     assert rows == ordered
 
 
-class Counting(CompiledMatcher):
-    """Counts the ends that are looked at."""
-
-    looks = 0
-
-    def __init__(self, model: Model, library: Library) -> None:
-        super().__init__(model, library)
-        self._program = Counted(model, library)
-        self._program.matcher = self
-
-
-class Counted(Program):
-    """Functions that read counted ends."""
-
-    matcher: Counting
-
-    def _value(self, symbol: Symbol, inside: frozenset[str]) -> object:
-        found: Any = super()._value(symbol, inside)
-        ends = isinstance(symbol, Column) and symbol.kind in ("forward", "backward")
-        return [Ends(self.matcher, each) for each in found] if ends else found
-
-
-class Ends(IndexedSet[int]):
-    """Ends of links whose reading is counted."""
-
-    __slots__ = ("matcher",)
-
-    def __init__(self, matcher: Counting, ends: Any) -> None:
-        super().__init__(tuple(ends))
-        self.matcher = matcher
-
-    def __iter__(self) -> Iterator[int]:
-        for end in super().__iter__():
-            self.matcher.looks += 1
-            yield end
-
-
 @pytest.mark.parametrize("name", ["triangle", "circle of three"])
 def test_a_search_for_triangles_does_not_go_through_a_hub_for_each_neighbour(name: str) -> None:
-    matcher = Counting(crowd(), library(CIRCLES[name]))
+    matcher = CountingMatcher(crowd(), library(CIRCLES[name]), ends=True)
     assert matcher.exists("found", (FREE, FREE, FREE))
     matcher.looks = 0
     matcher.count("found", (FREE, FREE, FREE))
     assert SIZE <= matcher.looks <= 20 * SIZE
 
 
-def test_what_is_common_comes_in_the_order_of_the_first() -> None:
+def test_common_ends_come_in_the_order_of_the_first() -> None:
     many = IndexedSet(tuple(range(64, 0, -1)))
     assert common(many, (3, 9, 500)) == [9, 3]
     assert common(many, IndexedSet((3, 9, 500)), (9,)) == [9]

@@ -3,16 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from typing import Any
 
 import pytest
 
 from envgraph.graph import Model
 from envgraph.match import FREE, CompiledMatcher
-from envgraph.match.demand._program import Program
-from envgraph.match.generate._symbols import Column as StoreColumn, Symbol
 from envgraph.metamodel import Attribute, Class, Metamodel, Reference, Scalar
 from envgraph.pattern import Library
+from tests.unit.match.counting import CountingMatcher
 from tests.unit.match.writing import equal, find, fold, is_a, neg, path, pattern
 
 STOPS = Metamodel(
@@ -32,40 +30,6 @@ STOPS = Metamodel(
 SIZE, FANOUT = 40, 8
 LONG = ".".join(["Stop", *["to"] * 15])
 FAR = pattern("far(a : Stop, b : Stop)", [path(LONG, "a", "b")])
-
-
-class Counting(CompiledMatcher):
-    """Counts how often functions look at the links of an object."""
-
-    looks = 0
-
-    def __init__(self, model: Model, library: Library) -> None:
-        super().__init__(model, library)
-        self._program = Counted(model, library)
-        self._program.matcher = self
-
-
-class Counted(Program):
-    """Functions that read counted columns."""
-
-    matcher: Counting
-
-    def _value(self, symbol: Symbol, inside: frozenset[str]) -> object:
-        found = super()._value(symbol, inside)
-        ends = isinstance(symbol, StoreColumn) and symbol.kind in ("forward", "backward")
-        return Column(self.matcher, found) if ends else found
-
-
-class Column:
-    """A column of links whose reading is counted."""
-
-    def __init__(self, matcher: Counting, links: Any) -> None:
-        self.matcher = matcher
-        self.links = links
-
-    def __getitem__(self, node: int) -> object:
-        self.matcher.looks += 1
-        return self.links[node]
 
 
 def crowded() -> Model:
@@ -111,7 +75,7 @@ def test_a_chain_of_links_takes_no_more_than_its_ends(question: Callable[[Compil
             "ends(a : Stop, n : int)", [is_a("Stop", "a"), equal("n", fold("count", find("far", "a", "_")))]
         ),
     )
-    matcher = Counting(crowded(), patterns)
+    matcher = CountingMatcher(crowded(), patterns)
     assert question(matcher)
     assert 0 < matcher.looks <= 15 * SIZE * (SIZE + FANOUT)
 
@@ -133,7 +97,7 @@ def test_a_closure_over_hubs_looks_at_the_links_of_each_hub_once() -> None:
     with model.loading():
         for stop in range(SIZE):
             model.graph.set_target(stop, hub, stop % 2)
-    matcher = Counting(
+    matcher = CountingMatcher(
         model,
         library(
             pattern("step(a : Stop, b : Stop)", [path("Stop.hub.to", "a", "b")]),
