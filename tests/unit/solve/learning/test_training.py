@@ -109,20 +109,19 @@ def test_epsilon_decays_per_finished_episode_or_step(
     assert found.epsilon == expected
 
 
-def test_a_step_takes_the_documented_draws(backend: Backend) -> None:
-    """u picks the action, v the outcome and w the next start; the steps are more than are drawn at once."""
-    tabular, steps = random_table(4), 20_000
-    curve = train_curriculum(
-        [tabular], replace(RANDOM, limit=3), rng(9), steps=[steps], backend=backend
-    ).curve
+@pytest.mark.parametrize(("steps", "checkpoint"), [(200, 1), (40_000, 20_000)])
+def test_a_step_takes_the_documented_draws(backend: Backend, steps: int, checkpoint: int) -> None:
+    """u picks the action, v the outcome and w the next start; 16,384 steps are drawn at once."""
+    tabular, settings = random_table(4), replace(RANDOM, limit=3, checkpoint=checkpoint)
+    curve = train_curriculum([tabular], settings, rng(9), steps=[steps], backend=backend).curve
 
     def pick(weights: np.ndarray, draw: float) -> int:
         return next(index for index in range(len(weights)) if draw < weights[: index + 1].sum())
 
     draws = rng(9)
     state = tabular.start_states[pick(tabular.start_probability, draws.random())]
-    total, length = 0.0, 0
-    for step in range(steps):
+    total, length, totals = 0.0, 0, []
+    for _ in range(steps):
         u, v, w = draws.random(3)
         action = int(u * 3)
         index = (state, action, pick(tabular.probability[state, action], v))
@@ -131,7 +130,8 @@ def test_a_step_takes_the_documented_draws(backend: Backend) -> None:
         state = tabular.next_state[index]
         if tabular.terminated[index] or length == 3:
             state, length = tabular.start_states[pick(tabular.start_probability, w)], 0
-        assert curve.reward[step] == total
+        totals.append(total)
+    assert list(curve.reward) == totals[checkpoint - 1 :: checkpoint]
 
 
 def test_rounding_never_leads_into_the_padding() -> None:
