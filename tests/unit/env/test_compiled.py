@@ -112,7 +112,9 @@ def test_copies_go_on_alike_and_by_themselves() -> None:
         assert same((others[0].step(chosen), others[1].step(chosen[0])), wanted)
 
 
-def test_nothing_is_kept_where_that_cannot_be(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_programs_run_where_the_cache_cannot_be_written(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
     pytest.importorskip("numba")
     (tmp_path / "file").write_text("")
     monkeypatch.setenv("ENVGRAPH_CACHE", str(tmp_path / "file" / "cache"))
@@ -121,7 +123,7 @@ def test_nothing_is_kept_where_that_cannot_be(tmp_path: Path, monkeypatch: pytes
     assert [path.name for path in tmp_path.rglob("*")] == ["file"]
 
 
-def test_what_is_kept_of_a_text_is_not_run_for_an_edited_one(
+def test_machine_code_of_a_text_is_not_run_for_an_edited_text(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     pytest.importorskip("numba")

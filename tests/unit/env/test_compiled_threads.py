@@ -12,7 +12,7 @@ from tests.unit.env.side_by_side import ERROR
 
 
 @pytest.mark.parametrize("threads", [1, 2, 3])
-def test_of_several_that_fail_the_last_one_is_over(threads: int) -> None:
+def test_of_several_failing_environments_only_the_last_one_is_over(threads: int) -> None:
     """The third step of those that do the first action leads to an int that has no space."""
     actions = "action burst = burst()\naction grow = grow()\nobserve adam.kind"
     burst = "rule burst { lhs { b : Box; } modify { set b.size = b.size * 1500 + 1500; } }\n"

@@ -55,7 +55,7 @@ def test_the_limit_is_raised_by_the_environment(monkeypatch: pytest.MonkeyPatch)
     assert len(matcher(CompiledMatcher, 15).rows("pairs", free(2))) == 225
 
 
-def test_what_a_link_or_a_value_connects_has_no_limit(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_objects_connected_by_a_link_or_a_value_have_no_limit(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setenv("ENVGRAPH_LIMITS", "0.00001")
     asked = matcher(CompiledMatcher, 15)
     assert len(asked.rows("same", free(2))) == 225

@@ -138,7 +138,7 @@ def test_a_call_whose_rows_another_one_takes_over_reads_no_more_than_its_own() -
     assert compiled.rows("q", (first, FREE)) == naive.rows("q", (first, FREE)) == [(first, third)]
 
 
-def test_numbers_without_end_are_an_error(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_recursion_that_computes_numbers_without_end_is_an_error(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setenv("ENVGRAPH_LIMITS", "0.001")
     model = chain(1)
     model.graph.set_value(0, METAMODEL.attributes[0], 1)

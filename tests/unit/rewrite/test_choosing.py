@@ -109,7 +109,7 @@ def test_retypings_keep_identity() -> None:
     assert (made.model.node(0).cls, made.model.node(0).n) == ("Special", 5)
 
 
-def test_a_derivation_stands_for_so_many_rules_at_most(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_derivation_with_too_many_rules_is_refused(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setenv("ENVGRAPH_LIMITS", "0.0001")
     (found,) = problems("derive d = retype among { Item, Special };")
     assert found.code == "too-many-rules" and found.message == "`d` would derive 2 rules, but the limit is 1"

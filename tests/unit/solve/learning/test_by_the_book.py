@@ -154,7 +154,7 @@ def test_more_than_one_step_is_for_agents_that_learn_of_what_they_do(agent: str)
         ({"agent": "sarsa", "n_step": 2}, "n-step learning"),
     ],
 )
-def test_without_tables_they_are_refused(spec: dict[str, object], what: str) -> None:
+def test_agents_that_need_tables_are_refused_in_programs(spec: dict[str, object], what: str) -> None:
     engine, behaviour = Yard("", "action wait = nothing()\nobserve adam.kind").opened()
     program = program_of(engine, behaviour, native=False)
     with pytest.raises(InvalidArgument, match=f"{what} needs tables"):
