@@ -1,4 +1,4 @@
-"""`envgraph adopt`: a domain of an environment of Gymnasium."""
+"""The command `envgraph adopt`: write a domain whose environment behaves like one of Gymnasium."""
 
 from __future__ import annotations
 
@@ -39,10 +39,10 @@ _Words = Mapping[str, Any]
 
 
 def adopt_environment(environment: str, output: Path | None, options: Iterable[str], seed: int) -> None:
-    """Write a domain whose environment steps as one of Gymnasium does, which is tried out before.
+    """Write a domain whose environment has the same transitions as a Gymnasium environment; both are compared first.
 
     Raises:
-        InvalidArgument: the environment does not tell its transitions, or the languages cannot say them; or a file
+        InvalidArgument: the environment does not expose its transitions, the languages cannot express them, or a file
             exists.
     """
     name = _name(environment)
@@ -72,14 +72,14 @@ def adopt_environment(environment: str, output: Path | None, options: Iterable[s
 
 
 def _name(id: str) -> str:
-    """`FrozenLake-v1` as the name of a domain."""
+    """Return the name of a domain for an environment id such as `FrozenLake-v1`."""
     plain = re.sub(r"-v\d+$", "", id.rpartition("/")[2].rpartition(":")[2])
     words = re.sub(r"(?<=[a-z0-9])(?=[A-Z])|\W+", "_", plain).lower().strip("_")
     return words if re.match("[a-z]", words) else f"domain_{words}"
 
 
 def _options(given: Iterable[str]) -> dict[str, Any]:
-    """`is_slippery=false` as an argument of `gymnasium.make`; what is no value of TOML is a text."""
+    """Parse `KEY=VALUE` options for `gymnasium.make`; a value that is not valid TOML becomes a string."""
     found: dict[str, Any] = {}
     for one in given:
         key, equals, value = one.partition("=")
@@ -95,7 +95,7 @@ def _options(given: Iterable[str]) -> dict[str, Any]:
 
 
 def _ways(adopted: Adopted | MiniGridLevel) -> Iterator[tuple[str, _Words]]:
-    """The templates that may say what an environment does, the most readable first, with their words."""
+    """Yield the templates that can describe the environment, the most readable first, each with its variables."""
     if isinstance(adopted, MiniGridLevel):
         yield "minigrid", {"level": adopted, "said": adopted.mission}
         return
@@ -105,7 +105,7 @@ def _ways(adopted: Adopted | MiniGridLevel) -> Iterator[tuple[str, _Words]]:
 
 
 def _grid(adopted: Adopted) -> _Words:
-    """A lake: what one tile of each letter says, which the comparison finds true of all, or not."""
+    """Return the template variables of a FrozenLake map: its rows, start, slip probabilities and the reward of each letter."""
     width = len(adopted.rows[0])
     letters = "".join(adopted.rows)
     first = min(adopted.starts)
@@ -128,13 +128,13 @@ def _grid(adopted: Adopted) -> _Words:
 
 
 def _plain(chance: float) -> float:
-    """A chance without what calculating it has added: 1/3 and not 0.33333333333333337."""
+    """Return a probability without rounding errors: 1/3 instead of 0.33333333333333337."""
     plain = float(Fraction(chance).limit_denominator(1000))
     return plain if abs(plain - chance) < 1e-12 else chance
 
 
 def _states(adopted: Adopted) -> _Words:
-    """States and what may come of each action, whatever they mean."""
+    """Return the template variables of an environment as a plain list of states and outcomes."""
     ways = {True: "success", False: "failure", None: "none_yet"}
     states = range(len(adopted.outcomes))
     acts = [
@@ -157,13 +157,13 @@ def _states(adopted: Adopted) -> _Words:
 
 
 def _padded(outcomes: list[Transition], most: int) -> list[tuple[float, int, float]]:
-    """Chance, next state and reward of as many outcomes as any action has; more ones have the chance 0."""
+    """Return probability, next state and reward of each outcome, padded to `most` outcomes with probability 0."""
     found = [(_plain(one.probability), one.state, one.reward) for one in outcomes]
     return found + [(0.0, *found[0][1:])] * (most - len(found))
 
 
 def _texts(kind: str, words: _Words) -> dict[str, str]:
-    """The files of a domain, in the order in which they are best read."""
+    """Return the texts of the domain's files by name, in the order for reading."""
     templates = domain_environment(f"adopt/{kind}")
     names = {f"{words['name']}.{one}": f"{one}.j2" for one in KINDS} | {"family.toml": "family.toml.j2"}
     texts = {name: templates.get_template(template).render(words) for name, template in names.items()}
@@ -171,18 +171,18 @@ def _texts(kind: str, words: _Words) -> dict[str, str]:
 
 
 def _formatted(name: str, text: str) -> str:
-    """A text in the style of its language; a model may have thousands of lines, and is written in it."""
+    """Return the text in the style of its language; models and TOML files are returned unchanged, for speed."""
     language = name.rpartition(".")[2]
     return text if language in ("model", "toml") else format_text(language, text, name)
 
 
 class _Tried:
-    """A domain beside the environment that it was written for.
+    """A comparison of a generated domain with the environment that it imitates.
 
     Attributes:
-        states: how many there are; None where they are too many for a table.
-        actions: how many there are.
-        said: what was compared.
+        states: number of states; None if there are too many for a table.
+        actions: number of actions.
+        said: text that describes what was compared.
     """
 
     def __init__(self, texts: Mapping[str, str]) -> None:
@@ -192,7 +192,7 @@ class _Tried:
         self.said = ""
 
     def differences(self, adopted: Adopted | MiniGridLevel) -> Iterator[str]:
-        """What it does in another way: in any state, or of a large level along some ways."""
+        """Yield descriptions of differences: in all states, or for a large level along some paths."""
         engine, behaviour = self._domain.engine(), self._domain.behaviour
         assert behaviour is not None
         try:
@@ -211,7 +211,7 @@ class _Tried:
     def _ways(self, level: MiniGridLevel, simulator: Simulator) -> Iterator[str]:
         self.actions = len(simulator.action_names)
         first, plan = level.ways(_MOST_STATES)
-        if not plan and level.end != "goal":  # what that is, is guessed, and has to be tried
+        if not plan and level.end != "goal":  # Other ends of a level are guessed, so they need a plan that confirms them.
             yield "no way to a success is found, and there are too many states to try all"
             return
         tried: set[Any] = set()

@@ -1,4 +1,4 @@
-"""The program: its group of commands, what ends it, and its exit code."""
+"""The command line program: its group of commands, its error handling and its exit code."""
 
 from __future__ import annotations
 
@@ -19,19 +19,19 @@ _INTERRUPTED: Final = 128 + signal.SIGINT
 
 
 class _Commands(click.Group):
-    """The commands in the order of this file; what they return is the exit code."""
+    """The group of all commands, listed in the order of definition; the return value of a command is the exit code."""
 
     def list_commands(self, ctx: click.Context) -> list[str]:
-        """See `Group`."""
+        """Return the names of the commands in the order of definition."""
         return list(self.commands)
 
     def add_command(self, cmd: click.Command, name: str | None = None) -> None:
-        """See `Group`; the list of commands shows whole first paragraphs."""
+        """Add a command; its first paragraph of help becomes its line in the list of commands."""
         cmd.short_help = (cmd.help or "").partition("\n\n")[0]
         super().add_command(cmd, name)
 
     def invoke(self, ctx: click.Context) -> Any:
-        """See `Group`; an interruption is an exit code, too."""
+        """Run the command; return an exit code if it is interrupted."""
         try:
             return super().invoke(ctx)
         except KeyboardInterrupt:
@@ -47,37 +47,37 @@ class _Commands(click.Group):
 )
 @click.version_option(__version__, message="envgraph %(version)s", help="Print the version and stop.")
 def app() -> None:
-    """See `help`."""
+    """Do nothing: the group only holds the commands."""
 
 
 def main() -> int:
-    """The program `envgraph`: 0 when all went well, 1 for a problem of the input, 2 for one of the command line."""
+    """Run the program; return 0 for success, 1 for an error in the input, and 2 for an error in the command line."""
     for stream in (sys.stdout, sys.stderr):
         if isinstance(stream, io.TextIOWrapper):
-            # A terminal that cannot show a letter of a file shows its number.
+            # Characters that the terminal cannot show are printed as escapes.
             stream.reconfigure(errors="backslashreplace")
-    if sys.stdout is None or sys.stderr is None:  # closed by the caller: `envgraph show a >&-`
-        sys.stdout = sys.stdout or open(os.devnull, encoding="utf-8")  # noqa: SIM115, refuses what is written
+    if sys.stdout is None or sys.stderr is None:  # The caller closed the stream: `envgraph show a >&-`.
+        sys.stdout = sys.stdout or open(os.devnull, encoding="utf-8")  # noqa: SIM115, opened for reading so that writing raises an error
         sys.stderr = sys.stderr or open(os.devnull, "w", encoding="utf-8")  # noqa: SIM115
     try:
         code = _run()
         sys.stdout.flush()
         return code
     except OSError as error:
-        sys.stdout = open(os.devnull, "w", encoding="utf-8")  # noqa: SIM115, Python flushes it at the end
-        if not isinstance(error, BrokenPipeError):  # `envgraph .. | head` has read enough
+        sys.stdout = open(os.devnull, "w", encoding="utf-8")  # noqa: SIM115, Python flushes it at exit
+        if not isinstance(error, BrokenPipeError):  # The reader of the pipe has finished, as in `envgraph .. | head`.
             print_error(error)
         return 1
 
 
 def _run() -> int:
-    """Run the command and return its exit code; raises OSError where the output cannot be written."""
+    """Run the command and return its exit code; raise OSError if the output cannot be written."""
     ended: list[int] = []
     formats: list[str] = []
 
     def end(number: int, frame: FrameType | None) -> NoReturn:
         ended.append(number)
-        raise KeyboardInterrupt  # what Ctrl-C saves and says is saved and said
+        raise KeyboardInterrupt  # Save and print the same as for Ctrl-C.
 
     usual = signal.signal(signal.SIGTERM, end)
     try:
@@ -93,8 +93,8 @@ def _run() -> int:
     except click.ClickException as error:
         error.show()
         return error.exit_code
-    except click.Abort as abort:  # interrupted before the command began
-        if isinstance(abort.__cause__, EOFError):  # which click takes for Ctrl-D at a prompt
+    except click.Abort as abort:  # It was interrupted before the command began.
+        if isinstance(abort.__cause__, EOFError):  # Click treats an EOFError as Ctrl-D at a prompt.
             raise abort.__cause__ from None
         code = _INTERRUPTED
     finally:

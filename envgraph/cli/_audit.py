@@ -1,4 +1,4 @@
-"""`envgraph audit`."""
+"""The command `envgraph audit`: evaluate the scores by which curricula choose levels."""
 
 from __future__ import annotations
 
@@ -48,8 +48,8 @@ def audit_scores(
     """Audit each family, and write tables, figures and the page.
 
     Raises:
-        InvalidArgument: a method is unknown, two families have one name, or a directory has another audit.
-        LoadError: all that is wrong with a file.
+        InvalidArgument: a method is unknown, two families have the same name, or a directory holds another audit.
+        LoadError: a file has errors; lists all of them.
     """
     chosen = _methods(methods)
     found: list[tuple[Domain, AuditSettings]] = []
@@ -101,7 +101,7 @@ def _study(
 
 
 def _file(family: str) -> str:
-    """The file that is meant: a path, or that of a directory or a bundled domain."""
+    """Return the audit file for a path, a directory or a bundled domain."""
     files = DiskFiles()
     if files.is_directory(files.name(family)):
         return f"{family.rstrip('/')}/{AUDIT_FILE}"
@@ -115,7 +115,7 @@ def _file(family: str) -> str:
 
 
 def _methods(names: str | None) -> list[Method]:
-    """Those that are named, separated by semicolons since their names have commas; and what all are compared with."""
+    """Return the methods of the given names, which are separated by semicolons, and the baseline of all comparisons."""
     if names is None:
         return list(METHODS)
     every = (*METHODS, *EDITING)
@@ -157,7 +157,7 @@ def _print(studies: Sequence[Study], findings: Sequence[Finding], page: Path) ->
 
 
 def _facts(found: Sequence[tuple[Domain, AuditSettings]]) -> dict[str, str]:
-    """Return how to make the same again."""
+    """Return the settings and versions needed to reproduce the audit."""
     facts = {}
     for domain, settings in found:
         policy = settings.policy

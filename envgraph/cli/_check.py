@@ -1,4 +1,4 @@
-"""`envgraph check`."""
+"""The command `envgraph check`: report all problems of files."""
 
 from __future__ import annotations
 
@@ -16,9 +16,11 @@ def check_files(
     ignore: Sequence[str],
     overrides: Sequence[str],
 ) -> int:
-    """Print all problems of the files, each group of which is read with the metamodels; the exit code.
+    """Print all problems of the files, each group read together with the metamodels; return the exit code.
 
-    Warnings with a code of `ignore` are left out; `overrides` hold instead of what family files say.
+    Args:
+        ignore: codes of warnings to leave out.
+        overrides: settings that replace those of family files.
     """
     inputs.check()
     if overrides and not any(_is_family(name) for name in files):
@@ -43,14 +45,14 @@ def _is_family(name: str) -> bool:
 
 
 def _groups(files: Sequence[str]) -> list[list[str]]:
-    """Return what is read together: loose files; a directory or a family is a whole of its own."""
+    """Return the groups of files to read together: all single files in one, each directory or family on its own."""
     loose = [name for name in files if "." in Path(name).name and not name.endswith(".toml")]
     loose = [name for name in loose if not Path(name).is_dir()]
     return [[name] for name in files if name not in loose] + ([loose] if loose else [])
 
 
 def _problems(files: Sequence[str], inputs: Inputs, overrides: Sequence[str]) -> list[Diagnostic]:
-    """Return what is wrong with files that are read together; of families also what only a search would meet."""
+    """Return the problems of files that are read together; for families, include the checks that a search makes."""
     from envgraph.lang import load_workspace
 
     try:

@@ -1,4 +1,4 @@
-"""`envgraph convert`."""
+"""The command `envgraph convert`: write metamodels and models in other formats."""
 
 from __future__ import annotations
 
@@ -24,10 +24,10 @@ _LOST_VALUES = ("values-left-out", "values-rounded")
 
 
 def convert_file(file: str, output: Path, inputs: Inputs, *, lossy: bool) -> None:
-    """Write the metamodel or model of a file in the format that the name of another one asks for.
+    """Write the metamodel or model of a file in the format of the output's suffix.
 
     Raises:
-        InvalidArgument: the format is unknown, or something would be lost and `lossy` is False.
+        InvalidArgument: the format is unknown, or the format cannot hold all of the content and `lossy` is False.
     """
     check_format(output, _FORMATS)
     whole = output.suffix == ".ecore"
@@ -50,12 +50,12 @@ def convert_file(file: str, output: Path, inputs: Inputs, *, lossy: bool) -> Non
 
 
 def check_format(output: Path, formats: Sequence[str] = _WRITTEN) -> None:
-    """Refuse a file whose name asks for no format that can be written."""
+    """Raise InvalidArgument if the suffix of a file is not a format that can be written."""
     check_known(output.suffix, formats, f"`{output}` is of no format that can be written")
 
 
 def model_text(model: Model, output: Path) -> str:
-    """A model in the format that the name of a file asks for."""
+    """Return a model as text in the format of the file's suffix."""
     if output.suffix == ".xmi":
         return model_to_xmi(model)
     if output.suffix == ".model":

@@ -1,4 +1,4 @@
-"""Commands on the files of a domain: what they are called and what they take. What they do is in other modules."""
+"""Declarations of the commands on files of a domain: names, arguments and options. Other modules implement them."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ from envgraph.cli._options import (
     where_option,
 )
 
-if TYPE_CHECKING:  # it reads the languages, which not every command does
+if TYPE_CHECKING:  # It imports the languages, which not every command needs.
     from envgraph.cli._inputs import Inputs
 
 
@@ -51,8 +51,8 @@ def new() -> None:
 @format_option
 @done_in("_adopt", "adopt_environment")
 def adopt() -> None:
-    """Write a domain that steps as an environment of Gymnasium does: one that tells its transitions, as FrozenLake, or
-    a level of MiniGrid.
+    """Write a domain that has the same transitions as a Gymnasium environment: one that exposes its transition table, such as
+    FrozenLake, or a level of MiniGrid.
     """
 
 
@@ -93,7 +93,7 @@ def check(files: Sequence[str], inputs: Inputs, ignore: Sequence[str], overrides
 )
 @done_in("_format", "format_files")
 def format_() -> None:
-    """Write files in the one style: indentation, blanks, line ends; comments stay. Files with errors are left alone."""
+    """Format files in the standard style: indentation, blanks, line ends. Comments stay. Files with errors are unchanged."""
 
 
 @app.command()
@@ -119,9 +119,9 @@ def match() -> None:
 @format_option
 @done_in("_reasons", "print_plan")
 def explain() -> None:
-    """Print how the matches of a pattern or rule are found: the plan, with the rows of each step, and its source.
+    """Print how the matches of a pattern or rule are found: the search plan, with the rows of each step, and its source code.
 
-    Of an environment it says whether it is compiled, and else what keeps it from that.
+    For an environment, print whether it can be compiled; if not, print what prevents this.
     """
 
 
@@ -135,7 +135,7 @@ def explain() -> None:
 @format_option
 @done_in("_reasons", "print_reasons")
 def why_not() -> None:
-    """Print why a pattern or rule has no match, or a unit fails: how far it comes, and what is in the way."""
+    """Print why a pattern or rule has no match, or why a unit fails: the longest partial match, and the failing constraint."""
 
 
 @app.command()
@@ -160,7 +160,7 @@ def why_not() -> None:
 @format_option
 @done_in("_query", "apply_rule")
 def apply() -> None:
-    """Apply a rule to a model, at matches drawn at random, and print what was done. Exit code 1 if that is nothing."""
+    """Apply a rule to a model, at randomly chosen matches, and print the changes. Exit code 1 if nothing was applied."""
 
 
 @app.command()
@@ -172,7 +172,7 @@ def apply() -> None:
 @format_option
 @done_in("_replay", "replay_trace")
 def replay() -> None:
-    """Do again what a trace says, and compare each state with the recorded one. Exit code 1 where they differ."""
+    """Repeat the applications of a trace, and compare each state with the recorded one. Exit code 1 if a state differs."""
 
 
 @app.command()
@@ -186,5 +186,5 @@ def replay() -> None:
 def convert() -> None:
     """Write a metamodel or a model in a format of other tools: Ecore, XMI, JSON.
 
-    Exit code 1 if something of it cannot be kept, which warnings say; then nothing is written.
+    If the format cannot hold all of the content, print warnings, write nothing, and exit with code 1.
     """

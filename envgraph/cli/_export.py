@@ -1,4 +1,4 @@
-"""`envgraph export`, and the templates that it takes."""
+"""The commands `envgraph export` and `envgraph templates`."""
 
 from __future__ import annotations
 
@@ -66,7 +66,7 @@ def _export_text(family: Family, format: str, output: Path | None) -> None:
 
 
 def _export_package(family: Family, output: Path, templates: Path | None) -> None:
-    """Write what templates make of a family."""
+    """Write the package that the templates generate from a family."""
     files = write_package(family, output, templates)
     print_line(f"wrote {len(files)} files in {output}")
     if templates is None:
@@ -91,7 +91,7 @@ def _export_levels(family: Family, output: Path) -> None:
 
 
 def _export_program(family: Family, output: Path) -> None:
-    """Write the program of a family as a package."""
+    """Write the compiled program of a family as a package."""
     from envgraph.env.compiled import NotCompiled, export
 
     try:
@@ -108,7 +108,7 @@ def _export_program(family: Family, output: Path) -> None:
 
 
 def write_templates(folder: Path) -> None:
-    """Copy the templates that come with envgraph."""
+    """Copy envgraph's export templates into a folder."""
     files = copy_templates(folder)
     print_line(f"wrote {len(files)} files in {folder}")
     print_line(f"next: envgraph export RUN --format python --templates {folder} -o FOLDER")

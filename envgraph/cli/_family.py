@@ -1,4 +1,4 @@
-"""`envgraph generate`, `show` and `import`."""
+"""The commands `envgraph generate`, `show` and `import`, for families."""
 
 from __future__ import annotations
 
@@ -66,18 +66,18 @@ def generate_family(
     workers: int,
     require: float | None,
 ) -> None:
-    """Evolve a family, or go on with one, and print it.
+    """Generate a family, or resume a run, and print the family.
 
     Args:
         family: a family file, its directory, or a bundled domain.
-        name: of the run; by default that of the family.
+        name: name of the run; by default that of the family.
         seed, population, samples, overrides: values that replace those of the family file.
-        generations: likewise; for a resumed run, the generation at which it ends.
-        resume: whether to go on with a run.
-        force: whether an existing run, with all that was made of it, makes room once the new one has a generation.
-        directory: where runs are kept.
-        workers: threads for learners of an objective.
-        require: the least value of the objective, or without an objective the least diversity; None: no condition.
+        generations: number of generations; for a resumed run, the generation at which it ends.
+        resume: True to resume a run.
+        force: True to replace an existing run and its results, as soon as the new run has a generation.
+        directory: the directory of all runs.
+        workers: number of threads for the learners of an objective.
+        require: minimum value of the objective, or without an objective minimum diversity; None for no condition.
 
     Raises:
         EnvgraphError: the value is below `require`. The run is kept.
@@ -111,7 +111,7 @@ def generate_family(
 
             def progress(generation: Generation) -> None:
                 nonlocal is_old
-                is_old = False  # as of the first generation
+                is_old = False  # It is replaced with the first generation.
                 advance(generation.number, f"diversity {generation.diversity:.3f}")
 
             def climbing(found: CurriculumProgress) -> None:
@@ -180,7 +180,7 @@ def show_family(run: str, directory: Path, variant: str | None) -> None:
 
 
 def show_lineage(run: str, directory: Path, variant: str) -> None:
-    """Print the rules that made a member of a run, and where they were applied."""
+    """Print the rule applications that led to a member of a run, with their matches."""
     family = open_family(run, directory)
     member = family.member(variant)
     with _store_of(run, directory) as store:
@@ -205,7 +205,7 @@ def show_lineage(run: str, directory: Path, variant: str) -> None:
 
 
 def show_rejections(run: str, directory: Path) -> None:
-    """Print why models were turned down, the most frequent reason first."""
+    """Print why candidate models were rejected, the most frequent reason first."""
     with _store_of(run, directory) as store:
         reasons = store.reasons().most_common()
         accepted = sum(row[2] for row in store.history())
@@ -231,7 +231,7 @@ def import_family(
     directory: Path,
     force: bool,
 ) -> None:
-    """Read a ga4cl file into a run, and print it."""
+    """Read a ga4cl file into a run, and print its family."""
     take(str(file), ("json",), "a ga4cl family")
     source = read_source(DiskFiles(), str(file))
     path = _run_path(directory, name or file.stem)
@@ -251,7 +251,7 @@ def _member(family: Family, member: Member, *, full: bool = False) -> dict[str, 
 
 
 def _outcome(outcome: Outcome) -> dict[str, Any]:
-    """Return how diverse a family is, as JSON-ready data."""
+    """Return the diversity and objective values of a family as JSON-ready data."""
     maximum = outcome.maximum if outcome.maximum < inf else None
     found: dict[str, Any] = {
         "diversity": outcome.diversity,
@@ -300,7 +300,7 @@ def _print_family(family: Family, path: Path | None, low: Diagnostic | None = No
 
 
 def _print_summary(family: Family, outcome: Outcome) -> None:
-    """What the measures of many members are like."""
+    """Print a table with quantiles of each measure over the members."""
     names = ("measure", "least", "quarter", "half", "three quarters", "most", "different")
     rows = []
     for name in family.members[0].measures:
@@ -312,7 +312,7 @@ def _print_summary(family: Family, outcome: Outcome) -> None:
 
 
 def run_directory(run: str, directory: Path) -> Path:
-    """Return where results about a run, or about a family file, are kept."""
+    """Return the directory for results about a run or a family file."""
     path = Path(run)
     if path.suffix == ".json":
         return path.with_suffix("")

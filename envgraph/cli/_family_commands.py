@@ -1,4 +1,4 @@
-"""Commands on families and problems: what they are called and what they take. What they do is in other modules."""
+"""Declarations of the commands on families and problems: names, arguments and options. Other modules implement them."""
 
 from __future__ import annotations
 
@@ -54,7 +54,7 @@ from envgraph.cli._options import (
 @format_option
 @done_in("_family", "generate_family")
 def generate() -> None:
-    """Make a family of environments out of one model."""
+    """Generate a family of environments from one model."""
 
 
 @app.command()
@@ -73,7 +73,7 @@ def generate() -> None:
 @format_option
 @done_in("_optimise", "optimise_model")
 def optimise() -> None:
-    """Find the model that is best by some queries, by applying rules. Exit code 1 if it violates a constraint."""
+    """Search for the model with the best values of some queries, by applying rules. Exit code 1 if it violates a constraint."""
 
 
 @app.command("verify")
@@ -83,10 +83,10 @@ def optimise() -> None:
 @format_option
 @done_in("_verify", "verify_family")
 def verify_() -> None:
-    """Print what is certain of each environment of a family, computed twice by different means.
+    """Print exact properties of each environment of a family, computed twice by different methods.
 
-    The fewest steps to success, how likely a random walk succeeds, and the optimal return. Exit code 1 where the two
-    differ. A run keeps what was verified, environment by environment.
+    These are the fewest steps to success, the success probability of a random walk, and the optimal return. Exit code 1 if
+    the two methods differ. A run stores the results, environment by environment.
     """
 
 
@@ -96,7 +96,7 @@ def verify_() -> None:
 @format_option
 @done_in("_runs", "show_runs")
 def runs_() -> None:
-    """List the runs that there are, or what differs between two of them: settings, texts, figures and members."""
+    """List all runs, or compare two of them: settings, file contents, figures and members."""
 
 
 @app.command()
@@ -128,7 +128,7 @@ def runs_() -> None:
 )
 @done_in("_show", "show")
 def show() -> None:
-    """Print a family: its measures and its maps. Or a model or a metamodel: what is in it, or a picture of it."""
+    """Print a family: its measures and its maps. Or print a model or a metamodel: its contents, or a picture of it."""
 
 
 @app.command()
@@ -160,7 +160,7 @@ def export() -> None:
 @click.argument("folder", type=PATH, help="Where to; there must be nothing in it.")
 @done_in("_export", "write_templates")
 def templates_() -> None:
-    """Write the templates of `envgraph export --format python`, to be changed."""
+    """Write the templates of `envgraph export --format python`, so that you can change them."""
 
 
 @app.command("import")
@@ -193,7 +193,7 @@ def templates_() -> None:
 @format_option
 @done_in("_levels", "import_file")
 def import_() -> None:
-    """Read a published family, measure it, and keep it as a run; or write levels as models."""
+    """Read a published family, compute its measures, and store it as a run; or write levels as models."""
 
 
 @app.command()
@@ -249,7 +249,7 @@ def train() -> None:
 @format_option
 @done_in("_learn", "write_report")
 def report() -> None:
-    """Write one self-contained HTML page: the family, the search, the training; and print a short table."""
+    """Write one self-contained HTML page about the family, the search and the training; and print a short table."""
 
 
 @app.command()
@@ -273,7 +273,7 @@ def report() -> None:
 @format_option
 @done_in("_reproduce", "reproduce_paper")
 def reproduce() -> None:
-    """Make the paper's experiments again, with many seeds and controls: which of its claims hold.
+    """Repeat the paper's experiments with many seeds and controls, and report which of its claims hold.
 
     Writes a page, its tables as CSV and its charts as SVG.
     """
@@ -305,7 +305,8 @@ def reproduce() -> None:
 @format_option
 @done_in("_audit", "audit_scores")
 def audit() -> None:
-    """Say what the scores by which curricula choose levels rank, teach and cost, beside exact regret and learnability.
+    """Evaluate the scores by which curricula choose levels: rankings, training effect and cost, against exact regret and
+    learnability.
 
-    An audit that was interrupted goes on where it was. Writes audit.html, its figures, and tables as CSV.
+    An interrupted audit is resumed. Writes audit.html, its figures, and tables as CSV.
     """

@@ -1,4 +1,4 @@
-"""`envgraph format`."""
+"""The command `envgraph format`."""
 
 from __future__ import annotations
 
@@ -16,14 +16,14 @@ STDIN = "-"
 def format_files(
     files: Sequence[str], *, check: bool, stdout: bool, language: str | None, derived: bool
 ) -> int:
-    """Bring files into the one style; the exit code: 1 if one has errors or, with `check`, another style.
+    """Format files in the standard style; return the exit code.
 
-    With `derived`, print what their `derive` statements produce, and write nothing.
-
-    Skip family files, which are TOML, with a warning, so that a pattern may name all files of a domain.
+    The exit code is 1 if a file has errors or, with `check`, if a file would change. With `derived`, print the patterns
+    and rules that `derive` statements produce, and write nothing. Family files, which are TOML, are skipped with a
+    warning, so that a wildcard may name all files of a domain.
 
     Raises:
-        InvalidArgument: standard input among files, or without a language.
+        InvalidArgument: standard input is mixed with files, or its language is missing.
         OSError: a file cannot be written.
     """
     if derived:
@@ -60,11 +60,11 @@ def format_files(
 
 
 def _print_derived(files: Sequence[str]) -> int:
-    """Print what the derivations of files stand for, as a `.query` text and a `.rules` text for each.
+    """Print the patterns and rules that the derivations of files produce, as `.query` and `.rules` texts.
 
     Raises:
-        LoadError: the files, or what they import, have errors.
-        InvalidArgument: the files derive nothing.
+        LoadError: the files, or their imports, have errors.
+        InvalidArgument: the files contain no derivations.
     """
     from envgraph.lang import load_workspace, spelled_out, to_text
     from envgraph.rewrite import derived
@@ -88,12 +88,12 @@ def _format_input(files: Sequence[str], check: bool, language: str | None) -> in
     from envgraph.lang import LANGUAGES, TextFiles, format_text, read_source
 
     class Input(TextFiles):
-        """Standard input as a file, for its errors."""
+        """Standard input as a file, so that errors in it can be reported."""
 
         data = sys.stdin.buffer.read()
 
         def read(self, name: str, most: int = 0) -> bytes:
-            """All of it."""
+            """Return the whole standard input."""
             return self.data
 
     if len(files) > 1:
@@ -110,7 +110,7 @@ def _format_input(files: Sequence[str], check: bool, language: str | None) -> in
 
 
 def _names(files: Sequence[str]) -> list[str]:
-    """The files, and those of the directories."""
+    """Return the names of the files, and of all files in the directories."""
     from envgraph.lang import DiskFiles, language_of
 
     disk = DiskFiles()
@@ -125,7 +125,7 @@ def _names(files: Sequence[str]) -> list[str]:
 
 
 def _formatted(name: str) -> tuple[str, str]:
-    """The text of a file, before and after."""
+    """Return the text of a file, before and after formatting."""
     from envgraph.lang import LANGUAGES, DiskFiles, format_text, language_of, read_source
 
     language = language_of(name)
@@ -134,12 +134,12 @@ def _formatted(name: str) -> tuple[str, str]:
         hint = "there are " + ", ".join(f".{one}" for one in (*LANGUAGES, "vql"))
         raise LoadError([Diagnostic("unknown-language", message, Source(name, "").span(0, 0), hint)])
     source = read_source(DiskFiles(), name)
-    assert language is not None  # else reading has failed
+    assert language is not None  # An unknown file was refused before.
     return source.text, format_text(language, source.text, name)
 
 
 def _write(text: str) -> None:
-    # Not print: line ends are those of the text.
+    # print() would change line ends.
     sys.stdout.flush()
     sys.stdout.buffer.write(text.encode())
     sys.stdout.buffer.flush()

@@ -1,4 +1,4 @@
-"""Which files the commands take, and how they are read."""
+"""Read the files that commands take."""
 
 from __future__ import annotations
 
@@ -19,12 +19,12 @@ THE_DEFINITIONS = "a file of patterns or rules (.query, .vql, .rules)"
 
 
 def take(path: str, formats: tuple[str, ...], wanted: str) -> None:
-    """Refuse a file of another format; what is not there is for the command to look for.
+    """Check that a file has one of the formats; a missing file passes, because the command reports it.
 
-    Whoever takes a family file takes its directory, too.
+    A directory passes if "toml" is among the formats, because it may hold a family file.
 
     Raises:
-        InvalidArgument: it is another file; the message says what, and what is wanted.
+        InvalidArgument: the file has another format; the message says which, and which is wanted.
     """
     files = DiskFiles()
     if files.exists(path):
@@ -37,18 +37,18 @@ def take(path: str, formats: tuple[str, ...], wanted: str) -> None:
 
 
 def as_overrides(options: Mapping[str, int | None]) -> list[str]:
-    """Return the given options as `--set` takes them; their names are keys of a family file."""
+    """Return the given options as arguments of `--set`; the names are keys of a family file."""
     return [f"{key}={value}" for key, value in options.items() if value is not None]
 
 
 @dataclass(frozen=True, slots=True)
 class Inputs:
-    """How files are read: the options that many commands share.
+    """The options for reading files that many commands share.
 
     Attributes:
-        metamodels: what else is read; () for none.
-        allow_unresolved: whether links of EMF models to what is nowhere are left out.
-        variant: which environment of a run or family is the model; None for a model of its own.
+        metamodels: metamodel files to read in addition.
+        allow_unresolved: True to drop links of EMF models to missing objects.
+        variant: name of the environment of a run or family to use as model; None if the model is a file.
     """
 
     metamodels: Sequence[str] = ()
@@ -56,10 +56,9 @@ class Inputs:
     variant: str | None = None
 
     def load(self, *paths: str, own: bool = False) -> Workspace:
-        """Return what the metamodels and some files say; prints their warnings.
+        """Return the workspace of the files and the metamodels; print its warnings, except missing conformance.
 
-        What a model lacks is for `envgraph check` to say. The first of several `.ecore` files has the metamodel's own
-        package: one of `paths` if these are `own`.
+        The first of several `.ecore` files contains the metamodel's own package. If `own` is True, this is one of `paths`.
 
         Raises:
             LoadError: the files have errors.
@@ -72,6 +71,6 @@ class Inputs:
         return workspace
 
     def check(self) -> None:
-        """Refuse metamodels that are other files."""
+        """Raise InvalidArgument if a file given as metamodel is another kind of file."""
         for one in self.metamodels:
             take(one, METAMODELS, A_METAMODEL)

@@ -1,4 +1,4 @@
-"""`envgraph train` and `report`."""
+"""The commands `envgraph train` and `envgraph report`."""
 
 from __future__ import annotations
 
@@ -85,9 +85,9 @@ def train_agents(
     resume: bool,
     force: bool,
 ) -> None:
-    """Train with each budget, evaluate, write CSV files, and print a summary.
+    """Train and evaluate agents with each budget, write CSV files, and print a summary.
 
-    Results of the same budgets, and a training that was interrupted, make room only by `force`.
+    Existing results of the same budgets, and an interrupted training, are replaced only with `force`.
     """
     given = (steps, seeds, seed_offset, curricula, controls, student)
     wanted: dict[str, Any] = dict(zip(_OPTIONS, given, strict=True))
@@ -156,14 +156,14 @@ def _train_family(
         if len(journal) or isinstance(error, KeyboardInterrupt):
             sys.stderr.write(f"{len(journal)} agents are kept: `{again}` goes on\n")
         else:
-            journal.path.unlink()  # there is nothing to go on with
+            journal.path.unlink()  # No agent was trained, so nothing can be resumed.
         raise
     journal.path.unlink()
     _print_summary(family, trained, results)
 
 
 def _refuse_results(base: Path, budgets: list[TrainingSettings]) -> None:
-    """Finished results are not replaced by mistake."""
+    """Raise InvalidArgument if results of one of the budgets exist."""
     steps = [str(one.steps_per_environment) for one in budgets]
     there = [str(base / one) for one in steps if (base / one / "runs.csv").exists()]
     if there:
@@ -173,7 +173,7 @@ def _refuse_results(base: Path, budgets: list[TrainingSettings]) -> None:
 
 
 def _begun(journal: Journal) -> dict[str, Any]:
-    """The options of a training, as they were given when it was begun."""
+    """Return the options with which an interrupted training was started."""
     wanted = {name: journal.about.get(name) for name in _OPTIONS}
     if not all(value is None or isinstance(value, _OPTIONS[name]) for name, value in wanted.items()):
         raise InvalidArgument(f"{journal.path}:1: not what a training is begun with")
@@ -197,7 +197,7 @@ def _train(
     base: Path,
     random: list[list[FamilyMember]],
 ) -> Trained:
-    """Train with one budget, but for what the journal has; every agent is written to it, and all of them at the end."""
+    """Train all agents of one budget that are not in the journal; record each in it, and write all results at the end."""
     steps, target = settings.steps_per_environment, members[-1].name
     part, label = str(steps), f"agents, {steps} steps an environment"
     with progress_bar(label, len(chosen) * len(seeds)) as advance:
@@ -292,10 +292,10 @@ def _read(directory: Path, family: Family, student: str) -> list[Trained]:
 
 
 def budgets_of(steps: str) -> list[int]:
-    """Numbers separated by commas.
+    """Parse the training budgets: numbers separated by commas.
 
     Raises:
-        InvalidArgument: something else is among them.
+        InvalidArgument: an item is not a number within the limits.
     """
     try:
         return sorted({parse_within(word.strip(), 1, MOST_STEPS) for word in steps.split(",")})
@@ -305,7 +305,7 @@ def budgets_of(steps: str) -> list[int]:
 
 
 def _members(family: Family) -> list[FamilyMember]:
-    """The environments as tables, for which their states are visited; else in a compiled program."""
+    """Return the environments as transition tables, or in a compiled program if they have too many states."""
     order = str(family.domain.spec.curriculum.order or family.domain.spec.diversity.options["of"])
     members = []
     try:
@@ -320,10 +320,10 @@ def _members(family: Family) -> list[FamilyMember]:
 
 
 def _in_program(family: Family, order: str, error: TooManyStates) -> list[FamilyMember]:
-    """The environments in a compiled program, as standard error says.
+    """Return the environments in a compiled program, and print a note about this on standard error.
 
     Raises:
-        EvaluationError: there is none.
+        EvaluationError: the environment cannot be compiled.
     """
     try:
         program = family.program(family.members)
@@ -365,7 +365,7 @@ def _curricula(family: Family, kinds: str | None) -> list[Curriculum]:
 
 
 def _named(controls: str | None) -> list[str] | None:
-    """Kinds of controls; None where none were named."""
+    """Return the names of the controls; None if the option was not given."""
     known = (*CONTROLS, _RANDOM, *TEACHERS)
     if controls is None or controls.strip() in ("none", "all"):
         return None if controls is None else [*CONTROLS, _RANDOM] if controls.strip() == "all" else []
@@ -412,7 +412,7 @@ def _with_controls(
 
 
 def _random(family: Family, run: str, directory: Path, count: int) -> list[list[FamilyMember]]:
-    """The tables of random families with the same target; of a family that was not generated here there are none."""
+    """Return the tables of random families with the same target; raise InvalidArgument if the family is not a run."""
     if Path(run).suffix == ".json":
         raise InvalidArgument(
             f"`--controls {_RANDOM}` needs a run: `{run}` does not say how its members were made"

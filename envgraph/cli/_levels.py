@@ -1,4 +1,4 @@
-"""`envgraph import` of levels: each becomes a model of a domain."""
+"""The command `envgraph import` for levels: each level becomes a model of a domain."""
 
 from __future__ import annotations
 
@@ -51,7 +51,7 @@ def import_file(
 
 
 def _holds_levels(file: Path) -> bool:
-    """Return whether a file is one of levels: its suffix says so, or it is JSON with layers."""
+    """Return True if a file contains levels: by its suffix, or because it is JSON with layers."""
     if file.suffix != ".json" or not file.is_file():
         return file.suffix in _SUFFIXES
     return (
@@ -61,11 +61,11 @@ def _holds_levels(file: Path) -> bool:
 
 
 def _import_levels(file: Path, domain: str | None, output: Path | None, legend: Sequence[str]) -> None:
-    """Write a model for each level of a file into a directory, which gets the files of the domain if it has none.
+    """Write a model for each level of a file into a directory; add the files of the domain if it has none.
 
     Raises:
-        LoadError: all that is wrong with the levels.
-        InvalidArgument: a file exists, or an entry of the legend is none.
+        LoadError: the levels have errors; lists all of them.
+        InvalidArgument: a file exists, or a legend entry is invalid.
     """
     directory = output or Path(file.stem)
     there = (directory / "family.toml").exists()
@@ -84,7 +84,7 @@ def _import_levels(file: Path, domain: str | None, output: Path | None, legend: 
 
 
 def _given(legend: Iterable[str]) -> dict[str, str]:
-    """`x=#` as a letter by what it is for."""
+    """Parse legend entries such as `x=#` into letters by name."""
     given = {}
     for entry in legend:
         name, equals, letter = entry[:-2], entry[-2:-1], entry[-1:]
@@ -98,7 +98,7 @@ def _given(legend: Iterable[str]) -> dict[str, str]:
 def _models(
     file: Path, template: LevelTemplate, given: Mapping[str, str]
 ) -> Iterator[tuple[str, tuple[str, Level]]]:
-    """The text of each level as a model, by the name of its file; all problems at once."""
+    """Yield the text of each level as a model, by file name; raise the errors of all levels together."""
     levels = read_levels(read_source(DiskFiles(), str(file)), {**template.letters, **given})
     stem = re.sub(r"\W+", "_", file.stem)
     stem = stem if re.match(r"[^\W\d]", stem) else f"level_{stem}"
@@ -116,10 +116,10 @@ def _models(
 def _checked(
     domain: Domain, template: LevelTemplate, texts: Mapping[str, tuple[str, Level]]
 ) -> list[Diagnostic]:
-    """Read the models with everything else of their domain; the warnings.
+    """Check the models together with the other files of their domain; return the warnings.
 
     Raises:
-        LoadError: there are errors, or a model lacks what the environment is about; placed in the levels.
+        LoadError: there are errors, or a model lacks objects that the environment needs; spans are in the level file.
     """
     bundle = domain.workspace.bundle()
     beside = Path(bundle.roots[0]).parent

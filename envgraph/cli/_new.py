@@ -1,4 +1,4 @@
-"""`envgraph new`: a small domain to start from."""
+"""The command `envgraph new`: write a small domain to begin with."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ KINDS: Final = ("metamodel", "model", "query", "rules", "environment")
 
 
 def new_domain(name: str, directory: Path | None, domain: str | None) -> None:
-    """Write a domain, or copy a bundled one, and say how to go on."""
+    """Write a domain, or copy a bundled one, and print the next command."""
     place = directory or Path(name)
     files = write_domain(place, name) if domain is None else copy_domain(place, name, domain)
     for path in files:
@@ -29,13 +29,13 @@ def new_domain(name: str, directory: Path | None, domain: str | None) -> None:
 
 
 def write_domain(directory: Path, name: str) -> list[Path]:
-    """Write the six files of a domain called `name`; nothing is overwritten.
+    """Write the six files of a domain called `name`; existing files are never overwritten.
 
     Returns:
-        The files, in the order in which they are best read.
+        The files, in the order for reading.
 
     Raises:
-        InvalidArgument: the name is no identifier, or one of the files exists.
+        InvalidArgument: the name is not an identifier, or one of the files exists.
     """
     _check_name(name)
     templates = domain_environment("new")
@@ -48,25 +48,28 @@ def write_domain(directory: Path, name: str) -> list[Path]:
 
 
 def domain_environment(kind: str) -> Environment:
-    """The templates of a kind of domains; one file each of `KINDS`, and the family file. All have TOML's escapes."""
+    """Return the template environment for a kind of domain: a template for each of `KINDS` and for the family file.
+
+    All templates escape values as TOML does.
+    """
     return jinja_environment(PackageLoader("envgraph.cli", f"templates/{kind}"), ".toml")
 
 
 def copy_domain(directory: Path, name: str, domain: str) -> list[Path]:
-    """Write the files of a bundled domain, under their own names; nothing is overwritten.
+    """Write the files of a bundled domain under their own names; existing files are never overwritten.
 
     Returns:
         The files, sorted by name.
 
     Raises:
-        InvalidArgument: the name is no identifier, there is no such domain, or one of the files exists.
+        InvalidArgument: the name is not an identifier, the domain is unknown, or one of the files exists.
     """
     _check_name(name)
     return write_files(domain_texts(bundled_domain(domain), directory))
 
 
 def domain_texts(source: Path, directory: Path) -> dict[Path, str]:
-    """The texts of the files of a domain and of its `audit`, by where they would be in another directory, sorted."""
+    """Return the texts of a domain's files, its `audit` files included, by their paths in another directory, sorted."""
     files = sorted(path for part in ("*", "audit/*") for path in source.glob(part) if path.is_file())
     return {directory / path.relative_to(source): path.read_text(encoding="utf-8") for path in files}
 
@@ -79,7 +82,7 @@ def _check_name(name: str) -> None:
 
 
 def write_files(texts: Mapping[Path, str]) -> list[Path]:
-    """Write files, and overwrite none.
+    """Write files; existing files are never overwritten.
 
     Raises:
         InvalidArgument: one of them exists; nothing is written.

@@ -1,4 +1,4 @@
-"""`envgraph optimise`."""
+"""The command `envgraph optimise`: search for the best model."""
 
 from __future__ import annotations
 
@@ -29,15 +29,15 @@ def optimise_model(
     trace: Path | None,
     picture: Path | None,
 ) -> int:
-    """Find what a file asks for, print it, and write one solution of it; the exit code: 1 if it violates something.
+    """Optimise the model of a file, print the result, and write one solution; return exit code 1 if it is invalid.
 
     Args:
         problem: a family file with `[optimise]`, its directory, or a bundled domain.
         seed, steps, overrides: values that replace those of the file.
-        solution: which one of the front is written, from 1.
-        output: where the model is written.
-        trace: where the rules that lead to it are written, for `envgraph replay`.
-        picture: where the front is drawn, as SVG.
+        solution: number of the solution in the Pareto front to write, from 1.
+        output: path for the model.
+        trace: path for the rule applications that lead to it, for `envgraph replay`.
+        picture: path for the drawing of the front, as SVG.
     """
     if output is not None:
         check_format(output)
@@ -74,7 +74,7 @@ def optimise_model(
 
 
 def _data(domain: Domain, found: Optimum) -> dict[str, Any]:
-    """JSON-ready; where there is no value, null."""
+    """Return the result as JSON-ready data; undefined values are None."""
 
     def plain(values: Any) -> dict[str, float | None]:
         return {name: value if isfinite(value) else None for name, value in values.items()}
@@ -109,7 +109,7 @@ def _print(domain: Domain, found: Optimum) -> None:
 
 
 def _picture(domain: Domain, found: Optimum) -> str:
-    """The front in the first two objectives."""
+    """Return an SVG chart of the Pareto front in the first two objectives."""
     from envgraph.report import Series, line_chart, standalone
 
     first, second = (goal.name for goal in found.goals[:2])

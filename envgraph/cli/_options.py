@@ -1,4 +1,4 @@
-"""Arguments and options that several commands take."""
+"""Arguments and options that several commands share."""
 
 from __future__ import annotations
 
@@ -60,7 +60,7 @@ _Command = TypeVar("_Command", bound=Command)
 
 
 def done_in(module: str, name: str) -> Callable[[Command], Command]:
-    """Run a command by calling the function `name`, with the options by name; import its module only then."""
+    """Return a decorator: the command calls the function `name` with all options, and imports its module only then."""
 
     def bound(declared: Command) -> Command:
         @wraps(declared)
@@ -74,7 +74,7 @@ def done_in(module: str, name: str) -> Callable[[Command], Command]:
 
 
 def inputs_options(command: Command) -> Command:
-    """Gives a command how its files are read, as `inputs`."""
+    """Add the options for reading files to a command; it receives them as `inputs`."""
 
     @wraps(command)
     def read(
@@ -114,10 +114,10 @@ _MOST: Final = {
 
 
 class _WholeNumber(click.IntRange):
-    """A whole number, at least `min` and at most the limit of the option."""
+    """An integer parameter of at least `min` and at most the limit of the option."""
 
     def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> int:
-        """See `ParamType`."""
+        """Parse the number, or report it as an error of the command line."""
         assert param is not None and self.min is not None
         try:
             return parse_within(str(value), int(self.min), _MOST.get(param.opts[0], MOST_STEPS))
@@ -128,7 +128,7 @@ class _WholeNumber(click.IntRange):
 def count_option(
     *names: str, least: int = 1, default: int | None = None, usual: str = "", help: str
 ) -> Callable[[_Command], _Command]:
-    """An option that takes a whole number; `usual` says what holds without it where it has no default."""
+    """Return an option that takes an integer; `usual` is the text shown for an option without a fixed default."""
     shown: dict[str, Any] = (
         {"show_default": usual} if usual else {} if default is None else {"default": default}
     )

@@ -26,10 +26,10 @@ _MOST_STYLED: Final = 2000
 
 
 class Advance(Protocol):
-    """Sets a progress bar."""
+    """A callback that updates a progress bar."""
 
     def __call__(self, done: int, remark: str = "") -> None:
-        """So much is done; the remark is shown beside the bar."""
+        """Set the amount done, and show the remark beside the bar."""
 
 
 @contextmanager
@@ -50,7 +50,7 @@ def printed_to(output: Path | None, format: str) -> Iterator[None]:
 
 
 def _wants_json() -> bool:
-    """Return whether the running command prints JSON, according to the last format recorded."""
+    """Return True if the running command prints JSON, according to the last format recorded."""
     context = click.get_current_context(silent=True)
     return context is not None and context.find_root().obj[-1:] == ["json"]
 
@@ -93,7 +93,7 @@ def write_json(value: object) -> None:
 
 
 def printable_json(text: str) -> str:
-    """The same document; what a terminal might obey is written as an escape of JSON."""
+    """Return the same JSON document with control characters escaped, which a terminal might otherwise interpret."""
     if text.replace("\n", "").isprintable():
         return text
     return "".join(c if c.isprintable() or c == "\n" else json.dumps(c)[1:-1] for c in text)
@@ -125,7 +125,7 @@ def print_table(
     for row in rows:
         table.add_row(*(Text(cell) for cell in row))
     console = Console(highlight=False)
-    # Not the table's own title, which would be wrapped to the width of the table.
+    # The table's own title would be wrapped to the width of the table.
     console.print(Text(title, "bold"))
     console.print(table)
 
@@ -133,7 +133,7 @@ def print_table(
 def _print_plain(
     title: str, columns: Sequence[str], rows: Sequence[Sequence[str]], right: frozenset[int]
 ) -> None:
-    """The same table without colours and line breaks: Rich takes a minute for a million rows, and long to import."""
+    """Print a table without colours and line breaks: Rich takes a minute for a million rows, and long to import."""
     from rich.cells import cell_len
 
     lines = [columns, *rows]
@@ -150,7 +150,7 @@ def _print_plain(
 
 
 def print_diagnostics(diagnostics: Iterable[Diagnostic]) -> None:
-    """Diagnostics on standard error, a blank line between them; coloured on a terminal."""
+    """Print diagnostics on standard error, separated by blank lines; coloured on a terminal."""
     diagnostics = list(diagnostics)
     if not diagnostics:
         return
@@ -168,7 +168,7 @@ def print_diagnostics(diagnostics: Iterable[Diagnostic]) -> None:
 
 
 def print_error(error: EnvgraphError | OSError) -> None:
-    """An exception as a person reads it, on standard error."""
+    """Print an exception for people on standard error."""
     diagnostics: tuple[Diagnostic, ...] = getattr(error, "diagnostics", ())
     if diagnostics:
         print_diagnostics(diagnostics)
@@ -184,7 +184,7 @@ def print_error(error: EnvgraphError | OSError) -> None:
 
 
 def error_to_dict(error: EnvgraphError | OSError) -> dict[str, object]:
-    """An exception as `envgraph check --format json` prints problems."""
+    """Return an exception in the JSON form of `envgraph check --format json`."""
     diagnostics: Sequence[Diagnostic] = getattr(error, "diagnostics", ())
     if not diagnostics:
         code = re.sub("(?<=[a-z])(?=[A-Z])", "-", type(error).__name__).lower()
@@ -203,9 +203,9 @@ def _message(error: EnvgraphError | OSError) -> str:
 
 @contextmanager
 def progress_bar(label: str, total: int | None) -> Iterator[Advance]:
-    """A progress bar on standard error, gone when it is done; call it with the amount done and a remark.
+    """Show a progress bar on standard error while the block runs; yield the callback that updates it.
 
-    Where there is no terminal it is a few lines, as `telling` has them.
+    Without a terminal, a few lines are printed instead (see `telling`).
     """
     from rich.console import Console
     from rich.progress import (

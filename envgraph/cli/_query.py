@@ -1,4 +1,4 @@
-"""`envgraph match` and `envgraph apply`."""
+"""The commands `envgraph match` and `envgraph apply`."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ _SAMPLES = {Scalar.INT: "3", Scalar.FLOAT: "2.5", Scalar.BOOL: "true"}
 
 
 def print_matches(model: str, queries: str, pattern: str, where: Sequence[str], inputs: Inputs) -> None:
-    """Print the matches of a pattern."""
+    """Print the matches of a pattern in a model."""
     engine = open_engine(model, queries, inputs)
     bound = parse_values(engine, _variable_types(engine, pattern), where)
     matches = engine.matches(pattern, bound=bound)
@@ -40,19 +40,19 @@ def print_matches(model: str, queries: str, pattern: str, where: Sequence[str], 
 
 
 def open_engine(model: str, definitions: str, inputs: Inputs, seed: int = 0) -> Engine:
-    """Open a `.model` or `.xmi` file, a model as JSON, as `envgraph apply --output` writes it, or a variant.
+    """Return an engine on a model file (`.model`, `.xmi` or JSON) or a member of a run, with the definitions of a file.
 
-    Searches are planned for the sizes that the model has now.
+    Search plans use the current sizes of the model.
 
     Raises:
-        InvalidArgument: there is no such file, run or variant.
-        LoadError: the files have errors, or the model is none of their metamodel.
+        InvalidArgument: the file, run or variant does not exist.
+        LoadError: the files have errors, or the model does not belong to their metamodel.
     """
     return open_both(model, definitions, inputs, seed)[0]
 
 
 def open_both(model: str, definitions: str, inputs: Inputs, seed: int = 0) -> tuple[Engine, Workspace]:
-    """Do what `open_engine` does, and return what the files say too."""
+    """Return the engine of `open_engine` and the workspace of its files."""
     if inputs.variant is None:
         take(model, (*MODELS, "toml"), A_MODEL)
         if not Path(model).exists() and "." not in Path(model).name and model not in bundled_domains():
@@ -73,7 +73,7 @@ def open_both(model: str, definitions: str, inputs: Inputs, seed: int = 0) -> tu
 
 
 def _engine_on_member(run: str, variant: str, workspace: Workspace, seed: int) -> Engine:
-    """An engine with the definitions of files on a member of a run or family."""
+    """Return an engine with the definitions of files on a member of a run or family."""
     from envgraph.search import open_family
 
     family = open_family(run)
@@ -86,8 +86,8 @@ def _engine_on_member(run: str, variant: str, workspace: Workspace, seed: int) -
 
 
 def write_model(engine: Engine, output: Path) -> None:
-    """Write the model of an engine, and say so to people."""
-    from envgraph.cli._convert import model_text  # matches are printed without what writes files
+    """Write the model of an engine, and print the path."""
+    from envgraph.cli._convert import model_text  # `envgraph match` does not need the writers of files.
 
     replace_file(output, model_text(engine.model, output))
     print_line(f"wrote {output}")
@@ -106,7 +106,7 @@ def apply_rule(
     trace: Path | None,
     allow_none: bool,
 ) -> int:
-    """Apply a rule or a unit some times, and print each application; 1 if none was made or one failed."""
+    """Apply a rule or unit several times, and print each application; return exit code 1 if none was made or one failed."""
     from envgraph.cli._convert import check_format
     from envgraph.graph import model_to_json
 
@@ -148,10 +148,10 @@ def apply_rule(
 
 
 def complete(engine: Engine, signature: Signature, bound: dict[str, Any]) -> None:
-    """Give a rule or unit what it cannot do without where there is no choice: the only object of a class.
+    """Add values for required parameters of a rule or unit where only one object is possible.
 
     Raises:
-        InvalidArgument: a value is missing.
+        InvalidArgument: a required value is missing and is not unique.
     """
     needed: Iterable[str] = ()
     if signature.kind == "unit":
@@ -175,14 +175,14 @@ def complete(engine: Engine, signature: Signature, bound: dict[str, Any]) -> Non
 
 @dataclass(frozen=True, slots=True)
 class _Step:
-    """An application of a rule, for people and for programs."""
+    """A rule application as text and as JSON-ready data."""
 
     text: str
     data: dict[str, Any]
 
 
 def _apply_once(engine: Engine, rule: str, bound: dict[str, Any]) -> tuple[list[_Step], RunResult | None]:
-    """Return what one application did, step by step, and the result of a unit that failed."""
+    """Return the steps of one application, and the result of the unit if it failed (None otherwise)."""
     if engine.signature(rule).kind == "unit":
         result = engine.run(rule, bound=bound)
         return [_traced(engine, firing) for firing in result.firings], None if result else result
@@ -191,7 +191,7 @@ def _apply_once(engine: Engine, rule: str, bound: dict[str, Any]) -> tuple[list[
 
 
 def _traced(engine: Engine, firing: Firing) -> _Step:
-    """A step of a trace; an object that it or a later step deleted is shown by its id."""
+    """Return a step of a trace; an object that this or a later step deleted is shown by its id."""
     shape, model, shown = engine.prepare(firing.rule).shape, engine.model, []
     match: dict[str, Any] = {}
     for position, (name, value) in enumerate(zip(shape.names, firing.values, strict=True)):
@@ -216,7 +216,7 @@ def _told(engine: Engine, application: Application) -> _Step:
 
 
 def _variable_types(engine: Engine, name: str) -> Mapping[str, StaticType | None]:
-    """The types of the variables of a match: of a pattern, or of the left side of a rule; the engine refuses others."""
+    """Return the types of the variables in a match of a pattern or of a rule's left-hand side."""
     with suppress(InvalidArgument):
         signature = engine.signature(name)
         return {one.name: one.type for one in (*signature.parameters, *signature.variables)}
@@ -224,7 +224,7 @@ def _variable_types(engine: Engine, name: str) -> Mapping[str, StaticType | None
 
 
 def pattern_types(engine: Engine, pattern: str) -> dict[str, StaticType]:
-    """The types of the parameters of a pattern."""
+    """Return the types of the parameters of a pattern."""
     found = engine.library.resolve(pattern)
     if found is None:
         private = [one for one in engine.library.patterns if one.private]
@@ -240,7 +240,7 @@ def pattern_types(engine: Engine, pattern: str) -> dict[str, StaticType]:
 def parse_values(
     engine: Engine, types: Mapping[str, StaticType | None], where: Sequence[str]
 ) -> dict[str, Any]:
-    """Values of `NAME=VALUE` arguments, by the types of the parameters."""
+    """Parse `NAME=VALUE` arguments into values, according to the types of the parameters."""
     bound: dict[str, Any] = {}
     for text in where:
         name, equals, value = text.partition("=")
@@ -273,7 +273,7 @@ def _value(engine: Engine, name: str, text: str, type_: StaticType | None) -> No
             )
         return engine.model.node(found)
     if isinstance(type_, EnumType):
-        text = text.removeprefix(type_.name).removeprefix("::")  # as in the languages
+        text = text.removeprefix(type_.name).removeprefix("::")  # The languages also allow the prefix.
         check_known(text, type_.literals, f"`{name}`: `{type_.name}` has no literal `{text}`")
         return text
     value = parse_value(text, type_) if type_ else text
@@ -286,9 +286,9 @@ def _value(engine: Engine, name: str, text: str, type_: StaticType | None) -> No
 
 
 def _names(model: Model, cls: str) -> dict[int, tuple[str, ...]]:
-    """Return what each object of a class may be called on the command line, the shortest first; ids are not among it.
+    """Return the names by which the command line may refer to each object of a class, the shortest first.
 
-    The name in the file, the place in a grid, the values of the key, and what is printed: `Box {label = a}`.
+    These are the name in the file, the cell in a grid, the values of the key, and the printed form: `Box {label = a}`.
     """
     found: dict[int, tuple[str, ...]] = {}
     for node in model.graph.extent(cls):
@@ -301,13 +301,13 @@ def _names(model: Model, cls: str) -> dict[int, tuple[str, ...]]:
 
 
 def _objects(engine: Engine, text: str, cls: str) -> str:
-    """Which objects of a class may be meant by a text; "" for anything."""
+    """Return a hint with objects of a class whose names are similar to `text`; all objects if `text` is ""."""
     names = [called[0] for called in _names(engine.model, cls).values()]
     return name_hint(text, names) or "" if names else f"there is no `{cls}` in it"
 
 
 def spelled(value: Node | Value) -> str:
-    """An object as in messages, with its class; a value as in the languages."""
+    """Return an object as messages show it, with its class; return a value as the languages write it."""
     if isinstance(value, Node):
         title = value.model.graph.title(value.id)
         return f"{value.cls} {title}" if title else value.model.graph.describe(value.id).strip("`")
@@ -315,7 +315,7 @@ def spelled(value: Node | Value) -> str:
 
 
 def _plain(value: Node | Value) -> Any:
-    """An object as JSON: class, id, name and attributes."""
+    """Return an object as JSON-ready data: class, id, name and attributes."""
     if not isinstance(value, Node):
         return value
     features = value.model.metamodel.features(value.cls).values()

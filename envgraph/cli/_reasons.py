@@ -1,4 +1,4 @@
-"""`envgraph explain` and `envgraph why-not`."""
+"""The commands `envgraph explain` and `envgraph why-not`."""
 
 from __future__ import annotations
 
@@ -18,11 +18,11 @@ from envgraph.rewrite import Engine
 
 
 def print_plan(model: str, definitions: str, name: str, where: Sequence[str], inputs: Inputs) -> None:
-    """Print how matches of a pattern or rule are found, or what steps an environment."""
+    """Print the search plan of a pattern or rule, or whether an environment is compiled."""
     engine, workspace = open_both(model, definitions, inputs)
     behaviour = next((one for one in workspace.behaviours if one.name == name), None)
     if behaviour is not None:
-        from envgraph.env.compiled import explanation  # Gymnasium takes long to import
+        from envgraph.env.compiled import explanation  # Importing Gymnasium is slow.
 
         text = explanation(engine, behaviour)
     else:
@@ -33,7 +33,7 @@ def print_plan(model: str, definitions: str, name: str, where: Sequence[str], in
 
 
 def print_reasons(model: str, definitions: str, name: str, where: Sequence[str], inputs: Inputs) -> None:
-    """Print why there is no match, or which there is."""
+    """Print why a pattern, rule or unit has no match, or print the match if it has one."""
     engine, workspace = open_both(model, definitions, inputs)
     if name in {one.name for one in workspace.behaviours} and not _means(engine, name):
         hint = "`envgraph explain` says what steps it"
@@ -41,7 +41,7 @@ def print_reasons(model: str, definitions: str, name: str, where: Sequence[str],
     bound = parse_values(engine, _types(engine, name, bool(where)), where)
     if engine.library.resolve(name) is None:
         signature = None
-        with suppress(InvalidArgument):  # the question itself says best that there is no such name
+        with suppress(InvalidArgument):  # `why_not` itself reports an unknown name best.
             signature = engine.signature(name)
         if signature is not None:
             complete(engine, signature, bound)
@@ -54,10 +54,10 @@ def print_reasons(model: str, definitions: str, name: str, where: Sequence[str],
 
 
 def _check_name(engine: Engine, workspace: Workspace, name: str) -> None:
-    """Says of a name that means nothing which environment it nearly is; else the question itself says it best.
+    """Check that a name is known; `engine.explain` reports names that are not similar to an environment's.
 
     Raises:
-        InvalidArgument: it is nearly an environment, or nothing that was read and so perhaps one.
+        InvalidArgument: the unknown name is similar to that of an environment, or resembles nothing.
     """
     environments = [one.name for one in workspace.behaviours]
     near = nearest(name, [*environments, *(one.name for one in workspace.definitions)])
@@ -69,7 +69,7 @@ def _check_name(engine: Engine, workspace: Workspace, name: str) -> None:
 
 
 def _means(engine: Engine, name: str) -> bool:
-    """Return whether a pattern, rule, unit or group has a name."""
+    """Return True if a pattern, rule, unit or group has this name."""
     if engine.library.resolve(name) is not None:
         return True
     try:
@@ -80,17 +80,17 @@ def _means(engine: Engine, name: str) -> bool:
 
 
 def _types(engine: Engine, name: str, given: bool) -> Mapping[str, StaticType | None]:
-    """Return what can be given for a pattern, rule or unit."""
+    """Return the types of the variables that a pattern, rule or unit can be given values for, by name."""
     if engine.library.resolve(name) is not None:
         return pattern_types(engine, name)
-    if not given:  # the question itself says best that there is no such name
+    if not given:  # `engine.explain` itself reports an unknown name best.
         return {}
     signature = engine.signature(name)
     return {one.name: one.type for one in (*signature.parameters, *signature.variables)}
 
 
 def _spans(why: WhyNot) -> Iterable[Span]:
-    """Return where the constraints that fail are written, the innermost last; each once."""
+    """Return the spans of the failing constraints, each once, the innermost last."""
     found: dict[tuple[str, int], Span] = {}
     for failure in why.failures:
         spans = [failure.span] if failure.span else []
@@ -100,7 +100,7 @@ def _spans(why: WhyNot) -> Iterable[Span]:
 
 
 def _data(why: WhyNot, engine: Engine) -> dict[str, Any]:
-    """As JSON-ready data; objects as in messages."""
+    """Return the reasons as JSON-ready data, with objects as messages show them."""
 
     def shown(values: Mapping[str, Value], objects: Iterable[str]) -> dict[str, Any]:
         known = set(objects)

@@ -1,4 +1,4 @@
-"""`envgraph replay`."""
+"""The command `envgraph replay`."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from envgraph.graph import model_to_json
 
 
 def replay_trace(model: str, rules: str, trace: Path, inputs: Inputs, output: Path | None) -> None:
-    """Do what a trace says, and compare the states with those that it has."""
+    """Repeat the applications of a trace, and compare the states with those recorded in it."""
     if output is not None:
         check_format(output)
     take(str(trace), ("trace",), "a trace, which `envgraph apply --trace` writes")

@@ -1,4 +1,4 @@
-"""`envgraph reproduce`."""
+"""The command `envgraph reproduce`."""
 
 from __future__ import annotations
 
@@ -32,10 +32,10 @@ def reproduce_paper(
     workers: int,
     force: bool,
 ) -> None:
-    """Train, write the page, tables and charts, and print which claims hold.
+    """Repeat the paper's experiments, write the page, tables and charts, and print which claims hold.
 
     Raises:
-        InvalidArgument: there is no such experiment, or the directory has something in it.
+        InvalidArgument: the experiment is unknown, or the directory is not empty.
     """
     if what != "paper":
         raise InvalidArgument(
@@ -76,12 +76,12 @@ def _data(claim: Any) -> dict[str, Any]:
 
 
 class _Bars(ExitStack):
-    """A progress bar for each part of the work, one after the other."""
+    """A sequence of progress bars, one for each part of the work."""
 
     _what = ""
 
     def advance(self, what: str, done: int, total: int) -> None:
-        """Show how much of a part is done."""
+        """Show how much of a part is done; begin a new bar if the part changes."""
         if what != self._what:
             self.close()
             self._what, self._bar = what, self.enter_context(progress_bar(what, total))

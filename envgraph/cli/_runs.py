@@ -1,4 +1,4 @@
-"""`envgraph runs`."""
+"""The command `envgraph runs`."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ from envgraph.search import Member, RunStore, open_family, run_file
 
 
 def show_runs(compared: Sequence[str], directory: Path) -> None:
-    """List the runs of a directory, or compare two."""
+    """List the runs of a directory, or compare two runs."""
     if not compared:
         _list_runs(directory)
     elif len(compared) == 2:
@@ -26,10 +26,10 @@ def show_runs(compared: Sequence[str], directory: Path) -> None:
 
 
 def _list_runs(directory: Path) -> None:
-    """Print the runs of a directory, by name; one that cannot be read with what is wrong with it.
+    """Print the runs of a directory, by name; a run that cannot be read is listed with its problem.
 
     Raises:
-        InvalidArgument: there is no such directory; that for runs as a rule comes with the first one.
+        InvalidArgument: the directory does not exist. (The default directory may be missing: then there are no runs.)
     """
     if directory != RUNS and not directory.is_dir():
         raise InvalidArgument(f"there is no directory `{directory}`")
@@ -45,7 +45,7 @@ def _list_runs(directory: Path) -> None:
 
 
 def _run(file: Path) -> dict[str, Any]:
-    """A run as JSON-ready data."""
+    """Return the description of a run as JSON-ready data."""
     found: dict[str, Any] = {"run": file.parent.name}
     try:
         with RunStore.open(file) as store:
@@ -63,10 +63,10 @@ def _run(file: Path) -> dict[str, Any]:
 
 
 def _compare_runs(first: str, second: str, directory: Path) -> None:
-    """Print what differs between two runs: settings, texts, figures, and the members that only one of them has.
+    """Print the differences between two runs: settings, file contents, figures, and members that only one of them has.
 
     Raises:
-        InvalidArgument: there is no such run, or it has no family yet.
+        InvalidArgument: a run does not exist, or has no family yet.
     """
     files = [run_file(run, directory) for run in (first, second)]
     one, other = map(_figures, files)
@@ -90,7 +90,7 @@ def _compare_runs(first: str, second: str, directory: Path) -> None:
 
 
 def _figures(file: Path) -> dict[str, Any]:
-    """What a run is compared by, JSON-ready; of texts a hash."""
+    """Return the values by which runs are compared, JSON-ready; file contents are represented by a hash."""
     with RunStore.open(file) as store:
         last = store.last_generation()
         found: dict[str, Any] = {"family": store.name, "imported from": store.imported}

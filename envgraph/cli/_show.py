@@ -1,4 +1,4 @@
-"""`envgraph show`."""
+"""The command `envgraph show`."""
 
 from __future__ import annotations
 
@@ -35,7 +35,7 @@ def show(
         return
     if shown in DEFINITIONS:
         raise InvalidArgument(f"`{run}` is no run, model or metamodel; `envgraph check {run}` reads it")
-    from envgraph.cli._family import show_family, show_lineage, show_rejections  # models do not need it
+    from envgraph.cli._family import show_family, show_lineage, show_rejections  # These are not needed for models.
 
     if format in ("dot", "svg"):
         raise InvalidArgument(

@@ -1,4 +1,4 @@
-"""`envgraph verify`."""
+"""The command `envgraph verify`."""
 
 from __future__ import annotations
 
@@ -28,20 +28,20 @@ from envgraph.search import (
 
 
 def verify_family(run: str, directory: Path, resume: bool) -> None:
-    """Print the properties proved of the members of a family. A run stores them, and is locked for writing."""
+    """Verify the members of a family, and print their exact properties. A run stores them, and is locked meanwhile."""
     is_file = run.endswith(".json")
     with nullcontext() if is_file else RunStore.open(run_file(run, directory), writing=True) as store:
         _verify_family(run, directory, store, resume)
 
 
 def _verify_family(run: str, directory: Path, store: RunStore | None, resume: bool) -> None:
-    """Print what is certain of the members of a family, and whether it is the same when computed again.
+    """Print the exact properties of the members of a family, and whether a second method computes the same values.
 
-    The store of a run has it from then on, member by member, if it can be written; `resume` leaves out those.
+    The store of a run records them, member by member; with `resume`, recorded members are skipped.
 
     Raises:
-        InvalidArgument: there is no such run, or it is a file, and `resume` is given.
-        EnvgraphError: something is not the same.
+        InvalidArgument: the run does not exist, or `resume` is given for a family file.
+        EnvgraphError: the two methods differ.
     """
     family, unkept = open_family(run, directory), None
     if resume and store is None:
@@ -140,7 +140,7 @@ def _kept_data(member: Member) -> dict[str, Any]:
 
 
 def _finite(values: dict[str, Any]) -> dict[str, Any]:
-    """Values for JSON, which has no infinity."""
+    """Return the values for JSON, with None for infinity and NaN."""
     return {
         name: None if isinstance(value, float) and not isfinite(value) else value
         for name, value in values.items()

@@ -1,1 +1,1 @@
-"""Family files: `family.toml` to data."""
+"""Read family files (`family.toml`)."""

@@ -1,4 +1,4 @@
-"""What a `family.toml` says, as frozen data."""
+"""The content of a `family.toml`, as frozen dataclasses: one for each table."""
 
 from __future__ import annotations
 
@@ -32,13 +32,13 @@ EXPRESSIONS = "expressions"
 
 @dataclass(frozen=True, slots=True)
 class ConstraintsSpec:
-    """`[constraints]`: names of patterns.
+    """The `[constraints]` table: patterns that every member of a family must or must not match.
 
     Attributes:
-        require: at least one match each.
-        forbid: no match each.
-        count: the number of matches is within bounds, both included; None is no upper bound.
-        reachable: outcomes ("success", "failure") that the enumerated behaviour must be able to reach.
+        require: patterns that must have at least one match.
+        forbid: patterns that must have no match.
+        count: patterns with bounds (inclusive) on the number of their matches; None for no upper bound.
+        reachable: outcomes ("success", "failure") that the environment of a member must be able to reach.
     """
 
     require: tuple[Name, ...] = key((), Section.names)
@@ -49,14 +49,14 @@ class ConstraintsSpec:
 
 @dataclass(frozen=True, slots=True)
 class MutationSpec:
-    """`[mutation]`; the defaults are the paper's.
+    """The `[mutation]` table; the defaults are the paper's.
 
     Attributes:
         rules: names of rules, units and derived groups.
         rate: probability that a child is mutated.
-        initial_applications: how many rules are applied to each clone of the initial model, both bounds included.
-        max_attempts: how often a mutation that violates a constraint is tried again.
-        strength: how many rule applications a mutation takes: one, or a number that is drawn anew each time.
+        initial_applications: range (inclusive) of the number of rules applied to each clone of the initial model.
+        max_attempts: number of attempts at a mutation that satisfies the constraints.
+        strength: number of rule applications in a mutation: one, or drawn each time from a heavy-tailed distribution.
     """
 
     rules: tuple[Name, ...] = key((), Section.names)
@@ -68,14 +68,14 @@ class MutationSpec:
 
 @dataclass(frozen=True, slots=True)
 class SearchSpec:
-    """`[search]`; the defaults are the paper's.
+    """The `[search]` table; the defaults are the paper's.
 
     Attributes:
-        generations: None is without end (then there is another limit).
-        keep_initial: the initial model is a fixed element of the family.
-        time_limit: seconds, or None.
-        target: stop at this diversity, or, for None, at the largest that a family can have; infinity is never.
-        stagnation: stop after so many generations without improvement, or None.
+        generations: number of generations; None for no limit (another stop criterion is then required).
+        keep_initial: True if the initial model is always a member of the family.
+        time_limit: seconds, or None for no limit.
+        target: diversity at which the search stops; None for the largest possible one, infinity for never.
+        stagnation: number of generations without improvement after which the search stops, or None.
     """
 
     population: int = key(6, Section.integer, low=1, most=_MOST)
@@ -92,14 +92,14 @@ class SearchSpec:
 
 @dataclass(frozen=True, slots=True)
 class OptimiseSpec:
-    """`[optimise]`: the file is about the one model that is best, not about a family.
+    """The `[optimise]` table, for a search of a single best model instead of a family.
 
     Attributes:
-        maximise, minimise: names of measures, at least one in all.
-        strategy: how models are searched.
-        steps: how many moves are tried.
-        time_limit: seconds, or None.
-        target: a value of the only objective at which the search ends, or None.
+        maximise, minimise: names of measures, at least one in total.
+        strategy: the search algorithm.
+        steps: number of candidate models to try.
+        time_limit: seconds, or None for no limit.
+        target: value of a single objective at which the search ends, or None.
     """
 
     maximise: tuple[Name, ...] = key((), Section.names)
@@ -112,14 +112,14 @@ class OptimiseSpec:
 
 @dataclass(frozen=True, slots=True)
 class SamplesSpec:
-    """`[samples]`: the family is many members that need not go together, not a few that are as diverse as can be.
+    """The `[samples]` table: the members are many sampled models, instead of a small family optimised as a whole.
 
     Attributes:
-        count: members of the family, the initial model among them.
-        cover: measures whose bins are to have as many members each; their options are `bins` and `range`.
-        maximise, minimise: measures by which a better member takes the place of one in the same bins, the one that
-            counts most first; one of the two is empty.
-        attempts: how many models are tried; None for ten times as many as members.
+        count: number of members, including the initial model.
+        cover: measures over whose bins the members are spread evenly; their options are `bins` and `range`.
+        maximise, minimise: measures by which a better model replaces a member in the same bins, the most important
+            first; one of the two is empty.
+        attempts: number of models to try; None for ten times the number of members.
     """
 
     count: int = key(1_000, Section.integer, low=2, most=_MOST)
@@ -131,13 +131,13 @@ class SamplesSpec:
 
 @dataclass(frozen=True, slots=True)
 class CurriculumSpec:
-    """`[curriculum]`.
+    """The `[curriculum]` table: how environments are ordered for training.
 
     Attributes:
         order: the measure that orders the environments from easy to hard.
-        sequences: what is trained on.
-        initial: where the initial model stands: it is the "last", the target, or "ordered" like the others.
-        schedules: what else the environments are chosen by, to be compared with.
+        sequences: the sequences of environments to train on.
+        initial: position of the initial model: "last" as the target, or "ordered" by the measure.
+        schedules: adaptive schedules to compare the curricula with.
     """
 
     order: Name | None = key(None, Section.string)
@@ -148,7 +148,7 @@ class CurriculumSpec:
 
 @dataclass(frozen=True, slots=True)
 class EpsilonSpec:
-    """`epsilon` of `[training]`: it starts at `start` and is multiplied by `decay` down to `minimum`."""
+    """The `epsilon` of `[training]`: it begins at `start` and is multiplied by `decay` down to `minimum`."""
 
     start: float = key(1.0, Section.number, low=0, high=1)
     decay: float = key(0.995, Section.number, low=0, high=1)
@@ -168,7 +168,7 @@ def _epsilon(top: Section, name: str, default: EpsilonSpec) -> EpsilonSpec:
 
 @dataclass(frozen=True, slots=True)
 class TrainingSpec:
-    """`[training]`; the defaults are the published settings."""
+    """The `[training]` table; the defaults are the published settings."""
 
     agent: str = key(
         "q_learning", Section.choice, known=("q_learning", "sarsa", "expected_sarsa", "double_q_learning")
@@ -186,23 +186,23 @@ class TrainingSpec:
 
 @dataclass(frozen=True, slots=True)
 class FamilySpec:
-    """A whole family file.
+    """The content of a whole family file.
 
     Attributes:
-        name: of the family; by default that of the file's directory.
-        model: path of the initial model, as names of files go (see `Files`); likewise `environment` and `imports`.
-        environment: path of the behaviour; None when the family is only generated.
-        imports: further files, such as queries that neither model nor environment import.
-        seed: of the search.
-        limit: steps of an episode, where the environment's own limit is overridden.
-        measures: in the order of the file; at least one.
+        name: name of the family; by default that of the file's directory.
+        model: path of the initial model, as a name of `Files`; likewise `environment` and `imports`.
+        environment: path of the behaviour; None if the family is only generated.
+        imports: additional files, such as queries that neither model nor environment import.
+        seed: seed of the search.
+        limit: maximum steps of an episode; None for the environment's own limit.
+        measures: at least one, in the order of the file.
         diversity: `options["of"]` is the name of a measure.
-        objective: what a family is worth as a whole; None: families are as diverse as can be. Either of a kind, or
-            with the options `maximise`, `minimise` and `subject_to`: then its kind is `EXPRESSIONS`.
-        samples: how many members are drawn, and of which kinds; None: a family is searched for.
-        optimise: which model is searched for, if not a family.
-        audit: what students see, and how they learn, where scores of levels are audited.
-        ga4cl: the classes whose standing rewards fill the reward schedule of that format.
+        objective: the value of a family as a whole; None to maximise diversity. It is of a built-in kind, or has the
+            options `maximise`, `minimise` and `subject_to`; then its kind is `EXPRESSIONS`.
+        samples: number and kind of sampled members; None if a family is searched for.
+        optimise: the search for a single model; None for a family.
+        audit: observations and learning of the students in audits of level scores.
+        ga4cl: classes with per-step rewards that fill the reward schedule of the GA4CL format.
         path: name of the file.
     """
 
@@ -228,25 +228,25 @@ class FamilySpec:
     source: Source | None = field(default=None, compare=False, repr=False)
 
     def has_key(self, *key: str) -> bool:
-        """Return True if the file has an objective, and this key, such as "search", "population"."""
+        """Return True if the file has an objective and this key, such as "search", "population"."""
         text = self.objective.text if self.objective else None
         return text is not None and key in text.values
 
     @property
     def steps_are_free(self) -> bool:
-        """True if the file names no steps on each member, so that a search with an objective chooses them."""
+        """True if the file does not fix the steps on each member, so that a search with an objective chooses them."""
         steps = ("training", "steps_per_environment"), ("objective", "steps")
         return not any(self.has_key(*key) for key in steps)
 
     @property
     def files(self) -> tuple[str, ...]:
-        """All files that the family names."""
+        """The names of all files that the family uses."""
         named = [self.model, *self.imports, *([self.environment] if self.environment else [])]
         return tuple(dict.fromkeys(str(one) for one in named))
 
     @property
     def evolves(self) -> bool:
-        """Whether the genetic algorithm makes the family, generation after generation."""
+        """True if the genetic algorithm generates the family; False if it is climbed or sampled."""
         return not self.climbs and self.samples is None
 
     @property
@@ -258,9 +258,9 @@ class FamilySpec:
 
     @property
     def size(self) -> int:
-        """How many members the family is to have."""
+        """The number of members that the family should have."""
         return self.search.population if self.samples is None else self.samples.count
 
     def measure(self, name: str) -> ComponentSpec | None:
-        """A measure by name."""
+        """Return the measure of this name; None if there is none."""
         return next((measure for measure in self.measures if measure.name == name), None)

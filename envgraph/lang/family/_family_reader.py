@@ -1,4 +1,4 @@
-"""`family.toml`: text to `FamilySpec`, with the position of everything that is wrong."""
+"""Parse `family.toml` into a `FamilySpec`, and report every error with its span."""
 
 from __future__ import annotations
 
@@ -36,12 +36,12 @@ FAMILY_FILE, PROBLEM_FILE = "family.toml", "problem.toml"
 
 @dataclass(frozen=True, slots=True)
 class FamilyFile:
-    """A family file as far as it can be read.
+    """The content of a family file that could be read.
 
     Attributes:
-        spec: what has mistakes is at its default.
+        spec: the family; settings with errors have their defaults.
         diagnostics: in the order of the text.
-        complete: whether all the files that it names are known; else nobody can say what the names in it mean.
+        complete: True if all files that it names are known; otherwise its names of definitions cannot be checked.
     """
 
     spec: FamilySpec
@@ -50,7 +50,7 @@ class FamilyFile:
 
 
 def find_family(path: str, files: Files | None = None) -> str:
-    """The name of the family file that a path means: a file, a directory that holds one, or a bundled domain.
+    """Return the name of the family file that a path means: a file, a directory with one, or a bundled domain.
 
     Raises:
         LoadError: there is none, or it cannot be read.
@@ -71,15 +71,15 @@ def find_family(path: str, files: Files | None = None) -> str:
 
 
 def read_family(name: str, files: Files, overrides: Iterable[str] = ()) -> FamilyFile:
-    """Reads a family file by its name, with all that is wrong with its text.
+    """Read a family file, and return its content with all errors in its text.
 
     Args:
-        name: of the file, as `files` has it.
-        files: where it is read from.
-        overrides: what holds instead of what the file says, such as "search.population=10".
+        name: name of the file in `files`.
+        files: where the file is read from.
+        overrides: settings that replace those of the file, such as "search.population=10".
 
     Raises:
-        LoadError: the file cannot be read, or is no TOML; or an override is none.
+        LoadError: the file cannot be read or is not TOML, or an override is invalid.
     """
     text = parse_toml(read_source(files, name))
     override(text, overrides)
@@ -96,7 +96,7 @@ def _other_format(name: str, format: str | None) -> Diagnostic:
 
 
 def _no_family(path: str, problem: Diagnostic) -> Diagnostic:
-    """A path without an extension was meant as a directory or a bundled domain."""
+    """Return a clearer error for a path without extension, which probably means a directory or bundled domain."""
     if problem.code != "missing-file" or problem.hint or "." in path.rpartition("/")[2]:
         return problem
     families = [one for one in bundled_domains() if data_path("rules", one, FAMILY_FILE).is_file()]
@@ -109,7 +109,7 @@ def _no_family(path: str, problem: Diagnostic) -> Diagnostic:
 
 
 def family_path(path: str, files: Files) -> str:
-    """The name of a family file, from its path, its directory, or the name of a bundled domain or of a file in one."""
+    """Return the name of the family file for a path: a file, a directory, a bundled domain, or a file in a domain."""
     name = files.name(path)
     if files.is_directory(name):
         found = [files.name(f"{path}/{file}") for file in (FAMILY_FILE, PROBLEM_FILE)]
@@ -183,7 +183,7 @@ class _Reader:
             source=self._text.source,
         )
         top.finish()
-        # An unknown key at the top may be what was meant to name a file; no table is.
+        # An unknown key at the top may be a misspelt name of a file; an unknown table cannot.
         unknown = [value for key, value in top.data.items() if key not in top.asked]
         self.complete = self.complete and all(isinstance(value, dict) for value in unknown)
         return spec

@@ -1,4 +1,4 @@
-"""The options of a component: typed, all mistakes together, each at its place in the family file."""
+"""Read the typed options of a component of a family file; collect all errors with their spans."""
 
 from __future__ import annotations
 
@@ -17,9 +17,9 @@ LARGEST = 1e300
 
 
 class Options:
-    """The options of one component. Ask for each option that it may have, then call `finish`.
+    """A reader of the options of one component: read each option that the component has, then call `finish`.
 
-    A wrong option gives a diagnostic and its default, so that one look finds all mistakes.
+    A wrong option is recorded in `problems` and its default is returned, so that all errors are found in one pass.
     """
 
     def __init__(self, spec: ComponentSpec) -> None:
@@ -29,38 +29,38 @@ class Options:
         self._table = Section(text, path, spec.options, self.problems, {})
 
     def read(self, component: type[T]) -> T:
-        """A component that is a data class, whose fields are made by `key` of questions of this class."""
+        """Return an instance of a dataclass whose fields are made by `key` with methods of this class."""
         made: Any = component
         return component(
             **{one.name: one.metadata["read"](self, one.name, one.default) for one in fields(made)}
         )
 
     def number(self, name: str, default: float, low: float, high: float) -> float:
-        """A number within bounds, both included."""
+        """Read a number from `low` to `high`, both included."""
         return float(self._table.number(name, default, low, high))
 
     def integer(self, name: str, default: int, low: int, most: int) -> int:
-        """A whole number, at least `low`, and at most a limit."""
+        """Read an integer of at least `low` and at most `most` (times `ENVGRAPH_LIMITS`)."""
         found: int = self._table.integer(name, default, low, most)
         return found
 
     def word(self, name: str, default: str, known: Sequence[str]) -> str:
-        """One of several words."""
+        """Read one of the words in `known`."""
         return self._table.choice(name, default, known)
 
     def name(self, name: str) -> str:
-        """A name that must be given."""
+        """Read a required name; return "" if it is missing, which is reported."""
         found = self._table.string(name)
         if not self.given(name):
             self._table.missing(name, f'write `{name} = "..."`')
         return found.text if found else ""
 
     def name_or_none(self, name: str) -> str | None:
-        """A name, or None where the option is not there."""
+        """Read an optional name; return None if it is missing."""
         return self.name(name) if self.given(name) else None
 
     def names(self, name: str) -> tuple[str, ...]:
-        """A name or a list of names, at least one."""
+        """Read a required name or nonempty list of names."""
         value = self._table.take(name)
         found = [value] if isinstance(value, str) else value
         if isinstance(found, list) and found and all(isinstance(one, str) for one in found):
@@ -68,7 +68,7 @@ class Options:
         return self._wrong(name, "a name or a list of names", (), '["..."]')
 
     def integers(self, name: str, default: list[int], low: int, most: int) -> tuple[int, ...]:
-        """A whole number or a list of them, at least one, each at least `low`, and at most a limit."""
+        """Read an integer or a nonempty list of integers, each from `low` to `most`."""
         value = self._table.take(name) if self.given(name) else default
         found = value if isinstance(value, list) else [value]
         if not found or not all(type(one) is int and low <= one for one in found):
@@ -81,14 +81,14 @@ class Options:
         return tuple(found)
 
     def number_or(self, name: str, word: str) -> float | str | None:
-        """A number, a certain word, or None where the option is not there."""
+        """Read a number or the word `word`; return None if the option is missing."""
         value = self._table.take(name)
         if value is None or value == word or (type(value) in (int, float) and abs(value) <= LARGEST):
             return value  # type: ignore[no-any-return]
         return self._wrong(name, f'a number or "{word}"', None, f'"{word}"')
 
     def range(self, name: str, default: tuple[float, float]) -> tuple[float, float]:
-        """Two numbers, the lower first."""
+        """Read a pair of numbers, the lower first."""
         value = self._table.take(name) if self.given(name) else list(default)
         fits = isinstance(value, list) and len(value) == 2 and all(type(one) in (int, float) for one in value)
         if fits and -LARGEST <= value[0] < value[1] <= LARGEST:
@@ -97,12 +97,15 @@ class Options:
         return self._wrong(name, "two numbers, the lower first", default, f"[{low:g}, {high:g}]")
 
     def given(self, name: str) -> bool:
-        """Whether the option is there."""
+        """Return True if the option is set, and mark it as known."""
         self._table.take(name)
         return name in self._table
 
     def finish(self) -> None:
-        """Note every option that was not asked for; an unknown one may be what was meant by one that is missing."""
+        """Report every option that was not read.
+
+        If there is one, remove the errors for missing options: it is probably a misspelt name of one of them.
+        """
         if not self._table.asked.keys() >= self._table.data.keys():
             self.problems[:] = [problem for problem in self.problems if problem.code != "missing-key"]
         self._table.finish()

@@ -1,4 +1,4 @@
-"""One table of a family file: what its keys say, with every mistake at its place."""
+"""Read the keys of one table of a family file, and report every error with its span."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from envgraph.lang.syntax._toml import TomlText
 
 Spec = TypeVar("Spec")
 
-# What to write where another type is expected.
+# The hint for each expected type.
 _WANTED = {
     "a string": 'write `{} = "..."`',
     "a whole number": "write `{} = 3`, without a fraction and without quotation marks",
@@ -27,7 +27,7 @@ _WANTED = {
 
 @dataclass(frozen=True, slots=True)
 class Name:
-    """A name in a family file and where it stands."""
+    """A name in a family file and its span."""
 
     text: str
     span: Span | None = field(default=None, compare=False, repr=False)
@@ -38,13 +38,13 @@ class Name:
 
 @dataclass(frozen=True, slots=True)
 class ComponentSpec:
-    """A part of the search by the name of its kind, with its options as plain data.
+    """The kind and the options of a replaceable part of the search, such as a measure or a selection.
 
     Attributes:
-        name: the user's name of a measure; for the others their role ("diversity", "parents" ..).
-        kind: what is built ("path_complexity", "random" ...).
-        options: everything else in the table.
-        text, path: the file that has it, and the names of its table there; None for one of Python.
+        name: the user's name of a measure; for all others their role ("diversity", "parents" ..).
+        kind: the name of the implementation ("path_complexity", "random" ...).
+        options: all other keys of the table.
+        text, path: the family file, and the path of the table in it; None if the spec was built in Python.
     """
 
     name: str
@@ -54,9 +54,9 @@ class ComponentSpec:
     path: tuple[str, ...] = field(default=(), compare=False, repr=False)
 
     def span(self, option: str | None = None, *item: int) -> Span | None:
-        """Where the value of an option, or an item of it, stands; where the table does if it is not there.
+        """Return the span of an option's value, or of an item in it; the span of the table if the option is missing.
 
-        Without an option where the kind stands.
+        Without an option, return the span of the kind. Return None if the spec was built in Python.
         """
         if self.text is None:
             return None
@@ -64,29 +64,29 @@ class ComponentSpec:
         return self.text.value(*self.path, named if option is None else option, *item)
 
     def key_span(self, *option: str) -> Span | None:
-        """Where the name of an option stands, or of the table."""
+        """Return the span of the key of an option; without an option, the span of the table's name."""
         return self.text.key(*self.path, *option) if self.text else None
 
 
 def key(default: Any, read: Callable[..., Any], /, **limits: Any) -> Any:
-    """A field of a data class that stands for a table, or for a component: the key of its name.
+    """Return a dataclass field that is read from the key of the same name in a table or component.
 
     Args:
-        default: what holds where the key is not there.
-        read: a question of `Section`, or of `Options`, which takes the key, the default and the limits.
-        **limits: see there.
+        default: the value if the key is missing.
+        read: a method of `Section` or `Options` that takes the key, the default and the limits.
+        **limits: keyword arguments of `read`.
     """
     return field(default=default, metadata={"read": partial(read, **limits)})
 
 
 @dataclass(slots=True)
 class Section:
-    """One table. Each question takes a key; what nobody asked for is unknown.
+    """A reader of one table. Each method reads a key; keys that were never read are unknown, and `finish` reports them.
 
     Attributes:
-        path: its name, in parts.
-        homes: the keys of each table of the file, for hints; of the top under "".
-        there: whether the file has it.
+        path: the path of the table's name.
+        homes: the keys of each table of the file, for hints; "" stands for the top of the file.
+        there: True if the file has this table.
     """
 
     text: TomlText
@@ -105,11 +105,11 @@ class Section:
 
     @property
     def name(self) -> str:
-        """What the table is called in messages."""
+        """The name of the table in messages."""
         return f"`[{'.'.join(self.path)}]`" if self.path else "the file"
 
     def error(self, code: str, message: str, span: Span, hint: str | None = None) -> None:
-        known = bool(self.text.source.name)  # else it is a table of Python
+        known = bool(self.text.source.name)  # Tables built in Python have no text.
         self.diagnostics.append(Diagnostic(code, message, span if known else None, hint))
 
     def wrong(self, key: str, wanted: str, *path: str | int, hint: str | None = None) -> None:
@@ -124,7 +124,7 @@ class Section:
         return self.data.get(key)
 
     def read(self, spec: type[Spec]) -> Spec:
-        """The table as a data class, whose fields are made by `key`."""
+        """Return the table as an instance of a dataclass whose fields are made by `key`."""
         made: Any = spec
         found = {one.name: one.metadata["read"](self, one.name, one.default) for one in fields(made)}
         self.finish()
@@ -205,7 +205,7 @@ class Section:
         return default
 
     def names(self, key: str, default: tuple[Name, ...] = ()) -> tuple[Name, ...]:
-        """A list of names; a name alone is a list of one."""
+        """Read a list of names; a single name is a list of length 1."""
         value = self.take(key)
         if value is None:
             return default
@@ -228,7 +228,7 @@ class Section:
     def choices(
         self, key: str, default: tuple[Name, ...], what: str, known: tuple[str, ...]
     ) -> tuple[Name, ...]:
-        """A list of names, each of which is known."""
+        """Read a list of names, each of which must be in `known`."""
         found = self.names(key, default)
         for one in found:
             if one.text not in known and one.span:
@@ -239,14 +239,17 @@ class Section:
     def unless_false(
         self, key: str, default: Any, off: object, read: Callable[..., Any], **limits: Any
     ) -> Any:
-        """A key that `false` turns off."""
+        """Read a key with `read`; return `off` if its value is `false`."""
         if self.data.get(key) is not False:
             return read(self, key, default, **limits)
         self.take(key)
         return off
 
     def table(self, key: str) -> Section:
-        """A table inside, also under a mistyped name, which is unknown then; empty if it is not there."""
+        """Return the nested table of this key; an empty one if it is missing.
+
+        If the table is missing, a table with a similar name is read instead; its name is reported as unknown later.
+        """
         value = self.take(key)
         if value is None:
             tables = (one for one, found in self.data.items() if isinstance(found, dict))
@@ -279,7 +282,7 @@ class Section:
         return value[0], value[1]
 
     def component(self, role: str, default: str | None, word: str = "kind") -> ComponentSpec | None:
-        """This table as the part of a search; `word` is the key that names it."""
+        """Return this table as a component; the key `word` names its kind. If the kind is missing, report it; return None."""
         kind = self.string(word, default)
         if kind is None:
             near = next((key for key in self.data if did_you_mean(key, [word])), None)
@@ -292,12 +295,12 @@ class Section:
         return self.options(role, kind.text, word)
 
     def options(self, role: str, kind: str | None = None, word: str | None = None) -> ComponentSpec:
-        """This table as options, all but the key that names the kind; the kind is by default the role."""
+        """Return this table as a component whose options are all keys except `word`; the kind is by default the role."""
         options = {key: value for key, value in self.data.items() if key != word}
         return ComponentSpec(role, kind or role, options, self.text, self.path)
 
     def chosen(self, key: str, default: ComponentSpec) -> ComponentSpec:
-        """`key = { name = "...", option = ... }`, or the name alone."""
+        """Read `key = { name = "...", option = ... }`, or only the name as in `key = "..."`."""
         value = self.data.get(key)
         if isinstance(value, str):
             self.take(key)
@@ -308,11 +311,11 @@ class Section:
         return table.component(key, None, "name") or default
 
     def missing(self, key: str, hint: str) -> None:
-        """Reports that a key is not there."""
+        """Report that a required key is missing."""
         self.error("missing-key", f"{self.name} has no `{key}`", self.text.value(*self.path), hint)
 
     def finish(self) -> None:
-        """Reports the keys that nobody asked for."""
+        """Report all keys that were not read."""
         for key in self.data:
             if key not in self.asked:
                 message = f"unknown key `{key}` in {self.name}"
@@ -333,7 +336,7 @@ class Section:
 def counts(
     section: Section, name: str, default: tuple[tuple[Name, tuple[int, int | None]], ...]
 ) -> tuple[tuple[Name, tuple[int, int | None]], ...]:
-    """A table of names with bounds such as `"1..5"`."""
+    """Read a table of names with bounds such as `"1..5"`."""
     section, found = section.table(name), [*default]
     for key in section.data:
         value = section.take(key)
@@ -355,7 +358,7 @@ def counts(
 
 
 def cover(section: Section, name: str, default: tuple[ComponentSpec, ...]) -> tuple[ComponentSpec, ...]:
-    """A table of `measure = 20`, a number of bins, or `measure = { bins = 20, range = [0, 1] }`."""
+    """Read a table of `measure = 20` (a number of bins), or `measure = { bins = 20, range = [0, 1] }`."""
     section, found = section.table(name), [*default]
     for key, value in section.data.items():
         if _is_int(value):
@@ -370,7 +373,7 @@ def cover(section: Section, name: str, default: tuple[ComponentSpec, ...]) -> tu
 
 
 def _is_int(value: object) -> bool:
-    """Return whether a TOML value is a whole number."""
+    """Return True if a TOML value is an integer; booleans are not."""
     return isinstance(value, int) and not isinstance(value, bool)
 
 
@@ -379,7 +382,7 @@ def _is_number(value: object) -> bool:
 
 
 def kind_of(value: object) -> str:
-    """Return what a TOML value is, for messages."""
+    """Return a phrase for the type of a TOML value, for error messages, such as "a string"."""
     match value:
         case bool():
             return "a truth value"
@@ -397,7 +400,7 @@ def kind_of(value: object) -> str:
 
 
 def _bounds_of(value: object) -> tuple[int, int | None] | None:
-    """The numbers of `"1..5"`, `"2..*"`, `"3"`, `3` or `[1, 5]`; None for anything else."""
+    """Return the bounds in `"1..5"`, `"2..*"`, `"3"`, `3` or `[1, 5]` (None for `*`); None for any other value."""
     if _is_int(value):
         return (value, value) if isinstance(value, int) and value >= 0 else None
     if isinstance(value, list) and len(value) == 2 and all(_is_int(one) and one >= 0 for one in value):

@@ -1,1 +1,1 @@
-"""Files with all that they import, read and checked together."""
+"""Load files with all their imports, and check them together."""

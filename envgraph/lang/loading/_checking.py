@@ -1,4 +1,4 @@
-"""Names and types across files: the definitions of a workspace against its metamodel and each other."""
+"""Check names and types of all definitions of a workspace against its metamodel and against each other."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from envgraph.rewrite import Engine
 
 
 def check(workspace: Workspace) -> list[Diagnostic]:
-    """Return what is wrong with patterns, rules, units, derivations and behaviours."""
+    """Return the diagnostics for all patterns, rules, units, derivations and behaviours of a workspace."""
     named = ((one.name, one.span) for one in workspace.behaviours)
     problems = list(defined_twice(named, "environment `{}` is defined twice"))
     if workspace.registration is None or workspace.metamodel is None:
@@ -32,9 +32,9 @@ def check(workspace: Workspace) -> list[Diagnostic]:
 
 
 def conformance(text: ModelText) -> list[Diagnostic]:
-    """Return what a model lacks to conform to its metamodel (multiplicities, values): a diagnostic at each object.
+    """Return a warning for each violation of the metamodel by a model: multiplicities and values.
 
-    A model may be worked on while it does not conform, so these are warnings.
+    These are warnings, not errors, because a model may be edited while it does not conform.
     """
     if text.model is None:
         return []
@@ -56,7 +56,7 @@ def conformance(text: ModelText) -> list[Diagnostic]:
 
 
 def _completion(violation: Violation, model: Model, start: str) -> str:
-    """Return what to write so that an object has what it lacks, in a text that starts so."""
+    """Return a hint that mends a violation, in the syntax of the file; `start` is the first character of its text."""
     feature = violation.feature
     if violation.kind == "too-many":
         return f"leave some of `{feature.name}` out"
@@ -76,7 +76,7 @@ def _completion(violation: Violation, model: Model, start: str) -> str:
 
 
 def _no_metamodel(workspace: Workspace) -> list[Diagnostic]:
-    """One diagnostic, where something needs a metamodel and no file has or imports one."""
+    """Return one diagnostic if a file needs a metamodel but no file is or imports one; otherwise an empty list."""
     formats = [format_of(name, text[:HEAD].encode()) for name, text in workspace.sources.items()]
     if workspace.unknown.all or {"metamodel", "ecore"} & set(formats):
         return []

@@ -1,4 +1,4 @@
-"""Whether the names in a family file mean something."""
+"""Check the names in a family file: patterns, rules, classes, references and components."""
 
 from __future__ import annotations
 
@@ -37,7 +37,7 @@ COMPONENTS: Mapping[str, Collection[str]] = MappingProxyType(
 NEED_ENVIRONMENT = ("shortest_plan", "random_success", "optimal_return")
 """The kinds of measures that are of environments, not of models alone."""
 
-# For each kind of measure: the options, and what they name.
+# The options of each kind of measure, with the sort of definition that the option's value names ("" for none).
 _OPTIONS: Mapping[str, Mapping[str, str]] = {
     "path_complexity": {"transform": "", "from": "class", "to": "class", "along": "path", "avoid": "class"},
     "shortest_path": {"from": "class", "to": "class", "along": "path", "avoid": "class"},
@@ -52,7 +52,7 @@ _OPTIONS: Mapping[str, Mapping[str, str]] = {
 
 
 def numeric_parameters(library: Library, pattern: str) -> dict[str, tuple[int, Scalar]] | None:
-    """Place and type of the parameters of a pattern that stand for a number; None where there is no such pattern."""
+    """Return index and type of each numeric parameter of a pattern, by name; None if no pattern has this name."""
     found = library.resolve(pattern) or (library.get(pattern) if pattern in library.names() else None)
     if found is None:
         return None
@@ -67,12 +67,12 @@ def numeric_parameters(library: Library, pattern: str) -> dict[str, tuple[int, S
 def check_family(
     spec: FamilySpec, workspace: Workspace, components: Mapping[str, Collection[str]] = COMPONENTS
 ) -> list[Diagnostic]:
-    """Names of patterns, rules, classes, references and components in a family file that mean nothing.
+    """Return diagnostics for unknown names in a family file: patterns, rules, classes, references and components.
 
     Args:
         spec: the family.
-        workspace: of the files that it names.
-        components: the kinds that are known, by role ("measure", "diversity", "objective", "parents", "survivors",
+        workspace: the files that the family names.
+        components: the known kinds of components, by role ("measure", "diversity", "objective", "parents", "survivors",
             "strategy").
     """
     return list(_Checker(spec, workspace, components).check())
@@ -116,7 +116,7 @@ class _Checker:
             yield from self._one(spec.environment, behaviours, "environment")
 
     def _one(self, file: Name, spans: Iterable[Span | None], what: str) -> Iterator[Diagnostic]:
-        """A family begins with the one model, and has the one environment, that its file defines."""
+        """Yield a diagnostic if the file named as model or environment does not define exactly one."""
         count = sum(1 for span in spans if span and span.source.name == file.text)
         workspace = self._workspace
         if count != 1 and file.text in workspace.sources and file.text not in workspace.unread:
@@ -139,7 +139,7 @@ class _Checker:
     def _rule(self, name: Name) -> Iterator[Diagnostic]:
         group, dot, member = name.text.partition(".")
         if dot and group in self._rules and member.count(".") == 1 and self._metamodel_has(member.split(".")):
-            return  # a member of a derived group, such as `retypings.Road.Water`
+            return  # This is a member of a derived group, such as `retypings.Road.Water`.
         if name.text not in self._rules and name.text in self._patterns:
             hint = "a pattern changes nothing: name a rule that does"
             yield Diagnostic("unknown-rule", f"`{name}` is a pattern, not a rule", name.span, hint)
@@ -148,7 +148,7 @@ class _Checker:
         yield from self._needs_nothing(name)
 
     def _needs_nothing(self, name: Name) -> Iterator[Diagnostic]:
-        """A search gives no arguments: a rule that needs some can only be called by a unit."""
+        """Yield a diagnostic if a mutation rule has required parameters, because a search passes no arguments."""
         registration = self._workspace.registration
         if registration is None:
             return
@@ -217,7 +217,7 @@ class _Checker:
             yield from self._number(measure)
 
     def _number(self, measure: ComponentSpec) -> Iterator[Diagnostic]:
-        """Yield whether it is clear which parameter of a pattern a value is."""
+        """Yield a diagnostic if the options of a `value` measure do not select one numeric parameter of its pattern."""
         name, wanted = measure.options.get("of"), measure.options.get("parameter")
         registration = self._workspace.registration
         if not isinstance(name, str) or registration is None:
@@ -269,7 +269,7 @@ class _Checker:
             )
 
     def _path(self, name: str, span: Span | None, kind: str) -> Iterator[Diagnostic]:
-        """A reference (`right`, `Tile.right`) or a binary pattern."""
+        """Yield diagnostics for a step that is neither a reference (`right`, `Tile.right`) nor a pattern of two parameters."""
         metamodel = self._workspace.metamodel
         if metamodel is None:
             return
@@ -298,7 +298,7 @@ class _Checker:
             yield Diagnostic("wrong-arity", message, span, hint)
 
     def _steps(self, measure: ComponentSpec) -> Iterator[Diagnostic]:
-        """Yield whether paths of a measure can go where it says, by the classes of the objects."""
+        """Yield diagnostics for steps and classes that no path of the measure can reach, judging by classes alone."""
         metamodel, given = self._workspace.metamodel, measure.options
         along = given.get("along")
         names = along if isinstance(along, list) else [along]
@@ -329,7 +329,7 @@ class _Checker:
 
 
 def _reached(metamodel: Metamodel, start: str, references: Sequence[Reference]) -> set[str]:
-    """The concrete classes of the objects that paths may come to."""
+    """Return the concrete classes of the objects that paths along the references can reach from the class `start`."""
     reached = set(metamodel.concrete(start))
     before = -1
     while before < len(reached):
@@ -341,9 +341,9 @@ def _reached(metamodel: Metamodel, start: str, references: Sequence[Reference]) 
 
 
 def _named(names: Iterable[tuple[str, str]]) -> dict[str, int]:
-    """Return how many qualified names each name may mean; one, if it is a qualified name itself."""
+    """Count the definitions that each simple name may mean; each qualified name counts once."""
     counts: dict[str, int] = {}
-    distinct = dict.fromkeys(names)  # a second definition of a name is reported where it stands
+    distinct = dict.fromkeys(names)  # A duplicate definition is reported where it is defined.
     for simple, _ in distinct:
         counts[simple] = counts.get(simple, 0) + 1
     return counts | {qualified: 1 for _, qualified in distinct}

@@ -1,4 +1,4 @@
-"""Imports that lead to nothing, and files that are imported for nothing."""
+"""Check the imports of files: report imports that find nothing, and imports that are not used."""
 
 from __future__ import annotations
 
@@ -31,17 +31,17 @@ NAME_IT = "name its file too, for example with `--metamodel`, or import the path
 
 @dataclass(slots=True)
 class LoadedFile:
-    """What is known about a file.
+    """A file of a workspace, with the results of reading it.
 
     Attributes:
-        format: "" where that, or what the file says, is not known.
-        source: None where it cannot be read, or is not read from a file.
-        parsed: what it says, in one of our languages.
-        imports: of files, with the names of these; None for an import that none of the files is.
-        patterns: that it imports by name.
-        mentioned: the names that stand in a file of queries; None for others, which may import what runs by itself.
-        defined: the names that stand for something because of this file.
-        metamodel: whether it is one.
+        format: the format's name; "" if it or the file's content is unknown.
+        source: the text; None if it cannot be read, or does not come from a file.
+        parsed: the syntax tree, if the file is in one of envgraph's own languages.
+        imports: the imported files, each with its name; None for an import that no file matches.
+        patterns: the patterns that the file imports by name.
+        mentioned: all names in a `.query` file; None for other files, whose imports may take effect unmentioned.
+        defined: the names that this file defines.
+        metamodel: True if the file is a metamodel.
     """
 
     format: str = ""
@@ -55,12 +55,15 @@ class LoadedFile:
 
 
 def is_path(text: str) -> bool:
-    """Return whether an import is a path by its looks; else it may be the uri or the name of a metamodel."""
+    """Return True if the text of an import looks like a path; otherwise it may be the URI or name of a metamodel."""
     return "://" not in text and suffix_of(text) in LANGUAGE_OF
 
 
 def at_import(problem: Diagnostic, asked: Import | None, name: str) -> Diagnostic:
-    """A file that cannot be read is the mistake of who asks for it."""
+    """Return a problem of reading a file as a problem of the import that named the file.
+
+    Without an import (`asked` is None), return the problem itself, with a hint for an unknown domain name.
+    """
     if asked is None or (problem.span and problem.span.source.text):
         if problem.code == "missing-file" and problem.hint is None and "." not in name:
             return replace(problem, hint=did_you_mean(name, bundled_domains()))
@@ -75,7 +78,7 @@ def at_import(problem: Diagnostic, asked: Import | None, name: str) -> Diagnosti
 
 
 def names_of(metamodel: Metamodel, calls: Collection[str] | None = None) -> set[str]:
-    """The names that a metamodel gives a meaning, or only the packages of these uris."""
+    """Return the names that a metamodel defines; with `calls`, only those of the packages with these URIs."""
     paths = {one.path for one in metamodel.packages if calls is None or one.uri in calls}
     found = {metamodel.name} if calls is None else set()
     for enum in (one for one in metamodel.enum_types if one.package in paths):
@@ -89,13 +92,13 @@ def names_of(metamodel: Metamodel, calls: Collection[str] | None = None) -> set[
 def imported_patterns(
     file: LoadedFile, patterns: Mapping[str, Pattern], name: str, unknown: UnknownNames
 ) -> Iterator[Diagnostic]:
-    """Patterns that a file, of this name, imports, and that none of the files has or shows.
+    """Yield an error for each pattern that a file imports but that is unknown, or private in another file.
 
     Args:
-        file: the file.
-        patterns: of all files, by qualified name.
-        name: of the file.
-        unknown: names of patterns that there may be.
+        file: the file that imports.
+        patterns: the patterns of all files, by qualified name.
+        name: the name of the file.
+        unknown: names of patterns that may be defined in unreadable text; these are not reported.
     """
     for one in file.patterns:
         found = patterns.get(one.name)
@@ -115,10 +118,10 @@ def imported_patterns(
 
 
 def unused_files(files: Mapping[str, LoadedFile]) -> Iterator[Diagnostic]:
-    """Warns of files that are imported where nothing of them, or of what they import, is mentioned."""
+    """Yield a warning for each imported file if the importing file uses no name from it or from its imports."""
     for name, file in files.items():
         if file.mentioned is None or not file.defined:
-            continue  # the file is there to put others together
+            continue  # This file only combines others.
         kept = [target for _, target in file.imports if target in files and target != name]
         known: set[str] = set()
         for import_, target in file.imports:
@@ -140,7 +143,7 @@ def _unused(import_: Import, message: str) -> Diagnostic:
 
 
 def _useful(files: Mapping[str, LoadedFile], name: str, target: str, imported: Iterable[str | None]) -> bool:
-    """Return whether a file mentions what another defines, or knows something from it that no other import tells."""
+    """Return True if a file uses a name of an imported file, or a name that only this import provides indirectly."""
     mentioned = files[name].mentioned or frozenset()
     if mentioned & files[target].defined:
         return True
@@ -153,7 +156,7 @@ def _useful(files: Mapping[str, LoadedFile], name: str, target: str, imported: I
 
 
 def _reached(files: Mapping[str, LoadedFile], starts: Iterable[str | None], without: str) -> Iterator[str]:
-    """Files and all that they import, but not one of them."""
+    """Yield the files and all files that they import, directly or indirectly, except the file `without`."""
     seen = {without}
     waiting = list(starts)
     while waiting:

@@ -1,4 +1,4 @@
-"""Reads files and what they import, and checks them together."""
+"""Read files and their imports, and check all of them together."""
 
 from __future__ import annotations
 
@@ -52,7 +52,7 @@ from envgraph.metamodel import Metamodel
 from envgraph.pattern import Derivation, FunctionDeclaration, Library, Pattern, Rule, Unit, UnknownNames
 from envgraph.rewrite import Registration
 
-if TYPE_CHECKING:  # each is loaded with the first file that needs it
+if TYPE_CHECKING:  # These modules are loaded with the first file that needs them.
     from envgraph.behaviour import Behaviour
     from envgraph.lang.interchange._ecore_document import EcoreDocument
 
@@ -66,7 +66,7 @@ _MOST_FILES = 10_000
 
 
 def directory_of(files: Files, path: str) -> str | None:
-    """The directory that a path means, which may be the name of a bundled domain; None for a file."""
+    """Return the directory that a path names, possibly that of a bundled domain; None if the path names a file."""
     name = files.name(path)
     if files.is_directory(name):
         return name
@@ -77,7 +77,7 @@ def directory_of(files: Files, path: str) -> str | None:
 
 @dataclass(slots=True)
 class Loader:
-    """Reads each file once; a file's imports are read right after it, so that the order is that of the text."""
+    """A loader that reads each file once, and the imports of a file right after the file, in the order of the text."""
 
     files: Files
     components: Mapping[str, Collection[str]]
@@ -103,7 +103,7 @@ class Loader:
     # --- reading ---
 
     def add_root(self, path: str) -> None:
-        """Reads a path that was asked for."""
+        """Read the file or directory that the caller named."""
         directory = directory_of(self.files, path)
         if directory is None:
             name = self.files.name(path)
@@ -124,11 +124,11 @@ class Loader:
             self._read(name)
 
     def _known_files(self, directory: str) -> list[str]:
-        known = (*LANGUAGE_OF.keys() - {"json"}, "toml")  # many things are kept as JSON
+        known = (*LANGUAGE_OF.keys() - {"json"}, "toml")  # JSON files are left out: they often hold other data.
         return [name for name in self.files.entries(directory) if suffix_of(name) in known]
 
     def _read(self, first: str, asked: Import | None = None) -> None:
-        """Reads a file and all that it imports, depth first, without recursion: chains of imports may be long."""
+        """Read a file and all its imports, depth first. A loop avoids deep recursion on long import chains."""
         waiting: list[tuple[str, Import | None]] = [(first, asked)]
         most = limit(_MOST_FILES)
         while waiting:
@@ -144,7 +144,7 @@ class Loader:
                 waiting.extend(reversed(self._read_one(name, asked)))
 
     def _read_one(self, name: str, asked: Import | None) -> list[tuple[str, Import | None]]:
-        """Reads one file and returns the names of what it imports."""
+        """Read one file; return the names of the files that it imports, each with its import."""
         file, format = self.read[name], file_format(self.files, name)
         try:
             if format == "toml" and asked is None:
@@ -167,7 +167,7 @@ class Loader:
         return [(target, one) for one, target in found]
 
     def _other_packages(self, document: EcoreDocument) -> list[tuple[Import, str]]:
-        """The files that an `.ecore` file names and that are there; for the others, others may have been given."""
+        """Return the existing files that an `.ecore` file refers to; other files given later may resolve the rest."""
         from envgraph.lang.interchange._ecore_document import eclipse_path
 
         name, found = document.source.name, []
@@ -189,7 +189,7 @@ class Loader:
         raise LoadError.of("unknown-language", message, span, hint or _extensions())
 
     def _take(self, file: LoadedFile, source: Source, asked: Import | None) -> Sequence[Import]:
-        """Keeps what a file says, and returns its imports."""
+        """Store the parsed content of a file, and return its imports."""
         if file.format == "ecore":
             from envgraph.lang.interchange._ecore_document import EcoreDocument
 
@@ -221,11 +221,11 @@ class Loader:
         return header_of(Reading(parsed)).imports
 
     def _of(self, *languages: str) -> list[tuple[str, LoadedFile]]:
-        """The files of some languages that could be read, by name."""
+        """Return the readable files of these languages, each with its name."""
         return [(name, one) for name, one in self.read.items() if LANGUAGE_OF.get(one.format) in languages]
 
     def _types(self, name: str, metamodel: Metamodel | None) -> TypeNames | None:
-        """Return what the names of types mean in a file."""
+        """Return the meaning of type names in a file: the metamodel, package aliases and imported packages."""
         if metamodel is None:
             return None
         aliases: dict[str, tuple[str, ...]] = {}
@@ -242,7 +242,7 @@ class Loader:
         return TypeNames(metamodel, aliases, tuple(imported))
 
     def _define(self, file: LoadedFile, parsed: Parsed, types: TypeNames | None) -> None:
-        """Keeps the definitions of a file."""
+        """Parse the definitions of a file and store them."""
         found: DefinitionsFile[Any]
         match LANGUAGE_OF[file.format]:
             case "query":
@@ -277,11 +277,11 @@ class Loader:
     # --- checking ---
 
     def workspace(self) -> Workspace:
-        """Everything that was read, checked together."""
+        """Check all files that were read together, and return their content as a workspace."""
         self._read_schemas()
         self._resolve_names()
         metamodel = self._metamodel()
-        clear = not self.metamodels.others()  # else nobody knows which of them the names are of
+        clear = not self.metamodels.others()  # With several metamodels it is unknown which one the names refer to.
         for name, file in self._of("query", "rules", "environment"):
             if file.parsed is not None:
                 self._define(file, file.parsed, self._types(name, metamodel if clear else None))
@@ -319,7 +319,7 @@ class Loader:
                 library.unknown = workspace.unknown
                 workspace = replace(workspace, registration=Registration(workspace.definitions, library))
             checked = check(workspace)
-            # The import next to a mistake may be lost with it.
+            # A syntax error may hide the import beside it, so a missing metamodel is not reported for such files.
             cut = {_file(one) for one in self.diagnostics if one.span and "import" in one.span.source.text}
             xmi = {name for name, one in self.read.items() if one.format == "xmi"}
             broken = {_file(one) for one in self.diagnostics} & xmi | cut
@@ -333,11 +333,11 @@ class Loader:
         return replace(workspace, diagnostics=self._sorted())
 
     def _defined(self, kind: type[_Kind]) -> tuple[_Kind, ...]:
-        """The definitions of a kind."""
+        """Return the definitions that are instances of `kind`."""
         return tuple(one for one in self.definitions if isinstance(one, kind))
 
     def _behaviours(self, metamodel: Metamodel | None) -> tuple[Behaviour, ...]:
-        """Those of environments, in which it is known what literals are of which enum."""
+        """Return the behaviours; if the metamodel is known, action parameters that name an enum are marked as enums."""
         if not self._of("environment"):
             return ()
         from envgraph.behaviour import Behaviour
@@ -347,7 +347,7 @@ class Loader:
         return tuple(with_enums(one, metamodel) for one in found) if metamodel else found
 
     def _wrong_imports(self, unknown: UnknownNames) -> list[Diagnostic]:
-        """Patterns that are imported and are nowhere; without such mistakes, also files that are of no use."""
+        """Return errors for imported patterns that do not exist; if there are none, warnings for unused files."""
         patterns = {one.qualified_name: one for one in self._defined(Pattern)}
         wrong = [
             one
@@ -355,7 +355,7 @@ class Loader:
             for one in imported_patterns(file, patterns, name, unknown)
         ]
         places = {one.span for one in wrong}
-        # Not also that nothing calls it.
+        # An unknown pattern is not also reported as unused.
         self.diagnostics = [
             one for one in self.diagnostics if one.code != "unused-import" or one.span not in places
         ]
@@ -374,7 +374,7 @@ class Loader:
         return list(unused_files(self.read))
 
     def _conformance(self, models: Iterable[ModelText]) -> list[Diagnostic]:
-        """Return what models lack; the model of a family has to conform, others may still be worked on."""
+        """Return the violations of the metamodel by models: errors for a family's initial model, warnings for others."""
         initial = {spec.model.text for spec in self.families if spec.optimise is None}
         return [
             replace(one, severity=Severity.ERROR) if text.span.source.name in initial else one
@@ -390,14 +390,14 @@ class Loader:
         return self.metamodels.first
 
     def _read_schemas(self) -> None:
-        """Reads the metamodels that models mention, if nothing else says what they are made of."""
+        """Read the metamodels that models refer to, if no metamodel was given or imported."""
         if not self.metamodels:
             for name in dict.fromkeys(self.schemas):
                 if self.files.exists(name):
                     self._read(name)
 
     def _resolve_names(self) -> None:
-        """Finds the metamodels that are imported by uri or name; the rest are paths after all."""
+        """Find the metamodels that are imported by URI or name; read all other imports as paths."""
         uris = {one.path for one, _ in self.named}
         if ECORE in uris and uris <= set(_LIBRARIES) and not self.metamodels:
             from envgraph.lang.interchange._ecore_document import ecore_itself
@@ -416,7 +416,7 @@ class Loader:
                 self._read(target, import_)
                 continue
             if self.metamodels.unread:
-                continue  # it may be one that cannot be read
+                continue  # The import may refer to a metamodel that could not be read.
             hint = near_uri(import_.path, known)
             if hint is None:
                 hint = NAME_IT
@@ -425,7 +425,7 @@ class Loader:
             self.diagnostics.append(Diagnostic("unknown-uri", message, import_.span, hint))
 
     def _models(self, metamodel: Metamodel | None, lost: frozenset[str]) -> list[ModelText]:
-        """The models of all files; an XMI document that another one names is part of that one's model."""
+        """Return the models of all files; an XMI document that another document refers to is part of the other's model."""
         models: list[ModelText] = []
         parts: set[str] = set()
         for name, file in self._of("model"):
@@ -448,7 +448,7 @@ class Loader:
         return [one for one in models if one.span.source.name not in parts]
 
     def _fetch(self, path: str, beside: str) -> Source | None:
-        """Return another XMI document, or the file of the metamodel with this nsURI; None if there is no such file."""
+        """Return another XMI document, or the metamodel file with this nsURI; None if no such file exists."""
         from envgraph.lang.interchange._ecore_document import eclipse_path
 
         for document, _ in self.metamodels.ecore.values():
@@ -466,11 +466,11 @@ class Loader:
         return file.source
 
     def _order(self) -> dict[str, int]:
-        """The place of each file among all that were read."""
+        """Return the position of each file in the order of reading."""
         return {name: place for place, name in enumerate(self.read)}
 
     def _sorted(self) -> tuple[Diagnostic, ...]:
-        """In the order of reading, and each file in the order of its text."""
+        """Return the diagnostics in the order of reading, and within a file in the order of its text."""
         order = self._order()
 
         def key(one: Diagnostic) -> tuple[int, int, int]:

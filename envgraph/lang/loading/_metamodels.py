@@ -1,4 +1,4 @@
-"""The metamodels of a set of files: one of all `.ecore` files, and no second one beside it."""
+"""Combine all `.ecore` files into one metamodel, and report a second metamodel."""
 
 from __future__ import annotations
 
@@ -12,23 +12,23 @@ from envgraph.lang.read._imports import Import
 from envgraph.lang.read._metamodel import MetamodelFile
 from envgraph.metamodel import Metamodel
 
-if TYPE_CHECKING:  # loaded with the first file that needs it
+if TYPE_CHECKING:  # The module is loaded with the first file that needs it.
     from envgraph.lang.interchange._ecore_document import EcoreDocument
 
 
 def same(one: Metamodel, other: Metamodel) -> bool:
-    """Return whether two metamodels have the same classes and enums."""
+    """Return True if two metamodels have the same classes and enums."""
     return one is other or (one.class_list == other.class_list and one.enum_types == other.enum_types)
 
 
 @dataclass(slots=True)
 class Metamodels:
-    """What is read of metamodels, each with the import that asked for it.
+    """The metamodels of a set of files, each with the import that asked for it (None if the caller named the file).
 
     Attributes:
-        given: what there is without a file.
-        files: by name, in the order of reading.
-        ecore: the `.ecore` files, of which one metamodel is made when all are there.
+        given: a metamodel that the caller passed in; None if there is none.
+        files: the metamodel files by name, in the order of reading.
+        ecore: the `.ecore` files, which are combined into one metamodel after all of them are read.
     """
 
     given: Metamodel | None = None
@@ -41,22 +41,22 @@ class Metamodels:
 
     @property
     def first(self) -> Metamodel | None:
-        """What the files are about; None if it has errors, or there is none."""
+        """The metamodel of all files; None if it has errors, or if there is no metamodel."""
         found = [file.metamodel for file, _ in self.files.values()]
         return found[0] if found else self.given
 
     @property
     def unread(self) -> bool:
-        """Whether there is one that cannot be read."""
+        """True if a metamodel file could not be read."""
         return any(file.metamodel is None for file, _ in self.files.values()) or any(
             document.root is None for document, _ in self.ecore.values()
         )
 
     def put_together(self, order: Mapping[str, int]) -> list[Diagnostic]:
-        """Makes one metamodel of the `.ecore` files; says where two of them contradict each other.
+        """Combine the `.ecore` files into one metamodel; return errors for packages that two files define differently.
 
         Args:
-            order: the place of each file among all that were read.
+            order: the position of each file in the order of reading.
         """
         problems = []
         first: dict[str, EcoreDocument] = {}
@@ -85,7 +85,7 @@ class Metamodels:
         return problems
 
     def _alike(self, one: EcoreDocument, other: EcoreDocument) -> bool:
-        """Return whether two files say the same."""
+        """Return True if two `.ecore` files define the same metamodel."""
         if one.source.text == other.source.text:
             return True
         from envgraph.lang.interchange._ecore import read_ecore
@@ -101,7 +101,7 @@ class Metamodels:
         return first is not None and second is not None and same(first, second)
 
     def names(self) -> dict[str, str]:
-        """By which metamodels can be imported, with the files that they are in, "" for the one at hand."""
+        """Map the URIs and names by which metamodels can be imported to their files ("" for the one passed in)."""
         found = {file: one.metamodel for file, (one, _) in self.files.items()}
         if not found and not self.ecore:
             found = {"": self.given}
@@ -115,7 +115,7 @@ class Metamodels:
         return {**calls, **known}
 
     def others(self) -> list[tuple[MetamodelFile, Import | None]]:
-        """The metamodels that are not the first one, in another format perhaps."""
+        """Return the metamodels that differ from the first one; equal ones in another format are left out."""
         found = list(self.files.values())
         first = found[0][0].metamodel if found else None
         return [
@@ -125,7 +125,7 @@ class Metamodels:
         ]
 
     def one(self) -> list[Diagnostic]:
-        """There is one metamodel: what is wrong with the others."""
+        """Return an error for each metamodel beside the first one, since only one is allowed."""
         problems = []
         for other, asked in self.others():
             first = next(iter(self.files.values()))[0]

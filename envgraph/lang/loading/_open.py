@@ -1,4 +1,4 @@
-"""Files to an engine, to its rules and behaviours, or to all that they say: what programs call."""
+"""Load files as an engine or a workspace: the public functions for programs."""
 
 from __future__ import annotations
 
@@ -19,24 +19,23 @@ from envgraph.lang.syntax._files import DiskFiles, Files, in_directory
 from envgraph.metamodel import Metamodel
 from envgraph.rewrite import Engine
 
-if TYPE_CHECKING:  # loaded with the first environment
+if TYPE_CHECKING:  # This is loaded with the first environment.
     pass
 
 StrPath = str | PathLike[str]
 
 
 def open(*paths: StrPath, seed: int = 0, allow_unresolved: bool = False) -> Engine:
-    """An engine with everything that the files and their imports say.
+    """Return an engine with everything that the files and their imports define.
 
     Args:
-        paths: files of any language, a family file, a directory that holds one, or the name of a bundled domain.
-            Without a model among them and what they import, the engine's model is empty.
-        seed: of the engine's random choices.
-        allow_unresolved: whether links of EMF models to files and objects that are nowhere are left out; else they are
-            mistakes.
+        paths: files of any language, a family file, a directory with one, or the name of a bundled domain. If neither
+            they nor their imports contain a model, the engine's model is empty.
+        seed: seed of the engine's random choices.
+        allow_unresolved: True to drop links of EMF models to missing files and objects; otherwise these are errors.
 
     Raises:
-        LoadError: all that is wrong with all of the files, together.
+        LoadError: there are errors in any of the files; lists all of them.
         InvalidArgument: no path leads to a metamodel, or several lead to a model.
 
     >>> engine = open("burning_forest")
@@ -47,19 +46,19 @@ def open(*paths: StrPath, seed: int = 0, allow_unresolved: bool = False) -> Engi
 
 
 def open_workspace(*paths: StrPath, allow_unresolved: bool = False) -> Workspace:
-    """Return what `open` makes an engine of, and all that is wrong with it, warnings too."""
+    """Return the workspace from which `open` makes an engine; its `diagnostics` hold errors and warnings."""
     return load_workspace(_family_first(paths), allow_unresolved=allow_unresolved)
 
 
 def load(engine: Engine, *paths: StrPath) -> None:
-    """Adds the patterns, rules, units and derived groups of files and their imports to an engine.
+    """Add the patterns, rules, units and derived groups of files and their imports to an engine.
 
-    What the engine has already is left alone: a definition that is equal to a known one of the same name is no error.
-    Models and behaviours among the files are not used.
+    A definition that is equal to a definition of the engine with the same name is skipped. Models and behaviours in the
+    files are ignored.
 
     Raises:
-        LoadError: all that is wrong with all of the files, together. Nothing is added.
-        InvalidArgument: the files are about another metamodel than the engine's model.
+        LoadError: there are errors in any of the files; lists all of them. The engine is unchanged.
+        InvalidArgument: the files use another metamodel than the engine's model.
     """
     own = engine.model.metamodel
     workspace = load_workspace(paths, metamodel=own)
@@ -82,17 +81,17 @@ def load_workspace(
     allow_unresolved: bool = False,
     overrides: Sequence[str] = (),
 ) -> Workspace:
-    """Reads and checks files and what they import; errors are in `diagnostics` of the result.
+    """Read and check files and their imports; errors are returned in `diagnostics` of the workspace.
 
     Args:
-        paths: files of any language; family files, whose model and environment are read too; directories, of which all
-            files are read; names of bundled domains, or of files in them, `burning_forest/paper.toml`.
-        files: where files are read from; the disk if None. `TextFiles` for texts at hand.
+        paths: files of any language; family files, with their model and environment; directories, with all their files;
+            names of bundled domains, or of files in them, such as `burning_forest/paper.toml`.
+        files: where files are read from; None for the disk, `TextFiles` for texts in memory.
         components: the kinds of measures and selections that a family file may name, by role (see `check_family`).
-        metamodel: what the files are about if none of them is a metamodel, or imports one by its path; they may
-            import this one by its uri or its name.
-        allow_unresolved: whether links of EMF models to what is nowhere are warnings, and left out.
-        overrides: what holds instead of what family files say, such as "search.population=10".
+        metamodel: the metamodel to use if no file is one or imports one by its path; files may import it by its URI or
+            name.
+        allow_unresolved: True to drop links of EMF models to missing objects with a warning.
+        overrides: settings that replace those of family files, such as "search.population=10".
     """
     with _without_collection():
         loader = Loader(files or DiskFiles(), components, Metamodels(metamodel, allow_unresolved), overrides)
@@ -103,7 +102,7 @@ def load_workspace(
 
 @contextmanager
 def _without_collection() -> Iterator[None]:
-    """Stops looking for garbage: nearly all that is made while reading stays, and to look takes a third of the time."""
+    """Disable the garbage collector: nearly all objects stay alive, and collecting would take a third of the time."""
     enabled = gc.isenabled()
     gc.disable()
     try:
@@ -114,7 +113,7 @@ def _without_collection() -> Iterator[None]:
 
 
 def _family_first(paths: Sequence[StrPath]) -> list[str]:
-    """The paths, with the family file in place of a directory or domain that has one."""
+    """Return the paths, where each directory or domain that has a family file is replaced by this file."""
     files = DiskFiles()
     chosen = []
     for path in (bundled_file(fspath(one)) for one in paths):

@@ -1,4 +1,4 @@
-"""Everything that a set of files says, read and checked together."""
+"""The content of a set of files, read and checked together."""
 
 from __future__ import annotations
 
@@ -16,24 +16,24 @@ from envgraph.metamodel import Metamodel
 from envgraph.pattern import Derivation, FunctionDeclaration, Pattern, Rule, Unit, UnknownNames
 from envgraph.rewrite import Engine, Registration
 
-if TYPE_CHECKING:  # loaded with the first environment
+if TYPE_CHECKING:  # This is loaded with the first environment.
     from envgraph.behaviour import Behaviour
 
 
 @dataclass(frozen=True, slots=True)
 class Workspace:
-    """What a set of files says. Nothing in it is missing if `diagnostics` has no errors.
+    """The content of a set of files. If `diagnostics` contains no errors, the content is complete.
 
     Attributes:
-        metamodel: of all the files; None if there is none, or it has errors.
-        models: in the order of reading; `ModelText.model` is None where there are errors.
-        families: of the family files among the paths.
+        metamodel: the metamodel of all files; None if there is none, or it has errors.
+        models: the models in the order of reading; `ModelText.model` is None for a model with errors.
+        families: the family files among the paths.
         diagnostics: errors and warnings, file by file, each in the order of the text.
-        roots: the files that were asked for, in that order; the others were imported.
+        roots: the names of the files that the caller asked for, in that order; all other files were imported.
         sources: the text of every file that was read, by name.
-        unknown: names of definitions of which nothing is known, because they could not be read.
-        unread: files with errors in them that were found on reading.
-        registration: the definitions, checked; None where it is not known what they are about.
+        unknown: names that may be defined in text that could not be read.
+        unread: names of files in which errors were found while reading.
+        registration: the checked definitions; None if the metamodel is unknown.
     """
 
     metamodel: Metamodel | None = None
@@ -54,7 +54,7 @@ class Workspace:
 
     @property
     def definitions(self) -> tuple[Pattern | Rule | Unit | Derivation | FunctionDeclaration, ...]:
-        """What an engine can be given."""
+        """All functions, patterns, rules, units and derivations, for `Engine.add`."""
         return (*self.functions, *self.patterns, *self.rules, *self.units, *self.derivations)
 
     @property
@@ -63,16 +63,16 @@ class Workspace:
         return tuple(one for one in self.diagnostics if one.severity is Severity.ERROR)
 
     def raise_errors(self) -> None:
-        """Raises LoadError with all diagnostics if one of them is an error."""
+        """Raise LoadError with all diagnostics if one of them is an error."""
         if has_errors(self.diagnostics):
             raise LoadError(self.diagnostics)
 
     def model(self, name: str | None = None) -> Model:
-        """The model of this name; without a name the only one, or an empty one if there is none.
+        """Return the model of this name. Without a name, return the only model, or an empty model if there is none.
 
         Raises:
             LoadError: there are errors.
-            InvalidArgument: there is no such model, several to choose from, or no metamodel for an empty one.
+            InvalidArgument: no model has this name, there are several models, or an empty model lacks a metamodel.
         """
         self.raise_errors()
         texts = [text for text in self.models if name is None or text.name == name]
@@ -91,22 +91,22 @@ class Workspace:
         return Model(self.metamodel)
 
     def engine(self, model: str | None = None, seed: int = 0) -> Engine:
-        """An engine on one of the models with all patterns, rules, units and derivations. Raises as `model`."""
+        """Return an engine on one of the models with all patterns, rules, units and derivations. Raises as `model`."""
         return self.engine_on(self.model(model), seed)
 
     def engine_on(self, model: Model, seed: int = 0) -> Engine:
-        """An engine with everything on a model of the metamodel, which may come from somewhere else."""
+        """Return an engine with all definitions on a given model of the same metamodel."""
         engine = Engine(model, seed=seed)
         assert self.registration is not None, "there is a model"
         engine.registrar.install(self.registration.for_another())
         return engine
 
     def behaviour(self, name: str | None = None) -> Behaviour:
-        """The behaviour of this name, or the only one.
+        """Return the behaviour of this name; without a name, return the only behaviour.
 
         Raises:
             LoadError: there are errors.
-            InvalidArgument: there is none, or several to choose from.
+            InvalidArgument: no behaviour has this name, or there are several.
         """
         self.raise_errors()
         found = [one for one in self.behaviours if name is None or one.name == name]
@@ -118,5 +118,5 @@ class Workspace:
         return found[0]
 
     def bundle(self) -> Bundle:
-        """The texts of all files, to load them again somewhere else."""
+        """Return the texts of all files as a bundle, which can be loaded again elsewhere."""
         return bundle(self.roots, self.sources)

@@ -1,1 +1,1 @@
-"""Trees to data: one module a language."""
+"""Convert syntax trees to frozen dataclasses, with one module for each language."""

@@ -1,4 +1,4 @@
-"""Which data types of Ecore, of XML Schema and of Java hold which of our values."""
+"""Map the data types of Ecore, XML Schema and Java to scalar types, and parse values of these types."""
 
 from __future__ import annotations
 
@@ -15,11 +15,11 @@ XML_TYPES = "http://www.eclipse.org/emf/2003/XMLType"
 
 @dataclass(frozen=True, slots=True)
 class DataType:
-    """What an attribute of a data type holds.
+    """The scalar type or enum that represents a data type of Ecore, XML Schema or Java.
 
     Attributes:
-        type: what its values are read as.
-        nullable: whether a fresh object has no value, where Ecore names no default.
+        type: the type that values are parsed as.
+        nullable: True if a new object has no value for such an attribute, unless Ecore names a default.
     """
 
     type: Scalar | EnumType
@@ -82,7 +82,7 @@ _SOURCES = (
 
 
 def library_types(document: str) -> Mapping[str, DataType] | None:
-    """The data types of a document that every tool knows, by its URI; None for other documents."""
+    """Return the data types of a well-known document (Ecore or XML Schema) by name; None for any other URI."""
     for uri, path, types in _SOURCES if document else ():
         if document == uri or document.endswith(f"/{path}"):
             return types
@@ -90,7 +90,7 @@ def library_types(document: str) -> Mapping[str, DataType] | None:
 
 
 def java_type(name: str) -> DataType:
-    """Return what values of a Java class or primitive are read as; those of an unknown one as strings."""
+    """Return the data type of a Java class or primitive; values of unknown classes are read as strings."""
     found = _OF_JAVA.get(name, Scalar.STRING)
     return DataType(found, "." in name or found is Scalar.STRING)
 
@@ -104,9 +104,9 @@ _INFINITE = {
 
 
 def value_of(text: str, type_: Scalar | EnumType) -> Value | None:
-    """The value that is written so in XML, or None; a literal by its text, its name or its number.
+    """Parse an attribute value as XML files write it; return None if it does not fit the type.
 
-    Numbers of more than 64 bits are None, too.
+    A literal of an enum is written as its label, its name or its number. Numbers of more than 64 bits do not fit.
 
     >>> value_of("*", Scalar.INT)  # an upper bound in UML
     -1
@@ -123,7 +123,7 @@ def value_of(text: str, type_: Scalar | EnumType) -> Value | None:
 
 
 def why_unfit(text: str, type_: Scalar | EnumType) -> str | None:
-    """Return a hint for a number that is too large for its type, or is `NaN`; else None."""
+    """Return a hint if the text is a number too large for its type, or `NaN`; return None otherwise."""
     if type_ is Scalar.FLOAT and text == "NaN":
         return "`NaN` does not equal itself, so no query could find it"
     if type_ is Scalar.INT and _INT.fullmatch(text):
@@ -134,7 +134,7 @@ def why_unfit(text: str, type_: Scalar | EnumType) -> str | None:
 
 
 def literal_of(text: str, type_: EnumType) -> str | None:
-    """The literal that is written so, or None."""
+    """Return the name of the literal whose label, name or number is `text`; None if the enum has no such literal."""
     for names in (type_.labels, type_.literals, tuple(map(str, type_.numbers or range(len(type_.literals))))):
         if text in names:
             return type_.literals[names.index(text)]

@@ -1,4 +1,4 @@
-"""`.environment` files: the tree to a behaviour."""
+"""Convert the syntax trees of `.environment` files to behaviours."""
 
 from __future__ import annotations
 
@@ -37,12 +37,12 @@ _MISSING = "missing-environment", "the file describes no environment", "write `e
 
 
 def read_environment(parsed: Parsed, types: TypeNames | None = None) -> DefinitionsFile[Behaviour]:
-    """The behaviours of an `.environment` file; see `read_definitions`."""
+    """Return the behaviours and diagnostics of a parsed `.environment` file; see `read_definitions`."""
     return read_definitions(parsed, types, _behaviour, keep=True, missing=_MISSING)
 
 
 def with_enums(behaviour: Behaviour, metamodel: Metamodel) -> Behaviour:
-    """The behaviour, with parameters of actions that count through an enum distinguished from those of objects."""
+    """Return a copy of the behaviour where each action parameter that names an enum has `enum` set instead of `cls`."""
 
     def distinguished(actions: tuple[Action, ...]) -> tuple[Action, ...]:
         return tuple(
@@ -117,7 +117,7 @@ def _actions(reading: Reading, clauses: Sequence[Tree[Token]]) -> tuple[Action, 
 
 
 def _effects(reading: Reading, clauses: Sequence[Tree[Token]]) -> tuple[Effect, ...]:
-    """Both kinds in the order of the text: rewards are summed in that order."""
+    """Parse the `each step` and `on find` clauses in the order of the text: rewards are summed in that order."""
     read = (
         each_step_of(reading, part) if part.data == "each" else on_find_of(reading, part)
         for part in trees(clauses, "each", "on")

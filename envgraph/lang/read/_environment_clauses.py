@@ -1,4 +1,4 @@
-"""The clauses of an environment: actions, effects, observations, drawing."""
+"""Parse the clauses of an environment: actions, effects, observations and drawings."""
 
 from __future__ import annotations
 
@@ -43,7 +43,7 @@ _NOTHING = "nothing"
 
 
 def action_of(reading: Reading, tree: Tree[Token]) -> Action:
-    """The data of `action name(parameters) = branches reward e else reward e`."""
+    """Parse `action name(parameters) = branches reward e else reward e` into an `Action`."""
     name = tokens(tree.children, "NAME")[0]
     domains = [part for group in trees(tree.children, "domains") for part in trees(group.children)]
     others = trees(tree.children, "other")
@@ -67,12 +67,12 @@ def action_of(reading: Reading, tree: Tree[Token]) -> Action:
 
 
 def _amount(reading: Reading, tree: Tree[Token] | None) -> Expression | None:
-    """The expression in a `reward`, a `weight` or the like, if there is one."""
+    """Parse the expression of a `reward`, `else` or `weight` clause; return None if the clause is missing."""
     return expression_of(reading, trees(tree.children)[0]) if tree else None
 
 
 def _domain(reading: Reading, tree: Tree[Token]) -> Domain:
-    """A bare name is kept as a class; whether it is an enum is known with the metamodel."""
+    """Parse the domain of an action parameter; store a name as a class even if it may be an enum (see `with_enums`)."""
     part = trees(tree.children)[0]
     if part.data == "range":
         low, high = _bounds(part)
@@ -86,7 +86,7 @@ def _bounds(tree: Tree[Token]) -> tuple[int, int]:
 
 
 def branches_of(reading: Reading, tree: Tree[Token]) -> tuple[Branch, ...]:
-    """The data of `a(x)`, or of `0.9: a(x) | 0.1: b(x)`."""
+    """Parse `a(x)`, or branches with probabilities such as `0.9: a(x) | 0.1: b(x)`."""
     parts = trees(tree.children, "branch")
     branches: list[Branch] = []
     for part in parts:
@@ -107,7 +107,7 @@ def branches_of(reading: Reading, tree: Tree[Token]) -> tuple[Branch, ...]:
 
 
 def _probability(reading: Reading, tree: Tree[Token]) -> float | Expression:
-    """A number, a path, or an expression in brackets."""
+    """Parse a probability: a number, a path such as `a.b`, or an expression in parentheses."""
     for part in trees(tree.children):
         return chain_of(reading, part) if part.data == "chain" else expression_of(reading, part)
     return float(number_of(tokens(tree.children)[0]))
@@ -131,7 +131,7 @@ def _rule_call(reading: Reading, tree: Tree[Token]) -> RuleCall:
 
 @dataclass(frozen=True, slots=True)
 class _Parts:
-    """`reward`, `terminate` or `truncate`, and `apply` of an effect, each at most once."""
+    """The parts of an effect clause: `reward`, `terminate` or `truncate`, and `apply`. A missing part is None."""
 
     reward: Tree[Token] | None
     end: Tree[Token] | None
@@ -145,7 +145,7 @@ def _parts(reading: Reading, tree: Tree[Token]) -> _Parts:
 
 
 def each_step_of(reading: Reading, tree: Tree[Token]) -> EachStep | None:
-    """The data of `each step reward e apply branches`."""
+    """Parse `each step reward e apply branches`; report an empty clause and a clause that ends the episode."""
     parts = _parts(reading, tree)
     if parts.end:
         hint = "write `on find` and a pattern for when it ends"
@@ -160,7 +160,7 @@ def each_step_of(reading: Reading, tree: Tree[Token]) -> EachStep | None:
 
 
 def _for_all(reading: Reading, apply: Tree[Token]) -> tuple[Branch, ...]:
-    """The branches of an `apply` that has no matches to choose from."""
+    """Parse the branches of an `apply` without `find`; report a `weight`, since there are no matches to sample."""
     for part in trees(apply.children, "weight"):
         hint = "write `on find p(x) apply ..`, or `on reset find p(x) apply ..`"
         reading.error("misplaced-part", "there are no matches of which one has a weight", part, hint)
@@ -168,13 +168,13 @@ def _for_all(reading: Reading, apply: Tree[Token]) -> tuple[Branch, ...]:
 
 
 def _applied(reading: Reading, apply: Tree[Token]) -> tuple[tuple[Branch, ...], Expression | None]:
-    """The branches of an `apply`, and the weight of a match if one of them is drawn."""
+    """Parse the branches of an `apply`, and the weight expression for sampling a match (None if no weight is given)."""
     branches = branches_of(reading, trees(apply.children, "branches")[0])
     return branches, _amount(reading, next(iter(trees(apply.children, "weight")), None))
 
 
 def on_find_of(reading: Reading, tree: Tree[Token]) -> OnFind | None:
-    """The data of `on find p(..) ...`; None when its condition cannot be asked."""
+    """Parse `on find p(..) ...`; return None if the condition is invalid, which is then reported."""
     asked = trees(tree.children)[0]
     parts = _parts(reading, tree)
     if not (parts.reward or parts.end or parts.apply):
@@ -216,7 +216,7 @@ def _end(tree: Tree[Token]) -> End:
 
 
 def on_reset_of(reading: Reading, tree: Tree[Token]) -> OnReset | None:
-    """The data of `on reset apply branches`, or of `on reset find p(..) apply branches`."""
+    """Parse `on reset [find p(..)] apply branches`; return None if the clause is invalid, which is then reported."""
     parts = _parts(reading, tree)
     asked = [part for part in trees(tree.children) if part.data not in ("reward", "apply", "end")]
     condition = _condition(reading, asked[0]) if asked else None
@@ -238,7 +238,7 @@ def on_reset_of(reading: Reading, tree: Tree[Token]) -> OnReset | None:
 
 
 def observation_of(reading: Reading, tree: Tree[Token]) -> Observation:
-    """The data of `observe ...`."""
+    """Parse an `observe ...` clause into the observation of a pattern, an object, a number or an attribute."""
     observed = trees(tree.children)[0]
     every, visibles = trees(tree.children, "each_object"), trees(tree.children, "visible")
     each, visible = reading.only("`for`", every), reading.only("`if`", visibles)
@@ -288,7 +288,7 @@ def _each(reading: Reading, tree: Tree[Token]) -> Parameter:
 
 
 def chain_of(reading: Reading, tree: Tree[Token]) -> Expression:
-    """The data of the path `a.b.c`."""
+    """Parse the path `a.b.c` into nested navigations from the variable `a`."""
     first, *features = tokens(tree.children)
     path: Expression = variable_of(reading, first)
     start = reading.span(first)
@@ -302,7 +302,7 @@ def chain_of(reading: Reading, tree: Tree[Token]) -> Expression:
 
 
 def drawing_of(reading: Reading, tree: Tree[Token]) -> DrawGrid | DrawGraph:
-    """The data of `draw grid ...` or `draw graph ...`."""
+    """Parse `draw grid ...` or `draw graph ...`."""
     span = reading.span(tree)
     drawn = _drawn_tokens(reading, trees(tree.children, "tokens"))
     if tree.data == "draw_graph":

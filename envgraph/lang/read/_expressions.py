@@ -1,4 +1,4 @@
-"""Expressions: the tree to data."""
+"""Parse the syntax trees of expressions."""
 
 from __future__ import annotations
 
@@ -50,19 +50,19 @@ _REFUSED = frozenset({"=", "and", "or"})
 
 
 def variable_of(reading: Reading, token: Token) -> Variable:
-    """A name as a variable."""
+    """Return the variable that a name token stands for."""
     return Variable(str(token), reading.span(token))
 
 
 def value_of(reading: Reading, tree: Tree[Token]) -> Expression | tuple[Expression, ...]:
-    """Return what a feature is set to: an expression, or a list of them."""
+    """Parse the right side of an assignment to a feature: an expression, or a tuple of them for a list."""
     if tree.data == "list":
         return expressions_of(reading, tree)
     return expression_of(reading, tree)
 
 
 def expressions_of(reading: Reading, tree: Tree[Token]) -> tuple[Expression, ...]:
-    """The expressions of the `expression_list` that a tree may have."""
+    """Parse the expressions in the `expression_list` of a tree; return an empty tuple if the tree has no such list."""
     return tuple(
         expression_of(reading, item)
         for part in trees(tree.children, "expression_list")
@@ -71,12 +71,12 @@ def expressions_of(reading: Reading, tree: Tree[Token]) -> tuple[Expression, ...
 
 
 def expression_of(reading: Reading, tree: Tree[Token]) -> Expression:
-    """The data of an expression; errors in it are reported, and the nearest thing returned."""
+    """Parse an expression; report errors in it and return the most similar valid expression."""
     return _READERS[tree.data](reading, tree)
 
 
 def literal_of(reading: Reading, tree: Tree[Token], sign: Token | None = None) -> Constant:
-    """The data of a `literal`, with the sign that stands before it."""
+    """Parse a number, string, boolean or `none`, with an optional sign token; report a sign before a non-number."""
     if sign is not None and tree.data != "number":
         reading.error("unexpected-sign", "only a number takes a sign", sign, "leave the `-` out")
         sign = None
@@ -89,7 +89,7 @@ def literal_of(reading: Reading, tree: Tree[Token], sign: Token | None = None) -
 
 
 def enum_literal_of(reading: Reading, tree: Tree[Token]) -> EnumLiteral:
-    """The data of `Enum::literal`, `::literal` or `alias::Enum::literal`."""
+    """Parse an enum literal: `Enum::literal`, `::literal` or `alias::Enum::literal`."""
     parts = tokens(tree.children)
     alias = None
     if tree.data == "aliased_literal":
@@ -106,7 +106,7 @@ def enum_literal_of(reading: Reading, tree: Tree[Token]) -> EnumLiteral:
 
 
 def constant_of(reading: Reading, tree: Tree[Token]) -> EnumLiteral | Constant:
-    """The literal of an enum; `Integer::MAX_VALUE` and its kin are numbers."""
+    """Parse an enum literal; return a number or boolean for a Java constant such as `Integer::MAX_VALUE`."""
     parts = tuple(map(str, tokens(tree.children)))
     if len(parts) == 2 and parts in CONSTANTS and parts[0] not in reading.aliases:
         return Constant(CONSTANTS[parts], reading.span(tree))
@@ -122,7 +122,7 @@ def _variable(reading: Reading, tree: Tree[Token]) -> Variable | Constant:
 
 
 def dotted_literal(reading: Reading, owner: str, feature: Token, tree: Tree[Token]) -> EnumLiteral | None:
-    """`Way.west` for `Way::west`, which is reported; None for anything else."""
+    """Report `Way.west` and return the literal `Way::west`; return None if `owner` is not the name of an enum."""
     metamodel = reading.types.metamodel if reading.types else None
     enum = metamodel.enums.get(owner) if metamodel else None
     if enum is None:
@@ -138,7 +138,7 @@ def dotted_literal(reading: Reading, owner: str, feature: Token, tree: Tree[Toke
 
 def _group(reading: Reading, tree: Tree[Token]) -> Expression:
     inner = expression_of(reading, trees(tree.children)[0])
-    # Parentheses belong to what they group, so that a caret below an operand of `&&` is not lopsided.
+    # The span includes the parentheses, so that the markers under an operand of `&&` cover both of them.
     return (
         replace(inner, span=reading.span(tree)) if isinstance(inner, Binary | Conditional | Unary) else inner
     )
@@ -163,7 +163,7 @@ def _navigation(reading: Reading, tree: Tree[Token]) -> Navigation | Constant | 
 
 
 def _method(reading: Reading, tree: Tree[Token]) -> Expression:
-    """`text.startsWith("a")` is another spelling of `startsWith(text, "a")`."""
+    """Parse a method call: `text.startsWith("a")` is the same as `startsWith(text, "a")`."""
     name = tokens(tree.children)[0]
     path = _steps(trees(tree.children)[0])
     if _is_java(reading, path):
@@ -175,13 +175,13 @@ def _method(reading: Reading, tree: Tree[Token]) -> Expression:
 
 
 def _static_method(reading: Reading, tree: Tree[Token]) -> Expression:
-    """`Math::max(a, b)`."""
+    """Parse a static call of Java, such as `Math::max(a, b)`."""
     cls, name = tokens(tree.children)
     return _static(reading, tree, str(cls), name)
 
 
 def _static(reading: Reading, tree: Tree[Token], cls: str, name: Token) -> Expression:
-    """A function of a class of Java: one of ours, or one that has to be declared."""
+    """Return the call of a static Java method: a built-in function, or a function that the file must declare."""
     reading.used.add(cls.rpartition(".")[2])
     ours = function_of(cls, str(name))
     return _called(
@@ -204,7 +204,7 @@ def _called(
 
 
 def _is_java(reading: Reading, path: Sequence[str]) -> bool:
-    """Return whether the names of `a.b.C` are those of a class of Java."""
+    """Return True if the names of a path such as `a.b.C` name a Java class."""
     if not path:
         return False
     full = path[0] in JAVA_DOMAINS and any(one[0].isupper() for one in path[1:])
@@ -212,7 +212,7 @@ def _is_java(reading: Reading, path: Sequence[str]) -> bool:
 
 
 def _steps(tree: Tree[Token]) -> list[str]:
-    """The names of `a.b.c`; [] for anything else."""
+    """Return the names of a path such as `a.b.c`; an empty list if the tree is not a path."""
     names: list[str] = []
     while tree.data == "navigation":
         names += tokens(tree.children)
@@ -222,7 +222,7 @@ def _steps(tree: Tree[Token]) -> list[str]:
 
 
 def _cast(reading: Reading, tree: Tree[Token]) -> Expression:
-    """`x as Integer` makes a number an int, as `toInt(x)` does; only values have casts."""
+    """Parse a cast of a value, such as `x as Integer` (same as `toInt(x)`); report a cast to a class."""
     name = tokens(tree.children)[0]
     inner = expression_of(reading, trees(tree.children)[0])
     span = reading.span(tree)
@@ -235,7 +235,7 @@ def _cast(reading: Reading, tree: Tree[Token]) -> Expression:
 
 
 def _no_cast(reading: Reading, tree: Tree[Token]) -> Expression:
-    """`x as Ship`, `x instanceof Ship`, `x.isInstanceOf(Ship)`."""
+    """Report a cast to a class or a type test (`x as Ship`, `x instanceof Ship`), and parse the inner expression."""
     inner, *arguments = trees(tree.children)
     cls = reading.text(arguments[0]) if arguments else tokens(tree.children)[0]
     what = "casts to classes" if tree.data == "cast" else "tests of types"
@@ -278,7 +278,7 @@ def _binary(reading: Reading, tree: Tree[Token]) -> Expression:
 
 
 def _operator(reading: Reading, token: Token) -> str:
-    """Return what an operator means; those of habit are refused."""
+    """Return the operator's name in expressions; report `=`, `and` and `or`, which other languages use."""
     meant = MEANT.get(token, str(token))
     if token in _REFUSED:
         what = "does not compare" if token == "=" else "is not an operator"
@@ -287,7 +287,7 @@ def _operator(reading: Reading, token: Token) -> str:
 
 
 def _compared_twice(reading: Reading, tree: Tree[Token]) -> Binary:
-    """`a < b < c`, read as what is meant by it."""
+    """Report the chained comparison `a < b < c` and return the expression `a < b && b < c`."""
     left, right = trees(tree.children)
     operator = tokens(tree.children)[0]
     middle = trees(left.children)[1]

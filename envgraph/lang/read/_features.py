@@ -1,4 +1,4 @@
-"""Values and links that a model cannot have, in `.model` and `.xmi` files alike."""
+"""Check values and links of objects against the metamodel, for `.model` and `.xmi` files."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ Found = Iterable[tuple[int, Place]]
 
 
 class Report(Protocol):
-    """Notes a mistake."""
+    """A callback that records an error: its code, message, span, hint and notes."""
 
     def __call__(
         self, code: str, message: str, span: Span, hint: str | None = None, notes: tuple[Note, ...] = (), /
@@ -32,11 +32,12 @@ def allowed_values(
     mark: str,
     kept: Sequence[Value] = (),
 ) -> list[Value]:
-    """Those of the values, each with its place, that an attribute with many can have; the others are reported.
+    """Return the values that an attribute with many values can hold; report each value that does not fit.
 
     Args:
-        mark: what allows equal values, in the metamodel.
-        kept: values that the attribute has already; they come first.
+        found: the values with their spans, in the order of the file.
+        mark: the metamodel setting that allows equal values, for the hint.
+        kept: values that the attribute already has; they come first in the result.
     """
     values = list(kept)
     seen = set(values)
@@ -55,13 +56,13 @@ def allowed_values(
 
 
 def unknown_literal(type_: EnumType, word: str, names: Sequence[str], report: Report, span: Span) -> None:
-    """Report a literal that an enum does not have; `names` are those that can be written."""
+    """Report a literal that the enum does not have; `names` are the valid spellings, for the hint."""
     hint = did_you_mean(word, names) or f"its literals are {quoted(names)}"
     report("unknown-literal", f"`{type_.name}` has no literal `{word}`", span, hint)
 
 
 def is_concrete(metamodel: Metamodel, cls: str, shown: str, report: Report, span: Span) -> bool:
-    """Whether a class can have objects; else that is reported of what it is called."""
+    """Return True if the class can have objects; otherwise report that the class, named `shown`, is abstract."""
     if not metamodel.classes[cls].abstract:
         return True
     kinds = metamodel.concrete(cls)
@@ -71,13 +72,13 @@ def is_concrete(metamodel: Metamodel, cls: str, shown: str, report: Report, span
 
 
 class Links:
-    """Makes the links that a file says, and reports those that there cannot be.
+    """Creates the links of a file in a model and reports invalid links.
 
     Args:
-        model: which has all objects.
-        report: notes a mistake.
-        spans: where each object stands.
-        repeated: whether it is a mistake to name an object twice.
+        model: the model; all its objects exist already.
+        report: the callback that records an error.
+        spans: the span of each object, by id.
+        repeated: True if naming the same target twice is an error.
     """
 
     def __init__(self, model: Model, report: Report, spans: Mapping[int, Span], *, repeated: bool) -> None:
@@ -87,7 +88,13 @@ class Links:
         self._repeated = repeated
 
     def fill(self, node: int, reference: Reference, found: Found, at: Span | None = None) -> list[int]:
-        """Link an object to others, and return those that it may be linked to; `at` is where links are impossible."""
+        """Link an object to the target objects and return the ids of the valid targets.
+
+        Args:
+            node: the object that has the reference.
+            found: the ids of the targets, each with its span.
+            at: the span for reporting a link that the model refuses; by default that of the target.
+        """
         kept: dict[int, None] = {}
         for target, where in found:
             if target in kept:
@@ -114,14 +121,13 @@ class Links:
 
     def _link(self, node: int, reference: Reference, target: int, where: Place) -> None:
         model = self._model
-        if model.graph.has_link(node, reference, target):  # as the opposite has said
+        if model.graph.has_link(node, reference, target):  # the opposite made it
             return
         relation = model.graph.store.relations[reference.index]
         child = target if relation.containment else node if relation.contained else None
         held = None if child is None else model.graph.container(child)
-        if (
-            child is not None and held is not None
-        ):  # the model would move it, and a file says two things at once
+        # The model would move the child, but two containers in one file are a contradiction.
+        if child is not None and held is not None:
             inside, around = model.graph.describe(child), model.graph.describe(held[0])
             message = f"{inside} is contained in {around} already, by `{held[1].name}`"
             notes = self._note("the container is here", held[0], where)

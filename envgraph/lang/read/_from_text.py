@@ -1,4 +1,4 @@
-"""Texts at hand to data."""
+"""Parse definitions from strings."""
 
 from __future__ import annotations
 
@@ -19,21 +19,21 @@ Definition = Pattern | Rule | Unit | Derivation | FunctionDeclaration
 
 
 def from_text(text: str, language: str = "rules", name: str = "<text>") -> tuple[Definition, ...]:
-    """The definitions that a text has, for `Engine.add`; the way back from `to_text`.
+    r"""Return the definitions in a text, for `Engine.add`; the inverse of `to_text`.
 
-    Imports are not followed: what the definitions mention is looked for in the engine that they are added to.
+    Imports are not followed. Names are resolved by the engine to which the definitions are added.
 
     Args:
-        text: of a `.rules` or a `.query` file.
+        text: the contents of a `.rules` or `.query` file.
         language: "rules" or "query".
-        name: what the text is called in messages.
+        name: the name of the text in error messages.
 
     Raises:
-        LoadError: all that is wrong with the text before any name is looked up.
-        InvalidArgument: another language.
+        LoadError: the text has syntax errors; lists all problems that are found before names are resolved.
+        InvalidArgument: `language` is neither "rules" nor "query".
 
     >>> from envgraph.lang import to_text
-    >>> text = "rule burn {\\n    lhs { tile : RoadTile; }\\n    modify { retype tile : BurningTile; }\\n}\\n"
+    >>> text = "rule burn {\n    lhs { tile : RoadTile; }\n    modify { retype tile : BurningTile; }\n}\n"
     >>> to_text(*from_text(text)) == text
     True
     """
@@ -47,7 +47,7 @@ def from_text(text: str, language: str = "rules", name: str = "<text>") -> tuple
 def read_framed(
     language: str, source: Source, frame: Frame = NO_FRAME
 ) -> tuple[DefinitionsFile[Any], list[Lexeme]]:
-    """What a text and the frame around it define, and their lexemes; imports are not followed."""
+    """Return the definitions and the lexemes of a text that `frame` completes to a file; imports are not followed."""
     parsed, lexemes = parse_tokens(grammar(language), source, frame)
     read: Callable[[Parsed, TypeNames], DefinitionsFile[Any]] = (
         read_query if language == "query" else read_rules
@@ -56,7 +56,7 @@ def read_framed(
 
 
 def raise_errors(problems: Sequence[Diagnostic]) -> None:
-    """Raise LoadError with those that are errors, if there are any."""
+    """Raise LoadError with the diagnostics that are errors; do nothing if all are warnings."""
     errors = [one for one in problems if one.severity is Severity.ERROR]
     if errors:
         raise LoadError(errors)

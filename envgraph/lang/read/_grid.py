@@ -1,4 +1,4 @@
-"""`grid` literals: rows of letters, and what the letters stand for."""
+"""Parse `grid` literals: rows of letters, and the legend that maps each letter to a class."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ from envgraph.metamodel import Metamodel
 
 @dataclass(frozen=True, slots=True)
 class Entry:
-    """What a letter stands for: a class, with features if `body` is there; `cls` None is no object."""
+    """The meaning of a letter: the class of the object (None: no object), and a body that sets its features."""
 
     cls: str | None
     where: Span
@@ -26,7 +26,7 @@ class Entry:
 
 @dataclass(frozen=True, slots=True)
 class Axis:
-    """`column x next right`: the attribute that holds the index, and the reference to the next object."""
+    """The names in `column x next right`: the attribute for the index, and the reference to the next object or None."""
 
     attribute: Token
     next: Token | None
@@ -34,7 +34,7 @@ class Axis:
 
 @dataclass(frozen=True, slots=True)
 class Cell:
-    """A letter of the grid; columns and rows count from 0."""
+    """A letter of the grid with its column and row (counted from 0) and its entry; None if the letter is unknown."""
 
     column: int
     row: int
@@ -45,7 +45,7 @@ class Cell:
 
 @dataclass(slots=True)
 class GridText:
-    """A grid literal as it is written; errors in it have been reported."""
+    """A parsed grid literal; its errors have already been reported."""
 
     name: Token
     cells: list[Cell]
@@ -55,7 +55,7 @@ class GridText:
 
 
 def read_grid(reading: Reading, tree: Tree[Token], metamodel: Metamodel | None) -> GridText:
-    """The cells of a `grid` tree, row by row; a letter that stands for nothing has no entry."""
+    """Parse a `grid` tree into its cells, row by row; report errors. A cell of an unknown letter has no entry."""
     parts = _parts(reading, tree)
     name = tokens(tree.children)[0]
     axes: dict[str, Axis] = {kind: _axis(parts[kind]) for kind in ("column", "row") if kind in parts}
@@ -68,14 +68,14 @@ def read_grid(reading: Reading, tree: Tree[Token], metamodel: Metamodel | None) 
     blanks = " " in legend
     lines = list(_lines(reading.parsed, tokens(parts["rows"].children)[0], keep_blanks=blanks))
     usual = _check_lengths(reading, lines, "blanks at the end of a row count" if blanks else None)
-    # Without the metamodel, whose glyphs the letters are, nothing is known of any of them.
+    # Without the metamodel the glyphs are unknown, so no letter can be reported as unknown.
     lost = reading.parsed.lost if given or metamodel else {*"".join(one.text for one in lines)}
     cells = _cells(reading, lines, legend, lost, given, usual)
     return GridText(name, cells, max((len(line.text) for line in lines), default=0), len(lines), axes)
 
 
 def grid_letters(parsed: Parsed, tree: Tree[Token], metamodel: Metamodel) -> dict[str, str | None]:
-    """The letters of a `grid` tree without errors; with the class of each that is no more than an object of it."""
+    """Map each letter of a valid `grid` tree to its class; None if the letter stands for no object or sets features."""
     part = next(iter(trees(tree.children, "legend")), None)
     legend, _ = _legend(Reading(parsed), part, metamodel)
     return {letter: None if entry.body else entry.cls for letter, entry in legend.items()}
@@ -100,7 +100,10 @@ def _axis(part: Tree[Token]) -> Axis:
 def _legend(
     reading: Reading, tree: Tree[Token] | None, metamodel: Metamodel | None
 ) -> tuple[Mapping[str, Entry], bool]:
-    """Letter to entry, and whether the file gives the legend; without one it is the glyphs of the classes."""
+    """Return the meaning of each letter, and True if the file has a legend.
+
+    Without a legend the letters are the glyphs of the metamodel's classes.
+    """
     if tree is None:
         nowhere = reading.parsed.source.span(0, 0)
         classes = metamodel.class_list if metamodel else ()
@@ -126,14 +129,17 @@ class _Line:
 
 
 def _lines(parsed: Parsed, token: Token, keep_blanks: bool) -> Iterator[_Line]:
-    """The rows without the indentation that they share, or without blanks where a blank means nothing."""
+    """Yield the rows of the grid text without their common indentation.
+
+    If `keep_blanks` is False, blanks at both ends of each row are removed too.
+    """
     offset = (token.start_pos or 0) + (3 if token.type == "TEXT" else 1)
     rows: list[tuple[str, int]] = []
     for row in str(token).split("\n"):
         rows.append((row.removesuffix("\r"), offset))
         offset += len(row) + 1
     if rows and not rows[-1][0].strip():
-        del rows[-1]  # before the quotes that close
+        del rows[-1]  # the indentation of the closing quotes
     shared = min((len(row) - len(row.lstrip()) for row, _ in rows if row.strip()), default=0)
 
     def empty(row: str) -> bool:
@@ -152,7 +158,7 @@ def _lines(parsed: Parsed, token: Token, keep_blanks: bool) -> Iterator[_Line]:
 
 
 def _check_lengths(reading: Reading, lines: Sequence[_Line], hint: str | None) -> int:
-    """Reports rows of another length than the others have, and returns that."""
+    """Report rows whose length differs from that of most rows; return the length of most rows."""
     advice = "all rows have the same length" + (f": {hint}" if hint else "")
     lengths = Counter(len(line.text) for line in lines)
     usual = next((line for line in lines if 2 * lengths[len(line.text)] > len(lines)), None)
@@ -174,7 +180,7 @@ def _cells(
     given: bool,
     usual: int,
 ) -> list[Cell]:
-    """The cells; in a row of another length than usual a letter more is no mistake of its own."""
+    """Return the cells of all rows; report each unknown letter once, but none in rows of a wrong length."""
     cells: list[Cell] = []
     unknown: set[str] = set()
     for row, line in enumerate(lines):

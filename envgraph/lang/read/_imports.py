@@ -1,4 +1,4 @@
-"""What a file asks for from other files."""
+"""Imports of other files."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from envgraph.errors import Span, did_you_mean
 
 @dataclass(frozen=True, slots=True)
 class Import:
-    """`import "path"`: the path as written, relative to the importing file."""
+    """An import of a file: `import "path"`, with the path as written, relative to the importing file."""
 
     path: str
     span: Span = field(compare=False, repr=False)
@@ -19,7 +19,9 @@ class Import:
 
 
 def near_uri(uri: str, known: Iterable[str]) -> str | None:
-    """The hint `did you mean ..?` for a uri: of those of one site, the last parts have to be alike too.
+    """Return the hint "did you mean ..?" for an unknown URI; None if no known URI is similar.
+
+    The last segments of two URIs must be similar too, because URIs of one site share their beginnings.
 
     >>> near_uri("http://example.org/libary", ["http://example.org/library", "http://example.org/city"])
     'did you mean `http://example.org/library`?'

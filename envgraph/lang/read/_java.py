@@ -1,4 +1,4 @@
-"""Java in expressions: the types, constants and functions that queries of VIATRA use, in our words."""
+"""Map the Java types, constants and functions of VIATRA queries to those of this package."""
 
 from __future__ import annotations
 
@@ -59,7 +59,7 @@ _FUNCTIONS: Final[Mapping[tuple[str, str], str]] = {
 
 
 def function_of(cls: str, name: str) -> str | None:
-    """Return what a static function of Java is called here, or None.
+    """Return the built-in function that equals a static Java method; None if there is none.
 
     >>> function_of("Math", "floorMod"), function_of("java.lang.Math", "max"), function_of("Math", "cbrt")
     ('mod', 'max', None)

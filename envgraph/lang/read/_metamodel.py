@@ -1,4 +1,4 @@
-"""`.metamodel` files: the tree to a `Metamodel`."""
+"""Convert the syntax trees of `.metamodel` files to a `Metamodel`."""
 
 from __future__ import annotations
 
@@ -66,12 +66,12 @@ _PLACES = {
 
 @dataclass(frozen=True, slots=True)
 class MetamodelFile:
-    """What a `.metamodel` file says.
+    """The metamodel and the diagnostics of a `.metamodel` file.
 
     Attributes:
         metamodel: None when there are errors.
-        span: its name, or the start of the file.
-        lost: names that may be defined in what could not be read.
+        span: the name of the metamodel, or the start of the file if there is none.
+        lost: names that may be defined in text that could not be read.
     """
 
     metamodel: Metamodel | None
@@ -81,7 +81,7 @@ class MetamodelFile:
 
 
 def read_metamodel(parsed: Parsed) -> MetamodelFile:
-    """The metamodel of a parsed file, and all that is wrong with it, syntax errors included."""
+    """Return the metamodel of a parsed file, with all diagnostics; syntax errors are included."""
     reader = _Reader(parsed, list(parsed.diagnostics))
     metamodel = reader.read()
     return MetamodelFile(metamodel, reader.place, tuple(reader.diagnostics), reader.all_lost())
@@ -89,7 +89,7 @@ def read_metamodel(parsed: Parsed) -> MetamodelFile:
 
 @dataclass(slots=True)
 class Marks:
-    """What the annotations of a class say."""
+    """The values of a class's annotations `@key`, `@glyph` and `@frozen`, with their spans."""
 
     key: tuple[str, ...] = ()
     glyph: Glyph | None = None
@@ -307,7 +307,7 @@ class _Reader(Reading):
         )
 
     def _bounds(self, tree: Tree[Token]) -> tuple[int, int | None]:
-        """`[2]` is 2..2, `[*]` is 0..*, `[]` is 0..* as in Xcore."""
+        """Parse a multiplicity: `[2]` is 2..2, `[*]` is 0..*, `[]` is 0..* as in Xcore. The upper bound `*` is None."""
         bounds = [self._bound(part) for part in trees(tree.children)]
         if not bounds:
             return 0, None

@@ -1,7 +1,7 @@
-"""`.model` files: the tree to objects.
+"""Convert the syntax trees of `.model` files to models.
 
 All objects are created first, in the order of the text, so that a name can be used before its object; then the
-features are set. What is wrong is reported, and the rest goes on.
+features are set. Errors are reported, and reading continues with the rest of the file.
 """
 
 from __future__ import annotations
@@ -41,11 +41,11 @@ from envgraph.metamodel import (
 
 @dataclass(frozen=True, slots=True)
 class ModelText:
-    """One `model` of a file.
+    """A `model` definition of a file.
 
     Attributes:
         model: None when there are errors.
-        spans: for each object where it is named or made.
+        spans: the span of each object, by id: its name, or its class if it has no name.
     """
 
     name: str
@@ -57,7 +57,7 @@ class ModelText:
 
 @dataclass(frozen=True, slots=True)
 class ModelFile:
-    """What a file with models says; `parts` are the names of all files that were read for it."""
+    """The models and diagnostics of a file; `parts` are the names of all files that were read for it."""
 
     models: tuple[ModelText, ...]
     diagnostics: tuple[Diagnostic, ...]
@@ -65,18 +65,18 @@ class ModelFile:
 
 
 def imports_of(parsed: Parsed) -> tuple[Import, ...]:
-    """The imports of a parsed `.model` file."""
+    """Return the imports of a parsed `.model` file."""
     found = trees(parsed.tree.children, "import") if parsed.tree else []
     paths = [tokens(tree.children)[0] for tree in found]
     return tuple(Import(str(path), parsed.span(path)) for path in paths)
 
 
 def read_models(parsed: Parsed, metamodel: Metamodel | None) -> ModelFile:
-    """The models of a parsed file, and all that is wrong with them, syntax errors included.
+    """Return the models of a parsed file, with all diagnostics; syntax errors are included.
 
     Args:
         parsed: the file.
-        metamodel: what its classes are looked up in; None when that could not be loaded: then little is checked.
+        metamodel: the metamodel of its objects. With None (it could not be loaded), few checks are made.
     """
     diagnostics = list(parsed.diagnostics)
     models: dict[str, ModelText] = {}
@@ -104,7 +104,7 @@ Made = dict[int, list[tuple[int, Span]]]
 
 @dataclass(frozen=True, slots=True)
 class _Task:
-    """A feature to be set when all objects are there; `cell` is the letter whose legend says so."""
+    """A feature to set after all objects are created; `cell` is the grid letter whose legend sets the feature."""
 
     node: int
     feature: Token
@@ -121,7 +121,11 @@ class _Grid:
 
 @dataclass(slots=True)
 class _Reader:
-    """Reads one model. `_names` has ids, None where a class is wrong; `_cell_of` is the present letter."""
+    """A reader of one model.
+
+    `_names` maps names to object ids, or to None if the class is invalid. `_cell_of` is the span of the grid letter
+    being read.
+    """
 
     parsed: Parsed
     metamodel: Metamodel | None
@@ -166,7 +170,7 @@ class _Reader:
     # --- objects ---
 
     def _object(self, tree: Tree[Token], made: Made) -> None:
-        """Creates the object of an `entry`, `object` or `unnamed` tree, and what stands inside it."""
+        """Create the object of an `entry`, `object` or `unnamed` tree, and all objects nested in it."""
         *name, cls = tokens(tree.children)
         where = self.parsed.span(name[0] if name else cls)
         node = self._create(str(cls), self.parsed.span(cls), name[0] if name else None, where)
@@ -209,7 +213,7 @@ class _Reader:
         self.reports.error("duplicate-object", message, name, hint, notes)
 
     def _body(self, node: int | None, body: Tree[Token] | None, made: Made, cell: Span | None = None) -> None:
-        """Creates what stands in the features of an object, and notes the features for later."""
+        """Create the objects nested in the features of an object, and add a task for each feature."""
         first: dict[str, Token] = {}
         for assignment in trees(body.children) if body else []:
             feature = tokens(assignment.children, "NAME")[0]
@@ -223,7 +227,7 @@ class _Reader:
                 self._tasks.append(_Task(node, feature, value, made, self._cell_of))
 
     def _declare(self, value: Tree[Token], made: Made) -> None:
-        """Creates all objects inside a value."""
+        """Create all objects inside a value: a single object, the items of a list, a table or a grid."""
         match value.data:
             case "object" | "unnamed":
                 self._object(value, made)
@@ -287,7 +291,7 @@ class _Reader:
         self._cell_of = around
 
     def _position(self, grid: _Grid, cell: Cell, node: int) -> None:
-        """Sets the attributes that hold column and row."""
+        """Set the attributes that hold the column and row of a grid object."""
         for kind, index in (("column", cell.column), ("row", cell.row)):
             axis = grid.text.axes.get(kind)
             feature = self._feature(node, axis.attribute) if axis else None
@@ -377,7 +381,7 @@ class _Reader:
             return
         if token in self.parsed.lost:
             return
-        # To compare every unknown name with every known one would take minutes.
+        # Comparing every unknown name with every known name would take minutes.
         self._unknown += 1
         hint = did_you_mean(token, self._names) if self._unknown <= MOST_ERRORS else None
         if token == "null":

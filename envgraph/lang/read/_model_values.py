@@ -1,4 +1,4 @@
-"""Values of attributes in `.model` files, and how mistakes are reported there."""
+"""Parse attribute values in `.model` files."""
 
 from __future__ import annotations
 
@@ -19,15 +19,15 @@ NO_VALUE = "write `none`, or leave the feature out"
 
 @dataclass(slots=True)
 class Reports(Reading):
-    """One model, of which each mistake is reported once at each place.
+    """The state of reading one model, where an error of the same code at the same span is reported only once.
 
-    A line of a legend or the head of a table stands for many objects.
+    A line of a legend or the head of a table describes many objects, so its errors would otherwise repeat.
     """
 
     _reported: set[tuple[str, int, int]] = field(default_factory=set)
 
     def add(self, diagnostic: Diagnostic) -> None:
-        """See above."""
+        """Record a diagnostic, unless one of the same code at the same span was recorded before."""
         span = diagnostic.span
         assert span is not None
         if (diagnostic.code, span.start, span.end) not in self._reported:
@@ -36,7 +36,7 @@ class Reports(Reading):
 
 
 def values_of(tree: Tree[Token], attribute: Attribute, reports: Reports) -> list[Value]:
-    """Values of an attribute with many; what is wrong is reported and left out."""
+    """Parse the values of an attribute with many values; report invalid values and leave them out."""
     found = (
         (value, reports.span(item))
         for item in (trees(tree.children) if tree.data == "list" else [tree])
@@ -46,7 +46,7 @@ def values_of(tree: Tree[Token], attribute: Attribute, reports: Reports) -> list
 
 
 def value_of(tree: Tree[Token], attribute: Attribute, reports: Reports) -> Value | None:
-    """A value of an attribute; None if it is wrong, which is reported."""
+    """Parse one value of an attribute; report an invalid value and return None."""
     parts = tokens(tree.children)
     type_ = attribute.type
     if tree.data == "enum_literal":
@@ -93,7 +93,7 @@ def _literal(tree: Tree[Token], attribute: Attribute, reports: Reports) -> Value
 
 
 def kind_of(tree: Tree[Token]) -> str:
-    """Return what a value is, for messages."""
+    """Return a phrase for the kind of a value, for error messages, such as "a string"."""
     match tree.data:
         case "true" | "false":
             return "a truth value"
@@ -111,7 +111,7 @@ def kind_of(tree: Tree[Token]) -> str:
 
 
 def _type_hint(tree: Tree[Token], attribute: Attribute) -> str | None:
-    """Return how a value may have been meant."""
+    """Return a hint for the value that the author probably meant; None if nothing similar fits."""
     if tree.data not in {"name", "string"}:
         return None
     word = str(tokens(tree.children)[0])

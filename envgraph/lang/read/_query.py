@@ -1,4 +1,4 @@
-"""`.query` files: the tree to patterns."""
+"""Convert the syntax trees of `.query` files to patterns."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ from envgraph.pattern import Body, FunctionDeclaration, Parameter, Pattern, Stra
 def read_query(
     parsed: Parsed, types: TypeNames | None = None
 ) -> DefinitionsFile[Pattern | FunctionDeclaration]:
-    """Return what a `.query` file defines, functions first; see `read_definitions`."""
+    """Return the functions and patterns of a parsed `.query` file, functions first; see `read_definitions`."""
     file = read_definitions(parsed, types, _definition)
     ordered = sorted(file.definitions, key=lambda one: isinstance(one, Pattern))
     return replace(file, definitions=tuple(ordered))
@@ -30,7 +30,7 @@ def _definition(reading: Reading, package: str, tree: Tree[Token]) -> Pattern | 
 
 
 def parameters_of(reading: Reading, tree: Tree[Token]) -> tuple[Parameter, ...]:
-    """The parameters of the `parameters` tree that a definition may have."""
+    """Parse the parameters of a definition; return an empty tuple if it has none."""
     return tuple(
         _parameter(reading, item)
         for part in trees(tree.children, "parameters")
@@ -39,7 +39,7 @@ def parameters_of(reading: Reading, tree: Tree[Token]) -> tuple[Parameter, ...]:
 
 
 def suppressions_in(reading: Reading, tree: Tree[Token]) -> tuple[Annotation, ...]:
-    """The annotations of what can have `@suppress` only; others are reported."""
+    """Return the annotations of a definition that allows only `@suppress`; report all other annotations."""
     parts = trees(tree.children, "annotation")
     found = tuple(annotation_of(reading.parsed.source, part) for part in parts)
     for part, one in zip(parts, found, strict=True):
@@ -84,7 +84,12 @@ def _declaration(reading: Reading, tree: Tree[Token]) -> FunctionDeclaration:
 
 
 def _typed(reading: Reading, tree: Tree[Token]) -> tuple[str | None, Span | None]:
-    """The type that stands in a tree, and where; None if it is a class of Java, which is reported."""
+    """Parse the type of a parameter or function result.
+
+    Returns:
+        The type's name and span; both None if no type is written. The name is None for an unknown Java class, which is
+        then reported.
+    """
     for part in trees(tree.children, "type"):
         return type_of(reading, part), type_span_of(reading, part)
     for part in trees(tree.children, "java_type"):

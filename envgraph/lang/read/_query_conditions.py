@@ -1,4 +1,4 @@
-"""Conditions of a query body: relations, comparisons, checks, and the terms in them."""
+"""Parse the conditions of a query body: relations, comparisons, checks and their terms."""
 
 from __future__ import annotations
 
@@ -44,7 +44,7 @@ AggregateFunction = Literal["count", "sum", "min", "max", "avg"]
 
 
 def conditions_of(reading: Reading, statements: Iterable[Tree[Token]]) -> tuple[Constraint, ...]:
-    """The data of several conditions, without those of which nothing can be kept."""
+    """Parse several conditions; invalid conditions are reported and left out."""
     read = []
     for statement in statements:
         condition = condition_of(reading, statement)
@@ -56,7 +56,7 @@ def conditions_of(reading: Reading, statements: Iterable[Tree[Token]]) -> tuple[
 
 
 def condition_of(reading: Reading, tree: Tree[Token]) -> Constraint | None:
-    """The data of a condition; None when nothing of it can be kept, which has then been reported."""
+    """Parse one condition; report an invalid condition and return None."""
     match tree.data:
         case "negation":
             relation = relation_of(reading, trees(tree.children)[0])
@@ -69,12 +69,12 @@ def condition_of(reading: Reading, tree: Tree[Token]) -> Constraint | None:
 
 
 def _in_brackets(reading: Reading, tree: Tree[Token]) -> Expression:
-    """An expression; the brackets of `check(..)` are no part of it, so that a caret below it is not lopsided."""
+    """Parse the expression of `check(..)`; leave its parentheses out of the span that error messages mark."""
     return expression_of(reading, trees(tree.children)[0] if tree.data == "group" else tree)
 
 
 def relation_of(reading: Reading, tree: Tree[Token]) -> Relation | None:
-    """The data of `Type(x)`, `Type.f(x, y)` or `find p(..)`."""
+    """Parse `Type(x)`, `Type.f(x, y)` or `find p(..)`; return None if it is invalid, which is then reported."""
     match tree.data:
         case "pattern_call":
             return pattern_call_of(reading, tree)
@@ -84,7 +84,7 @@ def relation_of(reading: Reading, tree: Tree[Token]) -> Relation | None:
 
 
 def pattern_call_of(reading: Reading, tree: Tree[Token]) -> PatternCall:
-    """The data of `find p(..)`; the name of an imported pattern is made qualified."""
+    """Parse `find p(..)`; replace the name of an imported pattern by its qualified name."""
     name = trees(tree.children, "qualified_name")[0]
     pattern = qualified_name_of(name)
     reading.used.add(pattern)
@@ -98,12 +98,12 @@ def pattern_call_of(reading: Reading, tree: Tree[Token]) -> PatternCall:
 
 
 def closure_of(tree: Tree[Token]) -> Closure:
-    """The `+` or `*` of a relation or an arrow."""
+    """Parse the transitive closure sign `+` or `*` of a relation or arrow; return `Closure.ONCE` if it has none."""
     return next((Closure(str(part.children[0])) for part in trees(tree.children, "closure")), Closure.ONCE)
 
 
 def java_type_of(reading: Reading, tree: Tree[Token]) -> str | None:
-    """The data type of `java Integer`, also `java java.lang.Integer`."""
+    """Parse `java Integer` or `java java.lang.Integer` into a data type; report an unknown class and return None."""
     name = qualified_name_of(trees(tree.children)[0])
     simple = name.rpartition(".")[2]
     reading.used.add(simple)
@@ -228,7 +228,7 @@ def _bare_expression(reading: Reading, tree: Tree[Token]) -> Expression:
 
 
 def term_of(reading: Reading, tree: Tree[Token]) -> Term:
-    """The data of what may stand where a variable may."""
+    """Parse a term: a variable, constant, enum literal, evaluation or aggregate."""
     return _TERMS[tree.data](reading, tree)
 
 

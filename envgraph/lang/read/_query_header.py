@@ -1,4 +1,4 @@
-"""What stands above the definitions of a `.query`, `.rules` or `.environment` file: its package and its imports."""
+"""Read files with definitions, and the package and imports at their beginning (`.query`, `.rules`, `.environment`)."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ _KINDS = ("package", "import_file", "import_pattern", "import_java")
 
 @dataclass(frozen=True, slots=True)
 class PatternImport:
-    """`import pattern a.b.c`: the pattern may be called `c` here."""
+    """The import of a pattern by name: after `import pattern a.b.c` the file may call the pattern `c`."""
 
     name: str
     span: Span = field(compare=False, repr=False)
@@ -31,7 +31,7 @@ class PatternImport:
 
 @dataclass(frozen=True, slots=True)
 class Header:
-    """Package ("" for none) and imports of a file, in the order of the text."""
+    """The package of a file ("" for none) and its imports, in the order of the text."""
 
     package: str = ""
     imports: tuple[Import, ...] = ()
@@ -40,10 +40,10 @@ class Header:
 
 @dataclass(frozen=True, slots=True)
 class DefinitionsFile(Generic[Definition]):
-    """What a file with definitions says, as far as it can be read.
+    """The definitions of a file that could be read, with its header and diagnostics.
 
     Attributes:
-        lost: names that may be defined or used in what could not be read.
+        lost: names that may be defined or used in text that could not be read.
     """
 
     header: Header
@@ -60,14 +60,14 @@ def read_definitions(
     keep: bool = False,
     missing: tuple[str, str, str] | None = None,
 ) -> DefinitionsFile[Definition]:
-    """The definitions of a parsed file, and what is wrong with it before any name is looked up.
+    """Return the definitions of a parsed file, with the diagnostics that are found before names are resolved.
 
     Args:
         parsed: the file.
-        types: what the names of types mean in it.
-        read: reads one definition of a package.
-        keep: whether one of which a part could not be read is kept; else it is left out.
-        missing: code, message and hint for a file that has none.
+        types: the meaning of type names in the file.
+        read: converts the tree of one definition; its second argument is the package.
+        keep: True to keep definitions with parts that could not be read; otherwise they are left out.
+        missing: code, message and hint of the error for a file without definitions; None if such a file is valid.
     """
     reading = Reading(parsed, list(parsed.diagnostics), types=types)
     header, found = header_of(reading), []
@@ -84,12 +84,12 @@ def read_definitions(
 
 
 def name_of(tree: Tree[Token]) -> Token:
-    """The token that names a definition."""
+    """Return the name token of a definition."""
     return tokens(tree.children, "NAME")[0]
 
 
 def header_of(reading: Reading) -> Header:
-    """Package and imports; makes aliases and imported patterns known to the rest of the reading."""
+    """Parse package and imports, and record aliases and imported patterns in `reading`."""
     definitions = trees(reading.parsed.tree.children) if reading.parsed.tree else []
     package = _package(reading, definitions)
     imports: list[Import] = []
@@ -107,19 +107,19 @@ def header_of(reading: Reading) -> Header:
 
 
 def definitions_of(reading: Reading) -> Iterator[Tree[Token]]:
-    """The definitions of the file without its header."""
+    """Yield the trees of the file's definitions, without package and imports."""
     if reading.parsed.tree:
         yield from (tree for tree in trees(reading.parsed.tree.children) if tree.data not in _KINDS)
 
 
 def unused_imports(reading: Reading, header: Header) -> None:
-    """Warns of imports by name, and of aliases, that nothing in the file mentions."""
+    """Report a warning for each import by name, and each alias, that the file does not use."""
     for name, span in reading.aliases.items():
         if name not in reading.used:
             hint = f"leave `as {name}` out, or write `{name}::Type`"
             reading.warn("unused-import", f"nothing here writes `{name}::`", span, hint)
     for name, span in reading.java.items():
-        if name not in reading.used:  # else that is reported where it is
+        if name not in reading.used:  # An unknown Java class is reported where the file uses it.
             hint = "leave the line out: classes of Java mean nothing here"
             reading.warn("unused-import", f"nothing here needs the Java class `{name}`", span, hint)
     for pattern in header.patterns:

@@ -1,4 +1,4 @@
-"""One file while its tree becomes data: what readers report, and what names of types mean in it."""
+"""The state of reading one file: its diagnostics, its imports, and the meaning of its type names."""
 
 from __future__ import annotations
 
@@ -18,13 +18,13 @@ from envgraph.metamodel import Metamodel, Package, simple_name, type_name
 
 @dataclass(frozen=True, slots=True)
 class TypeNames:
-    """What names of types mean in one file.
+    """The classes and enums that type names stand for in one file.
 
     Attributes:
-        metamodel: None where it is not known: then a name keeps what stands before it.
-        aliases: what the file calls packages, with their paths.
-        imported: the paths of the packages that the file imports without an alias: where others have a class of the
-            same name, theirs is meant.
+        metamodel: None if it is unknown; then a name keeps its qualifier.
+        aliases: the paths of packages, by the aliases that the file gives them.
+        imported: the paths of packages imported without an alias. If several packages have a class of the same name,
+            the class of an imported package is meant.
     """
 
     metamodel: Metamodel | None = None
@@ -32,7 +32,7 @@ class TypeNames:
     imported: tuple[str, ...] = ()
 
     def packages(self, qualifier: str) -> tuple[str, ...]:
-        """The paths of the packages that `qualifier::` names."""
+        """Return the paths of the packages that `qualifier::` names."""
         if qualifier in self.aliases:
             return self.aliases[qualifier]
         known = self.metamodel.packages if self.metamodel else ()
@@ -44,12 +44,12 @@ class TypeNames:
         return (*own, package.prefix)
 
     def find(self, name: str, qualifier: str | None = None, enums: bool = False) -> list[str]:
-        """The classes and enums that may be meant, several where that is not clear.
+        """Return the qualified names of the classes and enums that a name may mean; several if the name is ambiguous.
 
         Args:
-            name: without what stands before `::`.
-            qualifier: what stands there.
-            enums: whether only an enum can stand here.
+            name: the name without the qualifier before `::`.
+            qualifier: the alias or package before `::`; None if there is none.
+            enums: True to find enums only.
         """
         if self.metamodel is None:
             return [f"{qualifier}::{name}" if qualifier else name]
@@ -67,11 +67,11 @@ class TypeNames:
         return near if len(near) == 1 else [*found.values()]
 
     def others(self, name: str) -> str | None:
-        """Return how to write a name, in all of its packages."""
+        """Return a hint with the qualified names of a class in all packages; None if there is nothing to suggest."""
         return self.metamodel.likely(name) if self.metamodel else None
 
     def plain(self, name: str) -> bool:
-        """Return whether a name needs no look-up: one class or enum at most has it, and is called just so."""
+        """Return True if a name needs no resolution: at most one class or enum has it, and is not qualified."""
         known = self.metamodel.named(name) if self.metamodel else {}
         return len(known) < 2 and all(one == simple_name(one) for one in known.values())
 
@@ -81,13 +81,16 @@ _Item = TypeVar("_Item", Tree[Token], Token)
 
 @dataclass(slots=True)
 class Reading:
-    """One file while its tree becomes data.
+    """The state of reading one file.
+
+    A gap is a stretch of text that no data represents, because of an error in it. Definitions with gaps are left out.
+    Their names are then "lost": other definitions may use these names without a report.
 
     Attributes:
-        diagnostics: what the tree says that no data can hold, added to while reading.
-        aliases: the names after `as` of the imports, with their places.
-        imported: simple to qualified name of the patterns that are imported by name.
-        data_types: other names of data types that imports bring along.
+        diagnostics: errors and warnings, added while the file is read.
+        aliases: the names after `as` of the imports, with their spans.
+        imported: the qualified names of imported patterns, by simple name.
+        data_types: names of additional data types that imports define, with the scalar types that they stand for.
     """
 
     parsed: Parsed
@@ -107,19 +110,19 @@ class Reading:
     """Names of definitions that are left out because of gaps in them."""
 
     def span(self, item: Tree[Token] | Token) -> Span:
-        """The characters that a tree or token was made of."""
+        """Return the span of a tree or token."""
         return span_of(self.parsed.source, item)
 
     def spans(self, items: Iterable[Tree[Token] | Token]) -> tuple[Span, ...]:
-        """The same for each of several."""
+        """Return the spans of several trees or tokens."""
         return tuple(self.span(item) for item in items)
 
     def text(self, item: Tree[Token] | Token) -> str:
-        """The same as it is written, on one line."""
+        """Return the source text of a tree or token on one line."""
         return " ".join(self.span(item).text.split())
 
     def add(self, diagnostic: Diagnostic) -> None:
-        """Adds what is wrong."""
+        """Record a diagnostic."""
         self.diagnostics.append(diagnostic)
 
     def error(
@@ -130,19 +133,19 @@ class Reading:
         hint: str | None = None,
         notes: tuple[Note, ...] = (),
     ) -> None:
-        """Adds an error."""
+        """Record an error."""
         span = where if isinstance(where, Span) else self.span(where)
         self.add(Diagnostic(code, message, span, hint, notes=notes))
 
     def warn(
         self, code: str, message: str, where: Tree[Token] | Token | Span, hint: str | None = None
     ) -> None:
-        """Adds a warning."""
+        """Record a warning."""
         span = where if isinstance(where, Span) else self.span(where)
         self.add(Diagnostic(code, message, span, hint, Severity.WARNING))
 
     def only(self, what: str, items: Iterable[_Item], hint: str | None = None) -> _Item | None:
-        """The first of the items, None if there is none; the others are reported."""
+        """Return the first item (None if there is none), and report all further items as duplicates of `what`."""
         first: _Item | None = None
         for item in items:
             if first is None:
@@ -153,36 +156,36 @@ class Reading:
         return first
 
     def gap(self, tree: Tree[Token]) -> None:
-        """Notes that the data lacks what a tree says; that has been reported."""
+        """Record that the data lacks the content of a tree; its error has already been reported."""
         span = self.span(tree)
         self.gaps.append((span.start, span.end))
 
     def broken(self, tree: Tree[Token]) -> bool:
-        """Return whether the data of a tree lacks something that it says, and may seem wrong for want of it."""
+        """Return True if the data of a tree lacks a part of its text, so that checks of it may mislead."""
         span = self.span(tree)
         if any(span.start <= start < span.end for start, _ in self.parsed.gaps):
             return True
-        # Definitions are read one after the other: the gaps of this one are the last.
+        # Definitions are read one after the other, so the gaps of the current one are the last.
         recent = takewhile(lambda gap: gap[0] >= span.start, reversed(self.gaps))
         return any(start < span.end for start, _ in recent)
 
     def whole(self, name: Token, tree: Tree[Token]) -> bool:
-        """Return whether a definition can be checked. If it has gaps, its name is lost: to mention it is no mistake."""
+        """Return True if a definition has no gaps and can be checked; otherwise record its name as lost."""
         if self.broken(tree):
             self.lost.add(str(name))
             return False
         return True
 
     def result(self) -> tuple[Diagnostic, ...]:
-        """All diagnostics in the order of the text, without those that follow from others."""
+        """Return all diagnostics in the order of the text, without diagnostics that follow from others."""
         return tuple(sort_diagnostics(self.diagnostics))
 
     def all_lost(self) -> frozenset[str]:
-        """All names that may be defined in what is not in the data."""
+        """Return all names that may be defined in text that could not be read."""
         return self.parsed.lost | self.lost
 
     def alias(self, token: Token) -> None:
-        """A mention of an import by its alias, or of a package by its name."""
+        """Record the use of an import alias or package name; report an unknown alias."""
         known = {*self.aliases, *self.parsed.lost}
         packages = self.types and (self.types.metamodel is None or self.types.packages(str(token)))
         if token not in known and not packages:
@@ -192,7 +195,7 @@ class Reading:
 
 
 def type_of(reading: Reading, tree: Tree[Token]) -> str:
-    """The name of a `type` tree in the metamodel; what stands before it is looked up."""
+    """Resolve the `type` tree of a class, enum or data type, and return its name in the metamodel."""
     alias, name = tree.children
     if isinstance(alias, Token):
         reading.alias(alias)
@@ -206,12 +209,15 @@ def type_of(reading: Reading, tree: Tree[Token]) -> str:
 def type_named(
     reading: Reading, name: str, alias: Token | None, tree: Tree[Token], enums: bool = False
 ) -> str:
-    """The class or enum of a name; where several packages have one, and no import decides, that is reported."""
+    """Return the name in the metamodel of a class or enum.
+
+    If the name is ambiguous or unknown in its package, report the name and return it unchanged.
+    """
     types = reading.types
     if types is None or (alias is None and types.plain(name)):
         return name
     if types.metamodel is None and alias in reading.aliases:
-        return name  # imports are not followed
+        return name  # Imports were not followed, so the alias cannot be resolved.
     found = types.find(name, None if alias is None else str(alias), enums)
     if len(found) == 1:
         return found[0]
@@ -227,5 +233,5 @@ def type_named(
 
 
 def type_span_of(reading: Reading, tree: Tree[Token]) -> Span:
-    """Return where the name itself stands in a `type` tree."""
+    """Return the span of the name in a `type` tree, without its qualifier."""
     return reading.span(tokens(tree.children)[-1])

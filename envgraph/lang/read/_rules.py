@@ -1,4 +1,4 @@
-"""`.rules` files: the tree to rules, units and derived groups."""
+"""Convert the syntax trees of `.rules` files to rules, units and derived groups of rules."""
 
 from __future__ import annotations
 
@@ -31,7 +31,7 @@ _SECTIONS = ("left", "right", "modification", *_NESTED)
 
 
 def read_rules(parsed: Parsed, types: TypeNames | None = None) -> DefinitionsFile[Definition]:
-    """Return what a `.rules` file defines; see `read_definitions`."""
+    """Return the rules, units and derivations of a parsed `.rules` file; see `read_definitions`."""
     return read_definitions(parsed, types, _definition)
 
 
@@ -67,7 +67,10 @@ def _rule(reading: Reading, package: str, tree: Tree[Token]) -> Rule:
 
 
 def _left(reading: Reading, tree: Tree[Token], owner: Token) -> LeftSide:
-    """The one `lhs` of a rule or of a `forall` or `optional` block; that a block is empty is noticed later."""
+    """Parse the left-hand side of a rule or of a `forall` or `optional` block.
+
+    Report a second `lhs`, and a rule without `lhs`. Empty blocks are reported by the later check of rules.
+    """
     sides = trees(tree.children, "left")
     reading.only("`lhs`", (tokens(side.children)[0] for side in sides), "put all of it into the first")
     if sides:
@@ -80,7 +83,7 @@ def _left(reading: Reading, tree: Tree[Token], owner: Token) -> LeftSide:
 
 
 def _right(reading: Reading, tree: Tree[Token]) -> RightSide | Modification | None:
-    """The one `rhs` or `modify`."""
+    """Parse the `rhs` or `modify` of a rule or block (None if it has neither); report duplicates and mixtures."""
     rights, modifications = trees(tree.children, "right"), trees(tree.children, "modification")
     reading.only("`rhs`", (tokens(side.children)[0] for side in rights), "put all of it into the first")
     reading.only(
@@ -113,7 +116,10 @@ def _block(reading: Reading, tree: Tree[Token]) -> Block:
 
 
 def _condition_block(reading: Reading, tree: Tree[Token]) -> Block:
-    """`not` and `require` hold conditions directly; that they rewrite nothing is said by the check of rules."""
+    """Parse a `not` or `require` block, whose conditions stand directly in it; report an `lhs` inside.
+
+    The later check of rules reports blocks that rewrite.
+    """
     keyword = tokens(tree.children)[0]
     statements = [part for part in trees(tree.children) if part.data not in _SECTIONS]
     for side in trees(tree.children, "left"):

@@ -1,4 +1,4 @@
-"""What the annotations of rules, units and derived groups say."""
+"""Parse the annotations of rules, units and derived groups."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ from envgraph.metamodel import Annotation
 
 @dataclass(slots=True)
 class Marks:
-    """The annotations of a definition, and what those that mean something say."""
+    """The annotations of a definition, and the values of the annotations that rules understand."""
 
     annotations: tuple[Annotation, ...] = ()
     weight: float = 1.0
@@ -28,7 +28,7 @@ class Marks:
 
 
 def marks_of(reading: Reading, tree: Tree[Token]) -> Marks:
-    """Reads the annotations; wrong arguments are reported, names that mean nothing are left to the check of rules."""
+    """Parse the annotations of a definition; report wrong arguments, but leave unknown names to a later check."""
     parts = trees(tree.children, "annotation")
     marks = Marks(tuple(annotation_of(reading.parsed.source, part) for part in parts))
     for name in ("weight", "priority", "semantics", "match"):
@@ -55,7 +55,7 @@ def _weight(reading: Reading, tree: Tree[Token], marks: Marks) -> None:
 
 
 def _weights(reading: Reading, tree: Tree[Token], marks: Marks) -> None:
-    """As `_weight`; the named weights of kinds of operators stay for the check of the derivation."""
+    """Parse the `@weight` of a derivation; the check of derivations handles the named weights of operators."""
     arguments = [part for part in tree.children[1:] if isinstance(part, Tree)]
     plain = [part for part in arguments if part.data != "annotation_named"]
     if plain or not arguments:
@@ -93,7 +93,7 @@ def _hom(reading: Reading, tree: Tree[Token], marks: Marks) -> None:
 
 
 def _word(reading: Reading, tree: Tree[Token], words: tuple[str, ...], advice: str) -> str | None:
-    """The argument of an annotation that takes one word."""
+    """Return the argument of an annotation that takes one of `words`; report any other argument and return None."""
     value = _only_value(tree, "annotation_name")
     if value is None:
         _wrong(reading, tree, "one word", f"write {advice}")
@@ -107,7 +107,7 @@ def _word(reading: Reading, tree: Tree[Token], words: tuple[str, ...], advice: s
 
 
 def _values(tree: Tree[Token]) -> list[Tree[Token]]:
-    """The values that stand without a key."""
+    """Return the arguments of an annotation that have no key."""
     return [value for part in trees(tree.children, "annotation_argument") for value in trees(part.children)]
 
 

@@ -1,4 +1,4 @@
-"""Arrows and objects of rules: left sides, right sides, modifications."""
+"""Parse the left-hand sides, right-hand sides and modifications of rules."""
 
 from __future__ import annotations
 
@@ -36,13 +36,13 @@ _IN_MODIFY = ("retype", "move", "merge", "redirect")
 
 @dataclass(slots=True)
 class Graph:
-    """Nodes and edges in the order of the text.
+    """The nodes and edges of a left- or right-hand side, in the order of the text.
 
-    A node is kept once, with the type of its declaration; a second declaration is kept too, for the check of rules.
-    A `_` of which more is said than that it is there has a name that no text can spell: `#1`, `#2`, ...
+    A node is stored once, with the type of its declaration; a second declaration is stored too, for the check of
+    rules. Each `_` with several edges, or with an edge and a type, gets a unique name that no text can contain: `#1`.
 
     Attributes:
-        left: it is what a left side asks for, where `_` may stand for any object.
+        left: True for a left-hand side, where `_` may match any object.
     """
 
     left: bool = False
@@ -51,12 +51,12 @@ class Graph:
     _anonymous: int = 0
 
     def hide(self, node: Node) -> Node:
-        """The node with a name of its own, for a `_`."""
+        """Return a copy of an anonymous node (`_`) with a unique name."""
         self._anonymous += 1
         return replace(node, name=f"#{self._anonymous}")
 
     def add(self, node: Node) -> None:
-        """Adds a mention of a node."""
+        """Add a node, or its type if a node of that name has no type yet."""
         places = [index for index, known in enumerate(self.nodes) if known.name == node.name]
         if not places:
             self.nodes.append(node)
@@ -67,7 +67,7 @@ class Graph:
 
 
 def left_side_of(reading: Reading, statements: Iterable[Tree[Token]], keyword: Token) -> LeftSide:
-    """The statements of an `lhs`, or of a condition block, as one left side."""
+    """Parse the statements of an `lhs` or a condition block into one left-hand side."""
     graph = Graph(left=True)
     conditions: list[Tree[Token]] = []
     for statement in statements:
@@ -90,7 +90,7 @@ def _without_values(reading: Reading, graph: Tree[Token]) -> None:
 
 
 def read_graph(reading: Reading, tree: Tree[Token], graph: Graph) -> None:
-    """Adds the vertices and arrows of `a -ref-> b : T -ref2-> c` to a graph."""
+    """Parse `a -ref-> b : T -ref2-> c`, and add its nodes and edges to `graph`."""
     vertices = trees(tree.children, "vertex")
     arrows = trees(tree.children, "forward", "backward", "half_arrow", "unnamed")
     names: list[str] = []
@@ -168,7 +168,7 @@ def _edge(
 
 
 def right_side_of(reading: Reading, tree: Tree[Token]) -> RightSide:
-    """The data of `rhs { .. }`."""
+    """Parse `rhs { .. }`."""
     graph = Graph()
     actions: list[Action] = []
     for statement in trees(tree.children):
@@ -190,7 +190,7 @@ def right_side_of(reading: Reading, tree: Tree[Token]) -> RightSide:
 
 
 def modification_of(reading: Reading, tree: Tree[Token]) -> Modification:
-    """The data of `modify { .. }`."""
+    """Parse `modify { .. }`."""
     actions: list[Action] = []
     for statement in trees(tree.children):
         if statement.data == "graph":
@@ -219,7 +219,7 @@ def _delete(reading: Reading, tree: Tree[Token]) -> list[Action]:
 
 
 def _plain(reading: Reading, graph: Tree[Token], word: str) -> Tree[Token]:
-    """The graph without classes and values, which are reported."""
+    """Return the graph without classes and values; report each class, which the action `word` does not allow."""
     for vertex in trees(graph.children, "vertex"):
         for part in trees(vertex.children, "type"):
             message = f"`{word}` takes no class"

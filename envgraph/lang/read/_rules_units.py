@@ -1,4 +1,4 @@
-"""Control units: the tree to data."""
+"""Parse the control units of rules."""
 
 from __future__ import annotations
 
@@ -31,12 +31,12 @@ from envgraph.pattern import (
 
 
 def block_of(reading: Reading, tree: Tree[Token]) -> Sequence:
-    """The steps of a `block` tree."""
+    """Parse a `block` tree into a sequence of steps."""
     return Sequence(tuple(step_of(reading, part) for part in trees(tree.children)), reading.span(tree))
 
 
 def step_of(reading: Reading, tree: Tree[Token]) -> Step:
-    """The data of one step."""
+    """Parse one step of a unit."""
     return _STEPS[tree.data](reading, tree)
 
 
@@ -63,7 +63,7 @@ def _call(reading: Reading, tree: Tree[Token]) -> Call:
 
 
 def _asked(reading: Reading, tree: Tree[Token]) -> Constraint | None:
-    """A condition that can be read; else it is reported."""
+    """Parse a condition; report an invalid condition and return None."""
     condition = condition_of(reading, tree)
     if condition is None:
         reading.gap(tree)
@@ -88,7 +88,7 @@ def _repeat(reading: Reading, tree: Tree[Token]) -> Repeat:
 
 
 def _bound(reading: Reading, tree: Tree[Token]) -> int | Expression:
-    """A number, or what gives one when the step begins."""
+    """Parse the bound of `repeat`: an int, or an expression that is evaluated when the step begins."""
     expression = expression_of(reading, tree)
     if isinstance(expression, Constant) and type(expression.value) is int:
         return expression.value
@@ -101,7 +101,7 @@ def _try(reading: Reading, tree: Tree[Token]) -> Try:
 
 
 def _if(reading: Reading, tree: Tree[Token]) -> If | Sequence:
-    """Without a condition that can be asked only the first branch is left; the file is refused anyway."""
+    """Parse an `if` step; if its condition is invalid (already reported), return only the first branch."""
     asked, then, *otherwise = trees(tree.children)
     condition: Constraint | Applicable | None = _applicable(reading, asked)
     if condition is None:
@@ -116,7 +116,10 @@ def _if(reading: Reading, tree: Tree[Token]) -> If | Sequence:
 
 
 def _applicable(reading: Reading, tree: Tree[Token]) -> Applicable | None:
-    """`rule` and `rule(a, b)`; with one argument it is read as a type, which the check looks at again."""
+    """Parse the condition `rule` or `rule(a, b)`, which asks if a rule is applicable; return None for other conditions.
+
+    A condition with one argument is parsed as a type constraint; the check of units decides if it names a rule.
+    """
     if tree.data == "asked":
         name = tokens(tree.children, "NAME")[0]
         return Applicable(str(name), (), len(tree.children) > 1, reading.span(tree))

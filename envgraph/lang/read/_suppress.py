@@ -1,4 +1,4 @@
-"""`@suppress("code")`: warnings that are not to be given inside of a definition."""
+"""Apply `@suppress("code")`, which hides warnings in a definition."""
 
 from __future__ import annotations
 
@@ -14,18 +14,18 @@ from envgraph.metamodel import SUPPRESS
 
 @dataclass(frozen=True, slots=True)
 class Suppression:
-    """A code and where it stands; `within` is the definition that no warning of that code is given of."""
+    """A suppressed warning code, with the span of the code and the span of the definition that it applies to."""
 
     code: str
     place: Span
     within: Span
 
     def silences(self, problem: Diagnostic) -> bool:
-        """Return whether a diagnostic is such a warning."""
+        """Return True if the diagnostic is a warning with this code inside of the definition."""
         return self.code == problem.code and self.has(problem)
 
     def has(self, problem: Diagnostic) -> bool:
-        """Return whether a diagnostic is a warning about a place inside of the definition."""
+        """Return True if the diagnostic is a warning of any code inside of the definition."""
         span = problem.span
         return (
             problem.severity is Severity.WARNING
@@ -36,7 +36,7 @@ class Suppression:
 
 
 def suppressions_of(parsed: Parsed) -> tuple[list[Suppression], list[Diagnostic]]:
-    """Return what the annotations `@suppress` of a text ask for, and what is wrong with them."""
+    """Return the suppressions in the `@suppress` annotations of a text, and diagnostics for invalid annotations."""
     found: list[Suppression] = []
     problems: list[Diagnostic] = []
     waiting = [parsed.tree] if parsed.tree and f"@{SUPPRESS}" in parsed.source.text else []
@@ -65,9 +65,9 @@ def _codes(annotation: Tree[Token]) -> Iterator[Token]:
 def unsuppressed(
     diagnostics: Iterable[Diagnostic], suppressions: Sequence[Suppression]
 ) -> Iterator[Diagnostic]:
-    """The diagnostics without warnings that are suppressed, and a warning for each code that suppresses none.
+    """Yield the diagnostics without suppressed warnings, and a warning for each suppression that hides nothing.
 
-    Where there are errors, in this file or in one that it is checked with, not all warnings are known yet.
+    If this file, or a file checked with it, has errors, no suppression is reported: not all warnings are known yet.
     """
     given = list(diagnostics)
     yield from (one for one in given if not any(each.silences(one) for each in suppressions))
