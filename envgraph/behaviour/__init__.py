@@ -1,6 +1,6 @@
-"""An agent's behaviour over a model, as data: what it does, sees and gets, and whether that can be.
+"""The behaviour of agents over a model as data: actions, observations, rewards and drawing, with their checks.
 
-`check_behaviour` says what is wrong with a behaviour; `envgraph.env` runs it. The rest is what both need to know of it.
+`check_behaviour` reports errors in a behaviour; `envgraph.env` runs it. All other names serve both.
 """
 
 from typing import TYPE_CHECKING

@@ -1,4 +1,4 @@
-"""What the names of a behaviour stand for in one model."""
+"""Bind the names of a behaviour to objects of a model, and evaluate paths."""
 
 from __future__ import annotations
 
@@ -27,9 +27,9 @@ Reader = Callable[[int, str], Value | int | None]
 
 
 def reader(model: Model) -> Reader:
-    """Reads the features of a model's objects by name, as expressions need it.
+    """Return a function that reads features of a model's objects by name.
 
-    What it returns raises an EvaluationError where an object is deleted, or its class has no such feature any more.
+    The function raises EvaluationError if the object is deleted, or if its class has no such feature any more.
     """
     mm = model.metamodel
     known: dict[tuple[str, str], Attribute | Reference] = {}
@@ -59,7 +59,7 @@ def _feature(metamodel: Metamodel, cls: str, name: str) -> Attribute | Reference
 
 
 def follow(path: Expression, values: Mapping[str, Value | int | None], read: Reader) -> Value | int | None:
-    """Where a path leads; None when one of its features has no value."""
+    """Return the value or object id at the end of a path; None if a feature on the path has no value."""
     if isinstance(path, Variable):
         return values[path.name]
     if not isinstance(path, Navigation):
@@ -71,10 +71,10 @@ def follow(path: Expression, values: Mapping[str, Value | int | None], read: Rea
 def bind_parameters(
     model: Model, parameters: Iterable[Parameter], spans: Mapping[int, Span] | None = None
 ) -> dict[str, int]:
-    """The object that each parameter stands for, in order. Errors have notes with the places of `spans`.
+    """Return the object id for each parameter, by name. Notes of errors show the places of objects in `spans`.
 
     Raises:
-        ResolutionError: a parameter has no object, or several; all of them at once.
+        ResolutionError: a parameter matches no object or several; lists all such parameters.
     """
     bound: dict[str, int] = {}
     problems: list[Diagnostic] = []
@@ -89,7 +89,7 @@ def bind_parameters(
 
 
 def bind_parameter(model: Model, parameter: Parameter, spans: Mapping[int, Span] | None = None) -> int:
-    """The model's object of that name and type, else the only instance of the type.
+    """Return the object with the parameter's name and type, or else the only instance of the type.
 
     Raises:
         ResolutionError: there is neither.
@@ -125,10 +125,10 @@ def bind_parameter(model: Model, parameter: Parameter, spans: Mapping[int, Span]
 
 
 def unbound(behaviour: Behaviour, model: Model, spans: Mapping[int, Span] | None = None) -> list[Diagnostic]:
-    """Return problems with names that have no object in a model: errors if no environment can be made, else warnings.
+    """Return diagnostics for parameters and `agent` blocks without an object in the model.
 
-    Those are the parameters, and the `agent` blocks that nobody plays. Of several objects where one is wanted, notes
-    tell the places in `spans`.
+    They are errors if no environment can be made, else warnings. If several objects match, notes show their places in
+    `spans`.
     """
     problems: list[Diagnostic] = []
     try:

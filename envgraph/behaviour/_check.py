@@ -1,4 +1,4 @@
-"""What can be wrong with a behaviour, before any model is known."""
+"""Check a behaviour against a metamodel, patterns and rules, independently of any model."""
 
 from __future__ import annotations
 
@@ -32,11 +32,11 @@ MOST_ACTIONS = 100_000
 
 
 def check_behaviour(behaviour: Behaviour, engine: Engine) -> list[Diagnostic]:
-    """All errors and warnings of a behaviour, in the order of its text; one for each mistake.
+    """Return all errors and warnings of a behaviour, in the order of its text; one for each mistake.
 
     Args:
-        behaviour: as written.
-        engine: knows the metamodel, the patterns and the rules. Its model does not matter and nothing changes.
+        behaviour: the behaviour as parsed.
+        engine: provides metamodel, patterns and rules. Its model is ignored, and the engine is not changed.
     """
     behaviour = engine.library.resolved(behaviour)
     checker = _Checker(engine, [])
@@ -53,7 +53,7 @@ def check_behaviour(behaviour: Behaviour, engine: Engine) -> list[Diagnostic]:
 
 
 def _hinted(problem: Diagnostic, behaviour: Behaviour) -> Diagnostic:
-    """Say of an agent's own name where it is known."""
+    """Return the problem with a better hint if an agent's variable is used outside of its block."""
     for agent in behaviour.agents:
         if problem.code == "unknown-variable" and problem.subject == (agent.variable,):
             return replace(problem, hint=f"`{agent.variable}` is known in its `agent` block alone")
@@ -61,10 +61,10 @@ def _hinted(problem: Diagnostic, behaviour: Behaviour) -> Diagnostic:
 
 
 class _Checker(CallChecking, ViewChecking):
-    """Goes through a whole behaviour."""
+    """A checker of a whole behaviour, which collects diagnostics in `problems`."""
 
     def check(self, behaviour: Behaviour) -> None:
-        """Collect everything."""
+        """Check all clauses of the behaviour."""
         scope: Scope = {**dict.fromkeys(behaviour.unread), **self._parameters(behaviour.parameters)}
         first: dict[str, Span | None] = {}
         self._owner(behaviour, scope, first)
@@ -113,7 +113,7 @@ class _Checker(CallChecking, ViewChecking):
 
     @staticmethod
     def _who(behaviour: Behaviour, agent: Agent | None) -> tuple[str, Span | None]:
-        """What an agent is called, and where it stands; None for a behaviour without `agent` blocks."""
+        """Return name and span of an agent for messages; those of the behaviour if `agent` is None."""
         if agent is None:
             return f"environment `{behaviour.name}`", behaviour.span
         return f"agent `{agent.variable}`", agent.span
@@ -140,7 +140,7 @@ class _Checker(CallChecking, ViewChecking):
         self._owner(agent, scope, dict(shared))
 
     def _apart(self, agents: Sequence[Agent]) -> None:
-        """See that no object is the agent of two blocks."""
+        """Report agent blocks of the same name or with overlapping classes: an object may belong to one block only."""
         named = ((agent.variable, agent.span) for agent in agents)
         self.problems += defined_twice(named, "agent `{}` is defined twice")
         for other, agent in combinations(agents, 2):
@@ -153,7 +153,7 @@ class _Checker(CallChecking, ViewChecking):
                 self.report("duplicate-agent", message, span, hint, notes=notes)
 
     def _owner(self, owner: Behaviour | Agent, scope: Scope, first: dict[str, Span | None]) -> None:
-        """Check the clauses of a behaviour or agent; `first` has the actions that it has already, and gets its own."""
+        """Check the clauses of a behaviour or agent, and add its actions with their spans to `first`."""
         total = 0
         named = [(action.name, action.span) for action in owner.actions]
         self.problems += defined_twice(named, "action `{}` is defined twice", first=first)
@@ -181,7 +181,7 @@ class _Checker(CallChecking, ViewChecking):
     # --- actions
 
     def _action(self, action: Action, outer: Scope) -> int:
-        """Check an action; returns how many actions it stands for, as far as that is known without a model."""
+        """Check an action; return the number of actions that it expands to, as far as known without a model."""
         scope = dict(outer)
         count = 1
         spans: Sequence[Span | None] = action.parameter_spans or [action.span] * len(action.parameters)
@@ -229,7 +229,7 @@ class _Checker(CallChecking, ViewChecking):
         self.branches(effect.apply, inner)
 
     def _condition(self, effect: OnFind, scope: Scope) -> Scope:
-        """Check a condition; returns the variables that it matches."""
+        """Check a condition; return the types of the variables that its matches bind."""
         condition = effect.condition
         question = condition_question("#check", condition, type_names(scope))
         sound = self.answerable(question, condition, scope, used_elsewhere(effect))

@@ -1,4 +1,4 @@
-"""What the checks of a behaviour's parts share."""
+"""The base class of the checks of a behaviour's clauses."""
 
 from __future__ import annotations
 
@@ -31,7 +31,7 @@ Scope = dict[str, StaticType | None]
 
 
 class Checking:
-    """Collects diagnostics in a list that all checks of one behaviour share."""
+    """A collector of diagnostics in a list that all checks of one behaviour share."""
 
     def __init__(self, engine: Engine, problems: list[Diagnostic]) -> None:
         self.engine = engine
@@ -52,7 +52,7 @@ class Checking:
         self.problems.append(Diagnostic(code, message, span, hint, severity, notes))
 
     def class_of(self, parameter: Parameter) -> ObjectType | None:
-        """The class of a parameter that stands for an object."""
+        """Return the class of an object parameter; None if it is missing or unknown, which is reported."""
         if parameter.type is None:
             message = f"parameter `{parameter.name}` needs a class"
             self.report("unknown-class", message, parameter.span, f"write `{parameter.name} : Class`")
@@ -60,7 +60,7 @@ class Checking:
         return self.known_class(parameter.type, parameter.type_span or parameter.span)
 
     def known_class(self, name: str, span: Span | None) -> ObjectType | None:
-        """The class of a name; None if it is none, which is reported."""
+        """Return the class of this name; report a name that is not a class and return None."""
         if name in self.metamodel.classes:
             return ObjectType(name)
         if static_type(name, self.metamodel) is not None:
@@ -77,14 +77,14 @@ class Checking:
         scope: Scope,
         elsewhere: Collection[str] = (),
     ) -> bool:
-        """Report the errors of a helper pattern, and names that are nearly those of what is bound.
+        """Report errors in a helper pattern, and probably misspelt variables; return True if there are no errors.
 
-        Other warnings are about a pattern that nobody wrote.
+        Other warnings are left out, because they would be about a pattern that is not in the file.
 
         Args:
             question: the helper pattern.
-            condition: what it asks, as written.
-            scope: what is bound.
+            condition: the condition in the file.
+            scope: the bound names and their types.
             elsewhere: names in the rest of the clause.
         """
         checked = self.library.checked(question.pattern)
@@ -102,7 +102,7 @@ class Checking:
                     self.problems.append(replace(found, hint=f"{found.hint} where any will do, write `_`"))
 
     def path(self, path: Expression, scope: Scope) -> StaticType | None:
-        """The type of where a path leads; None if it has an error, which is reported."""
+        """Return the type of the value at the end of a path; report an invalid path and return None."""
         type_, problems = check_expression(path, scope, self.metamodel)
         self.problems.extend(problems)
         if not problems and not _is_path(path):
@@ -112,7 +112,7 @@ class Checking:
         return type_
 
     def feature(self, path: Expression, scope: Scope) -> Feature | None:
-        """The feature that a path ends with."""
+        """Return the last feature of a path; None if it has none, or an unknown one."""
         if not isinstance(path, Navigation):
             return None
         owner, _ = check_expression(path.object, scope, self.metamodel)
@@ -120,12 +120,12 @@ class Checking:
 
 
 def type_names(scope: Mapping[str, StaticType | None]) -> dict[str, str]:
-    """Names of the types in a scope; those that are unknown because of another error are left out."""
+    """Return the type name of each name in a scope; names whose type is unknown because of an error are left out."""
     return {name: type_text(type_) for name, type_ in scope.items() if type_ is not None}
 
 
 def a_type(type_: StaticType) -> str:
-    """A type with its article, for messages."""
+    """Return the name of a type with its article, for messages."""
     return with_article(type_text(type_))
 
 

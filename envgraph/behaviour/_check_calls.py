@@ -1,4 +1,4 @@
-"""What can be wrong with choices, calls of rules, and rewards."""
+"""Check the branches, rule calls and rewards of a behaviour."""
 
 from __future__ import annotations
 
@@ -26,10 +26,10 @@ from envgraph.rewrite import Signature
 
 
 class CallChecking(Checking):
-    """Checks everything that applies rules or counts rewards."""
+    """The checks of clauses that apply rules or pay rewards."""
 
     def branches(self, branches: Sequence[Branch], scope: Scope) -> list[Scope]:
-        """Check a choice; returns the outputs of each branch."""
+        """Check a list of branches; return the output variables of each branch."""
         fixed = [self._probability(branch, scope) for branch in branches]
         if all(0.0 <= one <= 1.0 for one in fixed) and sum(fixed) > 1.0 + 1e-9:
             message = f"the probabilities add up to {sum(fixed):.6g}, which is above 1"
@@ -40,7 +40,7 @@ class CallChecking(Checking):
         return [self.call(branch.call, scope) for branch in branches]
 
     def _probability(self, branch: Branch, scope: Scope) -> float:
-        """Check the probability of a branch; returns what it certainly is at least."""
+        """Check the probability of a branch; return its value if it is a number, and 0.0 if it must be computed."""
         given, span = branch.probability, branch.probability_span or branch.span
         if not isinstance(given, int | float):
             type_, problems = check_expression(given, scope, self.metamodel, expected=Scalar.FLOAT)
@@ -55,7 +55,7 @@ class CallChecking(Checking):
         return given
 
     def _beyond(self, given: Expression, type_: StaticType | None, scope: Scope) -> None:
-        """Warn of a probability that may well be above 1."""
+        """Warn if the values of a computed probability may be outside of 0 to 1."""
         attribute = self.feature(given, scope)
         declared = attribute.range if isinstance(attribute, Attribute) else None
         if declared is not None and not 0 <= declared[0] < declared[1] <= 1:
@@ -68,7 +68,7 @@ class CallChecking(Checking):
         self.report("unlikely-probability", message, given.span, hint, Severity.WARNING)
 
     def rewards(self, action: Action, scope: Scope, outputs: list[Scope]) -> None:
-        """Check the rewards of an action, given the outputs of each branch."""
+        """Check the rewards of an action, given the output variables of each branch."""
         shared = dict(scope)
         partly: set[str] = set()
         for name in dict.fromkeys(name for scope_ in outputs for name in scope_):
@@ -84,7 +84,7 @@ class CallChecking(Checking):
         self.reward(action.else_reward, shared)
 
     def _lacking(self, reward: Expression | None, names: set[str], why: str) -> None:
-        """Report an output that has no value where a reward is counted."""
+        """Report an output variable in a reward if it may have no value there."""
         found = next((v for v in variables_in(reward) if v.name in names), None) if reward else None
         if found is not None:
             self.report("unbound-output", f"`{found.name}` may have no value here", found.span, why)
@@ -101,7 +101,7 @@ class CallChecking(Checking):
     # --- calls of rules
 
     def call(self, call: RuleCall, scope: Scope) -> Scope:
-        """Check `rule(arguments)`; returns the names that its outputs give a value, and their types."""
+        """Check `rule(arguments)`; return the output variables that the call binds, with their types."""
         if call.rule is None:
             if call.arguments:
                 self.report("wrong-arity", "`nothing` takes no arguments", call.span, "write `nothing()`")
@@ -129,7 +129,10 @@ class CallChecking(Checking):
         return self._arguments(call, signature, scope)
 
     def _refusable(self, rule: str, span: Span | None) -> None:
-        """Warn once of a rule that the model may refuse, which is an error in an episode."""
+        """Warn once for each deletion of a rule that is refused if the object has other links (dangling edges).
+
+        During an episode, a refused deletion raises an error.
+        """
         for one in self.engine.catalog.unnamed_links(rule):
             links = listed(map(str, one.references))
             message = f"`{rule}` deletes `{one.name}`, and is refused where that has links: {links}"
@@ -195,7 +198,7 @@ class CallChecking(Checking):
 
 
 def _supposed(call: RuleCall, scope: Scope) -> Scope:
-    """What a call with a mistake in it may hand out: all names that nothing else has bound, of any type."""
+    """Return the variables that an invalid call would probably bind: all unbound names, with unknown types."""
     arguments = [argument for argument in call.arguments if isinstance(argument, Variable)]
     return {argument.name: None for argument in arguments if argument.name not in scope}
 

@@ -1,4 +1,4 @@
-"""What can be wrong with observations and drawings."""
+"""Check the observations and drawings of a behaviour."""
 
 from __future__ import annotations
 
@@ -24,12 +24,12 @@ from envgraph.pattern import Expression, Navigation, ObjectType, StaticType
 
 
 class ViewChecking(Checking):
-    """Checks what the agent sees and what people see."""
+    """The checks of observations and drawings."""
 
     # --- observations
 
     def observation(self, observation: Observation, outer: Scope) -> int:
-        """Check an observation; returns how many values it has, 1 where only a family tells."""
+        """Check an observation; return its number of values, or 1 if only a family determines this."""
         scope = dict(outer)
         if not isinstance(observation, ObserveFind) and observation.each is not None:
             each = observation.each
@@ -53,7 +53,7 @@ class ViewChecking(Checking):
                 return self._observe_attribute(observation, scope) + unseen
 
     def _observed(self, path: Expression, scope: Scope) -> StaticType | None:
-        """See `path`; where many values are, `observe` takes none of the constraints that help elsewhere."""
+        """Return the type of an observed path; report an invalid path, with a hint that fits if it has many values."""
         known = len(self.problems)
         type_ = self.path(path, scope)
         hint = "ask a pattern for them: `observe find p(..)`, or `observe count find p(..) up to n`"
@@ -100,7 +100,7 @@ class ViewChecking(Checking):
             self.report("maybe-none", message, observation.path.span, hint, Severity.WARNING)
 
     def _optional(self, path: Expression, scope: Scope) -> Reference | None:
-        """The first step of a path that may have no target."""
+        """Return the first reference on a path that may have no target; None if there is none."""
         if not isinstance(path, Navigation):
             return None
         earlier = self._optional(path.object, scope)
@@ -132,7 +132,7 @@ class ViewChecking(Checking):
     # --- drawing
 
     def draw(self, draw: DrawGrid | DrawGraph, scope: Scope) -> None:
-        """Check what is drawn."""
+        """Check a `draw` clause."""
         cls = self.known_class(draw.cls, draw.cls_span or draw.span)
         if cls is not None and isinstance(draw, DrawGrid):
             for name, span in ((draw.column, draw.column_span), (draw.row, draw.row_span)):
@@ -164,7 +164,7 @@ class ViewChecking(Checking):
             self.report("wrong-type", message, link.cls_span or link.span, hint)
 
     def _as_token(self, cls: str, nodes: str) -> str | None:
-        """How the objects of a class are drawn on nodes, if a reference leads there."""
+        """Return a hint for drawing the objects of a class as tokens on nodes; None if no reference leads to a node."""
         for one in self.metamodel.features(cls).values():
             if isinstance(one, Reference) and not one.many and self.metamodel.is_a(one.target, nodes):
                 name = cls[:1].lower() + cls[1:]

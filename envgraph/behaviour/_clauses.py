@@ -1,8 +1,8 @@
-"""The questions that a behaviour asks of a state, as patterns of their own.
+"""Convert the conditions of a behaviour to helper patterns.
 
-`on find p(truck, water, _)` asks for the matches of its named variables, with what the parameters stand for bound and
-`_` projected away. That is a pattern with the parameters and the named variables, and the call as its body. Such helper
-patterns make closures, negations and nested terms of a clause mean what they mean in a query, errors included.
+`on find p(truck, water, _)` needs the matches of its named variables, with its parameters bound and `_` projected
+away. This is a pattern with the parameters and the named variables, whose body is the call. With helper patterns,
+closures, negations and nested terms in a clause have the same meaning as in a query, errors included.
 """
 
 from __future__ import annotations
@@ -32,10 +32,10 @@ PACKAGE = "#environment"
 
 @dataclass(frozen=True, slots=True)
 class Question:
-    """A helper pattern: its first parameters are `bound` by the behaviour, the rest are asked for.
+    """A helper pattern: its first parameters are `bound` by the behaviour; a match gives values to all others.
 
     Attributes:
-        free: names of the variables that a match gives a value; for a count, of the variable that holds it.
+        free: names of the variables that a match binds; for a count, the name of the variable that holds the count.
     """
 
     pattern: Pattern
@@ -44,12 +44,12 @@ class Question:
 
 
 def condition_question(name: str, condition: PatternCall | Negation, scope: Mapping[str, str]) -> Question:
-    """Whether, and for which named variables, a condition holds.
+    """Return a helper pattern for the matches of a condition; for a negation it has no free variables.
 
     Args:
-        name: of the helper pattern; with a `#`, so that no text and no hint spells it.
-        condition: what an `on` clause or an observation asks.
-        scope: names that are bound, and the names of their types.
+        name: name of the helper pattern; it contains `#`, so that no text or hint can contain it.
+        condition: the condition of an `on` clause or an observation.
+        scope: the bound names, with the names of their types.
     """
     relation = condition.relation if isinstance(condition, Negation) else condition
     used = tuple(dict.fromkeys(v.name for v in variables_of_terms(terms_of(relation)) if v.name in scope))
@@ -64,7 +64,7 @@ def condition_question(name: str, condition: PatternCall | Negation, scope: Mapp
 
 
 def count_question(name: str, call: PatternCall, scope: Mapping[str, str]) -> Question:
-    """How many matches a call has; variables that are not bound are counted through."""
+    """Return a helper pattern for the number of matches of a call, over all values of its unbound variables."""
     used = tuple(dict.fromkeys(v.name for v in variables_of_terms(call.arguments) if v.name in scope))
     taken = {v.name for v in variables_of_terms(call.arguments)}
     total = next(
@@ -77,18 +77,18 @@ def count_question(name: str, call: PatternCall, scope: Mapping[str, str]) -> Qu
 
 
 def places_of(condition: PatternCall | Negation) -> list[Variable]:
-    """The places of variables in a condition."""
+    """Return all occurrences of variables in a condition."""
     relation = condition.relation if isinstance(condition, Negation) else condition
     return list(variables_of_terms(terms_of(relation)))
 
 
 def mentioned(condition: PatternCall | Negation) -> set[str]:
-    """The names in a condition."""
+    """Return the names of the variables in a condition."""
     return {variable.name for variable in places_of(condition)}
 
 
 def used_elsewhere(effect: OnFind) -> set[str]:
-    """The names in a clause behind its condition."""
+    """Return the names of the variables in a clause after its condition."""
     found = [one for one in (effect.reward, effect.weight) if one is not None]
     for branch in effect.apply:
         found.extend(branch.call.arguments)
@@ -98,7 +98,7 @@ def used_elsewhere(effect: OnFind) -> set[str]:
 
 
 def is_asked(variable: Variable, scope: Mapping[str, object]) -> bool:
-    """Whether a variable of a call gets its value from a match; `_` and `_x` are projected away."""
+    """Return True if a match binds this variable of a call; `_` and `_x` are projected away."""
     return not variable.name.startswith("_") and variable.name not in scope
 
 

@@ -1,6 +1,6 @@
-"""An agent's behaviour over a model, as frozen data; what a `.environment` file says.
+"""The behaviour of agents over a model as frozen data: the content of a `.environment` file.
 
-What a step is, exactly, says the docstring of `Simulator`.
+The docstring of `Simulator` defines a step.
 """
 
 from __future__ import annotations
@@ -16,7 +16,7 @@ from envgraph.pattern import Expression, Negation, Parameter, PatternCall
 
 @dataclass(frozen=True, slots=True)
 class RuleCall:
-    """`rule(arguments)`; rule None is `nothing()`."""
+    """A call `rule(arguments)`; for `nothing()` the rule is None."""
 
     rule: str | None
     arguments: tuple[Expression, ...] = ()
@@ -26,11 +26,11 @@ class RuleCall:
 
 @dataclass(frozen=True, slots=True)
 class Branch:
-    """One outcome of a stochastic choice; what the probabilities lack to 1 does nothing.
+    """An outcome of a random choice; with the remaining probability (up to 1) nothing happens.
 
     Attributes:
-        probability: a number from 0 to 1, or what computes it in the state in which the choice is made; 0 where that
-            has no value because an object is gone.
+        probability: a number from 0 to 1, or an expression that is evaluated in the state of the choice; it counts as 0
+            if it has no value because an object was deleted.
     """
 
     probability: float | Expression
@@ -41,7 +41,7 @@ class Branch:
 
 @dataclass(frozen=True, slots=True)
 class Domain:
-    """What an action parameter counts through: `cls` (by index), `enum` (in order), or the ints low..high."""
+    """The values of an action parameter: objects of `cls` (by index), literals of `enum`, or the ints low..high."""
 
     cls: str | None = None
     enum: str | None = None
@@ -52,7 +52,7 @@ class Domain:
 
 @dataclass(frozen=True, slots=True)
 class Action:
-    """`action name(parameter : domain) = branches reward e else reward e`."""
+    """An action clause: `action name(parameter : domain) = branches reward e else reward e`."""
 
     name: str
     branches: tuple[Branch, ...]
@@ -65,7 +65,7 @@ class Action:
 
 @dataclass(frozen=True, slots=True)
 class EachStep:
-    """`each step reward e apply branches`, either part may be missing."""
+    """A clause for every step: `each step reward e apply branches`; either part may be missing."""
 
     reward: Expression | None = None
     apply: tuple[Branch, ...] = ()
@@ -77,11 +77,13 @@ End = Literal["success", "failure", "truncation"]
 
 @dataclass(frozen=True, slots=True)
 class OnFind:
-    """`on find p(..) reward e terminate success|failure apply branches`; the condition may be negated.
+    """A clause for states with a match: `on find p(..) reward e terminate success|failure apply branches`.
+
+    The condition may be negated (`on neg find`).
 
     Attributes:
-        end: how the episode ends where the condition holds; "truncation" is written `truncate`.
-        weight: of `apply r(x) weight e`: of all matches one is drawn by this weight. None: each has its turn.
+        end: how the episode ends if the condition holds, or None; "truncation" is written `truncate`.
+        weight: with `apply r(x) weight e`, one match is sampled with this weight. None: the rule is applied to each.
     """
 
     condition: PatternCall | Negation
@@ -94,9 +96,9 @@ class OnFind:
 
 @dataclass(frozen=True, slots=True)
 class OnReset:
-    """`on reset apply branches`: a branch is drawn, then one of the matches of its rule, for the initial model.
+    """A clause for resets: `on reset apply branches` samples a branch, then a match of its rule in the initial model.
 
-    With a condition, `on reset find p(..) apply branches`, that is done for each match, or for one: see `OnFind`.
+    With a condition, as in `on reset find p(..) apply branches`, this is done for each match, or for one: see `OnFind`.
     """
 
     apply: tuple[Branch, ...]
@@ -106,7 +108,7 @@ class OnReset:
 
     @property
     def effect(self) -> EachStep | OnFind:
-        """The clause of a step that does the same."""
+        """Return the equivalent clause of a step."""
         if self.condition is None:
             return EachStep(apply=self.apply, span=self.span)
         return OnFind(self.condition, apply=self.apply, weight=self.weight, span=self.span)
@@ -114,11 +116,11 @@ class OnReset:
 
 @dataclass(frozen=True, slots=True)
 class ObserveObject:
-    """`observe path among Class (or none) (for variable : Class)`: the index of the object at the path.
+    """An observation of an object's index: `observe path among Class (or none) (for variable : Class)`.
 
     Attributes:
-        visible: what has to have a match in a state in which the value is seen; else it has a value of its own, the
-            last one. So in the other observations.
+        visible: a call that must have a match for the value to be seen; otherwise the observation has a special value,
+            the last one. The same holds in the other observations.
     """
 
     path: Expression
@@ -132,7 +134,7 @@ class ObserveObject:
 
 @dataclass(frozen=True, slots=True)
 class ObserveRange:
-    """`observe path in low..high`, clipped to the range."""
+    """An observation of an int: `observe path in low..high`; values are clipped to the range."""
 
     path: Expression
     low: int
@@ -144,7 +146,7 @@ class ObserveRange:
 
 @dataclass(frozen=True, slots=True)
 class ObserveFind:
-    """`observe find p(..)` (0 or 1), or `observe count find p(..) up to n` (min(count, n))."""
+    """An observation of matches: `observe find p(..)` (0, 1) or `observe count find p(..) up to n` (min(count, n))."""
 
     call: PatternCall
     up_to: int | None = None
@@ -153,7 +155,7 @@ class ObserveFind:
 
 @dataclass(frozen=True, slots=True)
 class ObserveAttribute:
-    """`observe x.attr (for x : Class)`: a bool or an enum, by its index; with `each` one component an object."""
+    """An observation of a bool or an enum's index: `observe x.attr (for x : Class)`; with `each`, of every object."""
 
     path: Expression
     each: Parameter | None = None
@@ -168,7 +170,7 @@ Effect = EachStep | OnFind
 
 @dataclass(frozen=True, slots=True)
 class Agent:
-    """`agent robot : Robot { .. }`: one agent for each object of the class, in the order of its key."""
+    """An agent block `agent robot : Robot { .. }`: one agent for each object of the class, in the order of its key."""
 
     variable: str
     cls: str
@@ -181,10 +183,10 @@ class Agent:
 
 @dataclass(frozen=True, slots=True)
 class Token:
-    """`truck at path`, or for all objects `robot : Robot at robot.at`: drawn on top of a cell or node.
+    """An object drawn on top of a cell or node: `truck at path`, or `robot : Robot at robot.at` for all objects.
 
     Attributes:
-        letter: of `packet as "D" at packet.destination`: what is there is a sign of the object, not the object.
+        letter: the letter in `packet as "D" at packet.destination`; it marks a place that refers to the object.
     """
 
     variable: str
@@ -198,7 +200,7 @@ class Token:
 
 @dataclass(frozen=True, slots=True)
 class DrawGrid:
-    """`draw grid Cell at (x, y) with ..`: cells by class glyph, at two int attributes."""
+    """A drawing as a grid, `draw grid Cell at (x, y) with ..`: cells show their class glyph, at two int attributes."""
 
     cls: str
     column: str
@@ -212,7 +214,7 @@ class DrawGrid:
 
 @dataclass(frozen=True, slots=True)
 class DrawnLink:
-    """`, Link label latency` of `draw graph`: objects that are drawn as edges have this attribute beside them."""
+    """A class whose objects are drawn as edges, with an attribute as label: `, Link label latency` of `draw graph`."""
 
     cls: str
     label: str | None = None
@@ -223,7 +225,7 @@ class DrawnLink:
 
 @dataclass(frozen=True, slots=True)
 class DrawGraph:
-    """`draw graph Node label name, Link label latency with ..`."""
+    """A drawing as a graph: `draw graph Node label name, Link label latency with ..`."""
 
     cls: str
     label: str | None = None
@@ -236,13 +238,13 @@ class DrawGraph:
 
 @dataclass(frozen=True, slots=True)
 class Behaviour:
-    """What a `.environment` file says: parameters, actions, effects, observations, limits, drawing.
+    """The content of a `.environment` file: parameters, actions, effects, observations, limits and drawing.
 
-    `effects` keeps `each step` and `on` clauses together in file order, because rewards are summed in that order.
+    `effects` contains `each step` and `on` clauses together in file order, because rewards are summed in that order.
 
     Attributes:
-        together: whether the agents act at the same time; else they take turns.
-        unread: the names in those parts of the text that could not be read: what they stand for is unknown.
+        together: True if the agents act at the same time; otherwise they take turns.
+        unread: names in text that could not be read; their meaning is unknown.
     """
 
     name: str
@@ -264,6 +266,6 @@ class Behaviour:
 
     @property
     def can_succeed(self) -> bool:
-        """True if a clause, also one of an agent, ends episodes in success."""
+        """Return True if a clause, of an agent block or not, ends episodes in success."""
         effects = [*self.effects, *(effect for agent in self.agents for effect in agent.effects)]
         return any(isinstance(effect, OnFind) and effect.end == "success" for effect in effects)

@@ -1,4 +1,4 @@
-"""What the parameters of actions count through."""
+"""The domains of action parameters: types and numbers of values."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ MOST_VALUES = 2**63 - 1
 
 
 def domain_type(domain: Domain, metamodel: Metamodel) -> StaticType | None:
-    """The type of the values; None if its name means nothing. A name may be that of an enum or of a class."""
+    """Return the type of a domain's values; None if its name is neither that of an enum nor of a class."""
     name = domain.enum or domain.cls
     if name is None:
         return Scalar.INT
@@ -21,7 +21,7 @@ def domain_type(domain: Domain, metamodel: Metamodel) -> StaticType | None:
 
 
 def domain_count(domain: Domain, metamodel: Metamodel) -> int:
-    """How many values there are, 1 where only a model tells."""
+    """Return the number of values in a domain; 1 for objects, whose number only a model determines."""
     type_ = domain_type(domain, metamodel)
     if type_ is Scalar.INT:
         return max(0, domain.high - domain.low + 1)

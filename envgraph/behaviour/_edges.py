@@ -1,4 +1,4 @@
-"""Objects that are drawn as edges."""
+"""Find the end points of objects that are drawn as edges."""
 
 from __future__ import annotations
 
@@ -6,7 +6,7 @@ from envgraph.metamodel import Metamodel, Reference
 
 
 def edge_ends(metamodel: Metamodel, cls: str, end: str) -> tuple[Reference, ...]:
-    """The first two single references to nodes, of a class whose objects are drawn as edges; else ()."""
+    """Return the first two single-valued references to nodes of a class that is drawn as edges; () if it has fewer."""
     found = tuple(
         feature
         for feature in metamodel.features(cls).values()

@@ -1,4 +1,4 @@
-"""Indices of objects that mean the same in every member of a family."""
+"""Number objects by their keys, so that an index means the same object in every member of a family."""
 
 from __future__ import annotations
 
@@ -19,13 +19,13 @@ Key = tuple[Value, ...]
 
 
 def indexed_classes(behaviour: Behaviour, metamodel: Metamodel) -> tuple[str, ...]:
-    """The classes whose objects a behaviour counts through: domains of actions, `among`, `for` and agents."""
+    """Return the classes whose objects a behaviour numbers: domains of actions, `among`, `for`, and agents."""
     agents = (agent.cls for agent in behaviour.agents)
     return tuple(dict.fromkeys([*spread_classes(behaviour, metamodel), *agents]))
 
 
 def spread_classes(behaviour: Behaviour, metamodel: Metamodel) -> tuple[str, ...]:
-    """The classes of which each object of a family has actions, a component or a value of one: all but agents."""
+    """Return the classes whose objects multiply actions or observations: all indexed classes except those of agents."""
     found: dict[str, None] = {}
     owners: tuple[Behaviour | Agent, ...] = (behaviour, *behaviour.agents)
     for owner in owners:
@@ -42,21 +42,21 @@ def spread_classes(behaviour: Behaviour, metamodel: Metamodel) -> tuple[str, ...
 
 @dataclass(frozen=True, slots=True)
 class KeyIndex:
-    """For each class the keys of its objects over a family, in the order of their index.
+    """The keys of objects over a family, by class, in the order of their indices.
 
     The index of an object is the rank of its key in the sorted union over all members of a family (an enum sorts by
-    the order of its literals). Objects of a class without `@key` are named by their ids, which are given in the order
-    of creation: those of the initial model first, later ones after them.
+    the order of its literals). Objects of a class without `@key` are identified by their ids, which follow the order
+    of creation: those of the initial model come before later ones.
 
     Attributes:
-        keys: class -> sorted keys; one entry for each class that the behaviour counts through.
+        keys: the sorted keys of each class that the behaviour numbers.
     """
 
     keys: Mapping[str, tuple[Key, ...]]
 
     @classmethod
     def of(cls, model: Model, classes: Iterable[str]) -> Self:
-        """The index of one model; `merge` makes that of a family.
+        """Return the index of one model; `merge` combines the indices of a family.
 
         Raises:
             EvaluationError: an object has no value in a key attribute, or two objects have the same key.
@@ -64,7 +64,7 @@ class KeyIndex:
         return cls({name: _sorted_keys(model, name) for name in classes})
 
     def merge(self, other: KeyIndex, metamodel: Metamodel) -> KeyIndex:
-        """The index over the members of both."""
+        """Return the index over the members of both indices."""
         names = dict.fromkeys([*self.keys, *other.keys])
         return KeyIndex(
             {
@@ -74,10 +74,10 @@ class KeyIndex:
         )
 
     def of_class(self, cls: str) -> tuple[Key, ...]:
-        """The keys of a class, in the order of their indices.
+        """Return the keys of a class, in the order of their indices.
 
         Raises:
-            InvalidArgument: the index does not have the class.
+            InvalidArgument: the index does not contain the class.
         """
         if cls not in self.keys:
             raise InvalidArgument(
@@ -86,11 +86,11 @@ class KeyIndex:
         return self.keys[cls]
 
     def size(self, cls: str) -> int:
-        """How many indices a class has."""
+        """Return the number of indices of a class."""
         return len(self.of_class(cls))
 
     def index(self, model: Model, cls: str, node: int) -> int:
-        """The index of an object among a class.
+        """Return the index of an object in a class.
 
         Raises:
             EvaluationError: the family has no such key: the object was created, or its key changed, during an episode.
@@ -101,7 +101,7 @@ class KeyIndex:
             raise _outside(model, cls, node) from None
 
     def indexer(self, model: Model, cls: str) -> Callable[[int], int]:
-        """`index` for one model and class, for callers that ask often."""
+        """Return a fast version of `index` for one model and class."""
         rank = {key: position for position, key in enumerate(self.of_class(cls))}
         key_of = key_reader(model, cls)
 
@@ -114,18 +114,18 @@ class KeyIndex:
         return index
 
     def objects(self, model: Model, cls: str) -> list[int | None]:
-        """The object of a model for each index; None where this member of the family has none."""
+        """Return the object id for each index of a class; None if this member of the family has no such object."""
         key_of = key_reader(model, cls)
         found = {key_of(node): node for node in model.graph.extent(cls)}
         return [found.get(key) for key in self.of_class(cls)]
 
     def to_json(self) -> dict[str, list[list[Value]]]:
-        """The index as JSON-ready data, for the family file."""
+        """Return the index as JSON-ready data, for the family file."""
         return {name: [list(key) for key in keys] for name, keys in self.keys.items()}
 
     @classmethod
     def from_json(cls, data: Any, metamodel: Metamodel) -> Self:
-        """The index that `to_json` wrote.
+        """Return the index that `to_json` wrote.
 
         Raises:
             InvalidArgument: the data has another form, or does not fit the metamodel.
@@ -143,7 +143,7 @@ class KeyIndex:
 
 
 def ordered_objects(model: Model, cls: str) -> list[int]:
-    """The objects of a class by key; by creation where there are no keys, or where they name nothing."""
+    """Return the objects of a class ordered by key; by creation if a key is missing, or if the class has none."""
     order = _order(model.metamodel, cls)
     try:
         keys = {node: order(key) for node, key in _keys(model, cls).items()}
@@ -155,7 +155,7 @@ def ordered_objects(model: Model, cls: str) -> list[int]:
 def expanded(
     action: Action, keys: KeyIndex, metamodel: Metamodel
 ) -> Iterator[tuple[str, tuple[int | Value, ...]]]:
-    """Every action of a clause: its name, and the values of its parameters, which are indices of objects."""
+    """Yield every action of a clause: its name, and the values of its parameters, where objects are given by index."""
     domains = [list(_values(domain, keys, metamodel)) for _, domain in action.parameters]
     for values in product(*domains):
         shown = ", ".join(text for text, _ in values)
@@ -163,7 +163,7 @@ def expanded(
 
 
 def _values(domain: Domain, keys: KeyIndex, metamodel: Metamodel) -> Iterator[tuple[str, int | Value]]:
-    """Every value of a domain, and how it reads."""
+    """Yield the text and the value of each element of a domain."""
     match domain_type(domain, metamodel):
         case ObjectType(cls):
             for index, key in enumerate(keys.of_class(cls)):
@@ -175,7 +175,7 @@ def _values(domain: Domain, keys: KeyIndex, metamodel: Metamodel) -> Iterator[tu
 
 
 def key_reader(model: Model, cls: str) -> Callable[[int], Key]:
-    """Reads the key of an object of a class."""
+    """Return a function that reads the key of an object of a class."""
     attributes = key_attributes(model.metamodel, cls)
     if not attributes:
         return lambda node: (node,)
@@ -195,16 +195,16 @@ def key_reader(model: Model, cls: str) -> Callable[[int], Key]:
 
 
 def key_attributes(metamodel: Metamodel, cls: str) -> tuple[Attribute, ...]:
-    """The attributes that name an object of a class, or ()."""
+    """Return the key attributes of a class; () if it has no key."""
     features = metamodel.features(cls)
     return tuple(f for name in metamodel.key(cls) if isinstance(f := features[name], Attribute))
 
 
 class SameKey(EvaluationError):
-    """Two objects of a class have one key.
+    """An error: two objects of a class have the same key.
 
     Attributes:
-        nodes: the objects, in the order of their creation.
+        nodes: the ids of the objects, in the order of their creation.
     """
 
     def __init__(self, model: Model, cls: str, nodes: tuple[int, int], key: Key) -> None:
@@ -236,7 +236,7 @@ def _ordered(keys: set[Key], metamodel: Metamodel, cls: str) -> tuple[Key, ...]:
 
 
 def _order(metamodel: Metamodel, cls: str) -> Callable[[Key], tuple[Any, ...]]:
-    """What keys are sorted by: the values, enum literals by their place."""
+    """Return the sort function for keys: by their values, enum literals by their position."""
     attributes = key_attributes(metamodel, cls)
     if not attributes:
         return lambda key: key

@@ -1,7 +1,7 @@
-"""The objects that observations and rewards read from, and the rules that may take them away in an episode.
+"""Find observations and rewards that read from objects which rules may delete, merge or retype during an episode.
 
-A rule with an object that is gone has no match, and neither has a condition: that is no mistake. But a path has to
-begin somewhere. Only in the last state of an episode an observation does without the object.
+A rule or condition that needs a deleted object just has no match, which is no error. But a path of an observation or
+reward must begin at an existing object. Only in the last state of an episode may an observation lack its object.
 """
 
 from __future__ import annotations
@@ -36,11 +36,11 @@ MOST_NOTES = 5
 
 @dataclass(frozen=True, slots=True)
 class Caller:
-    """A call of a rule, with its place in a step.
+    """A call of a rule, with its position in a step.
 
     Attributes:
-        early: it happens before the conditions of the step are asked and its rewards counted.
-        ends: it happens only where the episode ends.
+        early: True if it is executed before the step's conditions are evaluated and its rewards are summed.
+        ends: True if it is executed only when the episode ends.
     """
 
     call: RuleCall
@@ -50,13 +50,14 @@ class Caller:
 
 @dataclass(frozen=True, slots=True)
 class Reading:
-    """A clause that reads from the object that a name stands for.
+    """A read of an object's features by an observation or reward.
 
     Attributes:
+        name: the name in the behaviour that stands for the object.
         what: "observation" or "reward".
         cls: the class that the name is declared with.
-        always: the clause may be asked in any step; else only after a rule had a match with the object.
-        callers: the rules after which the clause may be asked in the same episode.
+        always: True if the clause may be evaluated in any step; False if only after a rule matched the object.
+        callers: the calls after which the clause may be evaluated in the same episode.
     """
 
     name: str
@@ -68,7 +69,7 @@ class Reading:
 
 
 def roots(expression: Expression) -> Iterator[Variable]:
-    """The variables that an expression reads features of, in the order of the text."""
+    """Yield the variables whose features an expression reads, in the order of the text."""
     if isinstance(expression, Navigation) and isinstance(expression.object, Variable):
         yield expression.object
     for part in children(expression):
@@ -76,7 +77,7 @@ def roots(expression: Expression) -> Iterator[Variable]:
 
 
 def root_of(path: Expression) -> Variable:
-    """The variable that a path begins with."""
+    """Return the variable at the beginning of a path."""
     while isinstance(path, Navigation):
         path = path.object
     assert isinstance(path, Variable)
@@ -84,17 +85,17 @@ def root_of(path: Expression) -> Variable:
 
 
 def is_gone(model: Model, node: object, cls: str | None) -> bool:
-    """Whether an object is deleted, or no longer of a class."""
+    """Return True if an object is deleted, or is no longer an instance of `cls`."""
     if not isinstance(node, int) or not model.graph.alive(node):
         return True
     return cls is not None and not model.metamodel.is_a(model.graph.class_of(node), cls)
 
 
-# --- what is read, and after what
+# --- reads, and the calls before them
 
 
 def readings(behaviour: Behaviour) -> list[Reading]:
-    """Everything that observations and rewards read from parameters, agents and parameters of actions."""
+    """Return all reads of observations and rewards from parameters, agents and parameters of actions."""
     shared = _callers(behaviour)
     resets = tuple(Caller(branch.call) for reset in behaviour.resets for branch in reset.apply)
     everywhere = (*resets, *shared, *(one for agent in behaviour.agents for one in _callers(agent)))
@@ -127,7 +128,7 @@ def _callers(owner: Behaviour | Agent) -> tuple[Caller, ...]:
 
 
 def _ending(behaviour: Behaviour) -> set[str]:
-    """The parameters without whose objects an episode ends: those of `on neg find p(x) terminate ..`."""
+    """Return the parameters whose loss ends the episode: those of `on neg find p(x) terminate ..`."""
     return {
         name
         for effect in behaviour.effects
@@ -138,7 +139,7 @@ def _ending(behaviour: Behaviour) -> set[str]:
 
 @dataclass(frozen=True, slots=True)
 class _Scope:
-    """What a block knows: parameters and their classes, its agent; all callers, and the early ones of its turn."""
+    """The names and calls of a block: parameters with classes, its agent, all calls, and the early calls of a turn."""
 
     classes: Mapping[str, str]
     own: Mapping[str, str]
@@ -147,7 +148,10 @@ class _Scope:
     ending: set[str]
 
     def observed(self, owner: Behaviour | Agent) -> Iterator[Reading]:
-        """The paths of observations. An agent that is gone observes nothing, and `or none` has a value for that."""
+        """Yield the reads of observations from parameters.
+
+        Observations of a deleted agent are not evaluated, and `or none` has a value for a deleted object.
+        """
         for observation in owner.observations:
             if isinstance(observation, ObserveFind):
                 continue
@@ -159,14 +163,14 @@ class _Scope:
                 yield self._reading(root, "observation", observation.path.span, callers)
 
     def rewarded_effect(self, effect: Effect) -> Iterator[Reading]:
-        """The rewards of an effect. A match of a condition has all its objects."""
+        """Yield the reads of an effect's reward, except from objects in the match of its condition, which exist."""
         sure: Collection[str] = ()
         if isinstance(effect, OnFind) and not isinstance(effect.condition, Negation):
             sure = mentioned(effect.condition)
         yield from self._reward(effect.reward, sure)
 
     def rewarded_action(self, action: Action, by_itself: Sequence[Caller]) -> Iterator[Reading]:
-        """The rewards of an action: one that is paid when rules had a match, and one when they had none."""
+        """Yield the reads of an action's rewards: `reward` (a rule matched) and `else_reward` (no rule matched)."""
         calls = [branch.call for branch in action.branches]
         narrow = (*(Caller(call, early=True) for call in calls), *by_itself)
         given = [{a.name for a in call.arguments if isinstance(a, Variable)} for call in calls]
@@ -192,7 +196,7 @@ class _Scope:
                 yield self._reading(root, "reward", root.span, narrow, always=False)
             elif root.name in self.classes:
                 yield self._reading(root, "reward", root.span, self._going_on())
-            elif root.name in self.own:  # one that is gone has no turn
+            elif root.name in self.own:  # A deleted agent has no turn.
                 yield self._reading(root, "reward", root.span, self.early, always=False)
 
     def _going_on(self) -> list[Caller]:
@@ -205,13 +209,13 @@ class _Scope:
         return Reading(root.name, cls, what, span, always, tuple(callers))
 
 
-# --- before any model is known
+# --- checks before a model is known
 
 
 def loss_warnings(behaviour: Behaviour, engine: Engine) -> Iterator[Diagnostic]:
-    """A warning at each clause that may read from an object that a rule has taken away, with the rules.
+    """Yield a warning for each clause that may read from an object that a rule may delete, merge or retype.
 
-    Of several observations that read from one object it is the first one.
+    If several observations read from the same object, only the first one is reported.
     """
     reported: set[tuple[str, str, Span | None]] = set()
     for reading in readings(behaviour):
@@ -238,7 +242,7 @@ def loss_warnings(behaviour: Behaviour, engine: Engine) -> Iterator[Diagnostic]:
 def _losses(
     engine: Engine, behaviour: Behaviour, name: str, cls: str | None, calls: Iterable[RuleCall]
 ) -> tuple[Loss, ...]:
-    """What calls may do to the object that a name stands for, each action once."""
+    """Return the actions of called rules that may delete, merge or retype the object of a name, each once."""
     others = {parameter.name for parameter in behaviour.parameters} - {name}
     found: dict[Loss, None] = {}
     for call in calls:
@@ -273,7 +277,7 @@ def _hint(behaviour: Behaviour, name: str, what: str) -> str:
     return f"{instead}, or reward a match that has it: `on find p({name}) reward ..`"
 
 
-# --- in an episode
+# --- errors in an episode
 
 
 def lost(
@@ -285,7 +289,7 @@ def lost(
     span: Span | None,
     done: Sequence[RuleCall],
 ) -> EvaluationError:
-    """The error of a clause that reads from an object that is gone, after the calls that were done in this step."""
+    """Return the error of a clause that reads from a deleted object, given the calls of this step so far."""
     found = _losses(engine, behaviour, name, cls, done)
     if found:
         deeds = " or ".join(dict.fromkeys(PAST[loss.deed] for loss in found))

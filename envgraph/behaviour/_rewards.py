@@ -1,4 +1,4 @@
-"""The rewards of a behaviour apart: each by the name of what pays it."""
+"""Split the rewards of a behaviour by the clauses that pay them."""
 
 from __future__ import annotations
 
@@ -11,10 +11,10 @@ from envgraph.pattern import Negation, PatternCall
 
 
 def reward_names(behaviour: Behaviour) -> tuple[str, ...]:
-    """What pays rewards, in the order of the file; what has the same name counts as one.
+    """Return the names of the clauses that pay rewards, in the order of the file; clauses of the same name count once.
 
-    An action has its name, `each step` is called so, and `on find p(..)` has the name of the pattern, with "neg" before
-    it where there must be no match.
+    An action has its own name, an `each step` clause is named "each step", and `on find p(..)` has the name of the
+    pattern, after "neg" if it is negated.
     """
     own = [one for agent in behaviour.agents for one in (*agent.actions, *agent.effects)]
     return tuple(
@@ -23,10 +23,10 @@ def reward_names(behaviour: Behaviour) -> tuple[str, ...]:
 
 
 def paying(behaviour: Behaviour, name: str) -> Behaviour:
-    """The same behaviour, with the rewards of one name alone: what happens in an episode does not change.
+    """Return a copy of the behaviour with only the rewards of one name; transitions and episode ends are unchanged.
 
     Raises:
-        InvalidArgument: nothing of this name pays a reward.
+        InvalidArgument: no clause of this name pays a reward.
     """
     check_known(name, reward_names(behaviour), f"environment `{behaviour.name}` pays no reward `{name}`")
     agents = tuple(

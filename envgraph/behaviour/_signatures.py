@@ -1,4 +1,4 @@
-"""What the rules of an engine are called with."""
+"""Look up the parameters of an engine's rules."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ from envgraph.rewrite import Engine, Signature
 
 
 def signature_of(engine: Engine, name: str) -> Signature | None:
-    """What a rule, unit or group is called with; None if the name means nothing, or several things."""
+    """Return the signature of a rule, unit or group; None if the name is unknown or ambiguous."""
     try:
         return engine.signature(name)
     except InvalidArgument:
@@ -15,11 +15,11 @@ def signature_of(engine: Engine, name: str) -> Signature | None:
 
 
 def callable_names(engine: Engine) -> list[str]:
-    """Qualified and simple names of everything that can be called, for hints."""
+    """Return qualified and simple names of all rules, units and groups, for hints."""
     names = [*engine.rules, *engine.units, *engine.groups]
     return list(dict.fromkeys([*names, *(engine.signature(name).simple for name in names)]))
 
 
 def written(signature: Signature) -> str:
-    """How a call is written: `forward(packet, hop, latency)`."""
+    """Return a call with the parameters' names: `forward(packet, hop, latency)`."""
     return f"{signature.simple}({', '.join(parameter.name for parameter in signature.parameters)})"

@@ -105,7 +105,7 @@ def _ways(adopted: Adopted | MiniGridLevel) -> Iterator[tuple[str, _Words]]:
 
 
 def _grid(adopted: Adopted) -> _Words:
-    """Return the template variables of a FrozenLake map: its rows, start, slip probabilities and the reward of each letter."""
+    """Return the template variables of a FrozenLake map: rows, start, slip probabilities, the reward of each letter."""
     width = len(adopted.rows[0])
     letters = "".join(adopted.rows)
     first = min(adopted.starts)
@@ -211,7 +211,7 @@ class _Tried:
     def _ways(self, level: MiniGridLevel, simulator: Simulator) -> Iterator[str]:
         self.actions = len(simulator.action_names)
         first, plan = level.ways(_MOST_STATES)
-        if not plan and level.end != "goal":  # Other ends of a level are guessed, so they need a plan that confirms them.
+        if not plan and level.end != "goal":  # Other goals are guessed, so a plan must confirm them.
             yield "no way to a success is found, and there are too many states to try all"
             return
         tried: set[Any] = set()

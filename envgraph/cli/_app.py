@@ -57,7 +57,7 @@ def main() -> int:
             # Characters that the terminal cannot show are printed as escapes.
             stream.reconfigure(errors="backslashreplace")
     if sys.stdout is None or sys.stderr is None:  # The caller closed the stream: `envgraph show a >&-`.
-        sys.stdout = sys.stdout or open(os.devnull, encoding="utf-8")  # noqa: SIM115, opened for reading so that writing raises an error
+        sys.stdout = sys.stdout or open(os.devnull, encoding="utf-8")  # noqa: SIM115, so that writing fails
         sys.stderr = sys.stderr or open(os.devnull, "w", encoding="utf-8")  # noqa: SIM115
     try:
         code = _run()
@@ -65,7 +65,7 @@ def main() -> int:
         return code
     except OSError as error:
         sys.stdout = open(os.devnull, "w", encoding="utf-8")  # noqa: SIM115, Python flushes it at exit
-        if not isinstance(error, BrokenPipeError):  # The reader of the pipe has finished, as in `envgraph .. | head`.
+        if not isinstance(error, BrokenPipeError):  # `envgraph .. | head` ended
             print_error(error)
         return 1
 

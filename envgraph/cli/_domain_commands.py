@@ -51,8 +51,9 @@ def new() -> None:
 @format_option
 @done_in("_adopt", "adopt_environment")
 def adopt() -> None:
-    """Write a domain that has the same transitions as a Gymnasium environment: one that exposes its transition table, such as
-    FrozenLake, or a level of MiniGrid.
+    """Write a domain that has the same transitions as a Gymnasium environment.
+
+    The environment must expose its transition table, as FrozenLake does, or be a level of MiniGrid.
     """
 
 
@@ -70,7 +71,7 @@ def adopt() -> None:
 @overrides_option
 @format_option
 def check(files: Sequence[str], inputs: Inputs, ignore: Sequence[str], overrides: Sequence[str]) -> int:
-    """Read files and everything they import, and print all problems: position, line, hint. Exit code 1 on errors."""
+    """Read files and all their imports, and print all problems: position, line, hint. Exit code 1 on errors."""
     from envgraph.cli._check import check_files
 
     return check_files(files, inputs, ignore, overrides)
@@ -93,7 +94,7 @@ def check(files: Sequence[str], inputs: Inputs, ignore: Sequence[str], overrides
 )
 @done_in("_format", "format_files")
 def format_() -> None:
-    """Format files in the standard style: indentation, blanks, line ends. Comments stay. Files with errors are unchanged."""
+    """Format files in the standard style: indentation, blanks, line ends. Comments stay. Skip files with errors."""
 
 
 @app.command()
@@ -119,7 +120,7 @@ def match() -> None:
 @format_option
 @done_in("_reasons", "print_plan")
 def explain() -> None:
-    """Print how the matches of a pattern or rule are found: the search plan, with the rows of each step, and its source code.
+    """Print how the matches of a pattern or rule are found: search plan, rows of each step, source code.
 
     For an environment, print whether it can be compiled; if not, print what prevents this.
     """
@@ -135,7 +136,7 @@ def explain() -> None:
 @format_option
 @done_in("_reasons", "print_reasons")
 def why_not() -> None:
-    """Print why a pattern or rule has no match, or why a unit fails: the longest partial match, and the failing constraint."""
+    """Print why a pattern or rule has no match, or a unit fails: the best partial match and the failing constraint."""
 
 
 @app.command()
@@ -160,7 +161,7 @@ def why_not() -> None:
 @format_option
 @done_in("_query", "apply_rule")
 def apply() -> None:
-    """Apply a rule to a model, at randomly chosen matches, and print the changes. Exit code 1 if nothing was applied."""
+    """Apply a rule to a model at randomly chosen matches, and print the changes. Exit code 1 if there are none."""
 
 
 @app.command()
@@ -172,7 +173,7 @@ def apply() -> None:
 @format_option
 @done_in("_replay", "replay_trace")
 def replay() -> None:
-    """Repeat the applications of a trace, and compare each state with the recorded one. Exit code 1 if a state differs."""
+    """Repeat the applications of a trace, and compare each state with the recorded one. Exit code 1 if any differs."""
 
 
 @app.command()

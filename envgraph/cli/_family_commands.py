@@ -73,7 +73,7 @@ def generate() -> None:
 @format_option
 @done_in("_optimise", "optimise_model")
 def optimise() -> None:
-    """Search for the model with the best values of some queries, by applying rules. Exit code 1 if it violates a constraint."""
+    """Search for the model with the best values of some queries, by applying rules. Exit code 1 if it is invalid."""
 
 
 @app.command("verify")
@@ -85,8 +85,8 @@ def optimise() -> None:
 def verify_() -> None:
     """Print exact properties of each environment of a family, computed twice by different methods.
 
-    These are the fewest steps to success, the success probability of a random walk, and the optimal return. Exit code 1 if
-    the two methods differ. A run stores the results, environment by environment.
+    These are the fewest steps to success, the success probability of a random walk, and the optimal return. Exit code 1
+    if the two methods differ. A run stores the results, environment by environment.
     """
 
 
@@ -305,8 +305,8 @@ def reproduce() -> None:
 @format_option
 @done_in("_audit", "audit_scores")
 def audit() -> None:
-    """Evaluate the scores by which curricula choose levels: rankings, training effect and cost, against exact regret and
-    learnability.
+    """Evaluate the scores by which curricula choose levels: ranking, training effect and cost.
 
-    An interrupted audit is resumed. Writes audit.html, its figures, and tables as CSV.
+    The references are exact regret and learnability. An interrupted audit is resumed. Writes audit.html, its figures,
+    and tables as CSV.
     """

@@ -58,7 +58,7 @@ class Inputs:
     def load(self, *paths: str, own: bool = False) -> Workspace:
         """Return the workspace of the files and the metamodels; print its warnings, except missing conformance.
 
-        The first of several `.ecore` files contains the metamodel's own package. If `own` is True, this is one of `paths`.
+        The first of several `.ecore` files has the metamodel's own package. If `own` is True, it is one of `paths`.
 
         Raises:
             LoadError: the files have errors.

@@ -197,7 +197,7 @@ def _train(
     base: Path,
     random: list[list[FamilyMember]],
 ) -> Trained:
-    """Train all agents of one budget that are not in the journal; record each in it, and write all results at the end."""
+    """Train the agents of one budget that the journal lacks; add each to the journal, and finally write all results."""
     steps, target = settings.steps_per_environment, members[-1].name
     part, label = str(steps), f"agents, {steps} steps an environment"
     with progress_bar(label, len(chosen) * len(seeds)) as advance:

@@ -106,7 +106,7 @@ def apply_rule(
     trace: Path | None,
     allow_none: bool,
 ) -> int:
-    """Apply a rule or unit several times, and print each application; return exit code 1 if none was made or one failed."""
+    """Apply a rule or unit repeatedly and print each application; return exit code 1 if none was made or one failed."""
     from envgraph.cli._convert import check_format
     from envgraph.graph import model_to_json
 

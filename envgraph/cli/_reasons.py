@@ -54,10 +54,12 @@ def print_reasons(model: str, definitions: str, name: str, where: Sequence[str],
 
 
 def _check_name(engine: Engine, workspace: Workspace, name: str) -> None:
-    """Check that a name is known; `engine.explain` reports names that are not similar to an environment's.
+    """Raise an error with a hint for an unknown name, unless it is similar to the name of a pattern or rule.
+
+    Those are left to `engine.explain`, which reports them better.
 
     Raises:
-        InvalidArgument: the unknown name is similar to that of an environment, or resembles nothing.
+        InvalidArgument: the unknown name is similar to that of an environment, or to nothing.
     """
     environments = [one.name for one in workspace.behaviours]
     near = nearest(name, [*environments, *(one.name for one in workspace.definitions)])

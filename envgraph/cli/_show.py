@@ -35,7 +35,7 @@ def show(
         return
     if shown in DEFINITIONS:
         raise InvalidArgument(f"`{run}` is no run, model or metamodel; `envgraph check {run}` reads it")
-    from envgraph.cli._family import show_family, show_lineage, show_rejections  # These are not needed for models.
+    from envgraph.cli._family import show_family, show_lineage, show_rejections  # models do not need it
 
     if format in ("dot", "svg"):
         raise InvalidArgument(

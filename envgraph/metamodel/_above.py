@@ -1,4 +1,4 @@
-"""What classes inherit, worked out for all of them at once."""
+"""Compute the inherited features of all classes at once."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ _Shared = Mapping[str, tuple[str, Feature]]
 
 
 def linearise(name: str, classes: Mapping[str, Class]) -> tuple[str, ...]:
-    """The class and its supertypes, breadth first, each once; unknown names are left out, cycles are cut."""
+    """Return the class and its supertypes, breadth first, each once; unknown names are left out, cycles are cut."""
     order: dict[str, None] = {}
     queue = [name]
     for current in queue:
@@ -30,11 +30,11 @@ def supertypes_first(classes: Mapping[str, Class]) -> list[list[str]]:
 
 
 class Above:
-    """What the classes of a metamodel that may have mistakes inherit.
+    """The inheritance of a set of classes that may contain errors, such as cycles or unknown supertypes.
 
     Attributes:
         table: the classes by name.
-        unknown: names of what could not be read.
+        unknown: names that may be defined in text that could not be read.
     """
 
     def __init__(
@@ -44,7 +44,7 @@ class Above:
         self.unknown = unknown
         self._component: dict[str, int] = {}
         self._own: dict[str, Mapping[str, Feature]] = {}
-        # Only names that several classes declare can be inherited twice: all others are left out.
+        # A name can be inherited twice only if several classes declare it; all other names are left out.
         counts = Counter(name for cls in classes for name in {f.name: None for f in cls.features})
         self._shared: dict[str, _Shared] = {}
         for index, members in enumerate(supertypes_first(table)):
@@ -56,7 +56,7 @@ class Above:
                         found.setdefault(feature.name, (name, feature))
             inherited = self._inherited(members)
             if not found and len(inherited) == 1:
-                shared: _Shared = inherited[0]  # a long chain of supertypes has one table
+                shared: _Shared = inherited[0]  # All classes of a long chain share one table.
             else:
                 for one in inherited:
                     for name, item in one.items():
@@ -65,22 +65,22 @@ class Above:
             self._shared.update(dict.fromkeys(members, shared))
 
     def _inherited(self, members: Sequence[str]) -> list[_Shared]:
-        """The tables of what is directly above some classes, each once; empty ones are left out."""
+        """Return the tables of the direct supertypes of some classes, each once; empty tables are left out."""
         names = dict.fromkeys(above for name in members for above in self.table[name].supertypes)
         tables = {id(self._shared[name]): self._shared[name] for name in names if name in self._shared}
         return [one for one in tables.values() if one]
 
     def cycle(self, name: str, above: str) -> int | None:
-        """The number of the cycle that a class and one that it extends are on; None if they are on none."""
+        """Return the number of the inheritance cycle that contains a class and its supertype; None if there is none."""
         component = self._component.get(name)
         return component if component == self._component.get(above, -1) else None
 
     def own(self, name: str) -> Mapping[str, Feature]:
-        """The features that a class declares itself."""
+        """Return the features that a class declares itself, by name."""
         if name not in self._own:
             self._own[name] = {feature.name: feature for feature in self.table[name].features}
         return self._own[name]
 
     def shared(self, name: str) -> _Shared:
-        """Owner and feature by name, of a class and all above it, for names that several classes declare."""
+        """Return owner and feature, by name, of a class and its supertypes; only names that several classes declare."""
         return self._shared.get(name, {})

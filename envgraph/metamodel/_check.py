@@ -1,4 +1,4 @@
-"""What can be wrong with a set of classes."""
+"""Check a set of classes and enums for errors."""
 
 from __future__ import annotations
 
@@ -39,12 +39,12 @@ _MOST_NOTES = 5
 def check_classes(
     classes: Sequence[Class], enums: Sequence[EnumType], unknown: Collection[str] = ()
 ) -> list[Diagnostic]:
-    """The problems of the classes and enums of one metamodel; after a hundred it ends.
+    """Return the problems of the classes and enums of one metamodel, at most one hundred.
 
     Args:
-        classes: all that are known.
-        enums: all that are known.
-        unknown: names of other classes and features: what they are could not be read.
+        classes: all known classes.
+        enums: all known enums.
+        unknown: names of classes and features that may be defined in text that could not be read; not reported.
     """
     found = list(islice(_problems(classes, enums, unknown), MOST_ERRORS + 1))
     if len(found) > MOST_ERRORS:
@@ -80,7 +80,7 @@ def _duplicates(named: Sequence[Class | EnumType | Feature], owner: str = "") ->
 
 
 def _check_names(classes: Sequence[Class], enums: Sequence[EnumType]) -> Iterator[Diagnostic]:
-    """Names are words, for the languages and for the attributes of handles; those of the scalars are taken."""
+    """Yield errors for names that are not identifiers, or that are names of built-in types."""
     types: list[Class | EnumType] = [*classes, *enums]
     for type_ in types:
         if type_.name in tuple(Scalar):
@@ -108,14 +108,14 @@ def _check_names(classes: Sequence[Class], enums: Sequence[EnumType]) -> Iterato
 
 
 def _name_hint(name: str) -> str:
-    """A name like the one that is none."""
+    """Return a hint with a valid name that is similar to an invalid one."""
     meant = re.sub(r"\W+", "_", name).strip("_")
     meant = f"_{meant}" if meant[:1].isdigit() else meant
     return "a name has letters, digits and `_`" + (f": `{meant}`" if meant.isidentifier() else "")
 
 
 def _qualified(name: str) -> bool:
-    """Whether a name is one with that of a package before it, `package::Name`."""
+    """Return True if a name has the form `package::Name`."""
     return len(parts := name.split("::")) == 2 and all(part.isidentifier() for part in parts)
 
 
@@ -161,7 +161,7 @@ def _check_supertypes(cls: Class, inherited: Above) -> Iterator[Diagnostic]:
 
 
 def _check_cycles(classes: Sequence[Class], inherited: Above) -> Iterator[Diagnostic]:
-    """One diagnostic for each cycle, at the first class on it."""
+    """Yield one error for each inheritance cycle, at its first class."""
     cycles: dict[int, list[tuple[Class, str]]] = {}
     for cls in classes:
         for above in cls.supertypes:
@@ -201,11 +201,11 @@ def _check_bounds(feature: Feature, cls: Class) -> Iterator[Diagnostic]:
 
 
 def _check_inherited(cls: Class, above: Above) -> Iterator[Diagnostic]:
-    """Names that a class gets twice; what one of its supertypes gets twice is reported there."""
+    """Yield errors for feature names that a class inherits twice, or declares although it inherits them."""
     inherited: dict[str, tuple[str, Feature]] = {}
     for direct in dict.fromkeys(cls.supertypes):
         if above.cycle(cls.name, direct) is not None:
-            continue  # a cycle, reported as such
+            continue  # Cycles are reported by `_check_cycles`.
         for owner, feature in above.shared(direct).values():
             known, _ = inherited.setdefault(feature.name, (owner, feature))
             if known != owner:
@@ -293,7 +293,7 @@ def _check_opposite(reference: Reference, cls: Class, above: Above) -> Iterator[
         )
         return
     if owner == reference.target and _leads_nowhere(found, above):
-        return  # told there; which of the two was meant to be the other's opposite nobody knows
+        return  # That end is reported, since it is unknown which of the two ends is wrong.
     if owner != reference.target or found.target != cls.name or found.opposite != reference.name:
         yield Diagnostic(
             "opposite-mismatch",
@@ -320,7 +320,7 @@ def _check_opposite(reference: Reference, cls: Class, above: Above) -> Iterator[
 
 
 def _leads_nowhere(reference: Reference, above: Above) -> bool:
-    """Whether the opposite of a reference is a name that nothing has."""
+    """Return True if the opposite named by a reference does not exist."""
     if reference.opposite is None or reference.target not in above.table:
         return False
     classes = linearise(reference.target, above.table)
@@ -373,7 +373,7 @@ def _glyph_problems(
 
 
 def _check_looks(attribute: Attribute) -> Iterator[Diagnostic]:
-    """`@glyph` is for Booleans, enums and ints, and `@colour` for enums."""
+    """Yield errors for wrong uses of `@glyph` (for bools, enums and ints) and `@colour` (for enums)."""
     for mark in attribute.annotations:
         if mark.name in ("glyph", "colour") and attribute.many:
             message = f"`{attribute.name}` has many values, and `@{mark.name}` shows one"
@@ -402,7 +402,7 @@ def _check_looks(attribute: Attribute) -> Iterator[Diagnostic]:
 
 
 def _check_letters(mark: Annotation, enum: EnumType) -> Iterator[Diagnostic]:
-    """A letter for each literal."""
+    """Yield an error if the `@glyph` of an enum does not give one letter for each literal."""
     letters = [str(one) for one in mark.arguments if isinstance(one, str) and len(one) == 1]
     if mark.named or len(letters) != len(mark.arguments) or len(letters) != len(enum.literals):
         message = (
@@ -413,7 +413,7 @@ def _check_letters(mark: Annotation, enum: EnumType) -> Iterator[Diagnostic]:
 
 
 def _check_range(attribute: Attribute) -> Iterator[Diagnostic]:
-    """`@range(lowest, highest, step = by)` is for numbers."""
+    """Yield errors for wrong uses of `@range(lowest, highest, step = by)`, which is for numbers."""
     for mark in attribute.annotations:
         mistake = _range_mistake(attribute, mark) if mark.name == "range" else None
         if mistake:
@@ -421,7 +421,7 @@ def _check_range(attribute: Attribute) -> Iterator[Diagnostic]:
 
 
 def _range_mistake(attribute: Attribute, mark: Annotation) -> tuple[str, str] | None:
-    """What is wrong with the range of an attribute, and how to mend it."""
+    """Return message and hint for a wrong `@range` of an attribute; None if it is correct."""
     name, kind = attribute.name, attribute.type
     if attribute.many or kind not in (Scalar.INT, Scalar.FLOAT):
         return f"`@range` is for an `int` or a `float`, and `{name}` is none", "leave it out"

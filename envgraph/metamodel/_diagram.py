@@ -1,4 +1,4 @@
-"""Metamodels as class diagrams."""
+"""Draw metamodels as class diagrams."""
 
 from __future__ import annotations
 
@@ -22,12 +22,14 @@ def class_diagram(
     enums: Iterable[EnumType],
     references: Iterable[tuple[Reference, Reference | None]],
 ) -> Picture:
-    """Classes with their attributes, enums with their literals, supertypes and references; opposites are one line.
+    """Return a picture of classes with their attributes, supertypes and references, and of enums with their literals.
+
+    A pair of opposite references is drawn as one line.
 
     Args:
-        name: of the metamodel.
+        name: name of the metamodel.
         classes, enums: in the order in which they are shown.
-        references: of all classes, each with its opposite.
+        references: the references of all classes, each with its opposite (None if it has none).
     """
     colours = class_colours(classes)
     return Picture(
@@ -38,7 +40,7 @@ def class_diagram(
 
 
 def class_colours(classes: Iterable[Class]) -> dict[str, str]:
-    """A colour for each class: that of its glyph, else a pale one by its place."""
+    """Return a colour for each class: that of its glyph, or else a pale one chosen by its position."""
     return {
         cls.name: cls.glyph.colour if cls.glyph else PALE[number % len(PALE)]
         for number, cls in enumerate(classes)
@@ -77,7 +79,7 @@ def _enum(enum: EnumType) -> PictureNode:
 def _supertypes(classes: Iterable[Class]) -> Iterator[PictureEdge]:
     for cls in classes:
         for above in cls.supertypes:
-            # The superclass is the source: layouts in layers put it on top.
+            # The superclass is the source, because layered layouts put it on top.
             yield PictureEdge(visible(above), visible(cls.name), tail="triangle", head="none")
 
 
@@ -93,7 +95,10 @@ def _references(references: Iterable[tuple[Reference, Reference | None]]) -> Ite
 
 
 def _leads(reference: Reference, opposite: Reference) -> bool:
-    """Return whether this one of a pair gives the line its direction: the containment, else the one declared first."""
+    """Return True if a reference, and not its opposite, gives the line its direction.
+
+    It is the containment of the two, or else the reference that was declared first.
+    """
     if reference.containment or opposite.containment:
         return reference.containment
     return reference.index <= opposite.index

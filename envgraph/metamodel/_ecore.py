@@ -1,4 +1,4 @@
-"""Metamodels as `.ecore` files, which Eclipse's tools and pyecore read."""
+"""Write metamodels as `.ecore` files, which Eclipse's tools and pyecore read."""
 
 from __future__ import annotations
 
@@ -31,7 +31,7 @@ _HEAD = {
     "xmlns:ecore": ECORE,
 }
 _TYPES: Mapping[Scalar, str] = {
-    Scalar.INT: "ELong",  # of 64 bits, as ours
+    Scalar.INT: "ELong",  # of 64 bits, as in envgraph
     Scalar.FLOAT: "EDouble",
     Scalar.BOOL: "EBoolean",
     Scalar.STRING: "EString",
@@ -50,12 +50,12 @@ Parts = Mapping[str, str | None]
 
 
 def metamodel_to_ecore(metamodel: Metamodel) -> str:
-    """The text of an `.ecore` file, the same for the same metamodel.
+    """Return the text of an `.ecore` file; equal metamodels give equal texts.
 
     `envgraph.open` and `load_workspace` read it back. An attribute of type `int` becomes an `ELong`, and `float` an
     `EDouble`, unless `@ecore(eType = "EInt")` names another type. Annotations that Ecore lacks (`@key`, `@glyph`,
-    `@frozen`) are written with the source "envgraph", which other tools ignore. A metamodel without a uri gets its name
-    as nsURI. The classes of Ecore itself are not written, but links to them are.
+    `@frozen`) are written with the source "envgraph", which other tools ignore. A metamodel without a URI gets its name
+    as nsURI. The classes of Ecore itself are not written, but references to them are.
 
     >>> text = metamodel_to_ecore(Metamodel("house", [Class("Room")], uri="http://house"))
     >>> print(text.splitlines()[2])
@@ -66,7 +66,7 @@ def metamodel_to_ecore(metamodel: Metamodel) -> str:
 
 
 class _Writer:
-    """Writes the tags of one metamodel as lists of lines, not yet indented for the tags around them."""
+    """A writer of the XML tags of one metamodel, as lists of lines without the indentation of enclosing tags."""
 
     def __init__(self, metamodel: Metamodel) -> None:
         self._metamodel = metamodel
@@ -151,7 +151,7 @@ class _Writer:
         return _tag("eStructuralFeatures", parts, notes)
 
     def _references(self, reference: Reference, named: Parts) -> Parts:
-        """Return the XML attributes of a reference that name other parts of the file."""
+        """Return the XML attributes of a reference that refer to other elements: target, opposite and keys."""
         features, target = self._metamodel.features(reference.target), self._path(reference.target)
         keys = [features[name] for name in (named.get("eKeys") or "").split() if name in features]
         opposite = self._metamodel.opposite(reference) or features.get(named.get("eOpposite") or "")
@@ -181,7 +181,7 @@ def _marks(annotations: Iterable[Annotation]) -> dict[str, str]:
 def _annotations(
     doc: str | None, annotations: Iterable[Annotation], marks: Mapping[str, str] = MappingProxyType({})
 ) -> list[str]:
-    """Return the tags of the documentation, of the annotations for other tools, and of those of envgraph."""
+    """Return the lines of annotation tags: documentation, annotations of other tools, and envgraph's own (`marks`)."""
     found = [(str(one.arguments[0]), one.details) for one in annotations if one.name == "annotation"]
     if doc:
         place = next((place for place, (source, _) in enumerate(found) if source == _GENMODEL), None)
@@ -197,7 +197,7 @@ def _annotations(
 
 
 def plain_parts(feature: Feature, type_name: str | None = None) -> dict[str, str | None]:
-    """Return the XML attributes of a feature that name no other part; `type_name` is the data type in `@ecore`."""
+    """Return the XML attributes of a feature that need no other element; `type_name` is the data type in `@ecore`."""
     parts = {
         "lowerBound": str(feature.lower) if feature.lower else None,
         "upperBound": None if feature.upper == 1 else str(feature.upper or -1),
@@ -218,13 +218,13 @@ def plain_parts(feature: Feature, type_name: str | None = None) -> dict[str, str
 
 
 def _named(annotations: Iterable[Annotation]) -> dict[str, str | None]:
-    """Return the XML attributes that `@ecore` and `@datatype` name."""
+    """Return the XML attributes that the annotations `@ecore` and `@datatype` contain."""
     known = (one.named for one in annotations if one.name in ("ecore", "datatype"))
     return {key: str(value) for named in known for key, value in named}
 
 
 def _tag(name: str, parts: Parts, inside: Iterable[str] = ()) -> list[str]:
-    """Return the lines of a tag: its XML attributes, and the lines of the tags inside."""
+    """Return the lines of a tag with its XML attributes and the indented lines `inside`."""
     head = " ".join(
         [f"<{name}", *(f'{key}="{xml_text(text)}"' for key, text in parts.items() if text is not None)]
     )
@@ -233,9 +233,9 @@ def _tag(name: str, parts: Parts, inside: Iterable[str] = ()) -> list[str]:
 
 
 def xml_text(text: str) -> str:
-    """A text as XML has it, in a tag or between double quotes.
+    """Return a text with the escapes that XML needs in tags and between double quotes.
 
-    Not by `xml.sax.saxutils`, which imports all that it takes to speak HTTP.
+    `xml.sax.saxutils` is not used because it imports the modules for HTTP.
 
     >>> xml_text('a < "b"')
     'a &lt; &quot;b&quot;'
@@ -244,7 +244,7 @@ def xml_text(text: str) -> str:
 
 
 def xml_value(attribute: Attribute, value: Value) -> str:
-    """A value of an attribute as Ecore's tools write it.
+    """Return an attribute's value as Ecore's tools write it.
 
     >>> xml_value(Attribute("a", Scalar.BOOL), True), xml_value(Attribute("a", Scalar.FLOAT), float("-inf"))
     ('true', '-Infinity')

@@ -1,4 +1,4 @@
-"""What a metamodel is made of, as frozen data."""
+"""The elements of a metamodel as frozen data: classes, attributes, references, enums and annotations."""
 
 from __future__ import annotations
 
@@ -36,13 +36,13 @@ class Scalar(StrEnum):
 
 @dataclass(frozen=True, slots=True)
 class EnumType:
-    """An enumeration; a literal's index is its place in `literals`.
+    """An enumeration; a literal's index is its position in `literals`.
 
     Attributes:
-        package: the nested package that it is in, see `Package`.
-        labels, numbers: what other tools write for each literal, as text and as a number; () where that is the literal
-            itself, and its index.
-        places: "literal 0", "literal 1" ...
+        package: path of the nested package of the enum, see `Package`.
+        labels, numbers: text and number that other tools write for each literal; () if these are the literal itself
+            and its index.
+        places: spans of the parts "literal 0", "literal 1" ...
     """
 
     name: str
@@ -61,14 +61,14 @@ AttributeType = Scalar | EnumType
 
 @dataclass(frozen=True, slots=True)
 class Annotation:
-    """`@name(1, key = "v")`: positional values, then named ones in the order of the text.
+    """An annotation `@name(1, key = "v")`: positional values, then named ones in the order of the text.
 
-    A value is a data value, or a tuple of names (`@key(y, x)`, `@hom(a, b)` give their names as positional `str`).
-    Three annotations hold what only other tools use: `@ecore(changeable = "false")` XML attributes of Ecore,
-    `@annotation("source", key = "value")`, and `@datatype("Money", instanceClassName = "java.math.BigDecimal")`.
+    Names as arguments (`@key(y, x)`, `@hom(a, b)`) are stored as positional strings. Three annotations are settings
+    for other tools: `@ecore(changeable = "false")` for XML attributes of Ecore, `@annotation("source", key = "value")`,
+    and `@datatype("Money", instanceClassName = "java.math.BigDecimal")`.
 
     Attributes:
-        places: "@" for the name, and where each of the `named` values stands, in their order and by their keys.
+        places: spans of the name ("@") and of each `named` value (its key), in the order of the text.
     """
 
     name: str
@@ -78,7 +78,7 @@ class Annotation:
     places: Places = field(default=(), compare=False, repr=False)
 
     def is_from(self, source: str) -> bool:
-        """Return whether this is an `@annotation` with the given source."""
+        """Return True if this is an `@annotation` with the given source."""
         return self.name == "annotation" and self.arguments[:1] == (source,)
 
     @property
@@ -91,14 +91,14 @@ class Annotation:
 
 @dataclass(frozen=True, slots=True)
 class Glyph:
-    """How an object of a class is shown: one letter, and a colour as "#rrggbb"."""
+    """The display of an object of a class: one letter, and a colour as "#rrggbb"."""
 
     letter: str
     colour: str = "#adb5bd"
 
 
 class _Bounded:
-    """What the bounds of a feature say."""
+    """The base class of features, which have a multiplicity."""
 
     __slots__ = ()
 
@@ -107,12 +107,12 @@ class _Bounded:
 
     @property
     def many(self) -> bool:
-        """Whether an object may hold more than one target or value."""
+        """Return True if an object may have more than one target or value."""
         return self.upper is None or self.upper > 1
 
     @property
     def multiplicity(self) -> str:
-        """As written in a `.metamodel` file, without the brackets."""
+        """Return the multiplicity as a `.metamodel` file writes it, without the brackets."""
         if self.upper == self.lower:
             return str(self.lower)
         return f"{self.lower}..{'*' if self.upper is None else self.upper}"
@@ -120,19 +120,19 @@ class _Bounded:
 
 @dataclass(frozen=True, slots=True)
 class Attribute(_Bounded):
-    """A data feature.
+    """A data feature of a class.
 
-    With many values it is a list in the order in which they were added, and a relation of an object and a value for
-    patterns, which see each value once.
+    An attribute with many values is a list in the order of insertion. Patterns treat it as a relation between objects
+    and values, in which each value occurs once.
 
     Attributes:
-        default: the declared default, or None: then 0, 0.0, False, "" or the first literal. Many values have none.
+        default: the declared default; None means 0, 0.0, False, "" or the first literal. None for many values.
         owner: name of the declaring class; filled in by `Metamodel`.
-        index: place in `Metamodel.attributes`; filled in by `Metamodel`.
-        lower, upper: multiplicity; `upper` None is `*`. With 0..1 an object may be without a value.
-        unique: of many values, no two of an object are equal; false where `@nonunique`.
-        identifier: no two objects of a file have the same value, so that references can name it (Ecore's `iD`).
-        places: "type", "multiplicity", "default".
+        index: position in `Metamodel.attributes`; filled in by `Metamodel`.
+        lower, upper: multiplicity; `upper` None is `*`. With 0..1 an object may have no value.
+        unique: True if the values of one object must differ; False with `@nonunique`.
+        identifier: True if no two objects of a file have the same value, so that links can use it (Ecore's `iD`).
+        places: spans of the parts "type", "multiplicity", "default".
     """
 
     name: str
@@ -151,12 +151,12 @@ class Attribute(_Bounded):
 
     @property
     def optional(self) -> bool:
-        """Whether an object may be without a value."""
+        """Return True if an object may have no value."""
         return self.lower == 0
 
     @property
     def initial(self) -> Value | Values:
-        """The value in a fresh object; () for many."""
+        """Return the value in a new object; () for an attribute with many values."""
         if self.many:
             return ()
         if self.default is None:
@@ -165,16 +165,16 @@ class Attribute(_Bounded):
 
     @property
     def is_decimal(self) -> bool:
-        """Return whether its type in `@ecore` is a decimal number of any precision."""
+        """Return True if the attribute's type in `@ecore` is a decimal number of any precision."""
         named = dict(pair for one in self.annotations if one.name == "ecore" for pair in one.named)
         name = str(named.get("eType", "EDouble")).rpartition("/")[2]
         return self.type is Scalar.FLOAT and not name.removesuffix("Object").endswith(("Double", "Float"))
 
     @property
     def range(self) -> tuple[int | float, int | float, int | float] | None:
-        """Lowest and highest value and step, as `@range` says; None without it.
+        """Return lowest value, highest value and step according to `@range`; None without this annotation.
 
-        The step is 1, or a tenth of the range of a float.
+        The default step is 1, or for a float a tenth of the range.
         """
         found = next((one for one in self.annotations if one.name == "range"), None)
         if found is None:
@@ -194,11 +194,11 @@ class Reference(_Bounded):
 
     Attributes:
         lower, upper: multiplicity; `upper` None is `*`. `[1]` is 1, 1.
-        containment: the source owns the target.
+        containment: True if the source owns the target.
         opposite: name of the reference of `target` that holds the same links in the other direction.
         owner: name of the declaring class; filled in by `Metamodel`.
-        index: place in `Metamodel.references`; filled in by `Metamodel`.
-        places: "target", "multiplicity", "opposite".
+        index: position in `Metamodel.references`; filled in by `Metamodel`.
+        places: spans of the parts "target", "multiplicity", "opposite".
     """
 
     name: str
@@ -223,16 +223,16 @@ Feature = Attribute | Reference
 
 @dataclass(frozen=True, slots=True)
 class Class:
-    """A class; `features` are the ones it declares itself, in the order of the text.
+    """A class; `features` are the features that it declares itself, in the order of the text.
 
     Attributes:
         supertypes: names of the direct supertypes.
-        key: names of the attributes that name an object in every member of a family (`@key`), or ().
+        key: names of the attributes that identify an object in every member of a family (`@key`), or ().
         glyph: letter and colour (`@glyph`), or None; not inherited.
-        frozen: derived operators leave it alone (`@frozen`).
-        package: the nested package that it is in, see `Package`.
-        left_out: names of features that the file has and the class has not, each with the reason.
-        places: "extends A" for each supertype, "key a" for each attribute of the key, "letter", "colour".
+        frozen: True if derived operators must not change its objects (`@frozen`).
+        package: path of the nested package of the class, see `Package`.
+        left_out: names of features that are in the file but were not read, each with the reason.
+        places: spans of the parts "extends A" (each supertype), "key a" (each key attribute), "letter", "colour".
     """
 
     name: str
@@ -254,13 +254,13 @@ class Class:
 class Package:
     """A namespace of classes and enums, for the formats of other tools; names are unique in the whole metamodel.
 
-    Where two packages have a class or an enum of one name, both are called after their packages: `city::State` and
+    If two packages have a class or an enum of the same name, both are named after their packages: `city::State` and
     `machine::State`.
 
     Attributes:
         path: "" for the metamodel itself, "a.b" for a package `b` in a package `a` in it.
-        uri: what files call it by.
-        prefix: what files may shorten the uri to.
+        uri: the URI by which files refer to the package.
+        prefix: the short form of the URI in files.
         annotations: those of the package, then each `@datatype`, followed by the annotations of that type.
     """
 
@@ -271,7 +271,7 @@ class Package:
 
 
 def simple_name(name: str) -> str:
-    """The name of a class or an enum inside of its package.
+    """Return the name of a class or an enum without the name of its package.
 
     >>> simple_name("city::State"), simple_name("Street")
     ('State', 'Street')
@@ -280,12 +280,12 @@ def simple_name(name: str) -> str:
 
 
 def place(item: EnumType | Attribute | Reference | Class, part: str) -> Span | None:
-    """Return where a part of a definition stands in its text; the definition's own span where that is not known."""
+    """Return the span of a part of a definition; the definition's own span if that of the part is unknown."""
     return dict(item.places).get(part, item.span)
 
 
 def default_of(type_: AttributeType) -> Value:
-    """The value of an attribute without a declared default.
+    """Return the value of an attribute without a declared default.
 
     >>> default_of(Scalar.FLOAT), default_of(EnumType("Way", ("west", "east")))
     (0.0, 'west')
@@ -304,7 +304,7 @@ def default_of(type_: AttributeType) -> Value:
 
 
 def parse_value(text: str, type_: Scalar) -> Value | None:
-    """Return the value of a type that a text writes, or None. A float may be `inf` or `-inf`, which models may have."""
+    """Parse a text as a value of a scalar type; return None if it is invalid. A float may be `inf` or `-inf`."""
     match type_:
         case Scalar.INT:
             return parse_int(text)
@@ -317,7 +317,7 @@ def parse_value(text: str, type_: Scalar) -> Value | None:
 
 
 def accepts(type_: AttributeType, value: object) -> bool:
-    """Whether a value may be stored in an attribute of this type; an int may stand for a float (and becomes one).
+    """Return True if an attribute of this type can store the value; for a float also an int, which is converted.
 
     >>> accepts(Scalar.FLOAT, 1), accepts(Scalar.INT, True), accepts(Scalar.FLOAT, float("nan"))
     (True, False, False)
@@ -330,7 +330,7 @@ def accepts(type_: AttributeType, value: object) -> bool:
         case Scalar.INT:
             return type(value) is int and -LARGEST_INT - 1 <= value <= LARGEST_INT
         case Scalar.FLOAT:
-            # NaN is not equal to itself: no query could find it again.
+            # NaN is not equal to itself, so no query could find it again.
             return _has_float(value) if type(value) is int else type(value) is float and not isnan(value)
         case Scalar.BOOL:
             return type(value) is bool
@@ -347,5 +347,5 @@ def _has_float(value: int) -> bool:
 
 
 def type_name(type_: AttributeType) -> str:
-    """Return how the type is written in a file."""
+    """Return the name of the type in files."""
     return type_.name if isinstance(type_, EnumType) else str(type_)

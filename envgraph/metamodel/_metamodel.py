@@ -1,4 +1,4 @@
-"""A checked set of classes and enums, with the look-ups that everything else needs."""
+"""A checked set of classes and enums, with look-ups by name."""
 
 from __future__ import annotations
 
@@ -33,7 +33,7 @@ _DIGITS: Final = bytes.maketrans(b"01", b"\0\1")
 
 
 def _numbered(classes: Iterable[Class]) -> tuple[Class, ...]:
-    """The classes, with owner and index filled in on every feature."""
+    """Return copies of the classes with owner and index filled in for every feature."""
     counts = {Attribute: count(), Reference: count()}
     return tuple(
         replace(
@@ -45,24 +45,24 @@ def _numbered(classes: Iterable[Class]) -> tuple[Class, ...]:
 
 
 def _bits(number: int) -> bytes:
-    """Return 0 or 1 for each bit of a number, the lowest first."""
+    """Return the bits of a number as bytes 0 or 1, the lowest bit first."""
     return format(number, "b")[::-1].encode().translate(_DIGITS)
 
 
 @short_repr
 class Metamodel:
-    """Classes and enums whose names, supertypes, opposites and defaults have been checked. Immutable.
+    """An immutable set of classes and enums whose names, supertypes, opposites and defaults have been checked.
 
     Args:
         name: name of the metamodel.
         classes: in the order that extents, reports and derived rules follow.
         enums: the enumerations.
-        uri: what other files may call it by (in Ecore its nsURI), or None.
-        packages: the namespaces of other tools' files, the metamodel's own first; None for that one alone.
+        uri: the URI by which other files may import it (in Ecore its nsURI), or None.
+        packages: the namespaces of other tools' files, the metamodel's own first; None for its own only.
 
     Raises:
         ResolutionError: an unknown or duplicate name, a cycle of supertypes, opposites that do not point at each
-            other, a default of the wrong type; all problems at once.
+            other, or a default of the wrong type; lists all problems.
     """
 
     def __init__(
@@ -87,7 +87,7 @@ class Metamodel:
         self._order = {cls.name: place for place, cls in enumerate(declared)}
         self._kinds = self._masks()
         self._instantiable = sum(1 << place for place, cls in enumerate(declared) if not cls.abstract)
-        # These are worked out when they are asked for: all together may be as large as the square of the classes.
+        # These are computed on demand, because all together may grow with the square of the number of classes.
         self._supers: dict[str, tuple[str, ...]] = {}
         self._features: dict[str, Mapping[str, Feature]] = {}
         self._concrete: dict[str, tuple[str, ...]] = {}
@@ -100,7 +100,7 @@ class Metamodel:
         )
 
     def _masks(self) -> dict[str, int]:
-        """For each class the places of itself and its subclasses, as bits."""
+        """Return for each class the positions of itself and its subclasses as a bit set."""
         found = {name: 1 << place for name, place in self._order.items()}
         for (name,) in reversed(supertypes_first(self.classes)):
             for above in self.classes[name].supertypes:
@@ -108,7 +108,7 @@ class Metamodel:
         return found
 
     def named(self, simple: str) -> Mapping[str, str]:
-        """The names of the classes and enums that their packages know by this name, by the paths of the packages.
+        """Return the full names of all classes and enums with a simple name, by the path of their package.
 
         >>> one, other = Class("a::Part", package="a"), Class("b::Part", package="b")
         >>> dict(Metamodel("m", [one, other, Class("Whole")]).named("Part"))
@@ -117,7 +117,7 @@ class Metamodel:
         return self._named.get(simple, {})
 
     def likely(self, name: str) -> str | None:
-        """A hint for the name of a class that there is not: those that packages know by it, or one like it."""
+        """Return a hint for an unknown class name: its full names in packages, or a similar name; None if there is none."""
         known = [one for one in self.named(simple_name(name)).values() if one != name]
         if known:
             return "write " + " or ".join(f"`{one}`" for one in sorted(known))
@@ -132,14 +132,14 @@ class Metamodel:
         return found
 
     def supertypes(self, name: str) -> tuple[str, ...]:
-        """The class itself and all its supertypes, nearest first."""
+        """Return the class itself and all its supertypes, nearest first."""
         found = self._supers.get(name)
         if found is None:
             found = self._supers[self.classes[name].name] = linearise(name, self.classes)
         return found
 
     def concrete(self, name: str) -> tuple[str, ...]:
-        """The instantiable classes among a class and its subclasses, in the order of declaration."""
+        """Return the instantiable classes among a class and its subclasses, in the order of declaration."""
         found = self._concrete.get(name)
         if found is None:
             found = tuple(compress(self.classes, _bits(self._kinds[name] & self._instantiable)))
@@ -147,44 +147,47 @@ class Metamodel:
         return found
 
     def is_a(self, name: str, above: str) -> bool:
-        """Return whether a class is the other or one of its subclasses."""
+        """Return True if a class is equal to the class `above` or is one of its subclasses."""
         place = self._order[name]
         return bool(self._kinds.get(above, 0) >> place & 1)
 
     def instances(self, name: str) -> Sequence[int]:
-        """For each class, in the order of declaration, 1 if its objects are instances of this one; 0 at the end."""
+        """Return for each class, in the order of declaration, 1 if it is a subclass of `name` or equal to it, else 0.
+
+        The sequence has a 0 at its end, so that index -1 stands for no class.
+        """
         found = self._instances.get(name)
         if found is None:
             table = _bits(self._kinds[name]).ljust(len(self.class_list) + 1, b"\0")
-            # A tuple is read faster, and takes eight times the memory.
+            # A tuple is faster to read, but needs eight times the memory.
             found = tuple(table) if len(table) <= _FEW else table
             self._instances[name] = found
         return found
 
     def covers(self, cls: str, other: str) -> bool:
-        """Return whether every object of another class is of a class, by their concrete subclasses."""
+        """Return True if every object of class `other` is also an object of `cls`, judging by concrete subclasses."""
         return set(self.concrete(other)) <= set(self.concrete(cls))
 
     def overlap(self, one: str, other: str) -> bool:
-        """Return whether some object can be an instance of both classes."""
+        """Return True if an object can be an instance of both classes."""
         return bool(self._kinds[one] & self._kinds[other] & self._instantiable)
 
     def contents(self, name: str) -> list[str]:
-        """The concrete classes whose objects one of exactly this class may contain, directly."""
+        """Return the concrete classes of objects that an object of exactly this class may directly contain."""
         held = (one for one in self.features(name).values() if isinstance(one, Reference) and one.containment)
         return list(dict.fromkeys(cls for one in held for cls in self.concrete(one.target)))
 
     def all_contents(self, names: Iterable[str]) -> list[str]:
-        """The concrete classes whose objects those of exactly these classes may contain, at any depth."""
+        """Return the concrete classes of objects that objects of exactly these classes may contain, at any depth."""
         return reached((one for name in names for one in self.contents(name)), self.contents)
 
     def features(self, name: str) -> Mapping[str, Feature]:
-        """All features of a class, inherited ones first, by name."""
+        """Return all features of a class by name, inherited ones first."""
         found = self._features.get(name)
         return self._collect(name) if found is None else found
 
     def _collect(self, name: str) -> Mapping[str, Feature]:
-        """The features of a class; one that adds nothing to its only supertype shares that one's."""
+        """Compute the features of a class; a class that adds none to its only supertype shares the latter's mapping."""
         same = [name]
         while not self.classes[same[-1]].features and len(self.classes[same[-1]].supertypes) == 1:
             same.append(self.classes[same[-1]].supertypes[0])
@@ -196,11 +199,11 @@ class Metamodel:
         return found
 
     def feature(self, name: str, feature: str) -> Feature | None:
-        """A feature of a class, its own or inherited, or None."""
+        """Return a feature of a class, its own or inherited; None if there is none of this name."""
         return self.features(name).get(feature)
 
     def left_out(self, name: str, feature: str) -> str | None:
-        """Why a class has not a feature that its file, or that of a supertype, declares; None if none does."""
+        """Return why a feature in the file of a class or its supertypes was left out; None if it was not left out."""
         if self.feature(name, feature) is not None:
             return None
         for above in self.supertypes(name):
@@ -210,7 +213,7 @@ class Metamodel:
         return None
 
     def opposite(self, reference: Reference) -> Reference | None:
-        """The reference that holds the same links in the other direction, or None."""
+        """Return the reference that holds the same links in the other direction, or None."""
         if reference.opposite is None:
             return None
         found = self.features(reference.target)[reference.opposite]
@@ -218,7 +221,7 @@ class Metamodel:
         return found
 
     def canonical(self, reference: Reference, source: End, target: End) -> tuple[Reference, End, End]:
-        """Return one way to write a link that its opposite may write, too: the same for both."""
+        """Return the same triple for a link and for the equal link of its opposite reference."""
         opposite = self.opposite(reference)
         # The ends of a link whose reference is its own opposite are sorted.
         if opposite is not None and (opposite.index, target, source) < (reference.index, source, target):
@@ -228,34 +231,34 @@ class Metamodel:
     def containment(
         self, reference: Reference, source: Side, target: Side
     ) -> tuple[Reference, Side, Side] | None:
-        """Return a link as its container has it: reference, container and content; None if neither end is one."""
+        """Return a link as (containment reference, container, content); None if neither end contains the other."""
         opposite = self.opposite(reference)
         if opposite is not None and opposite.containment:
             return opposite, target, source
         return (reference, source, target) if reference.containment else None
 
     def most_sources(self, reference: Reference) -> int | None:
-        """Return how many objects may have the same one as a target; None for any number."""
+        """Return the maximum number of objects that may have the same target; None for no limit."""
         opposite = self.opposite(reference)
         return 1 if reference.containment else None if opposite is None else opposite.upper
 
     def key(self, name: str) -> tuple[str, ...]:
-        """The key attributes of a class, its own or those of the nearest supertype that has any; () without."""
+        """Return the key attributes of a class, or of its nearest supertype with a key; () if there are none."""
         return next(
             (self.classes[above].key for above in self.supertypes(name) if self.classes[above].key), ()
         )
 
     def picture(self) -> Picture:
-        """The class diagram; `to_dot` and `to_svg` are short for those of the picture."""
+        """Return the class diagram as a picture, on which `to_dot` and `to_svg` rely."""
         references = ((reference, self.opposite(reference)) for reference in self.references)
         return class_diagram(self.name, self.class_list, self.enum_types, references)
 
     def to_dot(self) -> str:
-        """The class diagram as DOT, the text that Graphviz draws."""
+        """Return the class diagram as DOT, the text format of Graphviz."""
         return self.picture().to_dot()
 
     def to_svg(self) -> str:
-        """The class diagram as an `<svg>` element; see `Picture.to_svg`."""
+        """Return the class diagram as an `<svg>` element; see `Picture.to_svg`."""
         return self.picture().to_svg()
 
     def _repr_svg_(self) -> str | None:

@@ -1,4 +1,4 @@
-"""Walks along the edges of graphs that are given by a function: what follows a node."""
+"""Search graphs whose edges are given by a function from a node to its successors."""
 
 from __future__ import annotations
 
@@ -9,14 +9,14 @@ Vertex = TypeVar("Vertex", bound=Hashable)
 
 
 def reached(starts: Iterable[Vertex], following: Callable[[Vertex], Iterable[Vertex]]) -> list[Vertex]:
-    """The starts, and all that any number of steps leads to from them: each once, nearest first.
+    """Return all nodes reachable from the starts, the starts included: each once, nearest first.
 
     >>> reached([1], {1: [2], 2: [1, 3], 3: []}.__getitem__)
     [1, 2, 3]
     """
     known = dict.fromkeys(starts)
     found = list(known)
-    for node in found:  # which grows
+    for node in found:  # the list grows
         for other in following(node):
             if other not in known:
                 known[other] = None
@@ -27,7 +27,7 @@ def reached(starts: Iterable[Vertex], following: Callable[[Vertex], Iterable[Ver
 def shortest_way(
     start: Vertex, goal: Vertex, following: Callable[[Vertex], Iterable[Vertex]]
 ) -> list[Vertex] | None:
-    """The nodes after the start on a shortest way of one or more steps, the goal last; None if there is no way.
+    """Return the nodes of a shortest path of at least one step, without the start; None if there is no path.
 
     >>> edges = {1: [2], 2: [3], 3: [1]}.__getitem__
     >>> shortest_way(1, 3, edges), shortest_way(1, 1, edges)
@@ -51,10 +51,10 @@ def shortest_way(
 def components(
     starts: Sequence[Any], following: Callable[[Any], Iterable[Any]]
 ) -> Iterator[tuple[list[Any], dict[Any, None]]]:
-    """Strongly connected components that the starts reach, those that one leads to before it.
+    """Yield the strongly connected components that the starts reach, successors first.
 
     Yields:
-        The nodes of a component, and all nodes that one step leads to from them.
+        The nodes of a component, and all direct successors of these nodes.
     """
     order: dict[Any, int] = {}
     lowest: dict[Any, int] = {}

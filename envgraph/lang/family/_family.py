@@ -234,31 +234,31 @@ class FamilySpec:
 
     @property
     def steps_are_free(self) -> bool:
-        """True if the file does not fix the steps on each member, so that a search with an objective chooses them."""
+        """Return True if the file fixes no steps for each member, so that a search with an objective chooses them."""
         steps = ("training", "steps_per_environment"), ("objective", "steps")
         return not any(self.has_key(*key) for key in steps)
 
     @property
     def files(self) -> tuple[str, ...]:
-        """The names of all files that the family uses."""
+        """Return the names of all files that the family uses."""
         named = [self.model, *self.imports, *([self.environment] if self.environment else [])]
         return tuple(dict.fromkeys(str(one) for one in named))
 
     @property
     def evolves(self) -> bool:
-        """True if the genetic algorithm generates the family; False if it is climbed or sampled."""
+        """Return True if the genetic algorithm generates the family; False if it is climbed as a whole, or sampled."""
         return not self.climbs and self.samples is None
 
     @property
     def climbs(self) -> bool:
-        """True if whole families are searched for; False if members are selected from a population, or sampled."""
+        """Return True if the search climbs over whole families; False if members are selected or sampled one by one."""
         found = self.objective
         whole = found is not None and (found.kind != EXPRESSIONS or found.options.get("search") == "climb")
         return whole and self.samples is None
 
     @property
     def size(self) -> int:
-        """The number of members that the family should have."""
+        """Return the number of members that the family should have."""
         return self.search.population if self.samples is None else self.samples.count
 
     def measure(self, name: str) -> ComponentSpec | None:

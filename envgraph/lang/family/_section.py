@@ -105,7 +105,7 @@ class Section:
 
     @property
     def name(self) -> str:
-        """The name of the table in messages."""
+        """Return the name of the table in messages."""
         return f"`[{'.'.join(self.path)}]`" if self.path else "the file"
 
     def error(self, code: str, message: str, span: Span, hint: str | None = None) -> None:
@@ -248,7 +248,7 @@ class Section:
     def table(self, key: str) -> Section:
         """Return the nested table of this key; an empty one if it is missing.
 
-        If the table is missing, a table with a similar name is read instead; its name is reported as unknown later.
+        If it is missing, a table with a similar name is read instead; `finish` then reports that name as unknown.
         """
         value = self.take(key)
         if value is None:
@@ -282,7 +282,7 @@ class Section:
         return value[0], value[1]
 
     def component(self, role: str, default: str | None, word: str = "kind") -> ComponentSpec | None:
-        """Return this table as a component; the key `word` names its kind. If the kind is missing, report it; return None."""
+        """Return this table as a component; the key `word` names its kind. Report a missing kind and return None."""
         kind = self.string(word, default)
         if kind is None:
             near = next((key for key in self.data if did_you_mean(key, [word])), None)
@@ -295,7 +295,7 @@ class Section:
         return self.options(role, kind.text, word)
 
     def options(self, role: str, kind: str | None = None, word: str | None = None) -> ComponentSpec:
-        """Return this table as a component whose options are all keys except `word`; the kind is by default the role."""
+        """Return this table as a component whose options are all keys but `word`; the kind is by default the role."""
         options = {key: value for key, value in self.data.items() if key != word}
         return ComponentSpec(role, kind or role, options, self.text, self.path)
 

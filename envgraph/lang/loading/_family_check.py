@@ -269,7 +269,7 @@ class _Checker:
             )
 
     def _path(self, name: str, span: Span | None, kind: str) -> Iterator[Diagnostic]:
-        """Yield diagnostics for a step that is neither a reference (`right`, `Tile.right`) nor a pattern of two parameters."""
+        """Yield diagnostics for a step that is neither a reference (`right`, `Tile.right`) nor a binary pattern."""
         metamodel = self._workspace.metamodel
         if metamodel is None:
             return

@@ -124,7 +124,7 @@ class Loader:
             self._read(name)
 
     def _known_files(self, directory: str) -> list[str]:
-        known = (*LANGUAGE_OF.keys() - {"json"}, "toml")  # JSON files are left out: they often hold other data.
+        known = (*LANGUAGE_OF.keys() - {"json"}, "toml")  # JSON files often hold other data
         return [name for name in self.files.entries(directory) if suffix_of(name) in known]
 
     def _read(self, first: str, asked: Import | None = None) -> None:
@@ -281,7 +281,7 @@ class Loader:
         self._read_schemas()
         self._resolve_names()
         metamodel = self._metamodel()
-        clear = not self.metamodels.others()  # With several metamodels it is unknown which one the names refer to.
+        clear = not self.metamodels.others()  # otherwise names are ambiguous
         for name, file in self._of("query", "rules", "environment"):
             if file.parsed is not None:
                 self._define(file, file.parsed, self._types(name, metamodel if clear else None))
@@ -374,7 +374,7 @@ class Loader:
         return list(unused_files(self.read))
 
     def _conformance(self, models: Iterable[ModelText]) -> list[Diagnostic]:
-        """Return the violations of the metamodel by models: errors for a family's initial model, warnings for others."""
+        """Return the violations of the metamodel by models: errors in a family's initial model, warnings in others."""
         initial = {spec.model.text for spec in self.families if spec.optimise is None}
         return [
             replace(one, severity=Severity.ERROR) if text.span.source.name in initial else one
@@ -425,7 +425,7 @@ class Loader:
             self.diagnostics.append(Diagnostic("unknown-uri", message, import_.span, hint))
 
     def _models(self, metamodel: Metamodel | None, lost: frozenset[str]) -> list[ModelText]:
-        """Return the models of all files; an XMI document that another document refers to is part of the other's model."""
+        """Return the models of all files; an XMI document that another one refers to belongs to the other's model."""
         models: list[ModelText] = []
         parts: set[str] = set()
         for name, file in self._of("model"):

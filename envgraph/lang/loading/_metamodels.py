@@ -41,13 +41,13 @@ class Metamodels:
 
     @property
     def first(self) -> Metamodel | None:
-        """The metamodel of all files; None if it has errors, or if there is no metamodel."""
+        """Return the metamodel of all files; None if it has errors, or if there is no metamodel."""
         found = [file.metamodel for file, _ in self.files.values()]
         return found[0] if found else self.given
 
     @property
     def unread(self) -> bool:
-        """True if a metamodel file could not be read."""
+        """Return True if a metamodel file could not be read."""
         return any(file.metamodel is None for file, _ in self.files.values()) or any(
             document.root is None for document, _ in self.ecore.values()
         )

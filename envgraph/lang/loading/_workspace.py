@@ -54,12 +54,12 @@ class Workspace:
 
     @property
     def definitions(self) -> tuple[Pattern | Rule | Unit | Derivation | FunctionDeclaration, ...]:
-        """All functions, patterns, rules, units and derivations, for `Engine.add`."""
+        """Return all functions, patterns, rules, units and derivations, for `Engine.add`."""
         return (*self.functions, *self.patterns, *self.rules, *self.units, *self.derivations)
 
     @property
     def errors(self) -> tuple[Diagnostic, ...]:
-        """The diagnostics that are errors."""
+        """Return the diagnostics that are errors."""
         return tuple(one for one in self.diagnostics if one.severity is Severity.ERROR)
 
     def raise_errors(self) -> None:
