@@ -117,7 +117,7 @@ class Metamodel:
         return self._named.get(simple, {})
 
     def likely(self, name: str) -> str | None:
-        """Return a hint for an unknown class name: its full names in packages, or a similar name; None if there is none."""
+        """Return a hint for an unknown class name: its full names in packages, or a similar name (None: no hint)."""
         known = [one for one in self.named(simple_name(name)).values() if one != name]
         if known:
             return "write " + " or ".join(f"`{one}`" for one in sorted(known))

@@ -40,7 +40,7 @@ _NULLABLE: Mapping[Scalar, str] = {
 }
 FEATURE_MAP = "EFeatureMapEntry"
 A_MAP = "it is a feature map, and was left out of the metamodel"
-"""The reason why the metamodel leaves a feature map out."""
+"""The reason for leaving a feature map out of the metamodel."""
 
 _XML: Mapping[Scalar, str] = {
     Scalar.INT: "Int Integer Long Short Byte UnsignedInt UnsignedLong UnsignedShort UnsignedByte NonNegativeInteger "
@@ -66,7 +66,7 @@ def _types(words: Mapping[Scalar, str], nullable: bool) -> dict[str, DataType]:
 
 
 ECORE_TYPES: Mapping[str, DataType] = _types(_WORDS, False) | _types(_NULLABLE, True)
-"""The data types of Ecore itself that can be read."""
+"""The supported data types of Ecore itself, by name."""
 
 _XML_SCHEMA = {
     name: DataType(type_, type_ is Scalar.STRING) for type_, names in _XML.items() for name in names.split()
@@ -125,11 +125,11 @@ def value_of(text: str, type_: Scalar | EnumType) -> Value | None:
 def why_unfit(text: str, type_: Scalar | EnumType) -> str | None:
     """Return a hint if the text is a number too large for its type, or `NaN`; return None otherwise."""
     if type_ is Scalar.FLOAT and text == "NaN":
-        return "`NaN` does not equal itself, so no query could find it"
+        return "write another value: `NaN` does not equal itself, so no query could find it"
     if type_ is Scalar.INT and _INT.fullmatch(text):
-        return f"an int has 64 bits: it is {LARGEST_INT} at most"
+        return f"write a number of at most 64 bits, up to {LARGEST_INT}"
     if type_ is Scalar.FLOAT and _FLOAT.fullmatch(text):
-        return "a float has 64 bits: it is 1.8e308 at most"
+        return "write a float of 64 bits, up to 1.8e308"
     return None
 
 

@@ -30,10 +30,10 @@ _OUTSIDE = {
     "draw_grid": "draw",
     "draw_graph": "draw",
 }
-"""Clauses that cannot stand in an agent, and how they are spelt."""
+"""Clauses that are not allowed in an `agent` block, with their keywords."""
 
 
-_MISSING = "missing-environment", "the file describes no environment", "write `environment Name { ... }`"
+_MISSING = "missing-environment", "the file defines no environment", "write `environment Name { ... }`"
 
 
 def read_environment(parsed: Parsed, types: TypeNames | None = None) -> DefinitionsFile[Behaviour]:
@@ -95,8 +95,13 @@ def _agent(reading: Reading, tree: Tree[Token]) -> Agent:
     clauses = _clauses(tree)
     for clause in trees(clauses, *_OUTSIDE):
         word = _OUTSIDE[str(clause.data)]
-        hint = "move it out of the agent"
-        reading.error("misplaced-clause", f"`{word}` belongs to the whole environment", clause, hint)
+        hint = "move it out of the `agent` block"
+        reading.error(
+            "misplaced-clause",
+            f"`{word}` applies to the whole environment, not to an agent",
+            clause,
+            hint,
+        )
     return Agent(
         variable=str(name),
         cls=type_of(reading, type_),

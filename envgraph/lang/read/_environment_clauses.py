@@ -47,7 +47,7 @@ def action_of(reading: Reading, tree: Tree[Token]) -> Action:
     name = tokens(tree.children, "NAME")[0]
     domains = [part for group in trees(tree.children, "domains") for part in trees(group.children)]
     others = trees(tree.children, "other")
-    reward = reading.only("`reward`", trees(tree.children, "reward"), "add the rewards up")
+    reward = reading.only("`reward`", trees(tree.children, "reward"), "write one reward with the sum")
     other_reward = reading.only("`else`", others)
     for other in others:
         if not tokens(other.children, "REWARD"):
@@ -94,7 +94,12 @@ def branches_of(reading: Reading, tree: Tree[Token]) -> tuple[Branch, ...]:
         chances = trees(part.children, "probability")
         if not chances and len(parts) > 1:
             hint = f"write `0.5: {reading.text(part)}`"
-            reading.error("missing-probability", "each of several branches needs a probability", part, hint)
+            reading.error(
+                "missing-probability",
+                "this branch needs a probability, because there are several branches",
+                part,
+                hint,
+            )
         branches.append(
             Branch(
                 _probability(reading, chances[0]) if chances else 1.0 if len(parts) == 1 else 0.0,
@@ -148,10 +153,12 @@ def each_step_of(reading: Reading, tree: Tree[Token]) -> EachStep | None:
     """Parse `each step reward e apply branches`; report an empty clause and a clause that ends the episode."""
     parts = _parts(reading, tree)
     if parts.end:
-        hint = "write `on find` and a pattern for when it ends"
-        reading.error("misplaced-part", "`each step` would end the first one", parts.end, hint)
+        hint = "write `on find p(..) terminate ..`, with a pattern for the end"
+        reading.error(
+            "misplaced-part", "`each step` cannot end the episode, which would last one step", parts.end, hint
+        )
     elif not (parts.reward or parts.apply):
-        reading.error("empty-clause", "this does nothing", tree, "add `reward` or `apply`")
+        reading.error("empty-clause", "this clause does nothing", tree, "add `reward` or `apply`")
     return EachStep(
         _amount(reading, parts.reward),
         _for_all(reading, parts.apply) if parts.apply else (),
@@ -163,7 +170,12 @@ def _for_all(reading: Reading, apply: Tree[Token]) -> tuple[Branch, ...]:
     """Parse the branches of an `apply` without `find`; report a `weight`, since there are no matches to sample."""
     for part in trees(apply.children, "weight"):
         hint = "write `on find p(x) apply ..`, or `on reset find p(x) apply ..`"
-        reading.error("misplaced-part", "there are no matches of which one has a weight", part, hint)
+        reading.error(
+            "misplaced-part",
+            "`weight` needs matches to choose from, but this clause has no `find`",
+            part,
+            hint,
+        )
     return branches_of(reading, trees(apply.children, "branches")[0])
 
 
@@ -178,7 +190,9 @@ def on_find_of(reading: Reading, tree: Tree[Token]) -> OnFind | None:
     asked = trees(tree.children)[0]
     parts = _parts(reading, tree)
     if not (parts.reward or parts.end or parts.apply):
-        reading.error("empty-clause", "this does nothing", tree, "add `reward`, `terminate` or `apply`")
+        reading.error(
+            "empty-clause", "this clause does nothing", tree, "add `reward`, `terminate` or `apply`"
+        )
     condition = _condition(reading, asked)
     branches, weight = _applied(reading, parts.apply) if parts.apply else ((), None)
     if condition is None:
@@ -200,12 +214,12 @@ def _condition(reading: Reading, tree: Tree[Token]) -> PatternCall | Negation | 
     if isinstance(condition, Negation) and isinstance(condition.relation, PatternCall):
         return condition
     if condition is not None:
-        hint = "put the condition into a pattern, and write `on find` and its name"
+        hint = "put the condition into a pattern, and write `on find` with the name of the pattern"
         called = re.fullmatch(r"(neg\s+)?([\w.]+\s*\([^()]*\))", reading.span(tree).text)
         if called is not None:
             written = f"`on {called[1] or ''}find {called[2]}`"
-            hint = f"write {written} if this is a pattern; else put it into one, and ask for that"
-        reading.error("wrong-condition", "`on` asks `find` or `neg find`", tree, hint)
+            hint = f"write {written} if this is a pattern; otherwise define a pattern for this condition"
+        reading.error("wrong-condition", "`on` must be followed by `find` or `neg find`", tree, hint)
     reading.gap(tree)
     return None
 
@@ -223,10 +237,17 @@ def on_reset_of(reading: Reading, tree: Tree[Token]) -> OnReset | None:
     for part in (parts.reward, parts.end):
         if part is not None:
             hint = "leave it out"
-            reading.error("misplaced-part", "a reset has no reward and no end, only `apply`", part, hint)
+            reading.error(
+                "misplaced-part",
+                "`on reset` allows only `apply`, no reward and no end of the episode",
+                part,
+                hint,
+            )
     if parts.apply is None:
         if not (parts.reward or parts.end):
-            reading.error("empty-clause", "this does nothing", tree, "write `on reset apply rule(...)`")
+            reading.error(
+                "empty-clause", "this clause does nothing", tree, "write `on reset apply rule(...)`"
+            )
         return None
     if not asked:
         return OnReset(_for_all(reading, parts.apply), span=reading.span(tree))
@@ -266,11 +287,13 @@ def _observe_find(
     for part in each:
         parameter = _each(reading, part)
         path = f"`observe {parameter.name}.attribute for {parameter.name} : {parameter.type}`"
-        hint = f"keep it in an attribute and write {path}, or write `observe count find p(..) up to n`"
-        reading.error("misplaced-part", "`for` goes with a path, not with `find`", part, hint)
+        hint = (
+            f"store the value in an attribute and write {path}, or write `observe count find p(..) up to n`"
+        )
+        reading.error("misplaced-part", "`for` is allowed after a path, not after `find`", part, hint)
     for part in visible:
-        hint = "put both into one pattern, and observe that"
-        reading.error("misplaced-part", "`if` goes with a path, not with `find`", part, hint)
+        hint = "put both conditions into one pattern, and observe it"
+        reading.error("misplaced-part", "`if` is allowed after a path, not after `find`", part, hint)
     bounds = tokens(tree.children, "INT")
     return ObserveFind(
         pattern_call_of(reading, trees(tree.children)[0]), int(bounds[0]) if bounds else None, span

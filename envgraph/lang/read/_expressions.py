@@ -78,7 +78,7 @@ def expression_of(reading: Reading, tree: Tree[Token]) -> Expression:
 def literal_of(reading: Reading, tree: Tree[Token], sign: Token | None = None) -> Constant:
     """Parse a number, string, boolean or `none`, with an optional sign token; report a sign before a non-number."""
     if sign is not None and tree.data != "number":
-        reading.error("unexpected-sign", "only a number takes a sign", sign, "leave the `-` out")
+        reading.error("unexpected-sign", "only a number can have a sign", sign, "remove the `-`")
         sign = None
     value: Value | None = _WORDS[tree.data] if tree.data in _WORDS else str(tree.children[0])
     if tree.data == "number":
@@ -116,7 +116,7 @@ def constant_of(reading: Reading, tree: Tree[Token]) -> EnumLiteral | Constant:
 def _variable(reading: Reading, tree: Tree[Token]) -> Variable | Constant:
     name = tokens(tree.children)[0]
     if name == "null":
-        reading.error("unexpected-token", "`null` is no name", name, "write `none`")
+        reading.error("unexpected-token", "`null` is not a value of this language", name, "write `none`")
         return Constant(None, reading.span(name))
     return variable_of(reading, name)
 
@@ -130,7 +130,7 @@ def dotted_literal(reading: Reading, owner: str, feature: Token, tree: Tree[Toke
     meant = nearest(feature, enum.literals)
     literal = str(feature) if meant is None or feature in enum.literals else meant
     hint = f"write `{owner}::{literal}`" if meant else name_hint(feature, enum.literals)
-    reading.error("unexpected-token", f"a literal of the enum `{owner}` stands after `::`", tree, hint)
+    reading.error("unexpected-token", f"a literal of the enum `{owner}` is written with `::`", tree, hint)
     if not meant:
         reading.gap(tree)
     return EnumLiteral(owner, literal, reading.span(tree), literal_span=reading.span(feature))
@@ -156,7 +156,7 @@ def _navigation(reading: Reading, tree: Tree[Token]) -> Navigation | Constant | 
         cls = ".".join(path)
         reading.used.add(path[-1])
         hint = "write its value, or declare a function for it: `function name() : int;`"
-        reading.error("java-call", f"`{cls}.{feature}` is a constant of Java", tree, hint)
+        reading.error("java-call", f"the Java constant `{cls}.{feature}` is not available", tree, hint)
         reading.gap(tree)
     owner = expression_of(reading, trees(tree.children)[0])
     return Navigation(owner, str(feature), reading.span(tree), feature_span=reading.span(feature))
@@ -238,9 +238,9 @@ def _no_cast(reading: Reading, tree: Tree[Token]) -> Expression:
     """Report a cast to a class or a type test (`x as Ship`, `x instanceof Ship`), and parse the inner expression."""
     inner, *arguments = trees(tree.children)
     cls = reading.text(arguments[0]) if arguments else tokens(tree.children)[0]
-    what = "casts to classes" if tree.data == "cast" else "tests of types"
-    hint = f"constrain it outside of the expression: `{cls}({reading.text(inner)})`"
-    reading.error("cast", f"there are no {what} in expressions", tree, hint)
+    what = "casts to classes" if tree.data == "cast" else "type tests"
+    hint = f"write a condition outside of the expression: `{cls}({reading.text(inner)})`"
+    reading.error("cast", f"{what} are not allowed in expressions", tree, hint)
     reading.gap(tree)
     return expression_of(reading, inner)
 
@@ -281,7 +281,7 @@ def _operator(reading: Reading, token: Token) -> str:
     """Return the operator's name in expressions; report `=`, `and` and `or`, which other languages use."""
     meant = MEANT.get(token, str(token))
     if token in _REFUSED:
-        what = "does not compare" if token == "=" else "is not an operator"
+        what = "is not a comparison" if token == "=" else "is not an operator"
         reading.error("unexpected-token", f"`{token}` {what}", token, f"write `{meant}`")
     return meant
 
@@ -292,7 +292,7 @@ def _compared_twice(reading: Reading, tree: Tree[Token]) -> Binary:
     operator = tokens(tree.children)[0]
     middle = trees(left.children)[1]
     hint = f"write `{reading.text(left)} && {reading.text(middle)} {operator} {reading.text(right)}`"
-    reading.error("chained-comparison", "comparisons do not chain", operator, hint)
+    reading.error("chained-comparison", "comparisons cannot be chained", operator, hint)
     last = Binary(
         str(operator), expression_of(reading, middle), expression_of(reading, right), reading.span(tree)
     )

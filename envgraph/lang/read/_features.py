@@ -10,10 +10,10 @@ from envgraph.graph import Model
 from envgraph.metamodel import Attribute, EnumType, Metamodel, Reference, Value
 
 Place = Span | Callable[[], Span]
-"""Where something stands, or how to find that out when it is needed."""
+"""A span, or a function that computes a span when it is needed."""
 
 Found = Iterable[tuple[int, Place]]
-"""Objects, each with the place that names it."""
+"""Object ids, each with the span that names the object."""
 
 
 class Report(Protocol):
@@ -43,11 +43,11 @@ def allowed_values(
     seen = set(values)
     for value, span in found:
         if attribute.unique and value in seen:
-            message = f"`{attribute}` has this value already"
-            report("duplicate-value", message, _span(span), f"leave it out; {mark} would allow it")
+            message = f"`{attribute}` already has this value"
+            report("duplicate-value", message, _span(span), f"remove it, or allow equal values with {mark}")
         elif len(values) == attribute.upper:
-            message = f"`{attribute}` takes {plural(attribute.upper, 'value')} at most"
-            report("too-many-values", message, _span(span), "leave the others out")
+            message = f"`{attribute}` allows at most {plural(attribute.upper, 'value')}"
+            report("too-many-values", message, _span(span), "remove the others")
             break
         else:
             values.append(value)
@@ -66,7 +66,7 @@ def is_concrete(metamodel: Metamodel, cls: str, shown: str, report: Report, span
     if not metamodel.classes[cls].abstract:
         return True
     kinds = metamodel.concrete(cls)
-    hint = f"its concrete classes are {quoted(kinds)}" if kinds else "it has no concrete subclass"
+    hint = f"use one of its concrete classes: {quoted(kinds)}" if kinds else "it has no concrete subclass"
     report("abstract-class", f"`{shown}` is abstract", span, hint)
     return False
 
@@ -99,12 +99,12 @@ class Links:
         for target, where in found:
             if target in kept:
                 if self._repeated:
-                    message = f"`{reference.name}` has this object already"
+                    message = f"`{reference.name}` already has this object"
                     self._report("duplicate-target", message, _span(where), "leave it out")
             elif self._fits(reference, target, where):
                 if len(kept) == reference.upper:
-                    message = f"`{reference}` takes {plural(len(kept), 'object')} at most"
-                    self._report("too-many-targets", message, _span(where), "leave the others out")
+                    message = f"`{reference}` allows at most {plural(len(kept), 'object')}"
+                    self._report("too-many-targets", message, _span(where), "remove the others")
                     break
                 kept[target] = None
                 self._link(node, reference, target, at or where)
@@ -116,7 +116,9 @@ class Links:
             return True
         message = f"`{reference}` takes objects of class `{reference.target}`, not {with_article(cls)}"
         hint = f"name an object of class `{reference.target}`"
-        self._report("wrong-type", message, _span(where), hint, self._note("it is here", target, where))
+        self._report(
+            "wrong-type", message, _span(where), hint, self._note("the object is here", target, where)
+        )
         return False
 
     def _link(self, node: int, reference: Reference, target: int, where: Place) -> None:
@@ -129,10 +131,14 @@ class Links:
         # The model would move the child, but two containers in one file are a contradiction.
         if child is not None and held is not None:
             inside, around = model.graph.describe(child), model.graph.describe(held[0])
-            message = f"{inside} is contained in {around} already, by `{held[1].name}`"
+            message = f"{inside} is already contained in {around}, by `{held[1].name}`"
             notes = self._note("the container is here", held[0], where)
             self._report(
-                "two-containers", message, _span(where), "an object has one container at most", notes
+                "two-containers",
+                message,
+                _span(where),
+                "remove one of them: an object has at most one container",
+                notes,
             )
             return
         try:
@@ -141,7 +147,7 @@ class Links:
             full = isinstance(error, RuleError) and error.reason == "full"
             ends = model.graph.targets(node, reference)
             others = ends if len(ends) == reference.upper else model.graph.sources(target, reference)
-            text = "the object that has it is here"
+            text = "the object that already has this link is here"
             notes = tuple(note for one in others if full for note in self._note(text, one, where))
             code = "opposites-differ" if full and reference.opposite else "impossible-link"
             self._report(code, error.message, _span(where), _link_hint(error, reference), notes)
@@ -158,7 +164,7 @@ def _span(place: Place) -> Span:
 def _link_hint(error: RuleError | TypeMismatch, reference: Reference) -> str:
     match error:
         case RuleError(reason="full"):
-            return "leave one of the links out; how many there may be stands in the metamodel"
+            return "remove one of the links; the metamodel limits their number"
         case RuleError(reason="containment"):
-            return "nothing can be inside itself: leave one of the links out"
+            return "remove one of the links: an object cannot contain itself"
     return f"name an object of class `{reference.target}`"

@@ -38,7 +38,7 @@ def from_text(text: str, language: str = "rules", name: str = "<text>") -> tuple
     True
     """
     if language not in ("query", "rules"):
-        raise InvalidArgument(f'definitions are in "rules" or "query", not in {language!r}')
+        raise InvalidArgument(f'`language` is {language!r}, but must be "rules" or "query"')
     file = read_framed(language, Source(name, text))[0]
     raise_errors(file.diagnostics)
     return file.definitions

@@ -159,7 +159,7 @@ def _lines(parsed: Parsed, token: Token, keep_blanks: bool) -> Iterator[_Line]:
 
 def _check_lengths(reading: Reading, lines: Sequence[_Line], hint: str | None) -> int:
     """Report rows whose length differs from that of most rows; return the length of most rows."""
-    advice = "all rows have the same length" + (f": {hint}" if hint else "")
+    advice = "make all rows equally long" + (f": {hint}" if hint else "")
     lengths = Counter(len(line.text) for line in lines)
     usual = next((line for line in lines if 2 * lengths[len(line.text)] > len(lines)), None)
     model = usual or next(iter(lines), None)
@@ -167,7 +167,7 @@ def _check_lengths(reading: Reading, lines: Sequence[_Line], hint: str | None) -
         if model and len(line.text) != len(model.text):
             what = "most rows have" if usual else "the first row has"
             notes = (Note(f"{what} {len(model.text)}", model.where),)
-            message = f"this row has {plural(len(line.text), 'letter')}"
+            message = f"this row has {plural(len(line.text), 'letter')}, but {what} {len(model.text)}"
             reading.error("unequal-rows", message, line.where, advice, notes)
     return len(model.text) if model else 0
 
@@ -191,7 +191,7 @@ def _cells(
             if entry is None and letter not in unknown and letter not in lost and len(line.text) == usual:
                 unknown.add(letter)
                 hint = _letters(legend, given)
-                reading.error("unknown-letter", f"the letter `{letter}` stands for no class", where, hint)
+                reading.error("unknown-letter", f"unknown letter `{letter}` in the grid", where, hint)
             cells.append(Cell(column, row, letter, where, entry))
     return cells
 
@@ -199,7 +199,9 @@ def _cells(
 def _letters(legend: Mapping[str, Entry], given: bool) -> str:
     known = quoted(legend)
     if given:
-        return f"the legend has {known}" if known else "the legend is empty"
+        return f"the legend defines {known}" if known else "the legend is empty"
     return (
-        f"the classes have the glyphs {known}" if known else "give the grid a `legend`, or classes a `@glyph`"
+        f"the classes have the glyphs {known}"
+        if known
+        else "add a `legend` to the grid, or a `@glyph` to classes"
     )

@@ -24,13 +24,13 @@ JAVA_CLASSES: Final = frozenset({*_INTS, *_FLOATS, "Boolean", "Math", "Objects",
 """Classes that need no import."""
 
 JAVA_DOMAINS: Final = frozenset({"com", "edu", "io", "java", "javax", "net", "org"})
-"""What the full name of a class begins with."""
+"""The first parts of the full names of classes."""
 
 CASTS: Final[Mapping[str, str]] = {"int": "toInt", "float": "toFloat", "string": "toString"}
-"""The function that stands for a cast to a data type."""
+"""The function for a cast to each data type."""
 
 OPERATORS: Final[Mapping[str, str]] = {"equals": "==", "concat": "+"}
-"""Methods that are operators here."""
+"""Methods that are replaced by operators."""
 
 CONSTANTS: Final[Mapping[tuple[str, str], Value]] = {
     ("Integer", "MAX_VALUE"): 2**31 - 1,

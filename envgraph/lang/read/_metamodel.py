@@ -45,7 +45,7 @@ _FOREIGN = {
     "ecore": 'write `@ecore(changeable = "false")`',
     "datatype": 'write `@datatype("Money", instanceClassName = "java.math.BigDecimal")`',
 }
-"""The annotations that only other tools use, each with a hint that shows its form."""
+"""The annotations that only other tools use, each with a hint that shows its syntax."""
 _ECORE = (
     "changeable volatile transient unsettable ordered resolveProxies eKeys eOpposite eType lowerBound upperBound "
     "unique defaultValueLiteral derived interface abstract instanceClassName instanceTypeName serializable"
@@ -135,7 +135,7 @@ class _Reader(Reading):
             first = self.span(tokens(headers[0].children)[0])
             self.error(
                 "duplicate-definition",
-                "a file defines one metamodel",
+                "a file can define only one metamodel",
                 tokens(header.children)[0],
                 "move it to a file of its own, or leave it out",
                 notes=(Note("the first definition is here", first),),
@@ -146,7 +146,10 @@ class _Reader(Reading):
                 self.error("missing-header", "the metamodel has no name", self.place, hint)
             return "metamodel", None
         if headers[0] is not definitions[0]:
-            hint, message = "move this line to the top", "the name of the metamodel comes first"
+            hint, message = (
+                "move this line to the top",
+                "the line with the name of the metamodel must come first",
+            )
             self.error("misplaced-header", message, tokens(headers[0].children)[0], hint)
         name, uri = tokens(headers[0].children, "NAME", "STRING")[0], tokens(headers[0].children, "STRING")
         self.place = self.span(name)
@@ -211,7 +214,7 @@ class _Reader(Reading):
         places.extend(("multiplicity", self.span(part)) for part in multiplicity)
         single = next((one for one in annotations if one.name == "nonunique" and upper == 1), None)
         if single is not None:
-            message = f"`@nonunique` is for many values, and `{name}` has one at most"
+            message = f"`@nonunique` needs an attribute with many values, but `{name}` has at most one"
             self.add(Diagnostic("unknown-annotation", message, single.span, "leave it out", Severity.WARNING))
         value = None
         if defaults:
@@ -243,7 +246,7 @@ class _Reader(Reading):
             self.error("wrong-type", f"`{token}` is a class, not a data type", token, hint)
             return None
         known = [*Scalar, *self._enums, "contains", "refers"]
-        turned = f"the type stands first: `{name}{bounds} {token}`" if name in known else None
+        turned = f"write the type first: `{name}{bounds} {token}`" if name in known else None
         advice = turned or data_type_hint(token) or name_hint(token, known)
         self.error("unknown-type", f"unknown type `{token}`", token, advice)
         return None
@@ -274,7 +277,7 @@ class _Reader(Reading):
             hint = f"write `{type_.name}::` or `::`"
             self.error(
                 "wrong-type",
-                f"`{name}` is {with_article(type_.name)}, not {with_article(enum[0])}",
+                f"`{name}` must be {with_article(type_.name)}, not {with_article(enum[0])}",
                 enum[0],
                 hint,
             )
@@ -314,7 +317,10 @@ class _Reader(Reading):
         first, last = bounds[0], bounds[-1]
         if first is None and len(bounds) == 2:
             self.error(
-                "bad-multiplicity", "the lower bound is a number", tree, "write `[*]`, `[1..*]` or `[0..3]`"
+                "bad-multiplicity",
+                "the lower bound must be a number",
+                tree,
+                "write `[*]`, `[1..*]` or `[0..3]`",
             )
             return 0, None
         return first or 0, last
@@ -337,7 +343,7 @@ class _Reader(Reading):
             if annotation.name in seen and annotation.name not in _FOREIGN:
                 self.error(
                     "duplicate-annotation",
-                    f"`@{annotation.name}` stands here twice",
+                    f"`@{annotation.name}` occurs twice",
                     part,
                     "leave one out",
                     notes=(Note("the first one is here", seen[annotation.name]),),
@@ -353,7 +359,9 @@ class _Reader(Reading):
             if annotation.name not in (*known, SUPPRESS):
                 name = tokens(part.children)[0]
                 place = _PLACES.get(annotation.name)
-                message = f"`@{name}` is for {place}" if place else f"unknown annotation `@{name}`"
+                message = (
+                    f"`@{name}` is allowed only on {place}" if place else f"unknown annotation `@{name}`"
+                )
                 self.warn("unknown-annotation", message, name, name_hint(name, known))
             elif annotation.name in _FOREIGN:
                 self._check_foreign(part, annotation)
@@ -366,9 +374,11 @@ class _Reader(Reading):
         right = number % 2 if one.name == "annotation" else number == (one.name == "datatype")
         texts = all(isinstance(value, str) for value in (*one.arguments, *dict(one.named).values()))
         if unknown:
-            self.error("bad-annotation", f"Ecore has no `{unknown[0]}`", part, name_hint(unknown[0], known))
+            self.error(
+                "bad-annotation", f"Ecore has no property `{unknown[0]}`", part, name_hint(unknown[0], known)
+            )
         elif not right or not texts:
-            message = f"`@{one.name}` takes texts in quotes, as an `.ecore` file has them"
+            message = f"`@{one.name}` takes only strings in quotes, in a fixed order"
             self.error("bad-annotation", message, part, _FOREIGN[one.name])
 
     def _key(self, tree: Tree[Token], annotation: Annotation, marks: Marks) -> None:

@@ -99,7 +99,7 @@ def read_models(parsed: Parsed, metamodel: Metamodel | None) -> ModelFile:
 
 
 Made = dict[int, list[tuple[int, Span]]]
-"""The objects that a tree makes, by the identity of the tree; a tree of a legend makes some for each letter."""
+"""The objects created for a tree, by the tree's `id()`; a tree of a legend creates objects for each letter."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -196,7 +196,9 @@ class _Reader:
         if cls not in metamodel.classes:
             hint = name_hint(cls, metamodel.classes)
             if metamodel.named(cls):
-                hint = "several packages have one of this name: their objects can be in `.xmi` and JSON files"
+                hint = (
+                    "use an `.xmi` or JSON file for its objects: several packages have a class of this name"
+                )
             self.reports.error("unknown-class", f"unknown class `{cls}`", span, hint)
             return False
         return is_concrete(metamodel, cls, cls, self.reports.error, span)
@@ -221,7 +223,7 @@ class _Reader:
             self._declare(value, made)
             if first.setdefault(str(feature), feature) is not feature:
                 note = Note("the first value is here", self.parsed.span(first[str(feature)]))
-                hint = "leave one out; several targets stand in a list: `[a, b]`"
+                hint = "remove one; write several targets as a list: `[a, b]`"
                 self.reports.error("duplicate-feature", f"`{feature}` is set twice", feature, hint, (note,))
             elif node is not None:
                 self._tasks.append(_Task(node, feature, value, made, self._cell_of))
@@ -262,7 +264,12 @@ class _Reader:
             return
         where = cells[len(columns)] if len(cells) > len(columns) else line
         hint = f"the columns are {quoted(columns)}"
-        self.reports.error("wrong-columns", f"this line has {plural(len(cells), 'value')}", where, hint)
+        self.reports.error(
+            "wrong-columns",
+            f"this line has {plural(len(cells), 'value')} for {plural(len(columns), 'column')}",
+            where,
+            hint,
+        )
 
     # --- grids ---
 
@@ -300,7 +307,7 @@ class _Reader:
             if isinstance(feature, Attribute) and feature.type is Scalar.INT and not feature.many:
                 self._model.graph.set_value(node, feature, index)
             else:
-                message = f"`{feature}` is no `int`, and cannot hold the {kind}"
+                message = f"`{feature}` is not an `int`, so it cannot hold the {kind}"
                 self.reports.error("wrong-type", message, axis.attribute, "name an attribute of type `int`")
 
     def _neighbours(self, grid: _Grid) -> None:
@@ -413,11 +420,13 @@ class _Reader:
         if node is not None:
             yield node, self.parsed.span(tree)
         elif not (0 <= column < grid.text.width and 0 <= row < grid.text.height):
-            hint = f"it has {plural(grid.text.width, 'column')} and {plural(grid.text.height, 'row')}, from 0"
+            hint = f"it has {plural(grid.text.width, 'column')} and {plural(grid.text.height, 'row')}, counted from 0"
             self.reports.error("outside-grid", f"`{name}` has no column {column}, row {row}", tree, hint)
         elif not self.reports.diagnostics:
             message = f"there is no object at column {column}, row {row}"
-            hint = f"the letter there stands for none; columns and rows of `{name}` count from 0"
+            hint = (
+                f"choose a cell whose letter stands for an object; columns and rows of `{name}` count from 0"
+            )
             self.reports.error("unknown-object", message, tree, hint)
 
 

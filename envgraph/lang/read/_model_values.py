@@ -81,7 +81,7 @@ def _literal(tree: Tree[Token], attribute: Attribute, reports: Reports) -> Value
         hint = f"write `{type_.name}::` or `::`"
         reports.error(
             "wrong-type",
-            f"`{attribute}` is {with_article(type_.name)}, not {with_article(enum[0])}",
+            f"`{attribute}` must be {with_article(type_.name)}, not {with_article(enum[0])}",
             enum[0],
             hint,
         )
@@ -96,9 +96,9 @@ def kind_of(tree: Tree[Token]) -> str:
     """Return a phrase for the kind of a value, for error messages, such as "a string"."""
     match tree.data:
         case "true" | "false":
-            return "a truth value"
+            return "a boolean"
         case "number":
-            return "a fraction" if tokens(tree.children)[-1].type == "FLOAT" else "a whole number"
+            return "a decimal number" if tokens(tree.children)[-1].type == "FLOAT" else "a whole number"
         case "string":
             return "a string"
         case "enum_literal":

@@ -44,7 +44,7 @@ def suppressions_in(reading: Reading, tree: Tree[Token]) -> tuple[Annotation, ..
     found = tuple(annotation_of(reading.parsed.source, part) for part in parts)
     for part, one in zip(parts, found, strict=True):
         if one.name != SUPPRESS:
-            reading.warn("unknown-annotation", f"`@{one.name}` means nothing here", part, "leave it out")
+            reading.warn("unknown-annotation", f"`@{one.name}` has no effect here", part, "leave it out")
     return found
 
 
@@ -104,7 +104,9 @@ def _strategy(reading: Reading, words: Iterable[Token]) -> Strategy | None:
     strategies = {str(word): word for word in words if word != "private"}
     if len(strategies) == 2:
         hint = "leave one of them out"
-        reading.error("contradiction", "a pattern is `search` or `incremental`", strategies["search"], hint)
+        reading.error(
+            "contradiction", "a pattern cannot be both `search` and `incremental`", strategies["search"], hint
+        )
     if "search" in strategies:
         return "search"
     return "incremental" if strategies else None

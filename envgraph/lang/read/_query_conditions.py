@@ -108,8 +108,8 @@ def java_type_of(reading: Reading, tree: Tree[Token]) -> str | None:
     simple = name.rpartition(".")[2]
     reading.used.add(simple)
     if simple not in JAVA_TYPES:
-        hint = did_you_mean(simple, JAVA_TYPES) or "there are int, float, bool and string"
-        reading.error("unknown-type", f"`{name}` is no data type", trees(tree.children)[0], hint)
+        hint = did_you_mean(simple, JAVA_TYPES) or "the data types are int, float, bool and string"
+        reading.error("unknown-type", f"`{name}` is not a data type", trees(tree.children)[0], hint)
     return JAVA_TYPES.get(simple)
 
 
@@ -130,13 +130,15 @@ def _type_constraint(reading: Reading, tree: Tree[Token]) -> Relation | None:
     else:
         alias, name = (str(part) if part else None for part in head.children)
         if alias and alias not in reading.aliases and len(terms) == 2:
-            hint = f"a path is written with `.`: `{alias}.{name}(..)`"
-            reading.error("unknown-alias", f"no import is called `{alias}`", tokens(head.children)[0], hint)
+            hint = f"write a path with `.`: `{alias}.{name}(..)`"
+            reading.error(
+                "unknown-alias", f"no import has the alias `{alias}`", tokens(head.children)[0], hint
+            )
             return None
         name, span = type_of(reading, head), type_span_of(reading, head)
     if len(terms) != 1:
         hint = f"write `find {reading.text(tree)}` to call a pattern" if terms else f"write `{name}(x)`"
-        reading.error("wrong-arity", "a type takes one argument", tree, hint)
+        reading.error("wrong-arity", f"a type constraint takes 1 argument, not {len(terms)}", tree, hint)
         return None
     return TypeConstraint(name, terms[0], span=reading.span(tree), type_span=span) if name else None
 
@@ -152,7 +154,7 @@ def _path_constraint(reading: Reading, tree: Tree[Token]) -> PathConstraint | No
     if len(terms) != 2:
         dotted = ".".join((type_, *features))
         hint = f"write `{dotted}(source, target)`; to call a pattern, write `find`"
-        reading.error("wrong-arity", "a path takes two arguments", tree, hint)
+        reading.error("wrong-arity", f"a path takes 2 arguments, not {len(terms)}", tree, hint)
         return None
     return PathConstraint(
         type_,
@@ -180,14 +182,14 @@ def _comparison(reading: Reading, tree: Tree[Token]) -> Comparison | Check | Non
         case "!=" | "!==":
             return Comparison("!=", left, right, span)
         case "=":
-            reading.error("unexpected-token", "`=` does not compare", comparator, "write `==`")
+            reading.error("unexpected-token", "`=` is not a comparison", comparator, "write `==`")
             return Comparison("==", left, right, span)
     hint = f"write `check({reading.text(tree)})`"
     counted = next((side for side in (left, right) if isinstance(side, Aggregate)), None)
     if counted is not None and counted.span is not None:
         shown = reading.text(tree).replace(counted.span.text, "n")
         hint = f"write `n == {counted.span.text}; check({shown});`"
-    reading.error("misplaced-expression", f"`{comparator}` stands in a `check`", comparator, hint)
+    reading.error("misplaced-expression", f"`{comparator}` is allowed only in a `check`", comparator, hint)
     sides = [side for side in (left, right) if isinstance(side, Variable | Constant | EnumLiteral)]
     return Check(Binary(str(comparator), sides[0], sides[1], span), span) if len(sides) == 2 else None
 
@@ -196,7 +198,7 @@ def _right_side(reading: Reading, tree: Tree[Token]) -> Term:
     if tree.data == "bare_call":
         call = pattern_call_of(reading, trees(tree.children)[0])
         hint = f"write `count {reading.text(tree)}` for the number of its matches"
-        reading.error("misplaced-call", "a call is no value", tree, hint)
+        reading.error("misplaced-call", "the call of a pattern is not a value", tree, hint)
         return Aggregate("count", call, reading.span(tree))
     if tree.data != "bare_arithmetic":
         return term_of(reading, tree)
@@ -207,7 +209,7 @@ def _right_side(reading: Reading, tree: Tree[Token]) -> Term:
     if literal is not None:
         return literal
     hint = f"write `eval({reading.text(tree)})`"
-    reading.error("misplaced-expression", "an expression stands in an `eval`", tree, hint)
+    reading.error("misplaced-expression", "an expression is allowed only in an `eval`", tree, hint)
     return Evaluation(_bare_expression(reading, tree), reading.span(tree))
 
 
@@ -235,7 +237,7 @@ def term_of(reading: Reading, tree: Tree[Token]) -> Term:
 def _variable(reading: Reading, tree: Tree[Token]) -> Variable:
     name = tokens(tree.children)[0]
     if name == "null":
-        return _no_value(reading, tree, "`null` is no name, and no value matches")
+        return _no_value(reading, tree, "`null` is not a value, so nothing matches it")
     return variable_of(reading, name)
 
 
@@ -249,14 +251,14 @@ def _no_value(reading: Reading, tree: Tree[Token], message: str) -> Variable:
 def _constant(reading: Reading, tree: Tree[Token]) -> Term:
     literal = trees(tree.children)[0]
     if literal.data == "none":
-        return _no_value(reading, tree, "`none` stands for no value, and no value matches")
+        return _no_value(reading, tree, "`none` means that there is no value, so nothing matches it")
     return literal_of(reading, literal, next(iter(tokens(tree.children)), None))
 
 
 def _positive(reading: Reading, tree: Tree[Token]) -> Constant:
     literal = trees(tree.children)[0]
     if literal.data != "number":
-        reading.error("unexpected-sign", "only a number takes a sign", tree, "leave the `+` out")
+        reading.error("unexpected-sign", "only a number can have a sign", tree, "remove the `+`")
     return literal_of(reading, literal)
 
 
@@ -270,8 +272,8 @@ def _evaluation(reading: Reading, tree: Tree[Token]) -> Evaluation:
 
 
 def _unwind(reading: Reading, tree: Tree[Token]) -> Evaluation:
-    hint = "an `eval` gives one value; write a pattern that has a match for each of several"
-    reading.error("eval-unwind", "`eval unwind` is not part of this language", tree, hint)
+    hint = "write a pattern with a match for each value; an `eval` has only one value"
+    reading.error("eval-unwind", "`eval unwind` is not supported", tree, hint)
     return _evaluation(reading, tree)
 
 

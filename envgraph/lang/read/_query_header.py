@@ -117,26 +117,31 @@ def unused_imports(reading: Reading, header: Header) -> None:
     for name, span in reading.aliases.items():
         if name not in reading.used:
             hint = f"leave `as {name}` out, or write `{name}::Type`"
-            reading.warn("unused-import", f"nothing here writes `{name}::`", span, hint)
+            reading.warn("unused-import", f"the alias `{name}` is not used", span, hint)
     for name, span in reading.java.items():
         if name not in reading.used:  # An unknown Java class is reported where the file uses it.
-            hint = "leave the line out: classes of Java mean nothing here"
-            reading.warn("unused-import", f"nothing here needs the Java class `{name}`", span, hint)
+            hint = "remove this line: Java classes have no effect here"
+            reading.warn("unused-import", f"the Java class `{name}` is not used", span, hint)
     for pattern in header.patterns:
         simple = pattern.name.rpartition(".")[2]
         if simple not in reading.used and pattern.name not in reading.used:
             reading.warn(
-                "unused-import", f"nothing here calls `{simple}`", pattern.span, "leave the import out"
+                "unused-import",
+                f"the imported pattern `{simple}` is not used",
+                pattern.span,
+                "leave the import out",
             )
 
 
 def _package(reading: Reading, definitions: list[Tree[Token]]) -> str:
-    package = reading.only("`package`", trees(definitions, "package"), "a file has one package")
+    package = reading.only(
+        "`package`", trees(definitions, "package"), "remove one: a file has only one package"
+    )
     if package is None:
         return ""
     if package is not definitions[0]:
         hint = "move this line above the imports and definitions"
-        reading.error("misplaced-header", "the package comes first", package, hint)
+        reading.error("misplaced-header", "the line with the package must come first", package, hint)
     return qualified_name_of(trees(package.children)[0])
 
 
@@ -149,7 +154,10 @@ def _file(reading: Reading, tree: Tree[Token]) -> Import:
     for name in alias:
         if name in reading.aliases:
             reading.error(
-                "duplicate-definition", f"there is another import `as {name}`", name, "choose another name"
+                "duplicate-definition",
+                f"another import has the same alias `{name}`",
+                name,
+                "choose another name",
             )
         reading.aliases.setdefault(str(name), reading.span(name))
     types = library_types(str(path)) or {}
@@ -164,6 +172,6 @@ def _pattern(reading: Reading, tree: Tree[Token]) -> PatternImport:
     other = reading.imported.setdefault(simple, name)
     if other != name:
         hint = f"leave one of the imports out, and call its pattern by the full name, such as `{name}`"
-        message = f"`{simple}` is imported already: `{other}`"
+        message = f"`{simple}` already stands for the imported pattern `{other}`"
         reading.error("duplicate-definition", message, part, hint)
     return PatternImport(name, reading.span(part))

@@ -99,15 +99,15 @@ class Reading:
     imported: dict[str, str] = field(default_factory=dict)
     data_types: dict[str, str] = field(default_factory=dict)
     java: dict[str, Span] = field(default_factory=dict)
-    """Imported classes of Java, with the imports."""
+    """The spans of the imports of Java classes, by simple class name."""
     used: set[str] = field(default_factory=set)
-    """Aliases and imported patterns that the file mentions."""
+    """Aliases, imported patterns and Java classes that the file uses."""
     gaps: list[tuple[int, int]] = field(default_factory=list)
-    """Stretches of the text that are in no data, besides those that the parser gave up."""
+    """Start and end of each gap, besides those of syntax errors."""
     types: TypeNames | None = None
-    """What names of types mean; None where there is no metamodel."""
+    """The meaning of type names; None if there is no metamodel."""
     lost: set[str] = field(default_factory=set)
-    """Names of definitions that are left out because of gaps in them."""
+    """Names of definitions that are left out because they contain gaps."""
 
     def span(self, item: Tree[Token] | Token) -> Span:
         """Return the span of a tree or token."""
@@ -152,7 +152,13 @@ class Reading:
                 first = item
                 continue
             notes = (Note("the first one is here", self.span(first)),)
-            self.error("duplicate-part", f"{what} stands here twice", item, hint or "leave one out", notes)
+            self.error(
+                "duplicate-part",
+                f"{what} occurs twice, but is allowed only once here",
+                item,
+                hint or "leave one out",
+                notes,
+            )
         return first
 
     def gap(self, tree: Tree[Token]) -> None:
@@ -190,7 +196,7 @@ class Reading:
         packages = self.types and (self.types.metamodel is None or self.types.packages(str(token)))
         if token not in known and not packages:
             hint = did_you_mean(token, self.aliases) or f'write `import "..." as {token}`'
-            self.error("unknown-alias", f"no import is called `{token}`", token, hint)
+            self.error("unknown-alias", f"no import has the alias `{token}`", token, hint)
         self.used.add(str(token))
 
 

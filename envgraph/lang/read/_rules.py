@@ -72,12 +72,12 @@ def _left(reading: Reading, tree: Tree[Token], owner: Token) -> LeftSide:
     Report a second `lhs`, and a rule without `lhs`. Empty blocks are reported by the later check of rules.
     """
     sides = trees(tree.children, "left")
-    reading.only("`lhs`", (tokens(side.children)[0] for side in sides), "put all of it into the first")
+    reading.only("`lhs`", (tokens(side.children)[0] for side in sides), "move its content into the first one")
     if sides:
         return left_side_of(reading, trees(sides[0].children), tokens(sides[0].children)[0])
     if tree.data == "rule" and not reading.broken(tree):
         hint = "add `lhs { ... }`; it may be empty"
-        reading.error("missing-left-side", f"rule `{owner}` has no left side", owner, hint)
+        reading.error("missing-left-side", f"rule `{owner}` has no left-hand side", owner, hint)
         reading.gap(tree)
     return LeftSide(span=reading.span(owner))
 
@@ -85,15 +85,19 @@ def _left(reading: Reading, tree: Tree[Token], owner: Token) -> LeftSide:
 def _right(reading: Reading, tree: Tree[Token]) -> RightSide | Modification | None:
     """Parse the `rhs` or `modify` of a rule or block (None if it has neither); report duplicates and mixtures."""
     rights, modifications = trees(tree.children, "right"), trees(tree.children, "modification")
-    reading.only("`rhs`", (tokens(side.children)[0] for side in rights), "put all of it into the first")
     reading.only(
-        "`modify`", (tokens(side.children)[0] for side in modifications), "put all of it into the first"
+        "`rhs`", (tokens(side.children)[0] for side in rights), "move its content into the first one"
+    )
+    reading.only(
+        "`modify`",
+        (tokens(side.children)[0] for side in modifications),
+        "move its content into the first one",
     )
     if rights and modifications:
         both = sorted([*rights, *modifications], key=lambda side: side.meta.start_pos)
-        hint = "`rhs` shows what is there afterwards, `modify` says what changes: keep one of them"
+        hint = "keep one of them: `rhs` is the graph after the application, `modify` lists the changes"
         second = next(side for side in both if side.data != both[0].data)
-        message = "a rule has `rhs` or `modify`, not both"
+        message = "a rule cannot have both `rhs` and `modify`"
         reading.error("contradiction", message, tokens(second.children)[0], hint)
     if rights:
         return right_side_of(reading, rights[0])
@@ -125,7 +129,10 @@ def _condition_block(reading: Reading, tree: Tree[Token]) -> Block:
     for side in trees(tree.children, "left"):
         hint = f"write `{keyword} {{ ... }}` without `lhs`"
         reading.error(
-            "misplaced-part", f"`{keyword}` holds its conditions itself", tokens(side.children)[0], hint
+            "misplaced-part",
+            f"the conditions of `{keyword}` are written directly in it",
+            tokens(side.children)[0],
+            hint,
         )
         statements.extend(trees(side.children))
     return Block(

@@ -48,8 +48,8 @@ def _weight(reading: Reading, tree: Tree[Token], marks: Marks) -> None:
     if value is None or number is None:
         _wrong(reading, tree, "one number above 0", "write `@weight(2.0)`")
     elif number <= 0:
-        hint = "leave the rule out where it shall never be chosen"
-        reading.error("bad-annotation", f"a weight is a number above 0, not {number:g}", value, hint)
+        hint = "remove the rule if it must never be chosen"
+        reading.error("bad-annotation", f"the weight is {number:g}, but must be above 0", value, hint)
     else:
         marks.weight = float(number)
 
@@ -68,7 +68,7 @@ def _priority(reading: Reading, tree: Tree[Token], marks: Marks) -> None:
     if isinstance(number, int):
         marks.priority = number
     else:
-        _wrong(reading, tree, "one whole number", "write `@priority(1)`; higher goes first")
+        _wrong(reading, tree, "one whole number", "write `@priority(1)`; a higher priority goes first")
 
 
 def _semantics(reading: Reading, tree: Tree[Token], marks: Marks) -> None:
@@ -102,7 +102,7 @@ def _word(reading: Reading, tree: Tree[Token], words: tuple[str, ...], advice: s
     if word in words:
         return word
     hint = did_you_mean(word, words) or f"write {advice}"
-    reading.error("bad-annotation", f"`{word}` means nothing here", value, hint)
+    reading.error("bad-annotation", f"`@{tree.children[0]}` has no option `{word}`", value, hint)
     return None
 
 

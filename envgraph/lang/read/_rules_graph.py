@@ -86,7 +86,7 @@ def _without_values(reading: Reading, graph: Tree[Token]) -> None:
             name, feature = tokens(vertex.children)[0], tokens(assignment.children)[0]
             written = reading.text(assignment).partition("=")[2].strip()
             hint = f"write `check {name}.{feature} == {written};`"
-            reading.error("misplaced-value", "the left side sets no values", assignment, hint)
+            reading.error("misplaced-value", "a left-hand side cannot set values", assignment, hint)
 
 
 def read_graph(reading: Reading, tree: Tree[Token], graph: Graph) -> None:
@@ -104,8 +104,13 @@ def read_graph(reading: Reading, tree: Tree[Token], graph: Graph) -> None:
         if node.name != "_":
             graph.add(node)
         elif says_more:
-            hint = "give it a name: each `_` is something else"
-            reading.error("anonymous-node", "more is said of this `_` than that it is there", vertex, hint)
+            hint = "give it a name: each `_` is a different object"
+            reading.error(
+                "anonymous-node",
+                "a `_` with several edges, or with an edge and a class, needs a name",
+                vertex,
+                hint,
+            )
             reading.gap(vertex)
         elif not joined:
             graph.nodes.append(node)
@@ -141,7 +146,7 @@ def _edge(
     ends = list(zip(names, (left, right), strict=True))
     if arrow.data == "unnamed":
         hint = f"write `{left} -reference-> {right}`"
-        reading.error("unnamed-arrow", "an arrow names the reference that it follows", arrow, hint)
+        reading.error("unnamed-arrow", "the arrow does not name a reference", arrow, hint)
         reading.gap(arrow)
         return None
     if arrow.data == "backward":
@@ -175,12 +180,14 @@ def right_side_of(reading: Reading, tree: Tree[Token]) -> RightSide:
         if statement.data == "graph":
             read_graph(reading, statement, graph)
         elif statement.data == "create":
-            hint = "leave `create` out: what the left side does not have is created"
-            reading.error("misplaced-action", "`create` stands in `modify`, not in `rhs`", statement, hint)
+            hint = "remove `create`: nodes and edges that the left-hand side lacks are created"
+            reading.error(
+                "misplaced-action", "`create` is allowed in `modify`, not in `rhs`", statement, hint
+            )
             read_graph(reading, trees(statement.children)[0], graph)
         elif statement.data in _IN_MODIFY:
-            hint = "write `modify` for `rhs`, and only what changes"
-            message = f"`{statement.data}` stands in `modify`, not in `rhs`"
+            hint = "replace `rhs` by `modify`, and write only the changes"
+            message = f"`{statement.data}` is allowed in `modify`, not in `rhs`"
             reading.error("misplaced-action", message, statement, hint)
             reading.gap(statement)
         else:
@@ -194,8 +201,8 @@ def modification_of(reading: Reading, tree: Tree[Token]) -> Modification:
     actions: list[Action] = []
     for statement in trees(tree.children):
         if statement.data == "graph":
-            hint = f"write `create {reading.text(statement)};`, or `rhs` for `modify`"
-            reading.error("misplaced-graph", "`modify` holds actions", statement, hint)
+            hint = f"write `create {reading.text(statement)};`, or replace `modify` by `rhs`"
+            reading.error("misplaced-graph", "`modify` contains actions, not a graph", statement, hint)
             reading.gap(statement)
         else:
             actions.extend(_ACTIONS[statement.data](reading, statement))
@@ -223,7 +230,7 @@ def _plain(reading: Reading, graph: Tree[Token], word: str) -> Tree[Token]:
     for vertex in trees(graph.children, "vertex"):
         for part in trees(vertex.children, "type"):
             message = f"`{word}` takes no class"
-            hint = f"write `{tokens(vertex.children)[0]}` alone; the class belongs to the left side"
+            hint = f"write only `{tokens(vertex.children)[0]}`; the class belongs in the left-hand side"
             reading.error("misplaced-class", message, part, hint)
     bare = [
         Tree("vertex", [part.children[0]], part.meta) if part.data == "vertex" else part
@@ -236,13 +243,15 @@ def _set(reading: Reading, tree: Tree[Token]) -> list[Action]:
     owner, *features = tokens(tree.children)
     operator = tokens(trees(tree.children, "assigning")[0].children)[0]
     if operator == "==":
-        reading.error("unexpected-token", "`==` compares and sets nothing", operator, "write `=`")
+        reading.error("unexpected-token", "`==` is a comparison, not an assignment", operator, "write `=`")
         operator = operator.update(value="=")
     value = value_of(reading, trees(tree.children)[1])
     if len(features) > 1:
         path = ".".join((owner, *features[:-1]))
-        hint = f"bind `{path}` to a variable in the left side"
-        reading.error("long-path", "`set` changes a feature of a variable", features[1], hint)
+        hint = f"bind `{path}` to a variable in the left-hand side"
+        reading.error(
+            "long-path", "`set` takes a feature of a variable, not a longer path", features[1], hint
+        )
         reading.gap(tree)
         return []
     return [

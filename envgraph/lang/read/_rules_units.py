@@ -139,7 +139,10 @@ def _argument(reading: Reading, tree: Tree[Token]) -> Expression:
         return term.expression
     if not isinstance(term, Variable | Constant | EnumLiteral):
         reading.error(
-            "misplaced-expression", "this is no argument of a rule", tree, "write a variable or a value"
+            "misplaced-expression",
+            "this cannot be an argument of a rule",
+            tree,
+            "write a variable or a value",
         )
         return Variable("_")
     return term

@@ -172,7 +172,7 @@ def test_mistakes_of_all_texts_are_told_together_each_with_its_place() -> None:
         " 2 |   y : ;\n"
         "   |       ^\n"
         "hint: expected a name\n\n"
-        "modify of r:1:9: `==` compares and sets nothing\n"
+        "modify of r:1:9: `==` is a comparison, not an assignment\n"
         " 1 | set x.n == 2\n"
         "   |         ^^\n"
         "hint: write `=`"
@@ -292,7 +292,7 @@ def test_a_whole_text_is_read_and_its_imports_are_not_followed() -> None:
     assert (rule.qualified_name, unit.qualified_name) == ("p.r", "p.u")
     with pytest.raises(LoadError, match=r"mine\.rules:1:8: unexpected"):
         from_text("rule r [ lhs { } }", name="mine.rules")
-    with pytest.raises(InvalidArgument, match='definitions are in "rules" or "query", not in \'model\''):
+    with pytest.raises(InvalidArgument, match='`language` is \'model\', but must be "rules" or "query"'):
         from_text("", "model")
 
 

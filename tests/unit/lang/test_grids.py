@@ -46,7 +46,7 @@ def test_rows_of_another_length_are_found_whatever_the_letters(
     problems = read(rows, metamodel, legend).errors
     assert [one.code for one in problems] == ["unequal-rows"]
     blanks = metamodel == BLANK or legend
-    assert str(problems[0].hint).endswith("blanks at the end of a row count" if blanks else "same length")
+    assert str(problems[0].hint).endswith("blanks at the end of a row count" if blanks else "equally long")
 
 
 @pytest.mark.parametrize(

@@ -313,7 +313,7 @@ def test_what_is_asked_for_in_python_is_told_with_the_packages() -> None:
         Engine(model).add(*from_text("pattern p(a : city::Street) { Street(a); }", "query"))
     found = loaded("city/city.ecore", "a.model", a_model="model a : city { n : Node { } }")
     assert [one.hint for one in found.errors] == [
-        "several packages have one of this name: their objects can be in `.xmi` and JSON files"
+        "use an `.xmi` or JSON file for its objects: several packages have a class of this name"
     ]
 
 

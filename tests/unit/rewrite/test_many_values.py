@@ -211,8 +211,8 @@ def test_xmi_has_many_values_in_tags_or_in_one_attribute_and_says_what_is_wrong(
         "<books><genres>novel</genres><genres>poem</genres><genres>lyric</genres></books>"
     )
     assert [(one.code, one.message) for one in wrong.diagnostics] == [  # type: ignore[attr-defined]
-        ("duplicate-value", "`Book.tags` has this value already"),
-        ("duplicate-value", "`Book.tags` has this value already"),
+        ("duplicate-value", "`Book.tags` already has this value"),
+        ("duplicate-value", "`Book.tags` already has this value"),
         ("missing-value", "a value of `Book.tags` is missing"),
         ("wrong-type", "`Book.marks` takes a `float`, not `x`"),
         ("unknown-literal", "`Genre` has no literal `lyric`"),
