@@ -20,10 +20,10 @@ from envgraph.metamodel import Attribute, Metamodel, Reference, Value
 from envgraph.pattern import Expression, Navigation, Parameter, Variable
 
 MOST_NOTES = 4
-"""Objects that are shown where one was expected."""
+"""The maximum number of objects shown in notes of an error."""
 
 Reader = Callable[[int, str], Value | int | None]
-"""Reads a single-valued feature of an object: the value, the id of the target, or None."""
+"""A function that reads a single-valued feature of an object: the value, the id of the target, or None."""
 
 
 def reader(model: Model) -> Reader:
@@ -111,15 +111,15 @@ def bind_parameter(model: Model, parameter: Parameter, spans: Mapping[int, Span]
     if len(instances) == 1:
         return instances[0]
     count = f"{len(instances)} objects of class `{parameter.type}`" if instances else f"no `{parameter.type}`"
-    message = f"nothing to bind `{parameter.name}` to: the model has {count}"
+    message = f"cannot bind parameter `{parameter.name}`: the model has {count}"
     hint = (
-        f"call one of them `{parameter.name}`"
+        f"name one of them `{parameter.name}`"
         if instances
-        else f"add one to the model, called `{parameter.name}`"
+        else f"add one to the model, with the name `{parameter.name}`"
     )
     places = [spans[node] for node in instances if node in spans] if spans else []
     notes = tuple(
-        Note(f"number {number} is here", span) for number, span in enumerate(places[:MOST_NOTES], 1)
+        Note(f"object {number} is here", span) for number, span in enumerate(places[:MOST_NOTES], 1)
     )
     raise ResolutionError([Diagnostic("unbound-parameter", message, parameter.span, hint, notes=notes)])
 
@@ -142,7 +142,7 @@ def unbound(behaviour: Behaviour, model: Model, spans: Mapping[int, Span] | None
 def _nobody(agent: Agent, alone: bool) -> Diagnostic:
     return Diagnostic(
         "unbound-agent",
-        f"nobody {'can act' if alone else f'is `{agent.variable}`'}: the model has no `{agent.cls}`",
+        f"there is no agent{'' if alone else f' `{agent.variable}`'}: the model has no `{agent.cls}`",
         agent.cls_span or agent.span,
         "add one to the model",
         Severity.ERROR if alone else Severity.WARNING,

@@ -56,7 +56,7 @@ def _hinted(problem: Diagnostic, behaviour: Behaviour) -> Diagnostic:
     """Return the problem with a better hint if an agent's variable is used outside of its block."""
     for agent in behaviour.agents:
         if problem.code == "unknown-variable" and problem.subject == (agent.variable,):
-            return replace(problem, hint=f"`{agent.variable}` is known in its `agent` block alone")
+            return replace(problem, hint=f"use `{agent.variable}` only in its `agent` block")
     return problem
 
 
@@ -88,7 +88,7 @@ class _Checker(CallChecking, ViewChecking):
                 "write `agent name : Class { .. }`, or leave it out",
             )
             self.report(
-                "no-agents", "there are no `agent` blocks, whose agents could act together", place, hint
+                "no-agents", "`agents together` needs `agent` blocks, but there are none", place, hint
             )
         agents = behaviour.agents or (None,)
         for agent in agents:
@@ -132,7 +132,7 @@ class _Checker(CallChecking, ViewChecking):
         if scope.get(agent.variable) is not None:
             self.report(
                 "duplicate-definition",
-                f"`{agent.variable}` is a parameter already",
+                f"`{agent.variable}` is already a parameter",
                 agent.span,
                 "choose another name",
             )
@@ -146,10 +146,10 @@ class _Checker(CallChecking, ViewChecking):
         for other, agent in combinations(agents, 2):
             known = {agent.cls, other.cls} <= set(self.metamodel.classes)
             if known and agent.variable != other.variable and self.metamodel.overlap(agent.cls, other.cls):
-                message = f"an object of `{agent.cls}` may be `{other.variable}` already"
+                message = f"an object of `{agent.cls}` may already be the agent `{other.variable}`"
                 notes = (Note("the first one is here", other.cls_span or other.span),)
                 span = agent.cls_span or agent.span
-                hint = "an object is one agent; put the clauses into one block"
+                hint = "put the clauses into one block: an object can be only one agent"
                 self.report("duplicate-agent", message, span, hint, notes=notes)
 
     def _owner(self, owner: Behaviour | Agent, scope: Scope, first: dict[str, Span | None]) -> None:
@@ -161,7 +161,7 @@ class _Checker(CallChecking, ViewChecking):
         for action in owner.actions:
             total += self._action(action, scope)
         if total > MOST_ACTIONS:
-            message = f"{total} actions, at most {MOST_ACTIONS} are possible"
+            message = f"there are {total} actions, but at most {MOST_ACTIONS} are possible"
             self.report(
                 "too-many-actions",
                 message,
@@ -173,7 +173,7 @@ class _Checker(CallChecking, ViewChecking):
         sizes = [self.observation(observation, scope) for observation in owner.observations]
         for observation, size in zip(owner.observations, sizes, strict=True):
             if size > MOST_VALUES:
-                message = f"the observation has {size} values, at most {MOST_VALUES} are possible"
+                message = f"the observation has {size} values, but at most {MOST_VALUES} are possible"
                 self.report(
                     "too-many-observations", message, observation.span, "observe less, or in a smaller range"
                 )
@@ -189,7 +189,7 @@ class _Checker(CallChecking, ViewChecking):
         self.problems += defined_twice(zip(names, spans, strict=True), "parameter `{}` is defined twice")
         for number, ((name, domain), span) in enumerate(zip(action.parameters, spans, strict=True)):
             if name not in names[:number] and outer.get(name) is not None:
-                hint = "a parameter of an action needs another name"
+                hint = "choose another name for the parameter of the action"
                 self.report("duplicate-definition", f"`{name}` is a parameter of the environment", span, hint)
             type_ = self._domain(domain)
             scope[name] = None if name in outer else type_
@@ -210,9 +210,9 @@ class _Checker(CallChecking, ViewChecking):
             known = [*self.metamodel.enums, *self.metamodel.classes]
             scalar = static_type(name, self.metamodel)
             message = (
-                f"unknown enum or class `{name}`" if scalar is None else f"cannot count through `{name}`"
+                f"unknown enum or class `{name}`" if scalar is None else f"`{name}` is not an enum or class"
             )
-            hint = name_hint(name, known) if scalar is None else "give a range: `lo..hi`"
+            hint = name_hint(name, known) if scalar is None else "write a range: `lo..hi`"
             self.report("unknown-type", message, domain.span, hint)
         return type_
 

@@ -27,7 +27,7 @@ from envgraph.pattern import (
 from envgraph.rewrite import Engine
 
 Scope = dict[str, StaticType | None]
-"""Type of every name; None for one whose declaration has an error already."""
+"""The type of every name in scope; None if the declaration of the name has an error."""
 
 
 class Checking:
@@ -64,7 +64,7 @@ class Checking:
         if name in self.metamodel.classes:
             return ObjectType(name)
         if static_type(name, self.metamodel) is not None:
-            self.report("unknown-class", f"`{name}` is no class", span, "objects of a class are meant here")
+            self.report("unknown-class", f"`{name}` is not a class", span, "write the name of a class")
         else:
             hint = self.metamodel.likely(name)
             self.report("unknown-class", f"unknown class `{name}`", span, hint)
@@ -99,14 +99,14 @@ class Checking:
         for one in places:
             if uses[one.name] == 1:
                 for found in mistyped(one, scope):
-                    self.problems.append(replace(found, hint=f"{found.hint} where any will do, write `_`"))
+                    self.problems.append(replace(found, hint=f"{found.hint} for any value, write `_`"))
 
     def path(self, path: Expression, scope: Scope) -> StaticType | None:
         """Return the type of the value at the end of a path; report an invalid path and return None."""
         type_, problems = check_expression(path, scope, self.metamodel)
         self.problems.extend(problems)
         if not problems and not _is_path(path):
-            hint = "observe one of its parts"
+            hint = "write a path, or observe each part of the expression"
             self.report("no-path", "a path such as `x.feature` is needed here", path.span, hint)
             return None
         return type_

@@ -46,12 +46,19 @@ class CallChecking(Checking):
             type_, problems = check_expression(given, scope, self.metamodel, expected=Scalar.FLOAT)
             self.problems.extend(problems)
             if type_ is None and isinstance(given, Constant):
-                self.report("bad-probability", "`none` is no probability", span, "a number from 0 to 1")
+                self.report(
+                    "bad-probability", "`none` is not a probability", span, "write a number from 0 to 1"
+                )
             elif not problems:
                 self._beyond(given, type_, scope)
             return 0.0
         if not (isfinite(given) and 0.0 <= given <= 1.0):
-            self.report("bad-probability", f"{given} is no probability", span, "a number from 0 to 1")
+            self.report(
+                "bad-probability",
+                f"the probability is {given}, but must be from 0 to 1",
+                span,
+                "write a number from 0 to 1",
+            )
         return given
 
     def _beyond(self, given: Expression, type_: StaticType | None, scope: Scope) -> None:
@@ -59,9 +66,9 @@ class CallChecking(Checking):
         attribute = self.feature(given, scope)
         declared = attribute.range if isinstance(attribute, Attribute) else None
         if declared is not None and not 0 <= declared[0] < declared[1] <= 1:
-            message = f"`{attribute}` goes from {declared[0]:g} to {declared[1]:g}, a probability from 0 to 1"
+            message = f"`{attribute}` is from {declared[0]:g} to {declared[1]:g}, but a probability must be from 0 to 1"
         elif declared is None and type_ is Scalar.INT and not isinstance(given, Constant):
-            message = "of all values of an `int` only 0 and 1 are probabilities"
+            message = "a probability must be from 0 to 1, but this is an `int`"
         else:
             return
         hint = "divide it, as in `(x.number / 10.0)`, or declare `@range(0, 1)` before the attribute"
@@ -76,10 +83,12 @@ class CallChecking(Checking):
             shared[name] = types[0] if all(type_ == types[0] for type_ in types) else None
             if len(types) < len(outputs):
                 partly.add(name)
-        self._lacking(action.reward, partly, "it has a value in some branches only")
+        self._lacking(action.reward, partly, "leave it out: it has a value in some branches only")
         self.reward(action.reward, shared)
         self._lacking(
-            action.else_reward, set(shared) - set(scope), "a rule that is not applied has no outputs"
+            action.else_reward,
+            set(shared) - set(scope),
+            "leave it out: a rule that is not applied has no outputs",
         )
         self.reward(action.else_reward, shared)
 
@@ -90,13 +99,13 @@ class CallChecking(Checking):
             self.report("unbound-output", f"`{found.name}` may have no value here", found.span, why)
 
     def reward(self, reward: Expression | None, scope: Mapping[str, StaticType | None]) -> None:
-        """Check that a reward is a number."""
+        """Check that a reward must be a number."""
         if reward is None:
             return
         type_, problems = check_expression(reward, scope, self.metamodel, expected=Scalar.FLOAT)
         self.problems.extend(problems)
         if type_ is None and isinstance(reward, Constant):
-            self.report("wrong-type", "a reward is a number", reward.span, "leave it out for no reward")
+            self.report("wrong-type", "a reward must be a number", reward.span, "leave it out for no reward")
 
     # --- calls of rules
 
@@ -111,14 +120,14 @@ class CallChecking(Checking):
             self._unknown_rule(call)
             return _supposed(call, scope)
         if signature.kind == "group":
-            message = f"`{call.rule}` is a group; an environment applies single rules, and runs units"
+            message = f"`{call.rule}` is a group of rules, but an environment calls single rules or units"
             self.report("no-rule", message, call.rule_span or call.span, "name a rule or a unit")
             return _supposed(call, scope)
         firsts = self.engine.catalog.first_calls(call.rule)
         if firsts:
             message = f"unit `{call.rule}` takes the first match, which may depend on how a state was reached"
             hint = "leave `first` out, so that each match is an outcome; for `top` write `all`"
-            notes = tuple(Note("here", one.span) for one in firsts[:1])
+            notes = tuple(Note("the first match is taken here", one.span) for one in firsts[:1])
             self.report("first-match", message, call.rule_span or call.span, hint, notes=notes)
         self._refusable(call.rule, call.rule_span or call.span)
         if len(call.arguments) != len(signature.parameters):
@@ -135,10 +144,10 @@ class CallChecking(Checking):
         """
         for one in self.engine.catalog.unnamed_links(rule):
             links = listed(map(str, one.references))
-            message = f"`{rule}` deletes `{one.name}`, and is refused where that has links: {links}"
+            message = f"`{rule}` deletes `{one.name}`, but is refused if it has other links: {links}"
             if all(problem.message != message for problem in self.problems):
-                hint = "ask for them in the rule, forbid them in `not`, or write `@semantics(spo)`: then they go along"
-                notes = (Note("it is deleted here", one.span),)
+                hint = "match them in the rule, forbid them in `not`, or write `@semantics(spo)` to delete them too"
+                notes = (Note("the object is deleted here", one.span),)
                 self.report("may-be-refused", message, span, hint, Severity.WARNING, notes)
 
     def _unknown_rule(self, call: RuleCall) -> None:
@@ -148,7 +157,7 @@ class CallChecking(Checking):
             return
         if self.library.resolve(call.rule) is not None:
             message = f"`{call.rule}` is a pattern, not a rule"
-            self.report("unknown-rule", message, span, "patterns are asked with `on find` or `observe find`")
+            self.report("unknown-rule", message, span, "use patterns in `on find` or `observe find`")
             return
         names = callable_names(self.engine)
         several = [name for name in names if name.endswith(f".{call.rule}")]
@@ -167,7 +176,7 @@ class CallChecking(Checking):
             if not slot.output:
                 self._argument(argument, slot.type, scope)
             elif not isinstance(argument, Variable) or scope.get(argument.name) or argument.name in outputs:
-                message = f"`{slot.name}` is an output of `{call.rule}`: it needs a new name"
+                message = f"the output `{slot.name}` of `{call.rule}` must be bound to a new name"
                 self.report("bound-output", message, argument.span, f"write `{slot.name}`")
             elif not argument.anonymous:
                 outputs[argument.name] = slot.type
@@ -175,7 +184,7 @@ class CallChecking(Checking):
 
     def _argument(self, argument: Expression, expected: StaticType | None, scope: Scope) -> None:
         if isinstance(argument, Variable) and argument.anonymous:
-            hint = "bind it: `on find p(x) apply r(x)`; a rule without this parameter leaves it to the match"
+            hint = "bind it: `on find p(x) apply r(x)`; or remove the parameter from the rule"
             self.report("wrong-type", "an argument needs a value", argument.span, hint)
             return
         wanted = None if isinstance(expected, ObjectType) else expected
@@ -205,4 +214,4 @@ def _supposed(call: RuleCall, scope: Scope) -> Scope:
 
 def _share_hint(probabilities: Sequence[float]) -> str | None:
     rest = 1.0 - sum(probabilities[:-1])
-    return f"at most {rest:.6g} is left for the last" if rest > 0.0 and len(probabilities) > 1 else None
+    return f"write at most {rest:.6g} for the last one" if rest > 0.0 and len(probabilities) > 1 else None

@@ -34,7 +34,7 @@ class ViewChecking(Checking):
         if not isinstance(observation, ObserveFind) and observation.each is not None:
             each = observation.each
             if outer.get(each.name) is not None:
-                message = f"`{each.name}` is a parameter already"
+                message = f"`{each.name}` is already a parameter"
                 self.report("duplicate-definition", message, each.span, "choose another name after `for`")
             scope[each.name] = self.class_of(each)
         if isinstance(observation, ObserveFind):
@@ -56,7 +56,7 @@ class ViewChecking(Checking):
         """Return the type of an observed path; report an invalid path, with a hint that fits if it has many values."""
         known = len(self.problems)
         type_ = self.path(path, scope)
-        hint = "ask a pattern for them: `observe find p(..)`, or `observe count find p(..) up to n`"
+        hint = "use a pattern: `observe find p(..)`, or `observe count find p(..) up to n`"
         self.problems[known:] = [
             replace(one, hint=hint) if one.code == "many-valued" else one for one in self.problems[known:]
         ]
@@ -69,8 +69,8 @@ class ViewChecking(Checking):
         else:
             question = count_question("#check", observation.call, names)
             if observation.up_to < 1:
-                message = f"counting up to {observation.up_to} tells nothing"
-                self.report("empty-range", message, observation.span, "count up to 1 or more")
+                message = f"the bound of `up to` is {observation.up_to}, but must be at least 1"
+                self.report("empty-range", message, observation.span, "write `up to 1` or more")
         self.answerable(question, observation.call, scope)
         return 2 if observation.up_to is None else max(1, observation.up_to + 1)
 
@@ -81,21 +81,21 @@ class ViewChecking(Checking):
             return
         if not isinstance(type_, ObjectType):
             hint = _data_hint(type_)
-            message = f"{a_type(type_)} is no object among `{among.cls}`"
+            message = f"the path leads to {a_type(type_)}, not to an object of `{among.cls}`"
             self.report("wrong-type", message, observation.path.span, hint)
         elif not self.metamodel.overlap(type_.cls, among.cls):
-            message = f"{a_type(type_)} is never {a_type(among)}"
+            message = f"the path leads to {a_type(type_)}, which is never {a_type(among)}"
             span = observation.among_span or observation.span
             self.report("wrong-type", message, span, f"write `among {type_.cls}`")
         elif observation.or_none:
             return
         elif not self.metamodel.covers(among.cls, type_.cls):
             wider = f"{type_.cls} or none" if self._optional(observation.path, scope) else type_.cls
-            message = f"this may lead to {a_type(type_)} that is no `{among.cls}`, and then there is nothing to observe"
+            message = f"this may lead to {a_type(type_)} that is not {a_type(among)}, and then there is nothing to observe"
             hint = f"write `among {wider}`, or `among {among.cls} or none`"
             self.report("other-class", message, observation.path.span, hint, Severity.WARNING)
         elif loose := self._optional(observation.path, scope):
-            message = f"`{loose}` may lead nowhere, and then there is nothing to observe"
+            message = f"`{loose}` may have no target, and then there is nothing to observe"
             hint = f"write `among {among.cls} or none`"
             self.report("maybe-none", message, observation.path.span, hint, Severity.WARNING)
 
@@ -125,7 +125,7 @@ class ViewChecking(Checking):
         if type_ is None or isinstance(type_, EnumType) or type_ is Scalar.BOOL:
             return 2 if type_ is Scalar.BOOL else len(type_.literals) if isinstance(type_, EnumType) else 1
         hint = f"write `among {type_.cls}`" if isinstance(type_, ObjectType) else _data_hint(type_)
-        message = f"{a_type(type_)} has no fixed number of values"
+        message = f"{a_type(type_)} cannot be observed, because its number of values is not fixed"
         self.report("wrong-type", message, observation.path.span, hint)
         return 1
 
@@ -156,10 +156,8 @@ class ViewChecking(Checking):
             if len(edge_ends(self.metamodel, kind, nodes.cls)) < 2
         ]
         if kinds:
-            message = f"{a_type(ObjectType(kinds[0]))} has no two ends: it cannot be drawn between nodes"
-            hint = (
-                f"an edge is an object with two single references to {a_type(nodes)}; a graph may have none: "
-            )
+            message = f"{a_type(ObjectType(kinds[0]))} cannot be drawn as an edge between two nodes"
+            hint = f"instead of an edge, which needs two single references to {a_type(nodes)}, "
             hint += self._as_token(cls.cls, nodes.cls) or f"leave `{link.cls}` out"
             self.report("wrong-type", message, link.cls_span or link.span, hint)
 
@@ -179,20 +177,20 @@ class ViewChecking(Checking):
             hint = name_hint(name, known)
             self.report("unknown-feature", f"`{cls}` has no attribute `{name}`", span, hint)
         elif feature.many:
-            message = f"`{feature}` has many values, where one is shown"
+            message = f"`{feature}` has many values, but only one can be shown"
             self.report("many-valued", message, span, "name an attribute with one value")
         elif whole and feature.type is not Scalar.INT:
-            message = f"a place in the grid is an `int`, `{feature}` is {a_type(feature.type)}"
+            message = f"a position in the grid must be an `int`, but `{feature}` is {a_type(feature.type)}"
             ints = [
                 f"`{f.name}`" for f in features.values() if isinstance(f, Attribute) and f.type is Scalar.INT
             ]
-            hint = f"attributes of that type: {', '.join(ints)}" if ints else None
+            hint = f"use an attribute of that type: {', '.join(ints)}" if ints else None
             self.report("wrong-type", message, span, hint)
 
     def _token(self, token: Token, cell: ObjectType | None, outer: Scope) -> None:
         scope = dict(outer)
         if token.letter is not None and len(token.letter) != 1:
-            message = f"`{token.variable}` is drawn as a single letter"
+            message = f"the letter of `{token.variable}` must be a single character"
             self.report("bad-glyph", message, token.letter_span, "write one letter")
         if token.cls is not None:
             scope[token.variable] = self.known_class(token.cls, token.cls_span or token.span)
@@ -211,7 +209,7 @@ class ViewChecking(Checking):
         if type_ is None or cell is None:
             return
         if not isinstance(type_, ObjectType) or not self.metamodel.overlap(type_.cls, cell.cls):
-            message = f"`{token.variable}` has to stand at {a_type(cell)}, not at {a_type(type_)}"
+            message = f"`{token.variable}` must be drawn at {a_type(cell)}, not at {a_type(type_)}"
             hint = f"write a path that leads to {a_type(cell)}, or draw a `grid` of another class"
             self.report("wrong-type", message, token.path.span, hint)
 
@@ -219,4 +217,4 @@ class ViewChecking(Checking):
 def _data_hint(type_: StaticType) -> str | None:
     if type_ is Scalar.INT:
         return "write `in lo..hi`"
-    return "bool, enum, an int in a range, and objects can be observed" if isinstance(type_, Scalar) else None
+    return "observe a bool, an enum, an int in a range, or an object" if isinstance(type_, Scalar) else None

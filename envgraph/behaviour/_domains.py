@@ -7,7 +7,7 @@ from envgraph.metamodel import EnumType, Metamodel, Scalar
 from envgraph.pattern import ObjectType, StaticType
 
 MOST_VALUES = 2**63 - 1
-"""Largest number of observations: indices are int64."""
+"""The maximum number of observation values, because their indices are int64."""
 
 
 def domain_type(domain: Domain, metamodel: Metamodel) -> StaticType | None:

@@ -15,7 +15,7 @@ from envgraph.metamodel import Attribute, EnumType, Metamodel, Value, accepts
 from envgraph.pattern import ObjectType
 
 Key = tuple[Value, ...]
-"""What names an object: the values of its class's key attributes, or (id,) where the class has no key."""
+"""The key of an object: the values of its class's key attributes, or (id,) if the class has no key."""
 
 
 def indexed_classes(behaviour: Behaviour, metamodel: Metamodel) -> tuple[str, ...]:
@@ -131,7 +131,7 @@ class KeyIndex:
             InvalidArgument: the data has another form, or does not fit the metamodel.
         """
         if not isinstance(data, dict):
-            raise InvalidArgument("an index of keys is an object of lists")
+            raise InvalidArgument("the index of keys must be an object of lists")
         for name, keys in data.items():
             if name not in metamodel.classes:
                 raise InvalidArgument(f"the index of keys names an unknown class `{name}`")
@@ -214,7 +214,7 @@ class SameKey(EvaluationError):
         )
         attributes = key_attributes(model.metamodel, cls)
         values = ", ".join(f"{one.name} = {value}" for one, value in zip(attributes, key, strict=True))
-        super().__init__(f"{names} have the same key, {values}: objects of `{cls}` are distinguished by it")
+        super().__init__(f"{names} have the same key, {values}, but each object of `{cls}` needs its own")
 
 
 def _keys(model: Model, cls: str) -> dict[int, Key]:
@@ -261,5 +261,5 @@ def _fits(metamodel: Metamodel, cls: str, key: Any) -> bool:
 
 def _outside(model: Model, cls: str, node: int) -> EvaluationError:
     return EvaluationError(
-        f"{model.node(node)!r} has no index among `{cls}`: no member of the family has that key at the start"
+        f"{model.node(node)!r} has no index among `{cls}`: no initial model of the family has an object with its key"
     )

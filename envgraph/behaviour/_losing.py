@@ -31,7 +31,7 @@ HERE = {"delete": "deletes", "merge": "merges", "retype": "retypes"}
 PAST = {"delete": "deleted", "merge": "merged away", "retype": "retyped"}
 
 MOST_NOTES = 5
-"""More places do not tell a reader more."""
+"""The maximum number of notes of a diagnostic."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -228,7 +228,7 @@ def loss_warnings(behaviour: Behaviour, engine: Engine) -> Iterator[Diagnostic]:
             continue
         reported.add(key)
         rules = _rules(found)
-        message = f"{rules} may take `{reading.name}` away, which this {reading.what} reads from"
+        message = f"{rules} may delete, merge or retype `{reading.name}`, which this {reading.what} reads"
         yield Diagnostic(
             "lost-object",
             message,
@@ -270,11 +270,11 @@ def _deed(loss: Loss) -> str:
 def _hint(behaviour: Behaviour, name: str, what: str) -> str:
     known = {one.name for one in behaviour.parameters} | {one.variable for one in behaviour.agents}
     if name not in known:
-        return "let the rule give the value in an `out` parameter, which is read before"
+        return "return the value in an `out` parameter of the rule"
     instead = f"keep `{name}` and set a flag"
     if what == "observation":
         return f"{instead}, or end the episode in the same step: `on neg find p({name}) terminate failure`"
-    return f"{instead}, or reward a match that has it: `on find p({name}) reward ..`"
+    return f"{instead}, or reward a match that contains it: `on find p({name}) reward ..`"
 
 
 # --- errors in an episode
@@ -294,10 +294,10 @@ def lost(
     if found:
         deeds = " or ".join(dict.fromkeys(PAST[loss.deed] for loss in found))
         who = " or ".join(dict.fromkeys(f"`{loss.rule.rpartition('.')[2]}`" for loss in found))
-        message = f"rule {who} has {deeds} `{name}`, which this {what} reads from"
+        message = f"rule {who} has {deeds} `{name}`, which this {what} reads"
     else:
         called = [f"`{call.rule}`" for call in done]
         after = f" after {' and '.join(called)}" if called else ""
-        message = f"`{name}` is gone{after}, which this {what} reads from"
+        message = f"`{name}` no longer exists{after}, but this {what} reads it"
     notes = tuple(Note(_deed(loss), loss.span) for loss in found[:MOST_NOTES])
     return EvaluationError(message, span, _hint(behaviour, name, what), notes)

@@ -28,7 +28,7 @@ def paying(behaviour: Behaviour, name: str) -> Behaviour:
     Raises:
         InvalidArgument: no clause of this name pays a reward.
     """
-    check_known(name, reward_names(behaviour), f"environment `{behaviour.name}` pays no reward `{name}`")
+    check_known(name, reward_names(behaviour), f"environment `{behaviour.name}` has no reward `{name}`")
     agents = tuple(
         replace(one, actions=_actions(one.actions, name), effects=_effects(one.effects, name))
         for one in behaviour.agents

@@ -28,12 +28,12 @@ from envgraph.lang import Bundle, format_text
 from envgraph.search import Domain
 
 _LETTERS = "SFHG"
-"""Of a lake: start, frozen, hole, goal."""
+"""The letters of a FrozenLake map: start, frozen, hole, goal."""
 
 _MOST_STATES = 20_000
-"""Of a level in which everything is tried, which takes half a minute."""
+"""The maximum number of states of a MiniGrid level to compare completely, which takes half a minute."""
 _STEPS = 200
-"""Of a walk to where nothing was tried, from the end of each way, where a level has more states."""
+"""The length of the random walk from the end of each path, for levels with more states."""
 
 _Words = Mapping[str, Any]
 
@@ -60,14 +60,14 @@ def adopt_environment(environment: str, output: Path | None, options: Iterable[s
         if problem is None:
             break
     else:
-        raise InvalidArgument(f"the domain does not step as `{environment}` does: {problem}")
+        raise InvalidArgument(f"the generated domain differs from `{environment}`: {problem}")
     directory = output or Path(name)
     paths = write_files({directory / file: text for file, text in texts.items()})
     found = {"states": tried.states, "actions": tried.actions, "kind": kind}
     print_json(lambda: {"written": [path.as_posix() for path in paths], **found})
     for path in paths:
         print_line(f"wrote {path}")
-    print_line(f"steps as `{environment}` does: {tried.said}")
+    print_line(f"same transitions as `{environment}`: {tried.said}")
     print_line(f"next: envgraph generate {directory}")
 
 
@@ -85,7 +85,7 @@ def _options(given: Iterable[str]) -> dict[str, Any]:
         key, equals, value = one.partition("=")
         if not equals:
             raise InvalidArgument(
-                f"`{one}` is no option of an environment", "write its name, `=`, and a value"
+                f"`{one}` is not of the form NAME=VALUE", "write the name of an option, `=`, and a value"
             )
         try:
             found[key] = tomllib.loads(f"value = {value}")["value"]
@@ -204,7 +204,7 @@ class _Tried:
             yield from self._ways(adopted, Simulator(engine, behaviour))
             return
         self.states, self.actions = table.n_states, table.n_actions
-        each = "its reward" if isinstance(adopted, MiniGridLevel) else "its chance and reward"
+        each = "its reward" if isinstance(adopted, MiniGridLevel) else "its probability and reward"
         self.said = f"{self.states:,} states, {self.actions} actions, each outcome with {each}"
         yield from adopted.differences(table)
 
@@ -212,7 +212,7 @@ class _Tried:
         self.actions = len(simulator.action_names)
         first, plan = level.ways(_MOST_STATES)
         if not plan and level.end != "goal":  # Other goals are guessed, so a plan must confirm them.
-            yield "no way to a success is found, and there are too many states to try all"
+            yield "no path to success was found, and there are too many states to compare all"
             return
         tried: set[Any] = set()
         rng = np.random.default_rng(0)
@@ -220,5 +220,5 @@ class _Tried:
             walk = [rng.permutation(self.actions).tolist() for _ in range(_STEPS)]
             yield from level.played(simulator, [*((action,) for action in way), *walk], tried)
         success = f"to success in {len(plan)} steps and " if plan else ""
-        where = f"each action in {len(tried):,} states, along ways {success}to what can be carried and opened"
-        self.said = f"{where}; there are too many states to try all"
+        where = f"each action in {len(tried):,} states, on paths {success}to objects that can be carried or opened"
+        self.said = f"{where}; there are too many states to compare all"

@@ -109,7 +109,7 @@ def _file(family: str) -> str:
         return family
     audited = [name for name in bundled_domains() if data_path("rules", name, AUDIT_FILE).is_file()]
     if family not in audited:
-        hint = "those with one are " + ", ".join(f"`{name}`" for name in audited)
+        hint = "use a bundled domain with one: " + ", ".join(f"`{name}`" for name in audited)
         raise InvalidArgument(f"the bundled domain `{family}` has no `{AUDIT_FILE}`", hint)
     return f"{family}/{AUDIT_FILE}"
 

@@ -24,7 +24,7 @@ def check_files(
     """
     inputs.check()
     if overrides and not any(_is_family(name) for name in files):
-        raise InvalidArgument("`--set` is about family files: name one, its directory or a bundled domain")
+        raise InvalidArgument("`--set` needs a family file: name one, its directory or a bundled domain")
     found = dict.fromkeys(one for group in _groups(files) for one in _problems(group, inputs, overrides))
     diagnostics = tuple(one for one in found if one.severity is Severity.ERROR or one.code not in ignore)
     failed = has_errors(diagnostics)

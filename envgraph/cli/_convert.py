@@ -17,9 +17,9 @@ from envgraph.metamodel import metamodel_to_ecore
 
 _FORMATS = (".ecore", ".model", ".xmi", ".json")
 _WRITTEN = _FORMATS[1:]
-"""Formats of models."""
+"""The formats of models."""
 _LOST = {".ecore": ("left-out", "generic-type"), ".xmi": ("values-left-out",)}
-"""By format, the codes of the warnings about what such a file cannot hold; for others, `_LOST_VALUES`."""
+"""The codes of warnings about lost content, by output format; `_LOST_VALUES` holds those of all other formats."""
 _LOST_VALUES = ("values-left-out", "values-rounded")
 
 
@@ -35,13 +35,13 @@ def convert_file(file: str, output: Path, inputs: Inputs, *, lossy: bool) -> Non
         take(file, (*MODELS, "toml"), A_MODEL)
     workspace = inputs.load(file, own=whole)
     if not (workspace.metamodel if whole else workspace.models):
-        lacks = "is no metamodel, and imports none" if whole else "has no model"
+        lacks = "is not a metamodel and imports none" if whole else "has no model"
         raise InvalidArgument(f"`{file}` {lacks}")
     codes = _LOST.get(output.suffix, _LOST_VALUES)
     losses = sum(one.code in codes for one in workspace.diagnostics)
     if losses and not lossy:
         said = "the warning says" if losses == 1 else f"{losses} warnings say"
-        raise InvalidArgument(f"{said} what would be lost of `{file}`; `--lossy` writes the rest")
+        raise InvalidArgument(f"{said} what `{file}` would lose; add `--lossy` to write the rest")
     if whole and workspace.metamodel:
         replace_file(output, metamodel_to_ecore(workspace.metamodel))
     else:
@@ -51,7 +51,7 @@ def convert_file(file: str, output: Path, inputs: Inputs, *, lossy: bool) -> Non
 
 def check_format(output: Path, formats: Sequence[str] = _WRITTEN) -> None:
     """Raise InvalidArgument if the suffix of a file is not a format that can be written."""
-    check_known(output.suffix, formats, f"`{output}` is of no format that can be written")
+    check_known(output.suffix, formats, f"the format of `{output}` cannot be written")
 
 
 def model_text(model: Model, output: Path) -> str:

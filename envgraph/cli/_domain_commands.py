@@ -29,7 +29,7 @@ if TYPE_CHECKING:  # It imports the languages, which not every command needs.
 @app.command()
 @click.argument("name", help="Name of the domain: small letters, digits and `_`.")
 @click.option(
-    "--directory", "-d", type=PATH, show_default="a directory of that name", help="Where to put it."
+    "--directory", "-d", type=PATH, show_default="a directory of that name", help="Directory to write to."
 )
 @click.option("--domain", help="Copy the files of this bundled domain instead.")
 @done_in("_new", "new_domain")
@@ -39,7 +39,9 @@ def new() -> None:
 
 @app.command()
 @click.argument("environment", help="An id of Gymnasium, such as FrozenLake-v1.")
-@click.option("--output", "-o", type=PATH, show_default="a directory of that name", help="Where to put it.")
+@click.option(
+    "--output", "-o", type=PATH, show_default="a directory of that name", help="Directory to write to."
+)
 @click.option(
     "--set",
     "options",
@@ -47,7 +49,7 @@ def new() -> None:
     multiple=True,
     help="An option of the environment, such as is_slippery=false; may be repeated.",
 )
-@count_option("--seed", least=0, default=0, help="Seed of the level of MiniGrid.")
+@count_option("--seed", least=0, default=0, help="Seed of the MiniGrid level.")
 @format_option
 @done_in("_adopt", "adopt_environment")
 def adopt() -> None:
@@ -66,7 +68,7 @@ def adopt() -> None:
 )
 @inputs_options
 @click.option(
-    "--ignore", metavar="CODE", multiple=True, help="Leave out warnings of this code; may be repeated."
+    "--ignore", metavar="CODE", multiple=True, help="Omit warnings with this code; may be repeated."
 )
 @overrides_option
 @format_option
@@ -85,12 +87,16 @@ def check(files: Sequence[str], inputs: Inputs, ignore: Sequence[str], overrides
     help="Files of any of the five languages, or directories of them; `-` is standard input.",
 )
 @click.option(
-    "--check", is_flag=True, help="Write nothing; list what would change, exit code 1 if anything would."
+    "--check",
+    is_flag=True,
+    help="Write nothing; list files that would change, with exit code 1 if there are any.",
 )
-@click.option("--stdout", is_flag=True, help="Print the texts and leave the files alone.")
-@click.option("--language", help="What standard input is: query, rules ...")
+@click.option("--stdout", is_flag=True, help="Print the formatted texts; do not change the files.")
+@click.option("--language", help="Language of standard input: query, rules ...")
 @click.option(
-    "--derived", is_flag=True, help="Print the rules that `derive` stands for in .rules files instead."
+    "--derived",
+    is_flag=True,
+    help="Print the rules that `derive` statements in .rules files generate, instead of formatting.",
 )
 @done_in("_format", "format_files")
 def format_() -> None:
@@ -148,15 +154,15 @@ def why_not() -> None:
     "-w",
     metavar="NAME=VALUE",
     multiple=True,
-    help="Fix a variable of the match, or a parameter: an object by its name, or a value. What a unit needs and is "
-    "not given is the only object of its class.",
+    help="Fix a variable of the match, or a parameter: an object by its name, or a value. A parameter that a "
+    "unit needs may be omitted if its class has only one object.",
 )
 @variant_option
 @inputs_options
 @count_option("--times", default=1, help="Number of applications; ends early when nothing matches.")
-@count_option("--seed", least=0, help="Seed of the choice among matches.")
-@click.option("--output", "-o", type=PATH, help="Write the resulting model here: .model, .xmi or .json.")
-@click.option("--trace", type=PATH, help="Write what was applied here, for `envgraph replay`: JSON lines.")
+@count_option("--seed", least=0, help="Seed of the random choice of matches.")
+@click.option("--output", "-o", type=PATH, help="File for the resulting model: .model, .xmi or .json.")
+@click.option("--trace", type=PATH, help="File for the applications, for `envgraph replay`: JSON lines.")
 @click.option("--allow-none", is_flag=True, help="Exit code 0 also when nothing matches or a unit fails.")
 @format_option
 @done_in("_query", "apply_rule")
@@ -167,9 +173,9 @@ def apply() -> None:
 @app.command()
 @model_argument
 @click.argument("rules", metavar="RULESFILE", help="A .rules file.")
-@click.argument("trace", type=PATH, help="What `envgraph apply --trace` wrote.")
+@click.argument("trace", type=PATH, help="A trace that `envgraph apply --trace` wrote.")
 @inputs_options
-@click.option("--output", "-o", type=PATH, help="Write the resulting model here: .model, .xmi or .json.")
+@click.option("--output", "-o", type=PATH, help="File for the resulting model: .model, .xmi or .json.")
 @format_option
 @done_in("_replay", "replay_trace")
 def replay() -> None:
@@ -179,10 +185,10 @@ def replay() -> None:
 @app.command()
 @click.argument("file", help="A .metamodel or .ecore file; or a .model or .xmi file, or a model as JSON.")
 @click.argument(
-    "output", type=PATH, help="Where to: a metamodel as .ecore; a model as .model, .xmi or .json."
+    "output", type=PATH, help="File to write: .ecore for a metamodel; .model, .xmi or .json for a model."
 )
 @inputs_options
-@click.option("--lossy", is_flag=True, help="Write what can be kept, although warnings say what is lost.")
+@click.option("--lossy", is_flag=True, help="Write the file even if content is lost, as warnings say.")
 @done_in("_convert", "convert_file")
 def convert() -> None:
     """Write a metamodel or a model in a format of other tools: Ecore, XMI, JSON.

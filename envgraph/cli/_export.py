@@ -30,13 +30,13 @@ def export_family(
     """Write a family in another format."""
     check_known(format, _KNOWN, f"unknown format `{format}`")
     if templates is not None and format != "python":
-        raise InvalidArgument(f"format `{format}` takes no templates", "`--format python` does")
+        raise InvalidArgument(f"`--templates` is not allowed with format `{format}`", "use `--format python`")
     if format in ("family", "ga4cl", "frozenlake") and output is not None and output.suffix == ".svg":
-        raise InvalidArgument(f"`{output}` would be JSON", "write `--format svg` for a picture")
+        raise InvalidArgument(f"`{output}` would contain JSON", "write `--format svg` for a picture")
     if output is None and format not in _TEXTS:
         what = "a folder" if format in _FOLDERS else "a file of arrays"
-        hint = "`-o FOLDER` says where" if format in _FOLDERS else "`-o FILE` says where"
-        raise InvalidArgument(f"format `{format}` is {what}", hint)
+        hint = "add `-o FOLDER`" if format in _FOLDERS else "add `-o FILE`"
+        raise InvalidArgument(f"format `{format}` writes {what}", hint)
     family = open_family(run, directory)
     if output is None or format in _TEXTS:
         _export_text(family, format, output)
@@ -79,8 +79,10 @@ def _export_levels(family: Family, output: Path) -> None:
     """Write the levels of a family as a module for MiniGrid."""
     lacking = [name for name in _OF_MINIGRID if name not in family.domain.metamodel.classes]
     if lacking:
-        message = f"format `minigrid` has levels of MiniGrid, and the metamodel has no class `{lacking[0]}`"
-        raise InvalidArgument(message, "`envgraph adopt MiniGrid-..` writes domains with all that is needed")
+        message = (
+            f"format `minigrid` needs the classes of MiniGrid, but the metamodel has no class `{lacking[0]}`"
+        )
+        raise InvalidArgument(message, "use a domain that `envgraph adopt MiniGrid-..` wrote")
     for name in (family.name, *(one.name for one in family.members)):
         if not re.fullmatch(r"[\w.:-]+", name):
             hint = "change it in the family file: letters, digits, `_`, `.`, `:` and `-`"
@@ -97,7 +99,7 @@ def _export_program(family: Family, output: Path) -> None:
     try:
         program = family.program(family.members)
     except NotCompiled as error:
-        message = f"environment `{family.behaviour.name}` is not compiled: it has {error.construct}"
+        message = f"environment `{family.behaviour.name}` cannot be compiled: it has {error.construct}"
         raise EvaluationError(message, error.span) from None
     names = [member.name for member in family.members]
     export(program, output, name=family.behaviour.name, members=names, limit=family.limit)

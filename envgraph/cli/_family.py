@@ -45,10 +45,10 @@ from envgraph.search import (
 from envgraph.search.curricula import CurriculumProgress
 
 _MOST_SHOWN = 100
-"""Members of a family that are printed one by one."""
+"""The maximum number of members that are printed one by one."""
 
 TRAINING, REPORT = "training", "report.html"
-"""Names beside the store and tables of a run: results of training, one directory a budget, and the page."""
+"""Names in the directory of a run: the directory of training results (with one for each budget), and the page."""
 
 
 def generate_family(
@@ -90,7 +90,7 @@ def generate_family(
     }
     short = as_overrides(given)
     if resume and (len(short) > (generations is not None) or overrides or force):
-        raise InvalidArgument("a resumed run keeps its options, except --generations: leave the others out")
+        raise InvalidArgument("`--resume` allows only --generations: leave the other options out")
     domain = Domain.load(family, overrides=[] if resume else [*short, *overrides])
     path = _run_path(directory, name or domain.spec.name)
     total = domain.spec.search.generations
@@ -99,11 +99,13 @@ def generate_family(
             kept = domain_of(store.bundle(), store.overrides, str(path))
         total = generations or kept.spec.search.generations
     elif path.exists() and not force:
-        hint = "go on with --resume, replace it with --force, or choose another --name"
+        hint = "resume it with --resume, replace it with --force, or choose another --name"
         raise InvalidArgument(f"{path} exists already: {hint}")
     elif generations is not None and domain.spec.climbs:
         hint = "leave `--generations` out: only a family file without `[objective]` has generations"
-        raise InvalidArgument(f"`--generations`: `{domain.spec.path}` is searched for as a whole", hint)
+        raise InvalidArgument(
+            f"`--generations` is not allowed: `{domain.spec.path}` has an objective for whole families", hint
+        )
     is_old = path.exists() and not resume
     whole = not (kept if resume else domain).spec.evolves
     try:
@@ -115,7 +117,7 @@ def generate_family(
                 advance(generation.number, f"diversity {generation.diversity:.3f}")
 
             def climbing(found: CurriculumProgress) -> None:
-                known = f"best {found.value:.3f}" if found.value > -inf else "families to begin with"
+                known = f"best {found.value:.3f}" if found.value > -inf else "initial families"
                 advance(int(100 * found.spent), f"{known}, {found.tried:,} tried")
 
             def drawing(found: SampleProgress) -> None:
@@ -134,10 +136,12 @@ def generate_family(
                 made = evolve(domain, path, overwrite=force, warn=print_diagnostics, **told)
     except KeyboardInterrupt:
         if is_old:
-            sys.stderr.write(f"there was no generation yet: the old run in {path.parent} is unchanged\n")
+            sys.stderr.write(
+                f"interrupted before the first generation: the old run in {path.parent} is unchanged\n"
+            )
         elif path.exists():
             words = f"envgraph generate {family} --name {path.parent.name} --directory {directory} --resume"
-            sys.stderr.write(f"`{words}` {'begins anew' if whole else 'goes on'}\n")
+            sys.stderr.write(f"`{words}` {'starts again' if whole else 'resumes'}\n")
         raise
     with RunStore.open(path) as store:
         low, about = why_low(made, store), describe_search(made, store)
@@ -152,7 +156,9 @@ def generate_family(
 
 def _run_path(directory: Path, name: str) -> Path:
     if Path(name).name != name or name == ".." or "\\" in name or "\0" in name:
-        raise InvalidArgument(f"`{name}` cannot name a run: leave out `/` and `\\`, or use --directory")
+        raise InvalidArgument(
+            f"`{name}` cannot be the name of a run: leave out `/` and `\\`, or use --directory"
+        )
     return directory / name / "run.sqlite"
 
 
@@ -219,7 +225,9 @@ def show_rejections(run: str, directory: Path) -> None:
 
 def _store_of(run: str, directory: Path) -> RunStore:
     if Path(run).suffix == ".json":
-        raise InvalidArgument(f"`{run}` is a family file, which does not keep how it was made: name the run")
+        raise InvalidArgument(
+            f"`{run}` is a family file, which does not record how it was generated: name the run"
+        )
     return RunStore.open(run_file(run, directory))
 
 

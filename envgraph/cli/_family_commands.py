@@ -27,21 +27,23 @@ from envgraph.cli._options import (
 @click.argument("family", help="A family.toml, a directory with one, or the name of a bundled domain.")
 @click.option("--name", show_default="that of the family", help="Name of the run.")
 @seed_option
-@count_option("--generations", least=0, help="Instead of the number in the file.")
-@count_option("--population", help="Instead of the size in the file.")
+@count_option("--generations", least=0, help="Number of generations, instead of that in the file.")
+@count_option("--population", help="Size of the family, instead of that in the file.")
 @count_option(
     "--samples",
     least=2,
-    help="Draw so many environments, all valid and no two the same, instead of searching for a family.",
+    help="Sample this number of different valid environments, instead of searching for a family.",
 )
 @overrides_option
 @click.option(
     "--resume",
     is_flag=True,
-    help="Go on with a run that was interrupted, or, with a larger --generations, one that has ended.",
+    help="Resume an interrupted run, or, with a larger --generations, a finished one.",
 )
 @count_option(
-    "--workers", default=1, help="How many threads train the learners of an objective; changes no result."
+    "--workers",
+    default=1,
+    help="Number of threads for the learners of an objective; does not change results.",
 )
 @click.option(
     "--require",
@@ -62,14 +64,18 @@ def generate() -> None:
     "problem", help="A family file with [optimise], a directory with a problem.toml, or a bundled domain."
 )
 @seed_option
-@count_option("--steps", help="How many moves are tried.")
+@count_option("--steps", help="Number of moves to try.")
 @overrides_option
-@count_option("--solution", default=1, help="Which one of a front is written, by its number.")
-@click.option("--output", "-o", type=PATH, help="Write the best model here: .model, .xmi or .json.")
+@count_option("--solution", default=1, help="Number of the solution in the Pareto front to write.")
+@click.option("--output", "-o", type=PATH, help="File for the best model: .model, .xmi or .json.")
 @click.option(
-    "--trace", type=PATH, help="Write the rules that lead to it here, for `envgraph replay`: JSON lines."
+    "--trace",
+    type=PATH,
+    help="File for the rule applications that lead to it, for `envgraph replay`: JSON lines.",
 )
-@click.option("--picture", type=PATH, help="Draw the front of the first two objectives here, as SVG.")
+@click.option(
+    "--picture", type=PATH, help="File for a drawing of the Pareto front in the first two objectives, as SVG."
+)
 @format_option
 @done_in("_optimise", "optimise_model")
 def optimise() -> None:
@@ -78,7 +84,7 @@ def optimise() -> None:
 
 @app.command("verify")
 @run_argument
-@click.option("--resume", is_flag=True, help="Leave out what was verified before, as after an interruption.")
+@click.option("--resume", is_flag=True, help="Skip environments that were verified before.")
 @directory_option
 @format_option
 @done_in("_verify", "verify_family")
@@ -91,7 +97,7 @@ def verify_() -> None:
 
 
 @app.command("runs")
-@click.argument("compared", nargs=-1, metavar="[RUN OTHER]", help="Two runs: what differs between them.")
+@click.argument("compared", nargs=-1, metavar="[RUN OTHER]", help="Two runs to compare.")
 @directory_option
 @format_option
 @done_in("_runs", "show_runs")
@@ -107,9 +113,9 @@ def runs_() -> None:
 )
 @variant_option
 @click.option(
-    "--lineage", metavar="VARIANT", help="The rules that made this environment of a run, and where."
+    "--lineage", metavar="VARIANT", help="Print the rule applications that led to this environment of a run."
 )
-@click.option("--rejections", is_flag=True, help="Why models were turned down in a run, and how often.")
+@click.option("--rejections", is_flag=True, help="Print why models were rejected in a run, and how often.")
 @directory_option
 @inputs_options
 @click.option(
@@ -124,7 +130,7 @@ def runs_() -> None:
     "-o",
     type=PATH,
     show_default="standard output",
-    help="Where to; .json, .dot and .svg say the format, too.",
+    help="File to write; the endings .json, .dot and .svg choose the format.",
 )
 @done_in("_show", "show")
 def show() -> None:
@@ -143,7 +149,7 @@ def show() -> None:
     "tables of states, as arrays of NumPy), python (a package to install that needs Gymnasium and NumPy alone) or "
     "compiled (a package that steps many environments at once, and needs NumPy and numba alone).",
 )
-@click.option("--output", "-o", type=PATH, show_default="standard output", help="Where to.")
+@click.option("--output", "-o", type=PATH, show_default="standard output", help="File or directory to write.")
 @click.option(
     "--templates",
     type=PATH,
@@ -157,7 +163,7 @@ def export() -> None:
 
 
 @app.command("templates")
-@click.argument("folder", type=PATH, help="Where to; there must be nothing in it.")
+@click.argument("folder", type=PATH, help="Directory to write to; it must be empty.")
 @done_in("_export", "write_templates")
 def templates_() -> None:
     """Write the templates of `envgraph export --format python`, so that you can change them."""
@@ -172,20 +178,20 @@ def templates_() -> None:
 @click.option(
     "--domain",
     show_default="burning_forest/paper.toml; for levels the family.toml of the directory, or sokoban",
-    help="What else an environment is: a family.toml, its directory, or a bundled domain.",
+    help="Domain of the environments: a family.toml, its directory, or a bundled domain.",
 )
-@click.option("--name", show_default="that of the file", help="Name of the run that a family becomes.")
+@click.option("--name", show_default="that of the file", help="Name of the run for a family.")
 @click.option(
     "--output",
     "-o",
     type=PATH,
     show_default="the name of the file",
-    help="Directory of the models that levels become.",
+    help="Directory for the models of levels.",
 )
 @click.option(
     "--legend",
     multiple=True,
-    help="What is read as which letter of the domain's model: x=#; 17=# or Wall=# for the number or class of a tile.",
+    help="The domain's letter for a letter in the file (x=#), or for the number or class of a tile (17=#, Wall=#).",
 )
 @overrides_option
 @force_option
@@ -204,36 +210,38 @@ def import_() -> None:
     help="Training steps for each environment; several budgets are separated by commas. "
     "A baseline gets as many steps as the whole family together.",
 )
-@count_option("--seeds", usual="as in family.toml", help="How many agents for each curriculum.")
+@count_option("--seeds", usual="as in family.toml", help="Number of agents for each curriculum.")
 @count_option("--seed-offset", least=0, usual="0", help="The seed of the first agent; the next has one more.")
 @click.option(
     "--curricula",
     show_default="as in family.toml, and the baselines",
-    help="Some of suffixes (E1-E6, E2-E6 ...), full (E1-E6), baselines (each environment alone) and direct "
+    help="One or more of suffixes (E1-E6, E2-E6 ...), full (E1-E6), baselines (each environment alone) and direct "
     "(the target alone), separated by commas. With a curriculum among them, agents are also trained on the "
     "family up to each environment, and evaluated there.",
 )
 @click.option(
     "--controls",
     show_default="all but random, where there is a curriculum",
-    help="Other ways to train, with as many steps, separated by commas; or all, or none: direct (the target alone), "
-    "optimistic (direct, with higher values at first), reversed, shuffled (other orders, the target last), randomised "
-    "(an environment drawn for each episode), backplay (the target begun in the states of an optimal episode, the last "
-    "state first), exploring (the target begun in any state), random (families without selection, one for each seed). "
-    "By name also schedules, which choose earlier environments by the results so far: "
+    help="Other ways to train in the same number of steps, separated by commas; or all or none: direct (the target), "
+    "optimistic (direct, with higher initial values), reversed, shuffled (other orders, the target last), randomised "
+    "(an environment sampled for each episode), backplay (the target started in states of an optimal episode, last "
+    "state first), exploring (the target started in any state), random (families without selection, one for each seed). "
+    "Schedules may be named too; they choose environments by the results so far: "
     "uniform, learning_progress, band, learnability, plr, robust_plr, exact_regret, exact_learnability.",
 )
 @click.option(
     "--student",
     show_default="tabular",
-    help="Who learns: tabular, or a network of Stable-Baselines3 (sb3:ppo, sb3:dqn). Each has its own results.",
+    help="The learner: tabular, or a network of Stable-Baselines3 (sb3:ppo, sb3:dqn). Each has its own results.",
 )
-@count_option("--workers", default=1, help="How many agents learn at a time; changes no result.")
-@click.option("--resume", is_flag=True, help="Go on with a training that was interrupted.")
+@count_option(
+    "--workers", default=1, help="Number of agents that learn in parallel; does not change results."
+)
+@click.option("--resume", is_flag=True, help="Resume an interrupted training.")
 @click.option(
     "--force",
     is_flag=True,
-    help="Replace results of as many steps, or a training that was interrupted, if there are any.",
+    help="Replace existing results of the same budget, or an interrupted training.",
 )
 @directory_option
 @format_option
@@ -244,7 +252,7 @@ def train() -> None:
 
 @app.command()
 @run_argument
-@click.option("--output", "-o", type=PATH, show_default="report.html in the run", help="Where to.")
+@click.option("--output", "-o", type=PATH, show_default="report.html in the run", help="File to write.")
 @directory_option
 @format_option
 @done_in("_learn", "write_report")
@@ -254,22 +262,20 @@ def report() -> None:
 
 @app.command()
 @click.argument("what", metavar="paper")
-@click.option(
-    "--output", "-o", type=PATH, default=Path("reproduction"), help="The directory of what is written."
-)
+@click.option("--output", "-o", type=PATH, default=Path("reproduction"), help="Directory for all results.")
 @count_option(
-    "--seeds", default=200, help="How many agents for each curriculum, and how many families of our own."
+    "--seeds", default=200, help="Number of agents for each curriculum, and of newly generated families."
 )
 @click.option(
     "--steps",
     default="10000,50000,100000",
     help="Training steps for each environment; several budgets are separated by commas.",
 )
-@click.option(
-    "--times/--no-times", default=True, help="Whether to measure how long generation takes (table 4)."
+@click.option("--times/--no-times", default=True, help="Measure how long generation takes (table 4).")
+@count_option(
+    "--workers", default=1, help="Number of agents that learn in parallel; does not change results."
 )
-@count_option("--workers", default=1, help="How many agents learn at a time; changes no result.")
-@click.option("--force", is_flag=True, help="Replace what an earlier one has written.")
+@click.option("--force", is_flag=True, help="Replace the results of an earlier reproduction.")
 @format_option
 @done_in("_reproduce", "reproduce_paper")
 def reproduce() -> None:
@@ -285,23 +291,31 @@ def reproduce() -> None:
     nargs=-1,
     required=True,
     help="A family file with `[audit]`, a directory with an audit/audit.toml, or the name of a bundled domain; several "
-    "are judged apart and together.",
+    "are evaluated separately and together.",
 )
-@count_option("--seeds", least=2, usual="as in the file", help="Students of each decisive method.")
+@count_option("--seeds", least=2, usual="as in the file", help="Number of students for each decisive method.")
 @count_option(
-    "--controls", least=2, usual="as in the file", help="Students of each other method, no more than --seeds."
+    "--controls",
+    least=2,
+    usual="as in the file",
+    help="Number of students for each other method, at most --seeds.",
 )
 @count_option(
     "--steps",
     least=8 * 4096,
     usual="as in the file",
-    help="Steps of each student, with all that it costs to score levels.",
+    help="Steps of each student, including the steps for scoring levels.",
 )
-@click.option("--methods", show_default="all", help="Some methods by their names, separated by semicolons.")
+@click.option("--methods", show_default="all", help="Names of methods, separated by semicolons.")
 @overrides_option
-@count_option("--workers", "--jobs", default=1, help="How many students learn at a time; changes no result.")
+@count_option(
+    "--workers",
+    "--jobs",
+    default=1,
+    help="Number of students that learn in parallel; does not change results.",
+)
 @click.option("--force", is_flag=True, help="Replace an audit of other files or with other settings.")
-@click.option("--directory", "-d", type=PATH, default=Path("audits"), help="Where audits are kept.")
+@click.option("--directory", "-d", type=PATH, default=Path("audits"), help="Directory of all audits.")
 @format_option
 @done_in("_audit", "audit_scores")
 def audit() -> None:

@@ -37,7 +37,12 @@ def format_files(
         if name.endswith(".toml"):
             place = Source(name, "").span(0, 0)
             diagnostics.append(
-                Diagnostic("not-formatted", "TOML is not formatted", place, severity=Severity.WARNING)
+                Diagnostic(
+                    "not-formatted",
+                    "skipped: family files (TOML) are not formatted",
+                    place,
+                    severity=Severity.WARNING,
+                )
             )
             continue
         try:
@@ -73,7 +78,7 @@ def _print_derived(files: Sequence[str]) -> int:
     workspace.raise_errors()
     own = [one for one in workspace.derivations if one.span and one.span.source.name in workspace.roots]
     if not own or workspace.metamodel is None:
-        raise InvalidArgument(f"nothing is derived in {', '.join(files)}")
+        raise InvalidArgument(f"{', '.join(files)}: no `derive` statement found")
     for one in own:
         made = derived(one, workspace.metamodel)
         patterns = to_text(*spelled_out(made.patterns, workspace.metamodel))
@@ -97,11 +102,11 @@ def _format_input(files: Sequence[str], check: bool, language: str | None) -> in
             return self.data
 
     if len(files) > 1:
-        raise InvalidArgument("`-` is standard input, and stands alone")
+        raise InvalidArgument("`-` (standard input) cannot be combined with files")
     if language is None:
-        raise InvalidArgument(f"say what `-` is: `--language` {', '.join(LANGUAGES)}")
+        raise InvalidArgument(f"`-` needs `--language`, with one of {', '.join(LANGUAGES)}")
     if language not in LANGUAGES:
-        raise InvalidArgument(f"no language `{language}`; there are {', '.join(LANGUAGES)}")
+        raise InvalidArgument(f"unknown language `{language}`; use one of {', '.join(LANGUAGES)}")
     text = read_source(Input({}), "<stdin>").text
     formatted = format_text(language, text, "<stdin>")
     if not check:
@@ -119,7 +124,7 @@ def _names(files: Sequence[str]) -> list[str]:
         inside = disk.entries(name) if disk.is_directory(name) else [name]
         known = [one for one in inside if one == name or language_of(one)]
         if not known:
-            raise InvalidArgument(f"`{name}` holds no file of any of the languages")
+            raise InvalidArgument(f"`{name}` contains no file in a language of envgraph")
         found += known
     return list(dict.fromkeys(found))
 
@@ -130,8 +135,8 @@ def _formatted(name: str) -> tuple[str, str]:
 
     language = language_of(name)
     if language is None and DiskFiles().exists(name):
-        message = f"`{name}` is a file of none of the languages"
-        hint = "there are " + ", ".join(f".{one}" for one in (*LANGUAGES, "vql"))
+        message = f"`{name}` is not a file in a language of envgraph"
+        hint = "the file types are " + ", ".join(f".{one}" for one in (*LANGUAGES, "vql"))
         raise LoadError([Diagnostic("unknown-language", message, Source(name, "").span(0, 0), hint)])
     source = read_source(DiskFiles(), name)
     assert language is not None  # An unknown file was refused before.

@@ -47,7 +47,7 @@ from envgraph.report import Trained, family_report, render_html, stage_rows, sta
 from envgraph.search import Family, RunStore, lineage_lengths, open_family, random_families, run_file
 
 STAGES = "stages"
-"""Name of the directory of training on the curriculum up to each environment, below that of the budget."""
+"""Name of the directory, below that of a budget, for training up to each environment."""
 
 _KINDS = ("suffixes", "full", "baselines", "direct")
 
@@ -55,20 +55,20 @@ _OPTIONS = {"steps": str, "seeds": int, "seed_offset": int, "curricula": str, "c
 """Options of a training, with their types: `--resume` uses those of the interrupted training."""
 
 _RANDOM = "random"
-"""The control that visits the states of as many other families as there are seeds: only where it is named."""
+"""The control with one random family for each seed; it must be named, since it explores all their states."""
 
 _OF_TABLES = ("optimistic", "randomised", "backplay", "exploring", _RANDOM, *EXACT)
-"""Controls that need tables of the environments."""
+"""Controls that need transition tables of the environments."""
 
 _FOLDERS = {student: student.removeprefix("tabular").replace(":", "-") for student in STUDENTS}
 """Directory of each student below `training`; "" for the tabular student, whose results are there directly."""
 
 UNFINISHED = "unfinished.jsonl"
-"""Name of the file of a training under way, among the results: its agents so far, for `--resume`."""
+"""Name of the journal of an unfinished training, which holds its agents so far for `--resume`."""
 
 
 _MOST_MEMBERS = 100
-"""Of a family that is trained on: there are as many curricula, and each has as many stages."""
+"""The maximum size of a family to train on, since each member adds a curriculum and a stage."""
 
 
 def train_agents(
@@ -101,31 +101,31 @@ def _train_family(
     family = open_family(run, directory)
     if len(family.members) > _MOST_MEMBERS:
         message = (
-            f"`{run}` has {len(family.members):,} environments, and a curriculum at most {_MOST_MEMBERS}"
+            f"`{run}` has {len(family.members):,} environments, but a curriculum has at most {_MOST_MEMBERS}"
         )
-        hint = "in Python `write_family(family.spaced(6))` is a family of some of them"
+        hint = "select some of them in Python, with `write_family(family.spaced(6))`"
         raise InvalidArgument(message, hint)
     base = run_directory(run, directory) / TRAINING
     again = f"envgraph train {run} --directory {directory} --resume"
     journal = None
     if resume:
         if force:
-            raise InvalidArgument("`--resume` goes on and `--force` begins anew: give one of them")
+            raise InvalidArgument("`--resume` and `--force` cannot be combined")
         if not (base / UNFINISHED).exists():
-            raise InvalidArgument(f"no training of `{run}` was interrupted: there is nothing to go on with")
+            raise InvalidArgument(f"`{run}` has no interrupted training to resume")
         journal = Journal.open(base / UNFINISHED)
         begun = _begun(journal)
         for name, value in wanted.items():
             if value not in (None, begun[name]):
-                was = "the usual ones" if begun[name] is None else f"`{begun[name]}`"
-                message = f"this training was begun with other {name}: {was}, not `{value}`"
+                was = "the defaults" if begun[name] is None else f"`{begun[name]}`"
+                message = f"the interrupted training has other {name}: {was}, not `{value}`"
                 option = f"--{name.replace('_', '-')}"
-                raise InvalidArgument(message, f"leave `{option}` out, or begin anew with `--force`")
+                raise InvalidArgument(message, f"leave `{option}` out, or start again with `--force`")
         wanted = begun
     elif (base / UNFINISHED).exists() and not force:
         raise InvalidArgument(
             f"{base / UNFINISHED} holds the {len(Journal.open(base / UNFINISHED))} agents of a training that was "
-            "interrupted: go on with --resume, or replace it with --force"
+            "interrupted: resume it with --resume, or replace it with --force"
         )
     chosen = _curricula(family, wanted["curricula"])
     compared = _named(wanted["controls"])
@@ -145,7 +145,7 @@ def _train_family(
         journal = Journal.create(base / UNFINISHED, {**wanted, "made_of": made_of})
     elif journal.about.get("made_of") != made_of:
         raise InvalidArgument(
-            f"{journal.path} was begun with other environments, settings or another envgraph: train anew with --force"
+            f"{journal.path} has other environments, settings or another version of envgraph: start again with --force"
         )
     try:
         trained = [
@@ -154,7 +154,7 @@ def _train_family(
         ]
     except BaseException as error:
         if len(journal) or isinstance(error, KeyboardInterrupt):
-            sys.stderr.write(f"{len(journal)} agents are kept: `{again}` goes on\n")
+            sys.stderr.write(f"{len(journal)} agents are saved: `{again}` resumes the training\n")
         else:
             journal.path.unlink()  # No agent was trained, so nothing can be resumed.
         raise
@@ -176,7 +176,7 @@ def _begun(journal: Journal) -> dict[str, Any]:
     """Return the options with which an interrupted training was started."""
     wanted = {name: journal.about.get(name) for name in _OPTIONS}
     if not all(value is None or isinstance(value, _OPTIONS[name]) for name, value in wanted.items()):
-        raise InvalidArgument(f"{journal.path}:1: not what a training is begun with")
+        raise InvalidArgument(f"{journal.path}:1: these are not the options of a training")
     try:
         budgets_of(wanted["steps"] or "1")
         parse_within(str(wanted["seeds"] or 1), 1, 100_000)
@@ -329,13 +329,11 @@ def _in_program(family: Family, order: str, error: TooManyStates) -> list[Family
         program = family.program(family.members)
     except NotCompiled as refused:
         raise EvaluationError(
-            f"{error.message}, and it is not compiled: it has {refused.construct}",
+            f"{error.message}, and it cannot be compiled: it has {refused.construct}",
             refused.span,
-            "agents learn in a table of fewer states and outcomes, or in the program of a behaviour without that",
+            "reduce the number of states, or remove this construct from the environment",
         ) from None
-    sys.stderr.write(
-        f"{error.message}: agents learn in the compiled program, and nothing is kept as a table\n"
-    )
+    sys.stderr.write(f"{error.message}: agents learn in the compiled program instead of in tables\n")
     return [
         FamilyMember(member.name, InProgram(program, number), member.measures[order])
         for number, member in enumerate(family.members)
@@ -391,20 +389,20 @@ def _with_controls(
         kinds = [*CONTROLS, *schedules] if any(one.kind == "curriculum" for one in chosen) else []
         if not isinstance(target, Tabular) and (missing := [kind for kind in kinds if kind in _OF_TABLES]):
             kinds = [kind for kind in kinds if kind not in missing]
-            sys.stderr.write(f"without tables these controls are left out: {', '.join(missing)}\n")
+            sys.stderr.write(f"skipped controls that need tables of all states: {', '.join(missing)}\n")
     if settings.student != "tabular" and "optimistic" in kinds:
         kinds = [kind for kind in kinds if kind != "optimistic"]
-        sys.stderr.write(f"`{settings.student}` has no table of values: `optimistic` is left out\n")
+        sys.stderr.write(f"`{settings.student}` has no table of values: `optimistic` is skipped\n")
     if isinstance(target, Tabular) and kinds:
         optimism = optimistic_values(target, settings)
         starts = other_starts(members[-1].name, target, settings.limit)
         if "backplay" in kinds and len(starts) == 1:
             sys.stderr.write(
-                "backplay is left out: no optimal episode of two steps or more ends in success\n"
+                "`backplay` is skipped: no optimal episode of two steps or more ends in success\n"
             )
     elif needed := [kind for kind in kinds if kind in _OF_TABLES]:
         raise InvalidArgument(
-            f"`--controls {','.join(needed)}` needs tables of all states: there are too many"
+            f"`--controls {','.join(needed)}` needs tables of all states, but there are too many"
         )
     other = [kind for kind in kinds if kind != _RANDOM]
     found = controls([one.name for one in members], other, optimism=optimism, starts=[*starts])
@@ -415,7 +413,7 @@ def _random(family: Family, run: str, directory: Path, count: int) -> list[list[
     """Return the tables of random families with the same target; raise InvalidArgument if the family is not a run."""
     if Path(run).suffix == ".json":
         raise InvalidArgument(
-            f"`--controls {_RANDOM}` needs a run: `{run}` does not say how its members were made"
+            f"`--controls {_RANDOM}` needs a run: `{run}` does not record how its members were generated"
         )
     with RunStore.open(run_file(run, directory)) as store:
         applications = lineage_lengths(family, store)
@@ -471,7 +469,7 @@ def _print_summary(family: Family, trained: list[Trained], directory: Path) -> N
 
 def _facts(family: Family, trained: list[Trained], *, searched: bool) -> dict[str, str]:
     spec = family.domain.spec
-    facts = {"domain": f"{spec.name}, {spec.path}; its texts are kept in the run"}
+    facts = {"domain": f"{spec.name}, {spec.path}; its files are stored in the run"}
     if searched:
         search, mutation = spec.search, spec.mutation
         facts["search"] = (

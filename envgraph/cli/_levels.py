@@ -26,7 +26,7 @@ from envgraph.lang import (
 from envgraph.search import Domain
 
 DOMAIN = "sokoban"
-"""What a level is of if nothing is said."""
+"""The default domain of levels."""
 
 _SUFFIXES = (".xsb", ".sok", ".txt", ".des", ".tmx", ".tmj")
 
@@ -89,8 +89,8 @@ def _given(legend: Iterable[str]) -> dict[str, str]:
     for entry in legend:
         name, equals, letter = entry[:-2], entry[-2:-1], entry[-1:]
         if not name or equals != "=":
-            hint = "write what stands in the file, `=`, and a letter of the domain's model: `17=#`"
-            raise InvalidArgument(f"`{entry}` is no entry of a legend", hint)
+            hint = "write the name in the file, `=`, and a letter of the domain's model: `17=#`"
+            raise InvalidArgument(f"`{entry}` is not of the form NAME=LETTER", hint)
         given[name] = letter
     return given
 

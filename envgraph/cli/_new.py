@@ -77,7 +77,7 @@ def domain_texts(source: Path, directory: Path) -> dict[Path, str]:
 def _check_name(name: str) -> None:
     if not re.fullmatch("[a-z][a-z0-9_]*", name):
         raise InvalidArgument(
-            f"`{name}` cannot name a domain: use small letters, digits and `_`, a letter first"
+            f"`{name}` cannot be the name of a domain: use lower-case letters, digits and `_`, beginning with a letter"
         )
 
 

@@ -45,13 +45,13 @@ def optimise_model(
     domain = Domain.load(problem, overrides=[*given, *overrides])
     spec = domain.spec.optimise
     if picture is not None and spec is not None and len(spec.maximise + spec.minimise) < 2:
-        raise InvalidArgument("a front is drawn of two objectives or more, and the file has one")
+        raise InvalidArgument("`--picture` needs two objectives or more, but the file has one")
     with progress_bar("moves", spec.steps if spec else None) as advance:
         engine, found = optimise_domain(domain, progress=advance)
     if not 1 <= solution <= len(found.front):
         count = len(found.front)
         known = "there is one solution" if count == 1 else f"there are {count} solutions"
-        raise InvalidArgument(f"{known}, and none has the number {solution}")
+        raise InvalidArgument(f"`--solution` is {solution}, but {known}")
     chosen = found.front[solution - 1]
     engine.checkout(chosen.version)
     broken = [str(one) for one in problem_of(domain, engine).violations()] if chosen.violation else []
@@ -116,7 +116,7 @@ def _picture(domain: Domain, found: Optimum) -> str:
     points = sorted({(one.values[first], one.values[second]) for one in found.front})
     points = [point for point in points if all(map(isfinite, point))]
     if not points:
-        raise InvalidArgument("there is no front to draw: no solution has a value of both objectives")
+        raise InvalidArgument("there is no front to draw: no solution has values of both objectives")
     xs, ys = zip(*points, strict=True)
     title = f"front of {domain.spec.name}"
     chart = line_chart([Series("front", xs, ys, marked=True)], x_label=first, y_label=second, title=title)

@@ -29,16 +29,16 @@ format_option = click.option(
     default="text",
     callback=noted,
     expose_value=False,
-    help="How to print the result, and errors: for people, or as one JSON document.",
+    help="Print results and errors as text for people, or as one JSON document.",
 )
 run_argument = click.argument(
     "run", help="A run: its name below `runs`, its directory or its run.sqlite; or a family file (.json)."
 )
-directory_option = click.option("--directory", "-d", type=PATH, default=RUNS, help="Where runs are kept.")
-model_argument = click.argument("model", help="A .model or .xmi file, any model of EMF, or one as JSON.")
+directory_option = click.option("--directory", "-d", type=PATH, default=RUNS, help="Directory of all runs.")
+model_argument = click.argument("model", help="A model: a .model or .xmi file, any EMF model, or JSON.")
 model_or_run_argument = click.argument(
     "model",
-    help="A .model or .xmi file, any model of EMF, or one as JSON; with --variant a run or a family file (.json).",
+    help="A model: a .model or .xmi file, any EMF model, or JSON; with --variant a run or a family file (.json).",
 )
 variant_option = click.option(
     "--variant", help="Only this environment of a run or family: its name (E6) or number."
@@ -47,8 +47,8 @@ metamodel_option = click.option(
     "--metamodel",
     "-m",
     multiple=True,
-    help="A .ecore or .metamodel file; the other files may import it by its uri, or not at all. "
-    "Several .ecore files, each with this option before it, become one metamodel.",
+    help="A .ecore or .metamodel file; other files may import it by its URI, but need not. "
+    "Repeat the option for several .ecore files, which become one metamodel.",
 )
 unresolved_option = click.option(
     "--allow-unresolved",
@@ -102,7 +102,7 @@ overrides_option = click.option(
     "overrides",
     metavar="KEY=VALUE",
     multiple=True,
-    help="Instead of what the family file says: any key of it, such as search.population=10.",
+    help="Replace a setting of the family file, such as search.population=10; may be repeated.",
 )
 
 
@@ -110,7 +110,7 @@ _MOST: Final = {
     **dict.fromkeys(("--population", "--samples", "--seeds", "--controls"), 100_000),
     **{"--seed": LARGEST_INT, "--seed-offset": LARGEST_INT, "--times": 1_000_000, "--workers": 256},
 }
-"""Limits of options that take a number; of all others it is `MOST_STEPS`."""
+"""The maximum of each numeric option; `MOST_STEPS` for all other options."""
 
 
 class _WholeNumber(click.IntRange):
@@ -135,7 +135,7 @@ def count_option(
     return click.option(*names, type=_WholeNumber(least), help=help, **shown)
 
 
-seed_option = count_option("--seed", least=0, help="The source of randomness, instead of that in the file.")
+seed_option = count_option("--seed", least=0, help="Random seed, instead of that in the file.")
 force_option = click.option(
     "--force",
     is_flag=True,

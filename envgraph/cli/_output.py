@@ -22,7 +22,7 @@ from envgraph.errors import Diagnostic, EnvgraphError, Severity, visible
 from envgraph.files import replace_file, telling
 
 _MOST_STYLED: Final = 2000
-"""Rows above which a table is printed as plain text."""
+"""The maximum number of rows of a styled table; longer tables are printed as plain text."""
 
 
 class Advance(Protocol):

@@ -21,7 +21,7 @@ from envgraph.pattern import ObjectType, StaticType
 from envgraph.rewrite import Application, Engine, Firing, RunResult, Signature, trace_to_text
 
 _SAMPLES = {Scalar.INT: "3", Scalar.FLOAT: "2.5", Scalar.BOOL: "true"}
-"""A value of a type, for messages."""
+"""An example value of each type, for messages."""
 
 
 def print_matches(model: str, queries: str, pattern: str, where: Sequence[str], inputs: Inputs) -> None:
@@ -56,11 +56,11 @@ def open_both(model: str, definitions: str, inputs: Inputs, seed: int = 0) -> tu
     if inputs.variant is None:
         take(model, (*MODELS, "toml"), A_MODEL)
         if not Path(model).exists() and "." not in Path(model).name and model not in bundled_domains():
-            hint = "of a run or family, say which environment: `--variant E1`"
-            raise InvalidArgument(f"`{model}` is no file", hint)
+            hint = "for a run or family, add an environment: `--variant E1`"
+            raise InvalidArgument(f"`{model}` is not a file", hint)
     if not Path(definitions).exists() and "." not in Path(definitions).name:
-        hint = "the model comes first, then the file with the rules or patterns, then the name of one"
-        raise InvalidArgument(f"`{definitions}` is no file: {hint}")
+        hint = "write the model first, then the file with rules or patterns, then a name in it"
+        raise InvalidArgument(f"`{definitions}` is not a file: {hint}")
     take(definitions, DEFINITIONS, THE_DEFINITIONS)
     if inputs.variant is None:
         workspace = inputs.load(definitions, model)
@@ -268,7 +268,7 @@ def _value(engine: Engine, name: str, text: str, type_: StaticType | None) -> No
         cls = engine.model.graph.class_of(found)
         if not engine.model.metamodel.is_a(cls, type_.cls):
             raise InvalidArgument(
-                f"`{name}` is {with_article(type_.cls)}, and `{text}` is {with_article(cls)}; "
+                f"`{name}` must be {with_article(type_.cls)}, but `{text}` is {with_article(cls)}; "
                 f"{_objects(engine, '', type_.cls)}"
             )
         return engine.model.node(found)
@@ -279,7 +279,7 @@ def _value(engine: Engine, name: str, text: str, type_: StaticType | None) -> No
     value = parse_value(text, type_) if type_ else text
     if value is None:
         raise InvalidArgument(
-            f"`{name}` is {with_article(type_name(type_)) if type_ else 'a value'}, and `{text}` is none"
+            f"`{name}` must be {with_article(type_name(type_)) if type_ else 'a value'}, not `{text}`"
             + (f"; write `--where {name}={_SAMPLES[type_]}`" if type_ in _SAMPLES else "")
         )
     return value
@@ -303,7 +303,7 @@ def _names(model: Model, cls: str) -> dict[int, tuple[str, ...]]:
 def _objects(engine: Engine, text: str, cls: str) -> str:
     """Return a hint with objects of a class whose names are similar to `text`; all objects if `text` is ""."""
     names = [called[0] for called in _names(engine.model, cls).values()]
-    return name_hint(text, names) or "" if names else f"there is no `{cls}` in it"
+    return name_hint(text, names) or "" if names else f"the model has no `{cls}`"
 
 
 def spelled(value: Node | Value) -> str:

@@ -36,7 +36,7 @@ def print_reasons(model: str, definitions: str, name: str, where: Sequence[str],
     """Print why a pattern, rule or unit has no match, or print the match if it has one."""
     engine, workspace = open_both(model, definitions, inputs)
     if name in {one.name for one in workspace.behaviours} and not _means(engine, name):
-        hint = "`envgraph explain` says what steps it"
+        hint = "use `envgraph explain` to see how it is run"
         raise InvalidArgument(f"`{name}` is an environment, which has no matches", hint)
     bound = parse_values(engine, _types(engine, name, bool(where)), where)
     if engine.library.resolve(name) is None:
@@ -65,7 +65,7 @@ def _check_name(engine: Engine, workspace: Workspace, name: str) -> None:
     near = nearest(name, [*environments, *(one.name for one in workspace.definitions)])
     if _means(engine, name) or (near is not None and near not in environments):
         return
-    unread = None if environments else "an environment is found in its own file: give the `.environment` file"
+    unread = None if environments else "for an environment, give its `.environment` file"
     hint = did_you_mean(name, [near] if near else []) or unread
     raise InvalidArgument(f"unknown pattern, rule or environment `{name}`", hint)
 

@@ -39,7 +39,7 @@ def reproduce_paper(
     """
     if what != "paper":
         raise InvalidArgument(
-            f"nothing called `{what}` can be reproduced", did_you_mean(what, ["paper"]) or "there is `paper`"
+            f"unknown experiment `{what}`", did_you_mean(what, ["paper"]) or "write `paper`"
         )
     if output.exists() and (not output.is_dir() or any(output.iterdir())) and not force:
         raise InvalidArgument(

@@ -22,7 +22,10 @@ def show_runs(compared: Sequence[str], directory: Path) -> None:
     elif len(compared) == 2:
         _compare_runs(compared[0], compared[1], directory)
     else:
-        raise InvalidArgument("a comparison needs two runs", "name both, or none to list all runs")
+        raise InvalidArgument(
+            f"a comparison needs two runs, not {len(compared)}",
+            "name two runs to compare them, or none to list all runs",
+        )
 
 
 def _list_runs(directory: Path) -> None:

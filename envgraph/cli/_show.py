@@ -34,12 +34,14 @@ def show(
             _show_file(run, inputs, format)
         return
     if shown in DEFINITIONS:
-        raise InvalidArgument(f"`{run}` is no run, model or metamodel; `envgraph check {run}` reads it")
+        raise InvalidArgument(
+            f"`{run}` is not a run, model or metamodel; use `envgraph check {run}` to check it"
+        )
     from envgraph.cli._family import show_family, show_lineage, show_rejections  # models do not need it
 
     if format in ("dot", "svg"):
         raise InvalidArgument(
-            f"`envgraph export {run} --format svg` draws a run; `show` draws models and metamodels"
+            f"`show` draws only models and metamodels; use `envgraph export {run} --format svg` for a run"
         )
     with printed_to(output, format):
         if lineage is not None:
@@ -53,7 +55,7 @@ def show(
 def _show_file(path: str, inputs: Inputs, format: str) -> None:
     """Print a model or a metamodel: as a table, as JSON, or as a picture."""
     if inputs.variant is not None:
-        raise InvalidArgument("`--variant` chooses from a run; a file has no variants")
+        raise InvalidArgument("`--variant` is allowed only with a run or family")
     of_model = file_format(DiskFiles(), path) in MODELS
     workspace = inputs.load(path, own=not of_model)
     shown = workspace.model() if of_model else workspace.metamodel

@@ -45,7 +45,7 @@ def _verify_family(run: str, directory: Path, store: RunStore | None, resume: bo
     """
     family, unkept = open_family(run, directory), None
     if resume and store is None:
-        raise InvalidArgument(f"`{run}` keeps nothing to go on with", "`--resume` is for runs")
+        raise InvalidArgument(f"`{run}` stores no results to resume from", "use `--resume` only with runs")
     kept = [one for one in family.members if resume and one.certificates]
     found: list[Verification | Searched] = []
     wanted = [one for one in family.members if one not in kept]
@@ -62,17 +62,17 @@ def _verify_family(run: str, directory: Path, store: RunStore | None, resume: bo
     except KeyboardInterrupt:
         if store:
             again = f"envgraph verify {run} --directory {directory} --resume"
-            sys.stderr.write(f"{len(kept) + len(found)} environments are verified: `{again}` goes on\n")
+            sys.stderr.write(f"{len(kept) + len(found)} environments are verified: `{again}` resumes\n")
         raise
     if not print_json(lambda: {"name": family.name, "members": [*map(_kept_data, kept), *map(_data, found)]}):
         _print(family.name, kept, found)
         _print_apart(family, [one for one in found if isinstance(one, Verification)])
     if unkept:
-        sys.stderr.write(f"what is printed above could not all be kept: {unkept}\n")
+        sys.stderr.write(f"some of the results above could not be stored: {unkept}\n")
     differing = [one for one in found if isinstance(one, Verification) and one.differences]
     if differing:
         names = listed(f"{one.member.name} ({', '.join(one.differences)})" for one in differing)
-        raise EnvgraphError(f"not the same when computed again: {names}")
+        raise EnvgraphError(f"the second computation gave other results: {names}")
 
 
 def _print(name: str, kept: Sequence[Member], found: Sequence[Verification | Searched]) -> None:
@@ -83,15 +83,15 @@ def _print(name: str, kept: Sequence[Member], found: Sequence[Verification | Sea
     print_table(title, columns, [*map(_kept_row, kept), *map(_row, found)], range(1, 5))
     for reason in dict.fromkeys(one.reason for one in found if isinstance(one, Searched)):
         names = listed(one.member.name for one in found if isinstance(one, Searched) and one.reason == reason)
-        print_line(f"{names}: {reason}; what needs a table is not computed")
+        print_line(f"{names}: {reason}; values that need a table are not computed")
 
 
 def _print_apart(family: Family, found: Sequence[Verification]) -> None:
     for measure, names in apart(family, found).items():
         if names:
             print_line(
-                f"`{measure}` of {listed(names)} is another number: that is a random walk in the model alone, this one "
-                "draws from the actions of the whole family, and those about objects of other members do nothing"
+                f"measure `{measure}` of {listed(names)} differs: its random walk uses only actions of the model, "
+                "this one also those about objects of other members of the family, which do nothing"
             )
 
 

@@ -33,7 +33,7 @@ from envgraph.metamodel._features import (
 )
 
 _MOST_NOTES = 5
-"""More places of one cycle do not tell a reader more."""
+"""The maximum number of notes for one cycle."""
 
 
 def check_classes(
@@ -48,7 +48,9 @@ def check_classes(
     """
     found = list(islice(_problems(classes, enums, unknown), MOST_ERRORS + 1))
     if len(found) > MOST_ERRORS:
-        found[MOST_ERRORS:] = [too_many_errors(found[MOST_ERRORS].span, "the other classes are not checked")]
+        found[MOST_ERRORS:] = [
+            too_many_errors(found[MOST_ERRORS].span, "the remaining classes were not checked")
+        ]
     return found
 
 
@@ -99,19 +101,21 @@ def _check_names(classes: Sequence[Class], enums: Sequence[EnumType]) -> Iterato
         if not item.name.isidentifier() and not (
             isinstance(item, Class | EnumType) and _qualified(item.name)
         ):
-            yield Diagnostic("bad-name", f"`{item.name}` is not a name", item.span, _name_hint(item.name))
+            yield Diagnostic(
+                "bad-name", f"`{item.name}` is not a valid name", item.span, _name_hint(item.name)
+            )
     for enum in enums:
         for index, literal in enumerate(enum.literals):
             if not literal.isidentifier():
                 span = place(enum, f"literal {index}")
-                yield Diagnostic("bad-name", f"`{literal}` is not a name", span, _name_hint(literal))
+                yield Diagnostic("bad-name", f"`{literal}` is not a valid name", span, _name_hint(literal))
 
 
 def _name_hint(name: str) -> str:
     """Return a hint with a valid name that is similar to an invalid one."""
     meant = re.sub(r"\W+", "_", name).strip("_")
     meant = f"_{meant}" if meant[:1].isdigit() else meant
-    return "a name has letters, digits and `_`" + (f": `{meant}`" if meant.isidentifier() else "")
+    return "use only letters, digits and `_`" + (f": `{meant}`" if meant.isidentifier() else "")
 
 
 def _qualified(name: str) -> bool:
@@ -124,7 +128,7 @@ def _check_types(cls: Class, enums: Mapping[str, EnumType]) -> Iterator[Diagnost
         if isinstance(feature, Attribute) and isinstance(feature.type, EnumType):
             name = feature.type.name
             if enums.get(name) != feature.type:
-                text = f"`{feature.name}` is of another enum `{name}` than the metamodel's"
+                text = f"the enum `{name}` of `{feature.name}` differs from the metamodel's enum of this name"
                 if name not in enums:
                     text = f"unknown enum `{name}`"
                 yield Diagnostic(
@@ -138,7 +142,7 @@ def _check_enum(enum: EnumType) -> Iterator[Diagnostic]:
             "empty-enum",
             f"enum `{enum.name}` has no literals",
             enum.span,
-            "give it one or more",
+            "add at least one literal",
         )
     literals = ((one, place(enum, f"literal {index}")) for index, one in enumerate(enum.literals))
     yield from defined_twice(literals, f"literal `{{}}` of `{enum.name}` is defined twice", "leave it out")
@@ -172,7 +176,7 @@ def _check_cycles(classes: Sequence[Class], inherited: Above) -> Iterator[Diagno
             Note(f"`{cls.name}` extends `{up}` here", place(cls, f"extends {up}"))
             for cls, up in others[:_MOST_NOTES]
         )
-        message, hint = f"`{first.name}` is its own supertype", "leave one supertype of the circle out"
+        message, hint = f"`{first.name}` is its own supertype", "remove one supertype of the cycle"
         span = place(first, f"extends {above}")
         yield Diagnostic("cyclic-inheritance", message, span, hint, notes=notes)
 
@@ -196,7 +200,7 @@ def _check_bounds(feature: Feature, cls: Class) -> Iterator[Diagnostic]:
             "bad-multiplicity",
             f"`{feature.name}` cannot have {lower}..{'*' if upper is None else upper} {what}",
             place(feature, "multiplicity") or cls.span,
-            "the lower bound comes first, and the upper bound is at least 1",
+            "write the lower bound first; the upper bound must be at least 1",
         )
 
 
@@ -220,7 +224,7 @@ def _check_inherited(cls: Class, above: Above) -> Iterator[Diagnostic]:
             owner, other = inherited[feature.name]
             yield Diagnostic(
                 "duplicate-definition",
-                f"`{cls.name}` inherits `{feature.name}` from `{owner}` already",
+                f"`{cls.name}` already inherits `{feature.name}` from `{owner}`",
                 feature.span or cls.span,
                 "leave it out here, or choose another name",
                 notes=(Note("inherited from here", other.span),),
@@ -232,9 +236,9 @@ def _check_default(attribute: Attribute, cls: Class) -> Iterator[Diagnostic]:
     if default is not None and attribute.many:
         yield Diagnostic(
             "bad-default",
-            f"`{attribute.name}` has many values, and so no default",
+            f"`{attribute.name}` has many values, so it cannot have a default",
             place(attribute, "default") or cls.span,
-            "leave the default out: a fresh object has no values of it",
+            "remove the default: a new object has no values",
         )
         return
     if default is None or accepts(attribute.type, default):
@@ -306,16 +310,16 @@ def _check_opposite(reference: Reference, cls: Class, above: Above) -> Iterator[
     elif reference.containment and found.containment:
         yield Diagnostic(
             "opposite-mismatch",
-            "both ends of an opposite pair contain the other",
+            "both ends of a pair of opposites use `contains`",
             span,
             "write `refers` at one end",
         )
     elif reference.containment and found.many:
         yield Diagnostic(
             "bad-multiplicity",
-            f"`{found.name}` leads to the one container: at most 1",
+            f"`{found.name}` leads to the container, so it can have at most 1 target",
             found.span or span,
-            "its upper bound is 1",
+            "write `[1]` or `[0..1]`",
         )
 
 
@@ -342,16 +346,17 @@ def _check_key(cls: Class, above: Above) -> Iterator[Diagnostic]:
         if isinstance(found, Attribute) and found.many:
             message = f"`@key` names `{name}`, which has many values"
             yield Diagnostic(
-                "many-valued", message, place(cls, f"key {name}"), "a key has one value for each object"
+                "many-valued", message, place(cls, f"key {name}"), "name an attribute with one value"
             )
         elif not isinstance(found, Attribute) and name not in above.unknown:
             attributes = [key for key, one in known.items() if isinstance(one, Attribute) and not one.many]
-            hint = "a key has attributes only: leave it out" if name in known else f"declare it: `int {name}`"
+            hint = "remove it: a key consists of attributes" if name in known else f"declare it: `int {name}`"
             yield Diagnostic(
                 "unknown-attribute",
-                f"`@key` names `{name}`, which is no attribute of `{cls.name}`",
+                f"`@key` names `{name}`, which is not an attribute of `{cls.name}`",
                 place(cls, f"key {name}"),
-                did_you_mean(name, attributes) or (f"it has {quoted(attributes)}" if attributes else hint),
+                did_you_mean(name, attributes)
+                or (f"use one of {quoted(attributes)}" if attributes else hint),
             )
 
 
@@ -368,7 +373,7 @@ def _glyph_problems(
         message = f"the glyph of `{name}` is not a single letter"
         yield Diagnostic("bad-glyph", message, letter, "write one letter")
     if not re.fullmatch("#[0-9a-fA-F]{6}", glyph.colour):
-        message = f"the glyph of `{name}` has no colour `{glyph.colour}`"
+        message = f"the glyph of `{name}` has the invalid colour `{glyph.colour}`"
         yield Diagnostic("bad-glyph", message, colour, "write `#rrggbb`")
 
 
@@ -376,16 +381,16 @@ def _check_looks(attribute: Attribute) -> Iterator[Diagnostic]:
     """Yield errors for wrong uses of `@glyph` (for bools, enums and ints) and `@colour` (for enums)."""
     for mark in attribute.annotations:
         if mark.name in ("glyph", "colour") and attribute.many:
-            message = f"`{attribute.name}` has many values, and `@{mark.name}` shows one"
+            message = f"`{attribute.name}` has many values, but `@{mark.name}` can show only one"
             yield Diagnostic("bad-glyph", message, mark.span, "leave it out")
         elif mark.name == "glyph" and isinstance(attribute.type, EnumType):
             yield from _check_letters(mark, attribute.type)
         elif mark.name == "glyph" and attribute.type is Scalar.INT:
             if mark.named or mark.arguments:
-                message = "the letter of an `int` is its digit: `@glyph` takes no other"
+                message = "`@glyph` of an `int` takes no arguments: its digit is shown"
                 yield Diagnostic("bad-annotation", message, mark.span, "write `@glyph`")
         elif mark.name == "glyph" and attribute.type is not Scalar.BOOL:
-            message = f"`@glyph` is for classes, a `bool`, an enum and an `int`, and `{attribute.name}` is none of them"
+            message = f"`@glyph` needs a class or an attribute of type `bool`, enum or `int`, unlike `{attribute.name}`"
             yield Diagnostic("bad-glyph", message, mark.span, "leave it out")
         elif mark.name == "glyph":
             if mark.named or not 1 <= len(mark.arguments) <= 2:
@@ -395,7 +400,7 @@ def _check_looks(attribute: Attribute) -> Iterator[Diagnostic]:
                 glyph = Glyph(*map(str, mark.arguments))
                 yield from _glyph_problems(glyph, attribute.name, mark.span, mark.span)
         elif mark.name == "colour" and not isinstance(attribute.type, EnumType):
-            message = f"`@colour` is for an attribute of an enum, and `{attribute.name}` is none"
+            message = f"`@colour` needs an attribute of an enum type, unlike `{attribute.name}`"
             yield Diagnostic(
                 "bad-annotation", message, mark.span, "declare an enum whose literals are colours"
             )
@@ -406,7 +411,7 @@ def _check_letters(mark: Annotation, enum: EnumType) -> Iterator[Diagnostic]:
     letters = [str(one) for one in mark.arguments if isinstance(one, str) and len(one) == 1]
     if mark.named or len(letters) != len(mark.arguments) or len(letters) != len(enum.literals):
         message = (
-            f"`@glyph` of an enum takes a letter for each literal, and `{enum.name}` has {len(enum.literals)}"
+            f"`@glyph` of an enum takes one letter for each literal; `{enum.name}` has {len(enum.literals)}"
         )
         example = ", ".join(f'"{literal[:1]}"' for literal in enum.literals)
         yield Diagnostic("bad-annotation", message, mark.span, f"write `@glyph({example})`")
@@ -424,21 +429,21 @@ def _range_mistake(attribute: Attribute, mark: Annotation) -> tuple[str, str] | 
     """Return message and hint for a wrong `@range` of an attribute; None if it is correct."""
     name, kind = attribute.name, attribute.type
     if attribute.many or kind not in (Scalar.INT, Scalar.FLOAT):
-        return f"`@range` is for an `int` or a `float`, and `{name}` is none", "leave it out"
+        return f"`@range` needs an `int` or `float` with one value, unlike `{name}`", "leave it out"
     hint = "write `@range(0, 10)` or `@range(0, 10, step = 2)`"
     named = dict(mark.named)
     if len(mark.arguments) != 2 or set(named) - {"step"}:
-        return f"`@range` of `{name}` takes the lowest and the highest value, and perhaps a step", hint
+        return f"`@range` of `{name}` takes the lowest and the highest value, and optionally a step", hint
     given = (*mark.arguments, named.get("step", 1))
     numbers = [value for value in given if isinstance(value, int | float) and accepts(kind, value)]
     if len(numbers) < len(given):
-        return f"the values of the range of `{name}` are of type `{kind}`", hint
+        return f"the values of the range of `{name}` must be of type `{kind}`", hint
     lowest, highest, step = numbers
     if not lowest < highest:
         hint = f"write `@range({highest}, {lowest})`" if highest < lowest else hint
         return f"the range of `{name}` ends at {highest}, which is not above {lowest}", hint
     if not step > 0:
-        return f"the step of `{name}` is {step}, and has to be above 0", hint
+        return f"the step of `{name}` is {step}, but must be above 0", hint
     return None
 
 

@@ -12,17 +12,17 @@ from envgraph.code import dataclass
 from envgraph.errors import LARGEST_INT, Span, parse_float, parse_int
 
 Places = tuple[tuple[str, Span], ...]
-"""Where the parts of a definition stand in its text: ("extends A", span), ("target", span) ..."""
+"""The spans of the parts of a definition in its text: ("extends A", span), ("target", span) ..."""
 
 Value = int | float | bool | str
-"""A data value. The literal of an enum is its name, a `str`; its enum is known from the static type."""
+"""A data value. An enum literal is stored as its name, a `str`; the static type determines its enum."""
 
 Values = tuple[Value, ...]
-"""What an attribute with many values holds."""
+"""The values of an attribute with many values."""
 
 
 SUPPRESS: Final = "suppress"
-"""The annotation that silences warnings about what it stands before, wherever annotations can stand."""
+"""The annotation that hides warnings in the annotated definition; it is allowed on all definitions."""
 
 
 class Scalar(StrEnum):

@@ -21,12 +21,12 @@ if TYPE_CHECKING:
 
 
 Side = TypeVar("Side")
-"""An end of a link, however it is named: an object, a slot, a name."""
+"""The source or target of a link, in any representation: an object, a slot, a name."""
 End = TypeVar("End", int, str)
-"""The same, where ends have an order."""
+"""The source or target of a link, in a representation that can be sorted."""
 
 _FEW: Final = 256
-"""Up to so many classes, what holds for each of them is kept where it is read fastest."""
+"""The maximum number of classes for which tables are tuples, which are faster to read but larger."""
 
 
 _DIGITS: Final = bytes.maketrans(b"01", b"\0\1")

@@ -60,7 +60,7 @@ def components(
     lowest: dict[Any, int] = {}
     waiting: dict[Any, None] = {}
     leads: dict[Any, list[Any]] = {}
-    """Where the nodes lead whose component is not known yet: `following` may be a search, and is asked once."""
+    """Successors of the nodes whose component is not complete; `following` may be slow, so it is called once."""
 
     def begun(node: Any) -> Iterator[Any]:
         order[node] = lowest[node] = len(order)

@@ -116,7 +116,7 @@ def test_a_resumed_training_has_the_same_results_byte_for_byte(
     begin = ("--student", student, "--steps", "130", "--seeds", "1", "--curricula", "full,direct")
     assert train(*begin) == 0
     said = capsys.readouterr()
-    assert f"`{student}` has no table of values: `optimistic` is left out" in said.err
+    assert f"`{student}` has no table of values: `optimistic` is skipped" in said.err
     assert f"agents on E2, {student}" in said.out and "optimistic" not in said.out
     whole = results()
     assert len(whole) == 6 and all(name.startswith(student.replace(":", "-")) for name in whole)
@@ -125,7 +125,7 @@ def test_a_resumed_training_has_the_same_results_byte_for_byte(
     with interrupted(after=3, monkeypatch=monkeypatch):
         assert train(*begin) == 130
     assert train("--resume", "--student", "tabular") == 1
-    assert f"begun with other student: `{student}`, not `tabular`" in capsys.readouterr().err
+    assert f"the interrupted training has other student: `{student}`, not `tabular`" in capsys.readouterr().err
     assert train("--resume") == 0
     assert results() == whole
 

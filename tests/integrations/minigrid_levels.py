@@ -100,7 +100,7 @@ def test_levels_with_rules_of_their_own_are_refused(envgraph_command: Envgraph, 
 
 def test_boxes_give_what_is_inside_and_large_levels_are_tried_along_ways(envgraph_command: Envgraph) -> None:
     said = ok(envgraph_command("adopt", "MiniGrid-ObstructedMaze-1Dlhb-v0", "-o", "maze")).out
-    assert "states, along ways to success in 21 steps and to what can be carried and opened" in said
+    assert "states, on paths to success in 21 steps and to objects that can be carried or opened" in said
     text = Path("maze/mini_grid_obstructed_maze_1_dlhb.model").read_text()
     assert " : Box {" in text and ", inside = thing" in text and "target : Ball" in text
 

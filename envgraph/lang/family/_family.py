@@ -24,10 +24,10 @@ Scheduled = Literal[
 Strength = Literal["single", "heavy_tailed"]
 
 _MOST: Final = 100_000
-"""Members of a family, and agents that are trained for each curriculum."""
+"""The maximum number of members of a family, and of agents for each curriculum."""
 
 EXPRESSIONS = "expressions"
-"""The kind of an objective that is what expressions over measures of families say."""
+"""The kind of an objective that is given by expressions over measures of families."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -161,8 +161,8 @@ def _epsilon(top: Section, name: str, default: EpsilonSpec) -> EpsilonSpec:
     section = top.table(name)
     spec = section.read(EpsilonSpec)
     if spec.minimum > spec.start and "minimum" in section:
-        message = f"`minimum` is {spec.minimum}, above `start`, which is {spec.start}"
-        section.error("bad-range", message, section.span("minimum"), "the larger one is `start`")
+        message = f"`minimum` is {spec.minimum}, but must be at most `start`, which is {spec.start}"
+        section.error("bad-range", message, section.span("minimum"), "lower `minimum`, or raise `start`")
     return replace(spec, minimum=min(spec.minimum, spec.start))
 
 

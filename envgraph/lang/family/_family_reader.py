@@ -31,7 +31,7 @@ from envgraph.lang.syntax._formats import FORMATS
 from envgraph.lang.syntax._toml import TomlText, override, parse_toml
 
 FAMILY_FILE, PROBLEM_FILE = "family.toml", "problem.toml"
-"""What stands for its directory; the second, which says what to optimise, where there is no first."""
+"""The files that are read for a directory; the second, for `optimise`, if the first does not exist."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -90,7 +90,7 @@ def read_family(name: str, files: Files, overrides: Iterable[str] = ()) -> Famil
 
 
 def _other_format(name: str, format: str | None) -> Diagnostic:
-    message = f"this is {FORMATS[format] if format else 'of no format that is known'}, not a family file"
+    message = f"this is {FORMATS[format] if format else 'a file of unknown format'}, not a family file"
     hint = f"name a `{FAMILY_FILE}`, a directory with one, or a bundled domain"
     return Diagnostic("no-family", message, Source(name, "").span(0, 0), hint)
 
@@ -101,10 +101,10 @@ def _no_family(path: str, problem: Diagnostic) -> Diagnostic:
         return problem
     families = [one for one in bundled_domains() if data_path("rules", one, FAMILY_FILE).is_file()]
     if path in bundled_domains():
-        message = f"the bundled domain `{path}` has no `{FAMILY_FILE}`: it is there for its queries and rules"
+        message = f"the bundled domain `{path}` has no `{FAMILY_FILE}`: it has only queries and rules"
     else:
         message = f"there is no directory and no bundled domain `{path}`"
-    known = "those with a family are " + quoted(families)
+    known = "use a bundled domain with a family: " + quoted(families)
     return replace(problem, message=message, hint=did_you_mean(path, families) or known)
 
 
@@ -131,7 +131,7 @@ TABLES: Final = {
     "training.epsilon": EpsilonSpec,
 }
 _KEYS: Final = {table: tuple(one.name for one in fields(spec)) for table, spec in TABLES.items()}
-"""Of the tables whose keys are known; those of measures and their like are options of what they name."""
+"""The keys of each table; tables such as those of measures are missing, because their keys depend on the kind."""
 
 
 class _Reader:
@@ -142,7 +142,7 @@ class _Reader:
         self._files = files
         self._name = name
         self._measured: list[str] = []
-        """Names of measures; none where there is a mistake in all of them."""
+        """The names of the measures; empty if all of them have errors."""
 
     def family(self) -> FamilySpec:
         top = Section(self._text, (), self._text.data, self.diagnostics, {"": _TOP, **_KEYS})
@@ -153,8 +153,8 @@ class _Reader:
         self.complete = not self.diagnostics
         name = top.string("name")
         if name and re.search(r"[/\\\x00-\x1f]|^\.+$", str(name)):
-            hint = "runs are kept in a directory of this name: leave out `/` and `\\`"
-            top.error("bad-value", f"`{name}` cannot name a directory", top.span("name"), hint)
+            hint = "remove `/` and `\\`: runs are stored in a directory of this name"
+            top.error("bad-value", f"`{name}` cannot be the name of a directory", top.span("name"), hint)
         measures = self._measures(top.table("measures"))
         self._measured = list(top.table("measures").data) if measures else []
         ga4cl = top.table("ga4cl")
@@ -219,8 +219,8 @@ class _Reader:
             return found
         if len(names) > 1 and "optimise" not in top:
             span = found.span("") or self._text.value("diversity")
-            hint = f'write `of = "..."` in `[diversity]`: {quoted(names)}'
-            top.error("missing-key", "there are several measures to choose from", span, hint)
+            hint = f'write `of = "..."` in `[diversity]`, with one of {quoted(names)}'
+            top.error("missing-key", "`[diversity]` must name one of several measures", span, hint)
         return replace(found, options={**found.options, "of": names[0] if names else ""})
 
     def _objective(self, top: Section) -> ComponentSpec | None:
@@ -228,7 +228,7 @@ class _Reader:
         if any(did_you_mean(key, ("maximise", "minimise")) for key in section.data):
             if "kind" in section:
                 hint = "leave out `kind`, or `maximise` and `minimise`"
-                message = "an objective has a kind, or expressions"
+                message = "an objective cannot have both a kind and expressions"
                 section.error("bad-objective", message, section.span("kind"), hint)
             return section.options("objective", EXPRESSIONS, "kind")
         if "subject_to" in section and "kind" not in section:
@@ -243,13 +243,18 @@ class _Reader:
         self._check_objectives(section, spec)
         for one in spec.minimise:
             if one in spec.maximise and one.span:
-                message = f"`{one}` is to be as large and as small as can be"
+                message = f"`{one}` is in both `maximise` and `minimise`"
                 section.error("duplicate-name", message, one.span, "leave it out of one of the two lists")
         if not {"maximise", "minimise"} & set(section.data):
             section.missing("maximise", 'write `maximise = ["..."]`, or `minimise`: names of measures')
         elif spec.target is not None and len(spec.maximise + spec.minimise) > 1:
             hint = "leave it out: the search ends after `steps`"
-            section.error("bad-value", "several objectives have no target", section.span("target"), hint)
+            section.error(
+                "bad-value",
+                "`target` needs a single objective, but there are several",
+                section.span("target"),
+                hint,
+            )
         return spec
 
     def _samples(self, section: Section) -> SamplesSpec | None:
@@ -257,7 +262,7 @@ class _Reader:
             return None
         spec = section.read(SamplesSpec)
         if spec.maximise and spec.minimise:
-            message = "`maximise` and `minimise` exclude each other"
+            message = "`maximise` and `minimise` cannot be combined here"
             section.error("bad-value", message, section.span("minimise"), "leave one of them out")
         self._check_objectives(section, spec)
         for covered in spec.cover:
@@ -279,12 +284,12 @@ class _Reader:
     def _check_measure(self, section: Section, key: str, value: object, span: Span | None) -> None:
         names, where = self._measured, span or self._text.value(*section.path)
         if not isinstance(value, str):
-            message = f"`{key}` is the name of a measure, not {kind_of(value)}"
+            message = f"`{key}` must be the name of a measure, not {kind_of(value)}"
             section.error("wrong-type", message, where, f"there are {quoted(names)}" if names else None)
         elif value not in names and names:
             hint = did_you_mean(value, names) or f"there are {quoted(names)}"
             if not value.isidentifier() and any(one in value for one in names):
-                hint = f'name a measure here that is computed: `kind = "expression"`, `of = "{value}"`'
+                hint = f'define a measure with `kind = "expression"` and `of = "{value}"`, and write its name here'
             section.error("unknown-measure", f"unknown measure `{value}`", where, hint)
 
 
@@ -302,15 +307,15 @@ def _search(section: Section) -> SearchSpec:
         None,
         inf,
     ):
-        hint = "give `time_limit`, `target` or `stagnation`"
-        section.error("missing-key", "the search has no end", section.span("generations"), hint)
+        hint = "add `time_limit`, `target` or `stagnation`"
+        section.error("missing-key", "the search has no limit", section.span("generations"), hint)
     return spec
 
 
 def _training(section: Section) -> TrainingSpec:
     spec = section.read(TrainingSpec)
     if spec.n_step > 1 and "sarsa" not in spec.agent:
-        message = f"`n_step` above 1 is for `sarsa` and `expected_sarsa`, not `{spec.agent}`"
-        hint = "rewards of an agent that explores are not those of the best actions"
+        message = f"`n_step` is {spec.n_step}, but must be 1 for the agent `{spec.agent}`"
+        hint = "use `sarsa` or `expected_sarsa`: Q-learning cannot use the rewards of exploratory actions"
         section.error("bad-range", message, section.span("n_step"), hint)
     return spec

@@ -13,7 +13,7 @@ from envgraph.lang.syntax._toml import TomlText
 T = TypeVar("T")
 
 LARGEST = 1e300
-"""Numbers in a family file are no larger, so that differences of them are finite."""
+"""The maximum absolute value of numbers in a family file; it keeps their differences finite."""
 
 
 class Options:
@@ -75,7 +75,7 @@ class Options:
             what = f"a whole number from {low}, or a list of them"
             return self._wrong(name, what, tuple(default), f"[{', '.join(map(str, default))}]")
         if max(found) > limit(most):
-            message = f"`{name}` is {max(found)}, and at most {limit(most):,}"
+            message = f"`{name}` is {max(found)}, but must be at most {limit(most):,}"
             self._table.error("bad-range", message, self._table.span(name), RAISE_LIMIT)
             return (low,)
         return tuple(found)
@@ -113,7 +113,7 @@ class Options:
     def _wrong(self, name: str, what: str, default: T, written: str) -> T:
         hint = f"write `{name} = {written}`"
         if name in self._table:
-            self._table.error("wrong-type", f"`{name}` is {what}", self._table.span(name), hint)
+            self._table.error("wrong-type", f"`{name}` must be {what}", self._table.span(name), hint)
         else:
             self._table.missing(name, hint)
         return default

@@ -18,10 +18,10 @@ Spec = TypeVar("Spec")
 # The hint for each expected type.
 _WANTED = {
     "a string": 'write `{} = "..."`',
-    "a whole number": "write `{} = 3`, without a fraction and without quotation marks",
+    "a whole number": "write `{} = 3`, without decimals and without quotation marks",
     "a number": "write `{} = 0.5`, without quotation marks",
     "true or false": "write `{0} = true` or `{0} = false`",
-    "a list of names": 'names stand between `"`: `{} = ["...", "..."]`',
+    "a list of names": 'write names in quotation marks: `{} = ["...", "..."]`',
 }
 
 
@@ -117,7 +117,9 @@ class Section:
         for step in path:
             value = value[step]
         hint = hint or _WANTED.get(wanted, "").format(key) or None
-        self.error("wrong-type", f"`{key}` is {wanted}, not {kind_of(value)}", self.span(key, *path), hint)
+        self.error(
+            "wrong-type", f"`{key}` must be {wanted}, not {kind_of(value)}", self.span(key, *path), hint
+        )
 
     def take(self, key: str) -> Any:
         self.asked[key] = None
@@ -147,7 +149,7 @@ class Section:
         names = tuple(known)
         if value is None or value.text in names:
             return value.text if value else default
-        known = f"write `{names[0]}`" if len(names) == 1 else f"there are {quoted(names)}"
+        known = f"write `{names[0]}`" if len(names) == 1 else f"use one of {quoted(names)}"
         hint = did_you_mean(value.text, names) or known
         self.error("unknown-choice", f"`{key}` cannot be `{value}`", self.span(key), hint)
         return default
@@ -160,7 +162,7 @@ class Section:
             self.wrong(key, "a whole number")
             return default
         if value < low:
-            message = f"`{key}` is {value}, it must be at least {low}"
+            message = f"`{key}` is {value}, but must be at least {low}"
             self.error(
                 "bad-range", message, self.span(key), f"write `{key} = {low}` or more, or leave it out"
             )
@@ -182,7 +184,7 @@ class Section:
         if below or above or not isfinite(value):
             wanted = f"at least {low:g}" if high is None and low is not None else f"from {low} to {high}"
             wanted = "finite" if low is None else wanted
-            message = f"`{key}` is {value}, it must be {wanted}"
+            message = f"`{key}` is {value}, but must be {wanted}"
             self.error(
                 "bad-range", message, self.span(key), "write another number, or leave it out for the default"
             )
@@ -192,7 +194,7 @@ class Section:
     def positive(self, key: str, default: Any, high: float) -> Any:
         found = self.number(key, default, 0, high)
         if found == 0:
-            message = f"`{key}` is 0, it must be above 0"
+            message = f"`{key}` is 0, but must be above 0"
             self.error("bad-range", message, self.span(key), f"write `{key} = {default}`, or leave it out")
             return default
         return found
@@ -219,7 +221,7 @@ class Section:
             if not isinstance(item, str):
                 self.wrong(key, "a list of names", index)
             elif item in found:
-                message = f"`{item}` stands in `{key}` twice"
+                message = f"`{item}` occurs twice in `{key}`"
                 self.error("duplicate-name", message, self.span(key, index), "leave one out")
             else:
                 found[item] = Name(item, self.span(key, index))
@@ -232,8 +234,8 @@ class Section:
         found = self.names(key, default)
         for one in found:
             if one.text not in known and one.span:
-                hint = did_you_mean(one.text, known) or f"there are {quoted(known)}"
-                self.error("unknown-choice", f"`{one}` is no {what}", one.span, hint)
+                hint = did_you_mean(one.text, known) or f"use one of {quoted(known)}"
+                self.error("unknown-choice", f"`{one}` is not a known {what}", one.span, hint)
         return found
 
     def unless_false(
@@ -276,7 +278,7 @@ class Section:
             self.error("bad-range", message, self.span(key), RAISE_LIMIT)
             return default
         if not 0 <= value[0] <= value[1]:
-            message = f"`{key}` is {value[0]} to {value[1]}, it must go up from 0 or more"
+            message = f"`{key}` is {value[0]} to {value[1]}, but must be in ascending order and not negative"
             self.error("bad-range", message, self.span(key), f"write `{key} = [1, 5]`")
             return default
         return value[0], value[1]
@@ -330,7 +332,9 @@ class Section:
         if home:
             before = ", before the first `[section]`" if home.startswith("the top") else ""
             return f"`{key}` belongs to {home}{before}"
-        return near or (f"there are {quoted(self.asked)}" if self.asked else "leave it out: there are none")
+        return near or (
+            f"the keys here are {quoted(self.asked)}" if self.asked else "remove it: no keys are allowed here"
+        )
 
 
 def counts(
@@ -344,7 +348,9 @@ def counts(
         span = section.span(key)
         if bounds is None:
             hint = 'write `"1..5"`, `"2..*"` or `3`'
-            section.error("bad-range", f"`{key}` has no bounds for its number of matches", span, hint)
+            section.error(
+                "bad-range", f"the number of matches of `{key}` must be a number or a range", span, hint
+            )
         elif bounds[1] is not None and bounds[1] < bounds[0]:
             section.error(
                 "bad-range",
@@ -385,11 +391,11 @@ def kind_of(value: object) -> str:
     """Return a phrase for the type of a TOML value, for error messages, such as "a string"."""
     match value:
         case bool():
-            return "a truth value"
+            return "a boolean"
         case int():
             return "a whole number"
         case float():
-            return "a fraction"
+            return "a decimal number"
         case str():
             return "a string"
         case list():

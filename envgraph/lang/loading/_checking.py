@@ -50,7 +50,7 @@ def conformance(text: ModelText) -> list[Diagnostic]:
         for violation in violations[:MOST_ERRORS]
     ]
     if len(violations) > MOST_ERRORS:
-        message = f"{len(violations) - MOST_ERRORS} more of these are not shown"
+        message = f"{len(violations) - MOST_ERRORS} more warnings of this kind are not shown"
         found.append(replace(found[-1], message=message, hint=None))
     return found
 
@@ -59,7 +59,7 @@ def _completion(violation: Violation, model: Model, start: str) -> str:
     """Return a hint that mends a violation, in the syntax of the file; `start` is the first character of its text."""
     feature = violation.feature
     if violation.kind == "too-many":
-        return f"leave some of `{feature.name}` out"
+        return f"remove some of `{feature.name}`"
     if (
         violation.kind == "too-few"
         and isinstance(feature, Reference)
@@ -85,11 +85,11 @@ def _no_metamodel(workspace: Workspace) -> list[Diagnostic]:
     ours = [one.span for one in workspace.models if one.span.source.text.lstrip()[:1] not in ("<", "{")]
     needing = ours + needing
     hint = 'write `import "name.metamodel"` at the top' + (
-        "" if ours else ", or name a model beside this file"
+        "" if ours else ", or load this file together with a model"
     )
     if not needing:
         needing = [text.span for text in workspace.models]
-        hint = "name its `.ecore` or `.metamodel` file too, for example with `--metamodel`"
+        hint = "load its `.ecore` or `.metamodel` file too, for example with `--metamodel`"
     uri = namespace_of(needing[0].source.text) if needing else None
-    message = f"no metamodel of the namespace `{uri}` is given" if uri else "no file imports a metamodel"
+    message = f"no metamodel with the namespace `{uri}` is given" if uri else "no file imports a metamodel"
     return [Diagnostic("no-metamodel", message, span, hint) for span in needing[:1]]

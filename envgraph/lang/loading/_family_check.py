@@ -32,10 +32,10 @@ COMPONENTS: Mapping[str, Collection[str]] = MappingProxyType(
         "strategy": ("simulated_annealing", "hill_climbing", "beam", "tree_search"),
     }
 )
-"""The kinds of components that come with envgraph, by role."""
+"""The kinds of components that envgraph provides, by role."""
 
 NEED_ENVIRONMENT = ("shortest_plan", "random_success", "optimal_return")
-"""The kinds of measures that are of environments, not of models alone."""
+"""The kinds of measures that need an environment, not only a model."""
 
 # The options of each kind of measure, with the sort of definition that the option's value names ("" for none).
 _OPTIONS: Mapping[str, Mapping[str, str]] = {
@@ -133,7 +133,7 @@ class _Checker:
         for span in (*plans, *outcomes, *objective):
             hint = 'write `environment = "name.environment"` at the top'
             yield Diagnostic(
-                "missing-key", "this needs an environment, and the family names none", span, hint
+                "missing-key", "this needs an environment, but the family file names none", span, hint
             )
 
     def _rule(self, name: Name) -> Iterator[Diagnostic]:
@@ -141,7 +141,7 @@ class _Checker:
         if dot and group in self._rules and member.count(".") == 1 and self._metamodel_has(member.split(".")):
             return  # This is a member of a derived group, such as `retypings.Road.Water`.
         if name.text not in self._rules and name.text in self._patterns:
-            hint = "a pattern changes nothing: name a rule that does"
+            hint = "name a rule: a pattern changes nothing"
             yield Diagnostic("unknown-rule", f"`{name}` is a pattern, not a rule", name.span, hint)
             return
         yield from self._known(name.text, name.span, self._rules, "rule")
@@ -156,7 +156,9 @@ class _Checker:
             signature = registration.directory.signatures[found]
             missing = [parameter.name for parameter in signature.parameters if parameter.required]
             if missing:
-                message = f"{signature.kind} `{name}` needs a value for {listed(missing)}, which a search does not give"
+                message = (
+                    f"{signature.kind} `{name}` needs a value for {listed(missing)}, but a search passes none"
+                )
                 hint = f"name a unit without parameters that calls `{name}`: `unit any {{ {signature.simple}(..); }}`"
                 yield Diagnostic("needs-arguments", message, name.span, hint)
 
@@ -172,17 +174,17 @@ class _Checker:
             return
         if count > 1:
             full = quoted(one for one in known if one.endswith(f".{name}"))
-            message = f"there are several {what}s `{name}`"
+            message = f"`{name}` may mean several {what}s"
             yield Diagnostic(f"ambiguous-{what}", message, span, f"write one of {full}")
             return
         hint = self._elsewhere(name, what) or did_you_mean(name, known)
         hint = hint or name_hint(name, [one for one in known if "." not in one])
-        hint = hint or f'none of the files has a {what}: name the one with it in `imports = [".."]`'
+        hint = hint or f'add the file that defines the {what} to `imports = [".."]`: no file has a {what}'
         yield Diagnostic(f"unknown-{what}", f"unknown {what} `{name}`", span, hint)
 
     def _elsewhere(self, name: str, what: str) -> str | None:
         if what == "pattern" and name in self._rules:
-            return f"`{name}` is a rule; constraints and counts are patterns"
+            return f"name a pattern: `{name}` is a rule"
         return None
 
     # --- components ---
@@ -191,8 +193,8 @@ class _Checker:
         known = self._components.get(role, ())
         if component.kind not in known:
             word = "name" if role in {"parents", "survivors", "strategy"} else "kind"
-            computed = "; `value` is a number that a pattern computes, such as a sum"
-            others = f"there are {quoted(known)}{computed if role == 'measure' else ''}"
+            computed = "; `value` is for a number that a pattern computes, such as a sum"
+            others = f"use one of {quoted(known)}{computed if role == 'measure' else ''}"
             hint = did_you_mean(component.kind, known) or others
             message = f"unknown {word} of {role} `{component.kind}`"
             yield Diagnostic("unknown-component", message, component.span(), hint)
@@ -207,7 +209,10 @@ class _Checker:
                 continue
             if option not in expected:
                 known = quoted((*expected, "otherwise"))
-                hint = did_you_mean(option, (*expected, "otherwise")) or f"`{measure.kind}` has {known}"
+                hint = (
+                    did_you_mean(option, (*expected, "otherwise"))
+                    or f"the keys of `{measure.kind}` are {known}"
+                )
                 yield Diagnostic("unknown-key", f"unknown key `{option}` in `{measure.name}`", span, hint)
             elif expected[option]:
                 yield from self._option(measure, option, value, expected[option])
@@ -226,15 +231,15 @@ class _Checker:
         if numbers is None:
             return
         if not numbers:
-            message = f"`{name}` has no parameter that is a number"
-            hint = f"`count` counts its matches; for a value write `pattern {name.rpartition('.')[2]}(.., n : int)`"
+            message = f"pattern `{name}` has no numeric parameter"
+            hint = f"use `count` to count matches; for a value write `pattern {name.rpartition('.')[2]}(.., n : int)`"
             yield Diagnostic("wrong-type", message, measure.span("of"), hint)
         elif wanted is None and len(numbers) > 1:
-            message = f"`{name}` has several parameters that are numbers: {listed(numbers)}"
+            message = f"pattern `{name}` has several numeric parameters: {listed(numbers)}"
             hint = f'write `parameter = "{next(iter(numbers))}"`'
             yield Diagnostic("ambiguous-parameter", message, measure.span("of"), hint)
         elif isinstance(wanted, str) and wanted not in numbers:
-            message = f"`{name}` has no parameter `{wanted}` that is a number"
+            message = f"pattern `{name}` has no numeric parameter `{wanted}`"
             yield Diagnostic(
                 "unknown-parameter", message, measure.span("parameter"), name_hint(wanted, numbers)
             )
@@ -249,7 +254,7 @@ class _Checker:
         ):
             wanted = "a list of names of references" if what == "path" else f"the name of a {what}"
             hint = f'write `{option} = ["..."]`' if what == "path" else f'write `{option} = "..."`'
-            yield Diagnostic("wrong-type", f"`{option}` is {wanted}", span, hint)
+            yield Diagnostic("wrong-type", f"`{option}` must be {wanted}", span, hint)
             return
         for index, name in enumerate(names):
             span = measure.span(option, index)
@@ -275,8 +280,8 @@ class _Checker:
             return
         references = [one for one in metamodel.references if name in {one.name, str(one)}]
         if name in self._patterns and not references and kind == "path_complexity":
-            message = f"`{name}` is a pattern, and `{kind}` follows references"
-            yield Diagnostic("wrong-type", message, span, "`shortest_path` follows patterns, too")
+            message = f"`{name}` is a pattern, but `{kind}` follows only references"
+            yield Diagnostic("wrong-type", message, span, "use `shortest_path`, which also follows patterns")
             return
         if references or name in self._patterns:
             yield from self._binary(name, span, references)
@@ -293,8 +298,10 @@ class _Checker:
             return
         found = next(one for one in self._workspace.patterns if name in {one.name, one.qualified_name})
         if len(found.parameters) != 2:
-            message = f"`{name}` is no pattern of two parameters, which a path could follow"
-            hint = "a step goes from the object of the first parameter to that of the second"
+            message = (
+                f"pattern `{name}` must have 2 parameters to be a step of a path, not {len(found.parameters)}"
+            )
+            hint = "name a pattern of 2 parameters: a step goes from the object of the first to that of the second"
             yield Diagnostic("wrong-arity", message, span, hint)
 
     def _steps(self, measure: ComponentSpec) -> Iterator[Diagnostic]:
@@ -312,10 +319,8 @@ class _Checker:
             span = measure.span("along", index)
             if references and reached.isdisjoint(c for r in references for c in metamodel.concrete(r.owner)):
                 owners = listed(r.owner for r in references)
-                hint = (
-                    f"`{name}` starts at {owners}: name a reference that starts at a `{start}` or further on"
-                )
-                message = f"no path from a `{start}` comes to where `{name}` starts"
+                hint = f"name a reference of `{start}` or of a class that it leads to: `{name}` belongs to {owners}"
+                message = f"no path from a `{start}` leads to an object with the reference `{name}`"
                 yield Diagnostic("unreachable-step", message, span, hint)
         if not all(found):
             return
@@ -323,7 +328,9 @@ class _Checker:
             if reached.isdisjoint(metamodel.concrete(cls)):
                 message = f"no path along these references leads from a `{start}` to a `{cls}`"
                 hint = (
-                    f"paths come to {listed(reached)}" if reached else f"`{start}` has no objects of its own"
+                    f"choose a class that paths lead to: {listed(reached)}"
+                    if reached
+                    else f"choose another class: `{start}` can have no objects"
                 )
                 yield Diagnostic("unreachable-step", message, measure.span(option), hint)
 

@@ -24,9 +24,9 @@ LANGUAGE_OF = {language: language for language in LANGUAGES} | {
     "json": "model",
     "vql": "query",
 }
-"""Formats that can be imported, and the language that each is read as."""
+"""The formats of imported files, each with the language that it is read as."""
 
-NAME_IT = "name its file too, for example with `--metamodel`, or import the path of a file"
+NAME_IT = "load its file too, for example with `--metamodel`, or import the path of a file"
 
 
 @dataclass(slots=True)
@@ -70,9 +70,9 @@ def at_import(problem: Diagnostic, asked: Import | None, name: str) -> Diagnosti
         return problem
     if not asked.path.strip():
         hint = 'write `import "name.metamodel"`'
-        return Diagnostic("missing-file", "the import names no file", asked.span, hint)
+        return Diagnostic("missing-file", "the path of this import is empty", asked.span, hint)
     if problem.code == "missing-file" and problem.hint is None and not is_path(asked.path):
-        message = f"`{asked.path}` is the uri or the name of none of the metamodels, and no file"
+        message = f"`{asked.path}` is neither a file nor the URI or name of a loaded metamodel"
         return Diagnostic("missing-file", message, asked.span, NAME_IT)
     return Diagnostic(problem.code, f"`{asked.path}`: {problem.message}", asked.span, problem.hint)
 
@@ -106,13 +106,13 @@ def imported_patterns(
             continue
         if found is None:
             near = did_you_mean(one.name, (known for known, each in patterns.items() if not each.private))
-            hint = f'import the file of the pattern too; a file stands in quotes, `import "{one.name}"`'
+            hint = f'import the file of the pattern too; write the path of a file in quotes: `import "{one.name}"`'
             if one.name.rpartition(".")[2] in ("metamodel", "ecore", "query", "vql", "rules"):
-                near = f'the path of a file stands in quotes: `import "{one.name}"`'
+                near = f'write the path of a file in quotes: `import "{one.name}"`'
             message = f"unknown pattern `{one.name}`"
             yield Diagnostic("unknown-pattern", message, one.span, near or hint, subject=(one.name,))
         elif found.private and found.span is not None and found.span.source.name != name:
-            hint = "a private pattern is visible in its own file only"
+            hint = "use it only in its own file, or remove `private`"
             message = f"pattern `{one.name}` is private"
             yield Diagnostic("private-pattern", message, one.span, hint, subject=(one.name,))
 
@@ -128,12 +128,12 @@ def unused_files(files: Mapping[str, LoadedFile]) -> Iterator[Diagnostic]:
             if target is None:
                 types = library_types(import_.path) or {}
                 if types and not file.mentioned & types.keys():
-                    yield _unused(import_, f"nothing here is of a type of `{import_.path}`")
+                    yield _unused(import_, f"no type of `{import_.path}` is used")
             elif target in known and import_.alias is None:
-                yield _unused(import_, f"`{import_.path}` is imported already")
+                yield _unused(import_, f"`{import_.path}` is already imported")
             elif target in kept and not _useful(files, name, target, kept):
                 kept = [other for other in kept if other != target]
-                yield _unused(import_, f"nothing here is defined in `{import_.path}`")
+                yield _unused(import_, f"nothing that `{import_.path}` defines is used")
             if import_.alias is None:
                 known.add(target or "")
 

@@ -57,12 +57,12 @@ if TYPE_CHECKING:  # These modules are loaded with the first file that needs the
     from envgraph.lang.interchange._ecore_document import EcoreDocument
 
 _LIBRARIES = (ECORE, "http://www.eclipse.org/emf/2003/XMLType")
-"""Packages that every `.vql` file may import: they hold the data types."""
+"""Packages with data types, which every `.vql` file may import."""
 
 _Kind = TypeVar("_Kind")
 
 _MOST_FILES = 10_000
-"""With all imports."""
+"""The maximum number of files, all imports included."""
 
 
 def directory_of(files: Files, path: str) -> str | None:
@@ -86,19 +86,19 @@ class Loader:
     diagnostics: list[Diagnostic] = field(default_factory=list)
     roots: list[str] = field(default_factory=list)
     read: dict[str, LoadedFile] = field(default_factory=dict)
-    """All files in the order of reading, those that cannot be read among them."""
+    """All files in the order of reading, including those that could not be read."""
     lost: set[str] = field(default_factory=set)
     definitions: list[Any] = field(default_factory=list)
-    """Patterns, functions, rules, units, derivations, and behaviours."""
+    """Patterns, functions, rules, units, derivations and behaviours."""
     families: list[FamilySpec] = field(default_factory=list)
     suppressions: list[Suppression] = field(default_factory=list)
     unclear: set[str] = field(default_factory=set)
     named: list[tuple[Import, str]] = field(default_factory=list)
-    """Imports that may be the uri or the name of a metamodel, with the file that has them."""
+    """Imports that may be the URI or name of a metamodel, each with the importing file."""
     schemas: list[str] = field(default_factory=list)
-    """Metamodels that models mention, in case that there is no other."""
+    """Metamodels that models refer to; read if no other metamodel is given."""
     incomplete: bool = False
-    """Whether a file is missing: then names that it may define are not reported as unknown."""
+    """True if a file is missing; names that it may define are then not reported as unknown."""
 
     # --- reading ---
 
@@ -117,7 +117,7 @@ class Loader:
         if not found:
             self.read.setdefault(directory, LoadedFile())
             place = Source(directory, "").span(0, 0)
-            message = "the directory holds no file of any of the languages"
+            message = "the directory contains no file in a language of envgraph"
             self.diagnostics.append(Diagnostic("missing-file", message, place, _extensions()))
         for name in found:
             self.roots.append(name)
@@ -136,7 +136,7 @@ class Loader:
             if name not in self.read:
                 if len(self.read) == most:
                     span = asked.span if asked else Source(name, "").span(0, 0)
-                    message = f"this is one more than {most} files that are read together"
+                    message = f"more than {most} files would be read together"
                     self.diagnostics.append(Diagnostic("too-many-files", message, span, RAISE_LIMIT))
                     self.incomplete = True
                     return
@@ -183,9 +183,9 @@ class Loader:
         suffix = suffix_of(name)
         hint = did_you_mean(suffix, LANGUAGE_OF) if suffix and format is None else None
         if format == "xsd":
-            hint = "make a metamodel of it first, with the ending `.ecore`, as EMF does"
-        what = f"{FORMATS[format]}, and" if format else "a file"
-        message = f"`{name.rpartition('/')[2]}` is {what} of none of the languages"
+            hint = "convert it to an `.ecore` file first, for example with EMF"
+        what = f"{FORMATS[format]}, not a file" if format else "not a file"
+        message = f"`{name.rpartition('/')[2]}` is {what} in a language of envgraph"
         raise LoadError.of("unknown-language", message, span, hint or _extensions())
 
     def _take(self, file: LoadedFile, source: Source, asked: Import | None) -> Sequence[Import]:

@@ -71,8 +71,8 @@ class Metamodels:
             else:
                 doubles[name] = known
                 if known.uri != document.uri or not self._alike(known, document):
-                    message = f"the package `{uris[0]}` is in another file already, and is not the same there"
-                    hint = "leave one of the files out"
+                    message = f"the package `{uris[0]}` is also in another file, with different content"
+                    hint = "load only one of the two files"
                     problems.append(_second(message, asked, document.span, known.span, hint))
         if first:
             name, (_, asked) = next(iter(self.ecore.items()))
@@ -129,9 +129,9 @@ class Metamodels:
         problems = []
         for other, asked in self.others():
             first = next(iter(self.files.values()))[0]
-            hint = "one engine has one metamodel: put the classes together"
+            hint = "put all classes into one metamodel, since an engine has only one"
             if any(one.name.endswith(".ecore") for one in (other.span.source, first.span.source)):
-                hint = f"{hint}, or name `.ecore` files only: those become one metamodel"
+                hint = f"{hint}, or load only `.ecore` files, which are combined into one"
             problems.append(_second("this is a second metamodel", asked, other.span, first.span, hint))
         return problems
 

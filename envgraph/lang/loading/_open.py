@@ -65,7 +65,7 @@ def load(engine: Engine, *paths: StrPath) -> None:
     workspace.raise_errors()
     if workspace.metamodel is not None and not same(workspace.metamodel, own):
         raise InvalidArgument(
-            f"the files are about metamodel `{workspace.metamodel.name}`, the engine's model is of `{own.name}`"
+            f"the files use metamodel `{workspace.metamodel.name}`, but the engine's model uses `{own.name}`"
         )
     known = {one.qualified_name: one for one in engine.definitions}
     new = [one for one in workspace.definitions if known.get(one.qualified_name) != one]

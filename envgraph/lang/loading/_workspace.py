@@ -78,7 +78,7 @@ class Workspace:
         texts = [text for text in self.models if name is None or text.name == name]
         if len(texts) > 1:
             names = ", ".join(f"`{text.name}` in {text.span.source.name}" for text in texts)
-            raise InvalidArgument(f"there are several models: {names}")
+            raise InvalidArgument(f"choose one of several models: {names}")
         if texts:
             model = texts[0].model
             assert model is not None
@@ -113,7 +113,9 @@ class Workspace:
         if len(found) != 1:
             names = ", ".join(f"`{one.name}`" for one in self.behaviours) or "none"
             raise InvalidArgument(
-                f"no single environment {name or ''} to choose; there are {names}".replace("  ", " ")
+                f"the files do not define exactly one environment {name or ''}; their environments are {names}".replace(
+                    "  ", " "
+                )
             )
         return found[0]
 

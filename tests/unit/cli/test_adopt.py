@@ -111,7 +111,7 @@ def test_the_bundled_taxi_is_that_of_gymnasium() -> None:
 def test_a_lake_has_a_family_of_lakes(envgraph: Envgraph) -> None:
     said = ok(envgraph("adopt", "FrozenLake-v1")).out
     assert said.endswith(
-        "steps as `FrozenLake-v1` does: 16 states, 4 actions, each outcome with its chance and reward\n"
+        "same transitions as `FrozenLake-v1`: 16 states, 4 actions, each outcome with its probability and reward\n"
         "next: envgraph generate frozen_lake\n"
     )
     made = ok(
@@ -128,7 +128,7 @@ def test_a_lake_has_a_family_of_lakes(envgraph: Envgraph) -> None:
         (["CartPole-v1"], "`CartPoleEnv` has no `P`, a table of its transitions"),
         (["Nothing-v1"], "Gymnasium cannot make `Nothing-v1`"),
         (["FrozenLake-v1", "--set", "icy=true"], "unexpected keyword argument 'icy'"),
-        (["FrozenLake-v1", "--set", "icy"], "`icy` is no option of an environment"),
+        (["FrozenLake-v1", "--set", "icy"], "`icy` is not of the form NAME=VALUE"),
         (["FrozenLake-v1", "--set", "map_name=9x9"], "Gymnasium cannot make"),
         (
             ["Odd-v0", "--set", "start=0.12345678"],

@@ -33,7 +33,7 @@ def envgraph(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.Cap
 
 def test_what_is_wrong_is_said_before_anything_is_made(envgraph: Call, tmp_path: Path) -> None:
     assert "did you mean `PLR, MaxMC`?" in envgraph("audit", "network", "--methods", "PLR, MaxCM", code=1)
-    assert "those with one are `burning_forest`" in envgraph("audit", "railway", code=1)
+    assert "use a bundled domain with one: `burning_forest`" in envgraph("audit", "railway", code=1)
     assert "did you mean `network`?" in envgraph("audit", "netwrok", code=1)
     assert "have the same name" in envgraph("audit", "network", "network", code=1)
     assert "did you mean `held_out`?" in envgraph("audit", "network", "--set", "audit.hold_out=3", code=1)

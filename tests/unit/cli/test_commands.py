@@ -396,7 +396,7 @@ def test_a_family_is_exported_as_a_package(
     wanted = package.make_vec(tmp_path / "runs/a", num_envs=8, engine="compiled")
     assert made["observations"].tolist() == wanted.reset(seed=0)[0].tolist()
     assert "Environments" in (tmp_path / "fires/README.md").read_text("utf-8")
-    for arguments, told in (((), "`-o FOLDER` says where"), (("-o", "fires"), "fires exists already")):
+    for arguments, told in (((), "add `-o FOLDER`"), (("-o", "fires"), "fires exists already")):
         refused = envgraph("export", "a", "--format", "compiled", *arguments)
         assert refused.code == 1 and told in refused.err
 
@@ -405,7 +405,7 @@ def test_a_family_is_exported_as_a_package(
 
     monkeypatch.setattr(Family, "program", program)
     refused = envgraph("export", "a", "--format", "compiled", "-o", "more")
-    assert refused.code == 1 and "is not compiled: it has units" in refused.err
+    assert refused.code == 1 and "cannot be compiled: it has units" in refused.err
 
 
 def test_a_family_is_exported_as_code_from_templates(envgraph: Envgraph, tmp_path: Path) -> None:
@@ -433,9 +433,9 @@ def test_a_family_is_exported_as_code_from_templates(envgraph: Envgraph, tmp_pat
         and "E1: this environment is not a map of FrozenLake: several of its states" in refused.err
     )
     for arguments, told in (
-        (("--format", "python"), "`-o FOLDER` says where"),
-        (("--format", "npz"), "`-o FILE` says where"),
-        (("--format", "npz", "--templates", "mine"), "`--format python` does"),
+        (("--format", "python"), "add `-o FOLDER`"),
+        (("--format", "npz"), "add `-o FILE`"),
+        (("--format", "npz", "--templates", "mine"), "use `--format python`"),
         (("--format", "python", "-o", "fires"), "fires exists already"),
         (("--format", "minigrid"), "format `minigrid` is a folder"),
         (("--format", "minigrid", "-o", "levels"), "the metamodel has no class `Level`"),
@@ -548,7 +548,7 @@ def test_an_interrupted_run_says_how_to_go_on(tmp_path: Path, number: int, word:
     process.send_signal(number)
     _, messages = process.communicate()
     assert process.returncode == 128 + number
-    assert messages.endswith(f"--name cut --directory runs --resume` goes on\n{word}\n")
+    assert messages.endswith(f"--name cut --directory runs --resume` resumes\n{word}\n")
     assert "Traceback" not in messages
 
 
@@ -731,25 +731,25 @@ def test_explain_and_why_not_know_environments(envgraph: Envgraph) -> None:
     assert asked.code == 1
     assert (
         asked.err
-        == "error: `Maze` is an environment, which has no matches; `envgraph explain` says what steps it\n"
+        == "error: `Maze` is an environment, which has no matches; use `envgraph explain` to see how it is run\n"
     )
 
 
 @pytest.mark.parametrize(
     ("arguments", "message"),
     [
-        (("moveRight", "maze/maze.rules"), "`moveRight` is no file: the model comes first"),
+        (("moveRight", "maze/maze.rules"), "`moveRight` is not a file: the model comes first"),
         (("maze/maze.rules", "jump"), "unknown rule, unit or group `jump`"),
         (("maze/maze.rules", "moveRight", "-w", "robot=nobody"), "has no object `nobody`; there "),
         (("maze/maze.rules", "moveRight", "-w", "robot"), "write `--where robot=..`"),
         (("more.rules", "place"), "`place` needs a value for `column`; write `--where column=..`"),
         (
             ("more.rules", "place", "-w", "column=x"),
-            "`column` is an `int`, and `x` is none; write `--where column=3`",
+            "`column` must be an `int`, but `x` is none; write `--where column=3`",
         ),
-        (("more.rules", "place", "-w", f"column={2**63}"), f"`column` is an `int`, and `{2**63}` is none"),
+        (("more.rules", "place", "-w", f"column={2**63}"), f"`column` must be an `int`, not `{2**63}`"),
         (("more.rules", "place", "-w", f"column={'9' * 5000}"), "`column` is an `int`, and `999"),
-        (("more.rules", "place", "-w", "column=1_0"), "`column` is an `int`, and `1_0` is none"),
+        (("more.rules", "place", "-w", "column=1_0"), "`column` must be an `int`, not `1_0`"),
     ],
 )
 def test_a_wrong_argument_is_answered_with_what_to_write(
@@ -926,7 +926,7 @@ def test_certificates_are_computed_twice(envgraph: Envgraph, monkeypatch: pytest
     monkeypatch.setattr(Family, "explored", damaged)
     failed = envgraph("verify", "run")
     assert failed.code == 1
-    assert "not the same when computed again: `E1 (optimal_return, policy_return)`" in failed.err
+    assert "the second computation gave other results: `E1 (optimal_return, policy_return)`" in failed.err
 
 
 def test_an_interrupted_verification_goes_on(envgraph: Envgraph, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -957,7 +957,7 @@ def test_an_interrupted_verification_goes_on(envgraph: Envgraph, monkeypatch: py
     assert isinstance(found, dict) and len(found["members"]) == 3
     ok(envgraph("export", "run", "-o", "family.json"))
     refused = envgraph("verify", "family.json", "--resume")
-    assert refused.code == 1 and "`--resume` is for runs" in refused.err
+    assert refused.code == 1 and "use `--resume` only with runs" in refused.err
 
 
 def test_what_has_too_many_states_for_a_table_has_a_plan(
@@ -970,7 +970,7 @@ def test_what_has_too_many_states_for_a_table_has_a_plan(
 
     monkeypatch.setattr(Family, "explored", too_many)
     shown = ok(envgraph("verify", "run")).out
-    assert "too many" in shown and "not computed" in shown and "what needs a table is not computed" in shown
+    assert "too many" in shown and "not computed" in shown and "values that need a table are not computed" in shown
     found = ok(envgraph("verify", "run", "--format", "json")).json
     assert isinstance(found, dict)
     assert [(one["certificates"], one["plan"]["exact"]) for one in found["members"]] == [(None, True)] * 2

@@ -140,7 +140,7 @@ def test_skipped_additions_of_other_programs_are_counted(run: Run) -> None:
         "left out: 1 attribute `o:x` of other tools",
         "left out: 2 tags `xmi:Extension` of other tools",
     ]
-    assert "3 warnings say what would be lost of `a.xmi`; `--lossy` writes the rest" in err
+    assert "3 warnings say what `a.xmi` would lose; add `--lossy` to write the rest" in err
     assert run("convert", "a.xmi", "b.xmi", "-m", "shop.ecore", "--lossy")[0] == 0
 
 

@@ -66,7 +66,7 @@ def test_a_file_of_no_language_is_named(run: Run) -> None:
     Path("notes.txt").write_text("hello")
     code, _, err = run("notes.txt")
     assert code == 1
-    assert "`notes.txt` is a file of none of the languages" in err
+    assert "`notes.txt` is not a file in a language of envgraph" in err
 
 
 @pytest.mark.parametrize("option", [(), ("--check",)])
@@ -75,7 +75,7 @@ def test_a_family_file_among_others_is_passed_over(run: Run, option: tuple[str, 
     Path("a.query").write_text(AFTER)
     code, out, err = run(*option, "a.query", "family.toml")
     assert (code, out) == (0, "")
-    assert err.startswith("family.toml:1:1: warning: TOML is not formatted [not-formatted]")
+    assert err.startswith("family.toml:1:1: warning: skipped: family files (TOML) are not formatted [not-formatted]")
     Path("a.query").write_text(BEFORE)
     assert run(*option, "family.toml", "a.query")[0] == len(option)
     assert Path("family.toml").read_text() == "a   =  1"

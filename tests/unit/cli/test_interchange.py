@@ -204,7 +204,7 @@ def test_what_would_be_lost_is_counted_and_nothing_is_written_unless_lossy(run: 
     code, _, err = run("convert", "m.xmi", "m.json", "-m", "m.ecore")
     assert (code, Path("m.json").exists()) == (1, False)
     assert "left out: 2 values of `Item.size`" in err
-    assert "the warning says what would be lost of `m.xmi`; `--lossy` writes the rest" in err
+    assert "the warning says what `m.xmi` would lose; add `--lossy` to write the rest" in err
     assert run("convert", "m.xmi", "m.json", "-m", "m.ecore", "--lossy")[0] == 0
     assert '"tags": [\n     "a"\n    ]' in Path("m.json").read_text()
     Path("n.xmi").write_text('<m:Item xmlns:m="m"><tags>a</tags></m:Item>')  # nothing of this one is lost

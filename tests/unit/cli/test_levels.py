@@ -85,7 +85,7 @@ def test_an_unknown_letter_is_told_where_it_stands_with_those_that_are_known(env
     assert "bad.xsb:7:3: `?` has no meaning in the model" in done.err and done.err.count("`x` has no") == 1
     assert "are `#`, `_`, `.`, `$`, `*`, `@`, `+`; add `--legend" in done.err
     known = envgraph("import", "bad.xsb", "--legend", "x=_", "--legend", "?=$")
-    assert "bad.xsb:6:1: nothing to bind `worker` to: the model has no `Worker`" in known.err
+    assert "bad.xsb:6:1: cannot bind parameter `worker`: the model has no `Worker`" in known.err
 
 
 def test_a_line_that_is_hardly_known_and_touches_a_level_is_no_row_in_silence(envgraph: Envgraph) -> None:
@@ -110,10 +110,10 @@ def test_what_is_wrong_with_the_model_is_told_at_the_cell_of_the_level(envgraph:
     done = envgraph("import", "levels/bad.xsb")
     assert done.code == 1 and not Path("bad").exists()
     assert (
-        "levels/bad.xsb:9:2: nothing to bind `worker` to: the model has 2 objects of class `Worker`"
+        "levels/bad.xsb:9:2: cannot bind parameter `worker`: the model has 2 objects of class `Worker`"
         in done.err
     )
-    assert "note: levels/bad.xsb:8:5: number 1 is here" in done.err
+    assert "note: levels/bad.xsb:8:5: object 1 is here" in done.err
 
 
 @pytest.mark.parametrize(("entry", "said"), [("x=Q", "cannot mean `Q`"), ("x#", "no entry of a legend")])

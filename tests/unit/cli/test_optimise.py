@@ -79,5 +79,5 @@ def test_what_makes_no_sense_is_refused(envgraph: Call, domain: Path) -> None:
         "optimise", domain, "--set", "optimise.strategy={ name = 'beam', widht = 3, branching = 0 }", code=1
     )
     assert "unknown key `widht` in `[optimise.strategy]`" in said
-    assert "`branching` is 0, it must be at least 1" in said
+    assert "`branching` is 0, but must be at least 1" in said
     assert "there is no" in envgraph("optimise", "nowhere", code=1)

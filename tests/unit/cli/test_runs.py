@@ -109,7 +109,7 @@ def test_a_run_is_replaced_with_all_that_was_made_of_it(envgraph: Call) -> None:
     envgraph("report", "a")
     Path("runs/a/notes.txt").write_text("mine")
     said = envgraph(*FOREST, "--generations", 2, "--name", "a", code=1)
-    assert "go on with --resume, replace it with --force, or choose another --name" in said
+    assert "resume it with --resume, replace it with --force, or choose another --name" in said
     wrong = ("--force", "--set", 'constraints.forbid=["burningTile"]')
     assert "violates `forbid burningTile`" in envgraph(*FOREST, "--name", "a", *wrong, code=1)
     assert Path("runs/a/report.html").exists()

@@ -94,7 +94,7 @@ def test_a_resumed_training_has_the_same_results_byte_for_byte(
     code, _, messages = command(*TRAIN)  # type: ignore[operator]
     assert code == 130
     assert messages == (
-        f"{count} agents are kept: `envgraph train forest --directory runs --resume` goes on\ninterrupted\n"
+        f"{count} agents are saved: `envgraph train forest --directory runs --resume` resumes the training\ninterrupted\n"
     )
     monkeypatch.undo()
     monkeypatch.chdir(run.parents[1])
@@ -111,10 +111,10 @@ def test_an_interrupted_training_is_not_lost_by_beginning_another(
     command(*TRAIN)  # type: ignore[operator]
     before = results(run)
     code, _, messages = command(*TRAIN)  # type: ignore[operator]
-    assert code == 1 and "interrupted: go on with --resume, or replace it with --force" in messages
+    assert code == 1 and "interrupted: resume it with --resume, or replace it with --force" in messages
     assert "holds the 3 agents of a training" in messages
     code, _, messages = command("train", "forest", "--resume", "--seeds", "3")  # type: ignore[operator]
-    assert code == 1 and "was begun with other seeds: `2`, not `3`; leave `--seeds` out" in messages
+    assert code == 1 and "the interrupted training has other seeds: `2`, not `3`; leave `--seeds` out" in messages
     assert results(run) == before
     file = run / "training" / "unfinished.jsonl"
     text = file.read_text(encoding="utf-8")
@@ -156,7 +156,7 @@ def test_a_worker_that_dies_costs_no_finished_agent(
     count = len(Journal.open(run / "training" / "unfinished.jsonl"))
     assert count >= 1 and code == 1
     assert messages == (
-        f"{count} agents are kept: `envgraph train forest --directory runs --resume` goes on\n"
+        f"{count} agents are saved: `envgraph train forest --directory runs --resume` resumes the training\n"
         "error: a worker process died, perhaps because memory ran out; use fewer `workers`, which need less memory\n"
     )
     assert command("train", "forest", "--resume")[0] == 0
@@ -231,7 +231,7 @@ def test_a_target_in_which_no_optimal_episode_succeeds_has_no_backplay(
     monkeypatch.setattr("envgraph.learn._controls.optimal_episode", lambda target, limit: [])
     code, out, told = command("train", "forest", "--steps", "50", "--seeds", "1", "--curricula", "full")
     assert code == 0 and "control exploring" in out and "control backplay" not in out
-    assert "backplay is left out: no optimal episode of two steps or more ends in success\n" in told
+    assert "`backplay` is skipped: no optimal episode of two steps or more ends in success\n" in told
 
 
 def test_controls_are_chosen_or_left_out(run: Path, command: Callable[..., tuple[int, str, str]]) -> None:
@@ -313,7 +313,7 @@ def test_environments_with_too_many_states_are_trained_in_a_program(
     code, out, told = command("train", "forest", "--steps", "300", "--seeds", "2", "--curricula", "full")  # type: ignore[operator]
     assert code == 0 and "curriculum E1-E2" in out
     assert "`BurningForest` has more than 1 states: agents learn in the compiled program" in told
-    assert "without tables these controls are left out: optimistic, randomised, backplay, exploring" in told
+    assert "skipped controls that need tables of all states: optimistic, randomised, backplay, exploring" in told
     assert "control" not in out and "baseline E2" in out  # of two members there is no other order
     assert (run / "training" / "300" / "runs.csv").is_file()
     code, _, messages = command("train", "forest", "--steps", "400", "--controls", "direct,randomised")  # type: ignore[operator]
@@ -325,7 +325,7 @@ def test_environments_with_too_many_states_are_trained_in_a_program(
 
     monkeypatch.setattr(Family, "program", uncompiled)
     code, _, messages = command("train", "forest", "--steps", "400")  # type: ignore[operator]
-    assert code == 1 and "has more than 1 states, and it is not compiled: it has a unit" in messages
+    assert code == 1 and "has more than 1 states, and it cannot be compiled: it has a unit" in messages
 
 
 def test_an_agent_is_on_the_disk_when_it_is_added(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

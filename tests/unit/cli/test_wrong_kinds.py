@@ -33,8 +33,8 @@ FILES = {
     "family.json": "a family as JSON",
     "t.trace": "a trace",
     "run.sqlite": "a run store",
-    "notes.txt": "of no format that is known",
-    "picture.png": "of no format that is known",
+    "notes.txt": "a file of unknown format",
+    "picture.png": "a file of unknown format",
 }
 MODELS = ("a.model", "a.xmi", "a.burningforest", "emf.model", "a.json")
 DEFINITIONS = ("q.query", "q.vql", "r.rules", "e.environment")
@@ -126,16 +126,16 @@ def test_a_model_is_known_by_its_root_and_a_family_is_no_language(call: Callable
         said = call(f"check {name} -m m.metamodel")
         assert "has no namespace `b`" in said and f"{name}:" in said
         assert "hint: it has `burning_forest`: give a metamodel of the other namespace too" in said
-        assert "no metamodel of the namespace `b` is given" in call(f"check {name}")
+        assert "no metamodel with the namespace `b` is given" in call(f"check {name}")
     Path("plain.xml").write_text("<forests/>")
     assert 'declares no namespace: write `xmlns:m="burning_forest"` in the first tag' in call(
         "check plain.xml m.metamodel"
     )
     for name in ("a.xsd", "schema.xml"):
         said = call(f"check {name}")
-        assert f"{name}:1:1: `{name}` is an XML Schema, and of none of the languages" in said
-        assert "hint: make a metamodel of it first, with the ending `.ecore`, as EMF does" in said
-    assert "`family.json` is a family as JSON, and of none of the languages" in call("check family.json")
-    assert "`run.sqlite` is a run store, and of none of the languages" in call("check run.sqlite")
-    assert "`picture.png` is a file of none of the languages" in call("check picture.png")
-    assert "`picture.png` is a file of none of the languages" in call("format picture.png")
+        assert f"{name}:1:1: `{name}` is an XML Schema, not a file in a language of envgraph" in said
+        assert "hint: convert it to an `.ecore` file first, for example with EMF" in said
+    assert "`family.json` is a family as JSON, not a file in a language of envgraph" in call("check family.json")
+    assert "`run.sqlite` is a run store, not a file in a language of envgraph" in call("check run.sqlite")
+    assert "`picture.png` is not a file in a language of envgraph" in call("check picture.png")
+    assert "`picture.png` is not a file in a language of envgraph" in call("format picture.png")

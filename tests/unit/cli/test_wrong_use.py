@@ -222,7 +222,7 @@ def test_values_of_parameters_are_checked(refused: Call, where: list[str], messa
 def test_an_object_of_another_class_is_no_slip_of_the_pen(refused: Call) -> None:
     said = refused("match", MODEL, QUERIES, "burningTile", "-w", "tile=tile[0, 0]")
     assert re.fullmatch(
-        r"error: `tile` is a `BurningTile`, and `tile\[0, 0\]` is a `StartTile`; there are `tile\[.*\n", said
+        r"error: `tile` must be a `BurningTile`, but `tile\[0, 0\]` is a `StartTile`; there are `tile\[.*\n", said
     )
 
 
@@ -286,7 +286,7 @@ def test_a_damaged_run_is_refused(refused: Call, run_store: Path, damage: str) -
 
 def test_a_family_is_not_written_as_json_into_a_picture(refused: Call) -> None:
     said = refused("export", "nowhere", "-o", "family.svg")
-    assert "`family.svg` would be JSON" in said and "--format svg" in said
+    assert "`family.svg` would contain JSON" in said and "--format svg" in said
 
 
 @pytest.mark.parametrize(
@@ -358,7 +358,7 @@ def test_a_search_that_finds_too_little_says_so(
 
 def test_definitions_are_not_shown_but_checked(refused: Call) -> None:
     said = refused("show", QUERIES)
-    assert f"`{QUERIES}` is no run, model or metamodel; `envgraph check {QUERIES}` reads it" in said
+    assert f"`{QUERIES}` is not a run, model or metamodel; use `envgraph check {QUERIES}` to check it" in said
 
 
 def test_what_has_no_matches_is_called_by_its_kind(refused: Call) -> None:
@@ -367,6 +367,6 @@ def test_what_has_no_matches_is_called_by_its_kind(refused: Call) -> None:
 
 
 def test_the_environment_of_a_run_is_asked_for(refused: Call) -> None:
-    assert "`h3` is no file; of a run or family, say which environment: `--variant E1`" in refused(
+    assert "`h3` is no file; for a run or family, add an environment: `--variant E1`" in refused(
         "match", "h3", QUERIES, "burningTile"
     )

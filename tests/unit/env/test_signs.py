@@ -41,5 +41,5 @@ def test_a_sign_is_one_letter(tmp_path: Path) -> None:
     copytree(bundled_domain("taxi"), tmp_path / "mine")
     file = tmp_path / "mine" / "taxi.environment"
     file.write_text(file.read_text("utf-8").replace('as "X"', 'as "XY"'))
-    with pytest.raises(LoadError, match="`passenger` is drawn as a single letter"):
+    with pytest.raises(LoadError, match="the letter of `passenger` must be a single character"):
         load_workspace([str(file)]).raise_errors()

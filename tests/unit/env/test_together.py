@@ -343,7 +343,7 @@ def test_too_many_joint_actions_are_refused_where_they_are_one_number() -> None:
     [
         (
             "agents together action wait = nothing()",
-            "there are no `agent` blocks, whose agents could act together",
+            "`agents together` needs `agent` blocks, but there are none",
         ),
         (
             "agents together agents together agent coin : Coin { action wait = nothing() }",

@@ -117,7 +117,7 @@ def test_components_of_the_search_can_be_named_or_described(name: str) -> None:
 
 def test_a_search_without_generations_needs_another_end() -> None:
     assert family(MINIMAL + "[search]\ngenerations = false\ntime_limit = 60\n").search.generations is None
-    assert errors(MINIMAL + "[search]\ngenerations = false\n") == ["8:15 the search has no end"]
+    assert errors(MINIMAL + "[search]\ngenerations = false\n") == ["8:15 the search has no limit"]
 
 
 def test_values_of_components_have_positions() -> None:

@@ -116,7 +116,7 @@ def test_loading_twice_changes_nothing(directory: Path) -> None:
 def test_load_refuses_another_metamodel(directory: Path) -> None:
     (directory / "n.metamodel").write_text("metamodel n class Box")
     (directory / "n.query").write_text('import "n.metamodel"\npattern p(box : Box) { Box(box); }')
-    with pytest.raises(InvalidArgument, match="the files are about metamodel `n`"):
+    with pytest.raises(InvalidArgument, match="the files use metamodel `n`"):
         load(envgraph.open("a.model"), "n.query")
 
 
@@ -132,7 +132,7 @@ def test_behaviours_are_loaded_by_path() -> None:
     path = bundled_domain("burning_forest") / "burning_forest.environment"
     behaviour = load_workspace([path]).behaviour()
     assert [action.name for action in behaviour.actions] == ["left", "down", "right", "up"]
-    with pytest.raises(InvalidArgument, match="there are `BurningForest`"):
+    with pytest.raises(InvalidArgument, match="their environments are `BurningForest`"):
         load_workspace([path]).behaviour("Other")
 
 
@@ -230,7 +230,7 @@ def test_files_that_cannot_be_read_are_diagnosed(directory: Path) -> None:
     assert messages[:3] == [
         "the byte 0xe9 is not UTF-8",
         "the file has more than 1 MB",
-        "the directory holds no file of any of the languages",
+        "the directory contains no file in a language of envgraph",
     ]
     assert shown(found.errors)[0].startswith("latin.query:2:7")
     assert shown(found.errors)[3] == "m.qury:1:1: there is no such file"
@@ -264,7 +264,7 @@ def test_limits_are_raised_by_the_environment(directory: Path, monkeypatch: pyte
 def test_files_of_other_kinds_are_refused(directory: Path) -> None:
     (directory / "notes.txt").write_text("hello")
     (error,) = load_workspace(["notes.txt"]).errors
-    assert error.message == "`notes.txt` is a file of none of the languages"
+    assert error.message == "`notes.txt` is not a file in a language of envgraph"
 
 
 def test_a_byte_order_mark_is_skipped(directory: Path) -> None:
@@ -390,7 +390,7 @@ def test_more_files_than_may_be_read_together_are_one_mistake(monkeypatch: pytes
     monkeypatch.setenv("ENVGRAPH_LIMITS", "0.002")
     (problem,) = load_workspace(["f0.query"], files=TextFiles(texts)).errors
     assert str(problem).startswith(
-        "f19.query:1:8: this is one more than 20 files that are read together\n 1 | import"
+        "f19.query:1:8: more than 20 files would be read together\n 1 | import"
     )
     assert problem.hint is not None and "ENVGRAPH_LIMITS" in problem.hint
     monkeypatch.delenv("ENVGRAPH_LIMITS")

@@ -171,10 +171,10 @@ def test_the_same_package_twice_is_one_package_or_a_mistake() -> None:
     assert loaded("city/city.ecore", "copy.ecore", copy_ecore=CITY.replace("../", "")).errors == ()
     found = loaded("city/city.ecore", "other.ecore", other_ecore=again.replace("Lamp", "Lantern"))
     (problem,) = found.errors
-    assert problem.code == "two-metamodels" and problem.hint == "leave one of the files out"
+    assert problem.code == "two-metamodels" and problem.hint == "load only one of the two files"
     inner = again.replace('nsURI="http://example.org/city"', 'nsURI="http://example.org/outer"')
     (problem, *_) = loaded("all.ecore", "power/power.ecore", all_ecore=inner).errors
-    assert "`http://example.org/power` is in another file already" in problem.message
+    assert "`http://example.org/power` is also in another file" in problem.message
 
 
 def test_a_metamodel_file_and_ecore_files_do_not_become_one() -> None:
@@ -182,7 +182,7 @@ def test_a_metamodel_file_and_ecore_files_do_not_become_one() -> None:
     (problem,) = found.errors
     assert problem.message == "this is a second metamodel"
     assert problem.hint is not None and problem.hint.endswith(
-        "name `.ecore` files only: those become one metamodel"
+        "load only `.ecore` files, which are combined into one"
     )
 
 

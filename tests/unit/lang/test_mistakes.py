@@ -176,7 +176,7 @@ def test_what_follows_from_a_mistake_is_not_reported(name: str, old: str, new: s
 @pytest.mark.parametrize(
     ("old", "new", "word", "hint"),
     [
-        ('name = "BurningForest"', 'name = "../forest"', '"../forest"', "leave out `/`"),
+        ('name = "BurningForest"', 'name = "../forest"', '"../forest"', "remove `/`"),
         ('name = "BurningForest"', "name = Forest", "Forest", 'write `"Forest"` for a string'),
         ("keep_initial = true", "keep_initial = True", "True", "write `true`"),
         ("seed = 42", "seed = 42\nseed = 43", "seed", None),

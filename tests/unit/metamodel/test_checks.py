@@ -40,7 +40,7 @@ def cls(name, *features, **more):
             [cls("A", supertypes=("A",))],
             "cyclic-inheritance",
             "`A` is its own supertype",
-            "leave one supertype of the circle out",
+            "remove one supertype of the cycle",
         ),
         (
             [cls("B"), cls("A", supertypes=("B", "B"))],
@@ -57,7 +57,7 @@ def cls(name, *features, **more):
         (
             [cls("A", Attribute("x", INT)), cls("B", Attribute("x", INT), supertypes=("A",))],
             "duplicate-definition",
-            "`B` inherits `x` from `A` already",
+            "`B` already inherits `x` from `A`",
             "leave it out here, or choose another name",
         ),
         (
@@ -88,19 +88,19 @@ def cls(name, *features, **more):
             [cls("A", Reference("r", "A", 2, 1))],
             "bad-multiplicity",
             "`r` cannot have 2..1 targets",
-            "the lower bound comes first, and the upper bound is at least 1",
+            "write the lower bound first; the upper bound must be at least 1",
         ),
         (
             [cls("A", Reference("r", "A", 0, 0))],
             "bad-multiplicity",
             "`r` cannot have 0..0 targets",
-            "the lower bound comes first, and the upper bound is at least 1",
+            "write the lower bound first; the upper bound must be at least 1",
         ),
         (
             [cls("A", Reference("r", "A", -1, None))],
             "bad-multiplicity",
             "`r` cannot have -1..* targets",
-            "the lower bound comes first, and the upper bound is at least 1",
+            "write the lower bound first; the upper bound must be at least 1",
         ),
         ([cls("A", Reference("r", "B"))], "unknown-class", "unknown class `B`", "there is `A`"),
         (
@@ -124,7 +124,7 @@ def cls(name, *features, **more):
         (
             [cls("A", Reference("r", "A", 0, None, containment=True, opposite="r"))],
             "opposite-mismatch",
-            "both ends of an opposite pair contain the other",
+            "both ends of a pair of opposites use `contains`",
             "write `refers` at one end",
         ),
         (
@@ -133,20 +133,20 @@ def cls(name, *features, **more):
                 cls("B", Reference("s", "A", 0, None, opposite="r")),
             ],
             "bad-multiplicity",
-            "`s` leads to the one container: at most 1",
-            "its upper bound is 1",
+            "`s` leads to the container, so it can have at most 1 target",
+            "write `[1]` or `[0..1]`",
         ),
         (
             [cls("A", Attribute("column", INT), key=("colum",))],
             "unknown-attribute",
-            "`@key` names `colum`, which is no attribute of `A`",
+            "`@key` names `colum`, which is not an attribute of `A`",
             "did you mean `column`?",
         ),
         (
             [cls("A", Reference("r", "A"), key=("r",))],
             "unknown-attribute",
-            "`@key` names `r`, which is no attribute of `A`",
-            "a key has attributes only: leave it out",
+            "`@key` names `r`, which is not an attribute of `A`",
+            "remove it: a key consists of attributes",
         ),
         (
             [cls("A", Attribute("x", INT), key=("x", "x"))],
@@ -163,7 +163,7 @@ def cls(name, *features, **more):
         (
             [cls("A", glyph=Glyph("A", "red"))],
             "bad-glyph",
-            "the glyph of `A` has no colour `red`",
+            "the glyph of `A` has the invalid colour `red`",
             "write `#rrggbb`",
         ),
         (
@@ -172,14 +172,14 @@ def cls(name, *features, **more):
             "`B` and `A` share the glyph `x`",
             "choose another letter",
         ),
-        ([cls("A b")], "bad-name", "`A b` is not a name", "a name has letters, digits and `_`: `A_b`"),
-        ([cls("")], "bad-name", "`` is not a name", "a name has letters, digits and `_`"),
-        ([cls("3a")], "bad-name", "`3a` is not a name", "a name has letters, digits and `_`: `_3a`"),
+        ([cls("A b")], "bad-name", "`A b` is not a valid name", "use only letters, digits and `_`: `A_b`"),
+        ([cls("")], "bad-name", "`` is not a name", "use only letters, digits and `_`"),
+        ([cls("3a")], "bad-name", "`3a` is not a valid name", "use only letters, digits and `_`: `_3a`"),
         (
             [cls("A", Attribute("x-y", INT))],
             "bad-name",
-            "`x-y` is not a name",
-            "a name has letters, digits and `_`: `x_y`",
+            "`x-y` is not a valid name",
+            "use only letters, digits and `_`: `x_y`",
         ),
         ([cls("int")], "bad-name", "`int` is the name of a built-in type", "choose another name"),
         ([cls("A", Attribute("x", WAY))], "unknown-enum", "unknown enum `Way`", None),
@@ -198,7 +198,7 @@ def test_a_problem_has_a_code_a_message_and_a_hint(classes, code, message, hint)
         ([EnumType("E", ("a", "b", "a"))], "duplicate-definition", "literal `a` of `E` is defined twice"),
         ([WAY, WAY], "duplicate-definition", "`Way` is defined twice"),
         ([EnumType("A", ("a",))], "duplicate-definition", "`A` is defined twice"),
-        ([EnumType("E", ("a b",))], "bad-name", "`a b` is not a name"),
+        ([EnumType("E", ("a b",))], "bad-name", "`a b` is not a valid name"),
         ([EnumType("float", ("a",))], "bad-name", "`float` is the name of a built-in type"),
     ],
 )
@@ -215,7 +215,7 @@ def test_a_default_that_is_no_literal_names_the_nearest_one():
 def test_an_attribute_of_another_enum_of_the_same_name_is_a_problem():
     other = EnumType("Way", ("up", "down"))
     (problem,) = problems(cls("A", Attribute("way", other)), enums=[WAY])
-    assert problem.message == "`way` is of another enum `Way` than the metamodel's"
+    assert problem.message == "the enum `Way` of `way` differs from the metamodel's enum of this name"
 
 
 def test_an_opposite_is_declared_in_the_target_itself():
@@ -244,7 +244,7 @@ def test_what_a_class_inherits_twice_is_reported_once():
         cls("C", supertypes=("B",)),
         cls("D", supertypes=("C",)),
     )
-    assert [problem.message for problem in found] == ["`B` inherits `x` from `A` already"]
+    assert [problem.message for problem in found] == ["`B` already inherits `x` from `A`"]
 
 
 def test_a_feature_inherited_on_two_ways_is_one_feature():

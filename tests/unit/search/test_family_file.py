@@ -100,7 +100,7 @@ def test_texts_with_mistakes_are_told_to_be_in_the_file(tmp_path: Path, text: st
     file.write_text(
         edited(text, "texts", root, value=document["texts"][root].replace("rate = 0.85", "rate = 2"))
     )
-    with pytest.raises(LoadError, match="`rate` is 2, it must be from 0 to 1") as caught:
+    with pytest.raises(LoadError, match="`rate` is 2, but must be from 0 to 1") as caught:
         read_family(file)
     assert f"note: the text is in {file}" in str(caught.value)
 

@@ -215,7 +215,7 @@ def test_any_key_of_the_family_file_can_be_overridden(tmp_path: Path) -> None:
         ("search.populaton=4", "--set:1:8: unknown key `populaton` in `[search]`"),
         ("search.population=many", "--set:1:19: `population` is a whole number, not a string"),
         ("search.population=0.5", "--set:1:19: `population` is a whole number, not a fraction"),
-        ("search.survivors.rounds=-1", "--set:1:25: `rounds` is -1, it must be at least 0"),
+        ("search.survivors.rounds=-1", "--set:1:25: `rounds` is -1, but must be at least 0"),
         ("diversity.range=[8, 2]", "hint: write `range = [2, 8]`"),
         ("diversity.of=fires", "--set:1:14: unknown measure `fires`"),
         ("mutation.rules=[grow]", "--set:1:17: invalid value"),
@@ -479,7 +479,7 @@ def test_options_are_looked_at_whatever_else_is_wrong(tmp_path: Path) -> None:
     assert told.pop("unknown pattern `nothing`").startswith("there are `")
     assert set(told.items()) == {
         ("`transform` cannot be `cube`", "there are `sqrt`, `linear`"),
-        ("`rounds` is -1, it must be at least 0", "write `rounds = 0` or more, or leave it out"),
+        ("`rounds` is -1, but must be at least 0", "write `rounds = 0` or more, or leave it out"),
     }
 
 
@@ -616,7 +616,7 @@ def test_objects_with_one_key_are_refused_in_the_initial_model(tmp_path: Path) -
 
 def test_a_parameter_that_the_initial_model_has_no_object_for_is_refused(tmp_path: Path) -> None:
     where = herd(tmp_path, ("farm : Farm)", "farm : Farm, leader : Cow)"), ('["success"]', "[]"))
-    with pytest.raises(LoadError, match="nothing to bind `leader` to: the model has 2 objects") as caught:
+    with pytest.raises(LoadError, match="cannot bind parameter `leader`: the model has 2 objects") as caught:
         generate(where, tmp_path / "run.sqlite")
     (problem,) = caught.value.diagnostics
     assert problem.span is not None and problem.span.source.name.endswith("herd.environment")

@@ -73,7 +73,7 @@ def test_members_are_gone_over_to_and_each_reward_has_a_table(tmp_path: Path) ->
     assert rewards["onFire"].shape == rewards["_onFire"].shape == (2,)
     with pytest.raises(InvalidArgument, match='use `vectorization_mode="sync"`'):
         envgraph.make_vec(tmp_path / "run.sqlite", 2, rewards=True)
-    with pytest.raises(InvalidArgument, match="pays no reward `goal`"):
+    with pytest.raises(InvalidArgument, match="has no reward `goal`"):
         family.paying("goal")
     paying = family.paying("onFire")  # what is best of it is computed as of all
     tables = [one.explored(one.member("E1")).tabular for one in (family, paying)]

@@ -181,7 +181,7 @@ def test_a_heavy_tailed_strength_is_that_of_walks(garden: Path) -> None:
         ("samples.cover={ size = 3 }", "the range of `size` is unknown"),
         (
             "samples.cover={ size = { bins = 0, range = [0, 6] } }",
-            "`bins` is 0, it must be at least 1",
+            "`bins` is 0, but must be at least 1",
         ),
         ("samples.cover={ size = 'many' }", "`size` is a number of bins, not a string"),
         ("samples.cover={ sizes = 3 }", "unknown measure `sizes`"),
@@ -244,4 +244,4 @@ def test_many_members_are_summed_up(
     assert "`--variant E1` shows an environment" in call("show", "many")
     assert "E7  complexity" in call("show", "many", "--variant", "E7")
     monkeypatch.setattr(sys, "argv", ["envgraph", "train", "many"])
-    assert main() == 1 and "101 environments, and a curriculum at most 100" in capsys.readouterr().err
+    assert main() == 1 and "101 environments, but a curriculum has at most 100" in capsys.readouterr().err
