@@ -91,7 +91,7 @@ class ViewChecking(Checking):
             return
         elif not self.metamodel.covers(among.cls, type_.cls):
             wider = f"{type_.cls} or none" if self._optional(observation.path, scope) else type_.cls
-            message = f"this may lead to {a_type(type_)} that is not {a_type(among)}, and then there is nothing to observe"
+            message = f"this may lead to {a_type(type_)} that is not {a_type(among)}, so there is nothing to observe"
             hint = f"write `among {wider}`, or `among {among.cls} or none`"
             self.report("other-class", message, observation.path.span, hint, Severity.WARNING)
         elif loose := self._optional(observation.path, scope):

@@ -225,7 +225,7 @@ def import_() -> None:
     help="Other ways to train in the same number of steps, separated by commas; or all or none: direct (the target), "
     "optimistic (direct, with higher initial values), reversed, shuffled (other orders, the target last), randomised "
     "(an environment sampled for each episode), backplay (the target started in states of an optimal episode, last "
-    "state first), exploring (the target started in any state), random (families without selection, one for each seed). "
+    "state first), exploring (the target started in any state), random (unselected families, one for each seed). "
     "Schedules may be named too; they choose environments by the results so far: "
     "uniform, learning_progress, band, learnability, plr, robust_plr, exact_regret, exact_learnability.",
 )

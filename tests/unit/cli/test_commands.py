@@ -166,7 +166,7 @@ def test_new_overwrites_nothing_and_wants_a_plain_name(envgraph: Envgraph) -> No
     again = envgraph("new", "maze")
     assert again.code == 1 and "exists already" in again.err
     bad = envgraph("new", "My Maze")
-    assert bad.code == 1 and "cannot name a domain" in bad.err
+    assert bad.code == 1 and "cannot be the name of a domain" in bad.err
 
 
 def test_check_prints_position_line_caret_and_hint(envgraph: Envgraph, tmp_path: Path) -> None:
@@ -437,7 +437,7 @@ def test_a_family_is_exported_as_code_from_templates(envgraph: Envgraph, tmp_pat
         (("--format", "npz"), "add `-o FILE`"),
         (("--format", "npz", "--templates", "mine"), "use `--format python`"),
         (("--format", "python", "-o", "fires"), "fires exists already"),
-        (("--format", "minigrid"), "format `minigrid` is a folder"),
+        (("--format", "minigrid"), "format `minigrid` writes a folder"),
         (("--format", "minigrid", "-o", "levels"), "the metamodel has no class `Level`"),
         (("--format", "python", "--templates", "none", "-o", "new"), "run `envgraph templates DIR`"),
     ):
@@ -625,9 +625,9 @@ def test_models_and_metamodels_are_shown_and_drawn(
     ("arguments", "message"),
     [
         (("show", "maze/maze.metamodel", "--format", "json"), "cannot be printed as JSON"),
-        (("show", "maze/maze.model", "--variant", "E1"), "a file has no variants"),
+        (("show", "maze/maze.model", "--variant", "E1"), "`--variant` is allowed only with a run or family"),
         (("show", "maze/none.model", "--format", "svg"), "there is no such file"),
-        (("show", "maze", "--format", "dot"), "`envgraph export maze --format svg` draws a run"),
+        (("show", "maze", "--format", "dot"), "use `envgraph export maze --format svg` for a run"),
     ],
 )
 def test_what_cannot_be_drawn_is_said(envgraph: Envgraph, arguments: tuple[str, ...], message: str) -> None:
@@ -726,7 +726,7 @@ def test_explain_and_why_not_know_environments(envgraph: Envgraph) -> None:
     assert misspelt.code == 1
     assert misspelt.err == "error: unknown pattern, rule or environment `Mazze`; did you mean `Maze`?\n"
     elsewhere = envgraph("explain", "maze/maze.model", "maze/maze.query", "Maze")
-    assert elsewhere.code == 1 and "give the `.environment` file" in elsewhere.err
+    assert elsewhere.code == 1 and "give its `.environment` file" in elsewhere.err
     asked = envgraph("why-not", *files, "Maze")
     assert asked.code == 1
     assert (
@@ -738,17 +738,17 @@ def test_explain_and_why_not_know_environments(envgraph: Envgraph) -> None:
 @pytest.mark.parametrize(
     ("arguments", "message"),
     [
-        (("moveRight", "maze/maze.rules"), "`moveRight` is not a file: the model comes first"),
+        (("moveRight", "maze/maze.rules"), "`moveRight` is not a file: write the model first"),
         (("maze/maze.rules", "jump"), "unknown rule, unit or group `jump`"),
         (("maze/maze.rules", "moveRight", "-w", "robot=nobody"), "has no object `nobody`; there "),
         (("maze/maze.rules", "moveRight", "-w", "robot"), "write `--where robot=..`"),
         (("more.rules", "place"), "`place` needs a value for `column`; write `--where column=..`"),
         (
             ("more.rules", "place", "-w", "column=x"),
-            "`column` must be an `int`, but `x` is none; write `--where column=3`",
+            "`column` must be an `int`, not `x`; write `--where column=3`",
         ),
         (("more.rules", "place", "-w", f"column={2**63}"), f"`column` must be an `int`, not `{2**63}`"),
-        (("more.rules", "place", "-w", f"column={'9' * 5000}"), "`column` is an `int`, and `999"),
+        (("more.rules", "place", "-w", f"column={'9' * 5000}"), "`column` must be an `int`, not `999"),
         (("more.rules", "place", "-w", "column=1_0"), "`column` must be an `int`, not `1_0`"),
     ],
 )
@@ -832,7 +832,7 @@ def test_apply_writes_models_as_text_and_refuses_other_suffixes(envgraph: Envgra
     refused = envgraph("apply", "maze/maze.model", *apply, "out.txt")
     assert (
         refused.code == 1
-        and "no format that can be written; there are `.model`, `.xmi`, `.json`" in refused.err
+        and "cannot be written; there are `.model`, `.xmi`, `.json`" in refused.err
     )
     assert refused.out == "" and not Path("out.txt").exists()
     ok(envgraph("convert", "maze/maze.model", "copy.model"))
@@ -887,7 +887,7 @@ def test_a_run_tells_where_its_members_come_from_and_why_others_are_not_there(en
     assert all(reason in table and f"{count:,}" in table for reason, count in rejected["rejected"].items())
     ok(envgraph("export", "run", "-o", "family.json"))
     failed = envgraph("show", "family.json", "--rejections")
-    assert failed.code == 1 and "does not keep how it was made" in failed.err
+    assert failed.code == 1 and "does not record how it was generated" in failed.err
     assert envgraph("show", "run", "--lineage", "E9").code == 1
 
 

@@ -107,8 +107,8 @@ def test_standard_input_is_a_file_too(run: Run, monkeypatch: pytest.MonkeyPatch)
     give(b"pattern \xff")
     code, out, err = run("-", "--language", "query")
     assert (code, out) == (1, "") and "<stdin>:1:9: the byte 0xff is not UTF-8" in err
-    assert "say what `-` is" in run("-")[2]
-    assert "no language `java`" in run("-", "--language", "java")[2]
+    assert "`-` needs `--language`" in run("-")[2]
+    assert "unknown language `java`" in run("-", "--language", "java")[2]
     assert "stands alone" in run("-", "a.query", "--language", "query")[2]
 
 

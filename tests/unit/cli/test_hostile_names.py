@@ -73,7 +73,7 @@ def test_models_are_shown_without_control_characters(town: None, shown: Shown) -
     assert json.loads(shown("match", "town.json", "town.query", "house", "--format", "json"))[0]["n"] == EVIL
     assert "script" in shown("why-not", "town.json", "town.query", "house")
     assert "house" in shown("explain", "town.json", "town.query", "house")
-    assert "is no file" in shown("match", EVIL, EVIL, "house", code=1)
+    assert "is not a file" in shown("match", EVIL, EVIL, "house", code=1)
     assert "no object" in shown("match", "town.json", "town.query", "house", "-w", f"h={EVIL[::-1]}", code=1)
 
 

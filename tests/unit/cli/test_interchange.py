@@ -103,8 +103,8 @@ def test_metamodels_and_models_are_converted(run: Run, tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     ("arguments", "message"),
     [
-        (("railway.xmi", "out.xml"), "of no format that can be written; did you mean `.xmi`?"),
-        (("railway.xmi", "out.ecore"), "names its `.ecore` or `.metamodel` file too"),
+        (("railway.xmi", "out.xml"), "cannot be written; did you mean `.xmi`?"),
+        (("railway.xmi", "out.ecore"), "load its `.ecore` or `.metamodel` file too"),
         (("railway.vql", "out.xmi"), "is a file of patterns, not a model (.model, .xmi, .json)"),
         (("railway.ecore", "out.json"), "is a metamodel, not a model (.model, .xmi, .json)"),
         (("nothing.json", "out.xmi"), "there is no such file"),
@@ -114,7 +114,7 @@ def test_metamodels_and_models_are_converted(run: Run, tmp_path: Path) -> None:
 def test_what_cannot_be_converted_is_told(run: Run, arguments: tuple[str, str], message: str) -> None:
     code, out, err = run("convert", DATA / arguments[0], arguments[1])
     assert (code, out) == (1, "")
-    assert message.replace("names its", "name its") in err
+    assert message in err
 
 
 @pytest.mark.parametrize(
@@ -157,7 +157,7 @@ def test_a_broken_model_as_json_is_told_with_positions(run: Run, tmp_path: Path)
         assert code == 1 and message in err
     (tmp_path / "dir.json").mkdir()
     (tmp_path / "empty.json").touch()
-    for name, message in (("dir.json", "the directory holds no file"), ("empty.json", "the file is empty")):
+    for name, message in (("dir.json", "the directory contains no file"), ("empty.json", "the file is empty")):
         code, _, err = run("match", name, DATA / "railway.vql", "posLength", "-m", DATA / "railway.ecore")
         assert code == 1 and message in err
 
@@ -213,7 +213,7 @@ def test_what_would_be_lost_is_counted_and_nothing_is_written_unless_lossy(run: 
     code, _, err = run("convert", "m.ecore", "n.ecore")
     assert (code, Path("n.ecore").exists()) == (1, False)
     assert "left out: 2 operations of classes" in err
-    assert "2 warnings say what would be lost of `m.ecore`" in err
+    assert "2 warnings say what `m.ecore` would lose" in err
     assert run("convert", "m.ecore", "n.ecore", "--lossy")[0] == 0
     assert 'name="tags" upperBound="-1"' in Path("n.ecore").read_text()
     assert "tags [0..*], items [0..*]" in run("show", "n.ecore")[1]

@@ -116,7 +116,9 @@ def test_what_is_wrong_with_the_model_is_told_at_the_cell_of_the_level(envgraph:
     assert "note: levels/bad.xsb:8:5: object 1 is here" in done.err
 
 
-@pytest.mark.parametrize(("entry", "said"), [("x=Q", "cannot mean `Q`"), ("x#", "no entry of a legend")])
+@pytest.mark.parametrize(
+    ("entry", "said"), [("x=Q", "cannot be read as `Q`"), ("x#", "not of the form NAME=LETTER")]
+)
 def test_a_legend_of_other_letters_is_refused(envgraph: Envgraph, entry: str, said: str) -> None:
     write("one.xsb", "#####\n#.$@#\n#####\n")
     done = envgraph("import", "one.xsb", "--legend", entry)
@@ -219,8 +221,8 @@ def test_a_file_has_so_many_levels_and_cells_at_most(envgraph: Envgraph, text: s
 
 def test_a_hundred_errors_of_levels_are_shown_and_nothing_is_written(envgraph: Envgraph) -> None:
     for wrong, said in (
-        ("#x$.#\n\n", "`x` has no meaning in the model"),
-        ("#@@.#\n\n", "nothing to bind `worker` to"),
+        ("#x$.#\n\n", "`x` stands for nothing"),
+        ("#@@.#\n\n", "cannot bind parameter `worker`"),
     ):
         write("levels.xsb", "#@$.#\n\n" * 3 + wrong * 120)
         done = envgraph("import", "levels.xsb")

@@ -124,7 +124,7 @@ def test_an_interrupted_training_is_not_lost_by_beginning_another(
         assert code == 1 and str(Path("training") / "unfinished.jsonl") in messages
     file.unlink()
     code, _, messages = command("train", "forest", "--resume")  # type: ignore[operator]
-    assert code == 1 and "nothing to go on with" in messages
+    assert code == 1 and "no interrupted training to resume" in messages
 
 
 def test_an_error_before_the_first_agent_leaves_nothing_to_go_on_with(
@@ -175,7 +175,7 @@ def test_results_are_replaced_only_by_force(
     assert code == 1
     assert messages == f"error: `{place}` exists already: replace it with --force, or choose other --steps\n"
     code, _, messages = command("train", "forest", "--resume", "--force")
-    assert code == 1 and "give one of them" in messages
+    assert code == 1 and "cannot be combined" in messages
     assert results(run) == before
     with monkeypatch.context() as patch:
         interrupted_after(1, patch)
@@ -272,7 +272,7 @@ def test_random_families_are_trained_where_they_are_named(
     assert results(run) == whole
     assert command("export", "forest", "-o", "forest.json")[0] == 0
     code, _, messages = command("train", "forest.json", "--controls", "random", "--steps", "50")
-    assert code == 1 and "`--controls random` needs a run: `forest.json` does not say" in messages
+    assert code == 1 and "`--controls random` needs a run: `forest.json` does not record" in messages
 
 
 def test_agents_are_judged_on_seeds_that_were_not_looked_at(

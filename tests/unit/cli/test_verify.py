@@ -54,7 +54,7 @@ def test_a_random_walk_in_the_family_is_told_apart_from_one_in_the_model_alone(e
     ok(envgraph("generate", "lamps", "--name", "run"))
     shown = ok(envgraph("verify", "run")).out
     assert shown.splitlines()[-1].startswith(
-        "`luck` of `E2` is another number: that is a random walk in the model alone"
+        "measure `luck` of `E2` differs: its random walk uses only actions of the model"
     )
 
 

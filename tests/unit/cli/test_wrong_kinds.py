@@ -33,8 +33,8 @@ FILES = {
     "family.json": "a family as JSON",
     "t.trace": "a trace",
     "run.sqlite": "a run store",
-    "notes.txt": "a file of unknown format",
-    "picture.png": "a file of unknown format",
+    "notes.txt": "of no format that is known",
+    "picture.png": "of no format that is known",
 }
 MODELS = ("a.model", "a.xmi", "a.burningforest", "emf.model", "a.json")
 DEFINITIONS = ("q.query", "q.vql", "r.rules", "e.environment")
@@ -115,7 +115,7 @@ def test_so_does_every_other_command(call: Callable[[str], str]) -> None:
         "import new.json --domain q.query": "is a file of patterns, not a family file",
         "train q.query": run,
         "report q.query": run,
-        "show q.query": "is no run, model or metamodel; `envgraph check q.query` reads it",
+        "show q.query": "is not a run, model or metamodel; use `envgraph check q.query` to check it",
         "show f.toml": "is a family file, not a run (run.sqlite) or a family as JSON",
     }.items():
         assert said in call(command)

@@ -195,10 +195,10 @@ def test_check_tells_of_agents_whom_nobody_plays(refused: Call) -> None:
     environment.write_text(text.replace("limit", f"{road} agent start : StartTile {{ }} limit"))
     told = json.loads(refused("check", "forest", "--format", "json", code=0))["diagnostics"]
     assert [(one["severity"], one["message"], Path(one["file"]).name) for one in told] == [
-        ("warning", "nobody is `road`: the model has no `RoadTile`", "burning_forest.environment")
+        ("warning", "there is no agent `road`: the model has no `RoadTile`", "burning_forest.environment")
     ]
     environment.write_text(text.replace("limit", f"{road} limit"))
-    assert "nobody can act: the model has no `RoadTile`" in refused("check", "forest")
+    assert "there is no agent: the model has no `RoadTile`" in refused("check", "forest")
 
 
 def test_domains_are_checked_apart_and_loose_files_together(refused: Call) -> None:
@@ -209,8 +209,8 @@ def test_domains_are_checked_apart_and_loose_files_together(refused: Call) -> No
 @pytest.mark.parametrize(
     ("where", "message"),
     [
-        (["tile=truck"], "`tile` is a `BurningTile`, and `truck` is a `FireTruck`"),
-        (["tile=forest", "tile=truck"], "`tile` is a `BurningTile`"),
+        (["tile=truck"], "`tile` must be a `BurningTile`, but `truck` is a `FireTruck`"),
+        (["tile=forest", "tile=truck"], "`tile` must be a `BurningTile`"),
         (["forest=forest", "forest=forest"], "`forest` is given twice"),
     ],
 )
@@ -227,12 +227,12 @@ def test_an_object_of_another_class_is_no_slip_of_the_pen(refused: Call) -> None
 
 
 def test_the_type_of_a_value_has_its_article(refused: Call) -> None:
-    assert "`burning` is an `int`" in refused("match", MODEL, QUERIES, "fireDensity", "-w", "burning=x")
+    assert "`burning` must be an `int`" in refused("match", MODEL, QUERIES, "fireDensity", "-w", "burning=x")
 
 
 @pytest.mark.parametrize("name", ["../out", "a/b", ".."])
 def test_a_run_stays_in_the_directory_of_runs(refused: Call, name: str) -> None:
-    assert "cannot name a run" in refused("generate", "forest", "--generations", 1, "--name", name)
+    assert "cannot be the name of a run" in refused("generate", "forest", "--generations", 1, "--name", name)
 
 
 def test_a_directory_is_no_place_for_a_file(refused: Call) -> None:
@@ -367,6 +367,6 @@ def test_what_has_no_matches_is_called_by_its_kind(refused: Call) -> None:
 
 
 def test_the_environment_of_a_run_is_asked_for(refused: Call) -> None:
-    assert "`h3` is no file; for a run or family, add an environment: `--variant E1`" in refused(
+    assert "`h3` is not a file; for a run or family, add an environment: `--variant E1`" in refused(
         "match", "h3", QUERIES, "burningTile"
     )

@@ -367,7 +367,7 @@ def test_a_member_may_lack_an_agent() -> None:
 
 def test_a_model_without_any_agent_is_refused() -> None:
     engine, behaviour = loaded("agent mark : Mark { action wait = nothing() }")
-    with pytest.raises(ResolutionError, match="nobody can act: the model has no `Mark`"):
+    with pytest.raises(ResolutionError, match="there is no agent: the model has no `Mark`"):
         Simulator(engine, behaviour)
 
 

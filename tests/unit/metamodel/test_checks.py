@@ -173,7 +173,7 @@ def cls(name, *features, **more):
             "choose another letter",
         ),
         ([cls("A b")], "bad-name", "`A b` is not a valid name", "use only letters, digits and `_`: `A_b`"),
-        ([cls("")], "bad-name", "`` is not a name", "use only letters, digits and `_`"),
+        ([cls("")], "bad-name", "`` is not a valid name", "use only letters, digits and `_`"),
         ([cls("3a")], "bad-name", "`3a` is not a valid name", "use only letters, digits and `_`: `_3a`"),
         (
             [cls("A", Attribute("x-y", INT))],
