@@ -48,7 +48,7 @@ class Checking:
         severity: Severity = Severity.ERROR,
         notes: tuple[Note, ...] = (),
     ) -> None:
-        """Add a diagnostic."""
+        """Add a diagnostic to `problems`."""
         self.problems.append(Diagnostic(code, message, span, hint, severity, notes))
 
     def class_of(self, parameter: Parameter) -> ObjectType | None:

@@ -108,7 +108,7 @@ class OnReset:
 
     @property
     def effect(self) -> EachStep | OnFind:
-        """Return the equivalent clause of a step."""
+        """Return the equivalent step clause: `each step` without a condition, otherwise `on find`."""
         if self.condition is None:
             return EachStep(apply=self.apply, span=self.span)
         return OnFind(self.condition, apply=self.apply, weight=self.weight, span=self.span)

@@ -115,7 +115,7 @@ def _file(family: str) -> str:
 
 
 def _methods(names: str | None) -> list[Method]:
-    """Return the methods of the given names, which are separated by semicolons, and the baseline of all comparisons."""
+    """Return the methods named (separated by semicolons) and the baseline; by default all standard methods."""
     if names is None:
         return list(METHODS)
     every = (*METHODS, *EDITING)

@@ -27,7 +27,7 @@ _KNOWN = (*_TEXTS, "npz", *_FOLDERS)
 def export_family(
     run: str, directory: Path, format: str, output: Path | None, templates: Path | None = None
 ) -> None:
-    """Write a family in another format."""
+    """Write a family in another format to a file, a folder, or standard output."""
     check_known(format, _KNOWN, f"unknown format `{format}`")
     if templates is not None and format != "python":
         raise InvalidArgument(f"`--templates` is not allowed with format `{format}`", "use `--format python`")

@@ -163,7 +163,7 @@ def _run_path(directory: Path, name: str) -> Path:
 
 
 def show_family(run: str, directory: Path, variant: str | None) -> None:
-    """Print the measures and maps of a family, or of one member."""
+    """Print the measures and maps of a family; with `variant`, only those of this member."""
     family = open_family(run, directory)
     members = family.members if variant is None else (family.member(variant),)
     if print_json(

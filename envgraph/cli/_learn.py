@@ -242,7 +242,7 @@ def _train(
 
 
 def _write(trained: Trained, base: Path) -> None:
-    """Replace the results of a budget."""
+    """Write the CSV files of a budget, and replace earlier ones."""
     directory = base / str(trained.steps)
     write_csv(trained.experiment, directory)
     if trained.stages is not None:
@@ -252,7 +252,7 @@ def _write(trained: Trained, base: Path) -> None:
 
 
 def write_report(run: str, directory: Path, output: Path | None) -> None:
-    """Write the page, and print the short table."""
+    """Write the HTML report of a family, and print a short table of its environments."""
     family = open_family(run, directory)
     base = run_directory(run, directory)
     trained = [
@@ -292,7 +292,7 @@ def _read(directory: Path, family: Family, student: str) -> list[Trained]:
 
 
 def budgets_of(steps: str) -> list[int]:
-    """Parse the training budgets: numbers separated by commas.
+    """Parse the training budgets, numbers separated by commas; return them sorted and without duplicates.
 
     Raises:
         InvalidArgument: an item is not a number within the limits.

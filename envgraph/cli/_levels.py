@@ -84,7 +84,7 @@ def _import_levels(file: Path, domain: str | None, output: Path | None, legend: 
 
 
 def _given(legend: Iterable[str]) -> dict[str, str]:
-    """Parse legend entries such as `x=#` into letters by name."""
+    """Parse legend entries such as `x=#` into a mapping from names in the file to letters of the model."""
     given = {}
     for entry in legend:
         name, equals, letter = entry[:-2], entry[-2:-1], entry[-1:]

@@ -18,7 +18,7 @@ PATH: Final = click.Path(path_type=Path)
 
 
 def noted(context: click.Context, parameter: click.Parameter, format: str) -> str:
-    """Record the output format for `print_json` and for errors."""
+    """Record the output format of the command, for `print_json` and for errors; return the format unchanged."""
     context.find_root().obj.append(format)
     return format
 
@@ -114,7 +114,7 @@ _MOST: Final = {
 
 
 class _WholeNumber(click.IntRange):
-    """An integer parameter of at least `min` and at most the limit of the option."""
+    """A type of integer options: from `min` to the maximum of the option in `_MOST`."""
 
     def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> int:
         """Parse the number, or report it as an error of the command line."""

@@ -34,7 +34,7 @@ class Advance(Protocol):
 
 @contextmanager
 def printed_to(output: Path | None, format: str) -> Iterator[None]:
-    """Redirect the output of the block, in a format, into a file; None leaves it on standard output."""
+    """Redirect the standard output of the block to a file and use `format` in it; with None, only run the block."""
     if output is None:
         yield
         return
@@ -60,13 +60,13 @@ def _write(line: str) -> None:
 
 
 def print_line(text: str) -> None:
-    """Print a line, unless the format is JSON."""
+    """Print a line on standard output, unless the output format is JSON."""
     if not _wants_json():
         _write(text)
 
 
 def print_lines(text: str) -> None:
-    """Print a text of several lines, tabs included, unless the format is JSON."""
+    """Print a text of several lines, tabs included, unless the output format is JSON."""
     if not _wants_json():
         sys.stdout.write("".join(line + "\n" for line in _lines(text)))
 
@@ -76,7 +76,7 @@ def _lines(text: str) -> list[str]:
 
 
 def print_json(value: Callable[[], object]) -> bool:
-    """Print a JSON document if the format is JSON; return whether it is."""
+    """Print a JSON document if the output format is JSON; return True if it is."""
     if wanted := _wants_json():
         write_json(value())
     return wanted
@@ -102,7 +102,7 @@ def printable_json(text: str) -> str:
 def print_table(
     title: str, columns: Sequence[str], rows: Iterable[Sequence[str]], right: Iterable[int] = ()
 ) -> None:
-    """Print a title and a table, unless the format is JSON; `right` are the columns to align right."""
+    """Print a title and a table, unless the output format is JSON; `right` has the indices of right-aligned columns."""
     if _wants_json():
         return
     title, columns = visible(title), [visible(column) for column in columns]

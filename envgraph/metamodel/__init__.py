@@ -1,4 +1,4 @@
-"""Metamodels: classes with inheritance, attributes, references, enums and multiplicities."""
+"""Metamodels: classes with inheritance, attributes, references, enums and multiplicities, and their checks."""
 
 from typing import TYPE_CHECKING
 

@@ -26,7 +26,7 @@ SUPPRESS: Final = "suppress"
 
 
 class Scalar(StrEnum):
-    """The four built-in data types."""
+    """The four built-in data types: int (64 bits), float, bool and string."""
 
     INT = "int"
     FLOAT = "float"

@@ -425,7 +425,7 @@ class Loader:
             self.diagnostics.append(Diagnostic("unknown-uri", message, import_.span, hint))
 
     def _models(self, metamodel: Metamodel | None, lost: frozenset[str]) -> list[ModelText]:
-        """Return the models of all files; an XMI document that another one refers to belongs to the other's model."""
+        """Return the models of all files; an XMI document that another one refers to is part of the other's model."""
         models: list[ModelText] = []
         parts: set[str] = set()
         for name, file in self._of("model"):

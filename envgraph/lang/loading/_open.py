@@ -102,7 +102,7 @@ def load_workspace(
 
 @contextmanager
 def _without_collection() -> Iterator[None]:
-    """Disable the garbage collector: nearly all objects stay alive, and collecting would take a third of the time."""
+    """Disable garbage collection in the block: nearly all objects stay alive, and collecting takes 1/3 of the time."""
     enabled = gc.isenabled()
     gc.disable()
     try:

@@ -72,7 +72,7 @@ def is_concrete(metamodel: Metamodel, cls: str, shown: str, report: Report, span
 
 
 class Links:
-    """Creates the links of a file in a model and reports invalid links.
+    """A builder of the links that a file describes; it reports invalid links.
 
     Args:
         model: the model; all its objects exist already.

@@ -34,7 +34,7 @@ class Axis:
 
 @dataclass(frozen=True, slots=True)
 class Cell:
-    """A letter of the grid with its column and row (counted from 0) and its entry; None if the letter is unknown."""
+    """A letter of the grid with its column and row (counted from 0); `entry` is None if the letter is unknown."""
 
     column: int
     row: int
@@ -100,9 +100,9 @@ def _axis(part: Tree[Token]) -> Axis:
 def _legend(
     reading: Reading, tree: Tree[Token] | None, metamodel: Metamodel | None
 ) -> tuple[Mapping[str, Entry], bool]:
-    """Return the meaning of each letter, and True if the file has a legend.
+    """Return the legend as a mapping of letters to entries, and True if the file contains a legend.
 
-    Without a legend the letters are the glyphs of the metamodel's classes.
+    If the file has no legend, the letters are the glyphs of the metamodel's classes.
     """
     if tree is None:
         nowhere = reading.parsed.source.span(0, 0)

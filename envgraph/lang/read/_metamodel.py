@@ -368,7 +368,7 @@ class _Reader(Reading):
         return found
 
     def _check_foreign(self, part: Tree[Token], one: Annotation) -> None:
-        """Report an annotation that cannot be written to an `.ecore` file."""
+        """Report an annotation for other tools with arguments that cannot be written to an `.ecore` file."""
         number, known = len(one.arguments), _ECORE.split()
         unknown = [key for key, _ in one.named if one.name != "annotation" and key not in known]
         right = number % 2 if one.name == "annotation" else number == (one.name == "datatype")
@@ -390,7 +390,7 @@ class _Reader(Reading):
         marks.places = (*marks.places, *((f"key {name}", self.span(name)) for name in names))
 
     def _words(self, tree: Tree[Token], kind: str) -> list[Token]:
-        """Return the arguments of an annotation if all are of one kind and have no keys; else an empty list."""
+        """Return the arguments of an annotation if all are of the given kind and have no keys; else an empty list."""
         arguments = trees(tree.children)
         values = [value for argument in arguments for value in trees(argument.children)]
         plain = all(one.data == "annotation_argument" for one in arguments)

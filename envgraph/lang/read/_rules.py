@@ -120,9 +120,9 @@ def _block(reading: Reading, tree: Tree[Token]) -> Block:
 
 
 def _condition_block(reading: Reading, tree: Tree[Token]) -> Block:
-    """Parse a `not` or `require` block, whose conditions stand directly in it; report an `lhs` inside.
+    """Parse a `not` or `require` block, which contains conditions without `lhs`; report an `lhs` in it.
 
-    The later check of rules reports blocks that rewrite.
+    A later check of rules reports blocks that rewrite.
     """
     keyword = tokens(tree.children)[0]
     statements = [part for part in trees(tree.children) if part.data not in _SECTIONS]

@@ -68,7 +68,7 @@ def test_mistakes_in_resets_are_reported() -> None:
         ("on reset find up(coin) apply turnOver(hand)", "expected `Coin`, found `Hand`"),
         ("on reset find up(coin) reward 1", "a reset has no reward and no end"),
         ("on reset find up(coin)", "this clause does nothing"),
-        ("on reset up(coin) apply turn()", "asks `find` or `neg find`"),
+        ("on reset up(coin) apply turn()", "must be followed by `find` or `neg find`"),
     ):
         with pytest.raises(LoadError, match=said):
             loaded(TURNS + clause)

@@ -135,7 +135,7 @@ def test_generations_are_refused_where_there_are_none(
     words = ("generate", small(tmp_path), "--directory", str(tmp_path), "--generations", "3")
     monkeypatch.setattr("sys.argv", ["envgraph", *words])
     assert main() == 1
-    assert "small.toml` is searched for as a whole" in capsys.readouterr().err
+    assert "small.toml` has an objective for whole families" in capsys.readouterr().err
 
 
 def test_a_family_that_is_not_good_has_the_success_of_new_learners(
