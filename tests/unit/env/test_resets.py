@@ -66,7 +66,7 @@ def test_mistakes_in_resets_are_reported() -> None:
     for clause, said in (
         ("on reset find upp(coin) apply turn()", "did you mean `up`"),
         ("on reset find up(coin) apply turnOver(hand)", "expected `Coin`, found `Hand`"),
-        ("on reset find up(coin) reward 1", "a reset has no reward and no end"),
+        ("on reset find up(coin) reward 1", "no reward and no end"),
         ("on reset find up(coin)", "this clause does nothing"),
         ("on reset up(coin) apply turn()", "must be followed by `find` or `neg find`"),
     ):
@@ -101,8 +101,8 @@ def test_a_weight_has_to_be_a_number_that_is_not_negative() -> None:
     with pytest.raises(EvaluationError, match=said):
         starts("on reset find worth(coin, value) apply turnOver(coin) weight 1 - value")
     for clause, said in (
-        ("each step apply turn() weight 1", "there are no matches"),
-        ("on reset apply turn() weight 1", "there are no matches"),
+        ("each step apply turn() weight 1", "`weight` needs matches"),
+        ("on reset apply turn() weight 1", "`weight` needs matches"),
         ("on reset find up(coin) apply turnOver(coin) weight coin.side", "expected `float`"),
     ):
         with pytest.raises(LoadError, match=said):

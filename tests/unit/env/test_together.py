@@ -347,11 +347,11 @@ def test_too_many_joint_actions_are_refused_where_they_are_one_number() -> None:
         ),
         (
             "agents together agents together agent coin : Coin { action wait = nothing() }",
-            "stands here twice",
+            "occurs twice",
         ),
         (
             "agent coin : Coin { agents together action wait = nothing() }",
-            "`agents together` belongs to the whole",
+            "`agents together` applies to the whole",
         ),
     ],
 )

@@ -116,7 +116,7 @@ def test_a_root_that_is_no_family_is_told(tmp_path: Path, text: str) -> None:
 def test_overrides_with_mistakes_are_told(tmp_path: Path, text: str) -> None:
     file = tmp_path / "family.json"
     file.write_text(edited(text, "overrides", value=["seed=x"]))
-    with pytest.raises(LoadError, match="--set:1:6: `seed` is a whole number, not a string"):
+    with pytest.raises(LoadError, match="--set:1:6: `seed` must be a whole number, not a string"):
         read_family(file)
 
 

@@ -213,8 +213,8 @@ def test_any_key_of_the_family_file_can_be_overridden(tmp_path: Path) -> None:
     ("override", "message"),
     [
         ("search.populaton=4", "--set:1:8: unknown key `populaton` in `[search]`"),
-        ("search.population=many", "--set:1:19: `population` is a whole number, not a string"),
-        ("search.population=0.5", "--set:1:19: `population` is a whole number, not a fraction"),
+        ("search.population=many", "--set:1:19: `population` must be a whole number, not a string"),
+        ("search.population=0.5", "--set:1:19: `population` must be a whole number, not a decimal number"),
         ("search.survivors.rounds=-1", "--set:1:25: `rounds` is -1, but must be at least 0"),
         ("diversity.range=[8, 2]", "hint: write `range = [2, 8]`"),
         ("diversity.of=fires", "--set:1:14: unknown measure `fires`"),
@@ -337,7 +337,7 @@ def test_wrong_options_of_components_are_all_named_at_their_place(tmp_path: Path
         Domain.load(str(path))
     messages = [problem.message for problem in caught.value.diagnostics]
     assert messages == [
-        "`rounds` is a whole number, not a string",
+        "`rounds` must be a whole number, not a string",
         "unknown key `cooling_rte` in `[search.survivors]`",
     ]
     assert all(problem.span for problem in caught.value.diagnostics)
@@ -478,7 +478,7 @@ def test_options_are_looked_at_whatever_else_is_wrong(tmp_path: Path) -> None:
     told = {problem.message: problem.hint or "" for problem in caught.value.diagnostics}
     assert told.pop("unknown pattern `nothing`").startswith("there are `")
     assert set(told.items()) == {
-        ("`transform` cannot be `cube`", "there are `sqrt`, `linear`"),
+        ("`transform` cannot be `cube`", "use one of `sqrt`, `linear`"),
         ("`rounds` is -1, but must be at least 0", "write `rounds = 0` or more, or leave it out"),
     }
 

@@ -138,7 +138,7 @@ def test_all_that_is_wrong_is_said_with_its_place(tmp_path: Path) -> None:
         'sees = ["itself", "ahaed"]\nhiden = 64\nlevels = "many"',
     )
     assert "did you mean `hidden`?" in said
-    assert "`levels` is a whole number, not a string" in said
+    assert "`levels` must be a whole number, not a string" in said
     line = 'sees = ["itself", "ahaed"]'
     caret = said.index("unknown pattern `ahaed`")
     shown = said[caret:].split("\n")
