@@ -109,7 +109,7 @@ def test_standard_input_is_a_file_too(run: Run, monkeypatch: pytest.MonkeyPatch)
     assert (code, out) == (1, "") and "<stdin>:1:9: the byte 0xff is not UTF-8" in err
     assert "`-` needs `--language`" in run("-")[2]
     assert "unknown language `java`" in run("-", "--language", "java")[2]
-    assert "stands alone" in run("-", "a.query", "--language", "query")[2]
+    assert "cannot be combined with files" in run("-", "a.query", "--language", "query")[2]
 
 
 def test_line_ends_stay(run: Run) -> None:

@@ -153,8 +153,8 @@ def test_steps_of_units_become_blocks() -> None:
 @pytest.mark.parametrize(
     ("definition", "reason"),
     [
-        (Rule("a.b"), "`a.b` is not a valid name"),
-        (Rule("2a"), "`2a` is not a valid name"),
+        (Rule("a.b"), "`a.b` is not a name"),
+        (Rule("2a"), "`2a` is not a name"),
         (
             Rule("r", left=LeftSide(constraints=(TypeConstraint("T", Variable("x"), exact=True),))),
             "but of no subclass",
