@@ -125,7 +125,9 @@ def test_a_resumed_training_has_the_same_results_byte_for_byte(
     with interrupted(after=3, monkeypatch=monkeypatch):
         assert train(*begin) == 130
     assert train("--resume", "--student", "tabular") == 1
-    assert f"the interrupted training has other student: `{student}`, not `tabular`" in capsys.readouterr().err
+    assert (
+        f"the interrupted training has other student: `{student}`, not `tabular`" in capsys.readouterr().err
+    )
     assert train("--resume") == 0
     assert results() == whole
 

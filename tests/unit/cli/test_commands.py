@@ -830,10 +830,7 @@ def test_apply_writes_models_as_text_and_refuses_other_suffixes(envgraph: Envgra
     ok(envgraph("check", "deep/out.model"))
     ok(envgraph("apply", "deep/out.model", *apply, "out.json"))
     refused = envgraph("apply", "maze/maze.model", *apply, "out.txt")
-    assert (
-        refused.code == 1
-        and "cannot be written; there are `.model`, `.xmi`, `.json`" in refused.err
-    )
+    assert refused.code == 1 and "cannot be written; there are `.model`, `.xmi`, `.json`" in refused.err
     assert refused.out == "" and not Path("out.txt").exists()
     ok(envgraph("convert", "maze/maze.model", "copy.model"))
     shown = [ok(envgraph("show", name)).out for name in ("copy.model", "maze/maze.model")]
@@ -970,7 +967,11 @@ def test_what_has_too_many_states_for_a_table_has_a_plan(
 
     monkeypatch.setattr(Family, "explored", too_many)
     shown = ok(envgraph("verify", "run")).out
-    assert "too many" in shown and "not computed" in shown and "values that need a table are not computed" in shown
+    assert (
+        "too many" in shown
+        and "not computed" in shown
+        and "values that need a table are not computed" in shown
+    )
     found = ok(envgraph("verify", "run", "--format", "json")).json
     assert isinstance(found, dict)
     assert [(one["certificates"], one["plan"]["exact"]) for one in found["members"]] == [(None, True)] * 2

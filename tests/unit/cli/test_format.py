@@ -75,7 +75,9 @@ def test_a_family_file_among_others_is_passed_over(run: Run, option: tuple[str, 
     Path("a.query").write_text(AFTER)
     code, out, err = run(*option, "a.query", "family.toml")
     assert (code, out) == (0, "")
-    assert err.startswith("family.toml:1:1: warning: skipped: family files (TOML) are not formatted [not-formatted]")
+    assert err.startswith(
+        "family.toml:1:1: warning: skipped: family files (TOML) are not formatted [not-formatted]"
+    )
     Path("a.query").write_text(BEFORE)
     assert run(*option, "family.toml", "a.query")[0] == len(option)
     assert Path("family.toml").read_text() == "a   =  1"

@@ -157,7 +157,10 @@ def test_a_broken_model_as_json_is_told_with_positions(run: Run, tmp_path: Path)
         assert code == 1 and message in err
     (tmp_path / "dir.json").mkdir()
     (tmp_path / "empty.json").touch()
-    for name, message in (("dir.json", "the directory contains no file"), ("empty.json", "the file is empty")):
+    for name, message in (
+        ("dir.json", "the directory contains no file"),
+        ("empty.json", "the file is empty"),
+    ):
         code, _, err = run("match", name, DATA / "railway.vql", "posLength", "-m", DATA / "railway.ecore")
         assert code == 1 and message in err
 

@@ -94,7 +94,8 @@ def test_a_resumed_training_has_the_same_results_byte_for_byte(
     code, _, messages = command(*TRAIN)  # type: ignore[operator]
     assert code == 130
     assert messages == (
-        f"{count} agents are saved: `envgraph train forest --directory runs --resume` resumes the training\ninterrupted\n"
+        f"{count} agents are saved: `envgraph train forest --directory runs --resume` resumes the training\n"
+        "interrupted\n"
     )
     monkeypatch.undo()
     monkeypatch.chdir(run.parents[1])
@@ -114,7 +115,10 @@ def test_an_interrupted_training_is_not_lost_by_beginning_another(
     assert code == 1 and "interrupted: resume it with --resume, or replace it with --force" in messages
     assert "holds the 3 agents of a training" in messages
     code, _, messages = command("train", "forest", "--resume", "--seeds", "3")  # type: ignore[operator]
-    assert code == 1 and "the interrupted training has other seeds: `2`, not `3`; leave `--seeds` out" in messages
+    assert (
+        code == 1
+        and "the interrupted training has other seeds: `2`, not `3`; leave `--seeds` out" in messages
+    )
     assert results(run) == before
     file = run / "training" / "unfinished.jsonl"
     text = file.read_text(encoding="utf-8")
@@ -313,7 +317,9 @@ def test_environments_with_too_many_states_are_trained_in_a_program(
     code, out, told = command("train", "forest", "--steps", "300", "--seeds", "2", "--curricula", "full")  # type: ignore[operator]
     assert code == 0 and "curriculum E1-E2" in out
     assert "`BurningForest` has more than 1 states: agents learn in the compiled program" in told
-    assert "skipped controls that need tables of all states: optimistic, randomised, backplay, exploring" in told
+    assert (
+        "skipped controls that need tables of all states: optimistic, randomised, backplay, exploring" in told
+    )
     assert "control" not in out and "baseline E2" in out  # of two members there is no other order
     assert (run / "training" / "300" / "runs.csv").is_file()
     code, _, messages = command("train", "forest", "--steps", "400", "--controls", "direct,randomised")  # type: ignore[operator]

@@ -135,7 +135,9 @@ def test_a_model_is_known_by_its_root_and_a_family_is_no_language(call: Callable
         said = call(f"check {name}")
         assert f"{name}:1:1: `{name}` is an XML Schema, not a file in a language of envgraph" in said
         assert "hint: convert it to an `.ecore` file first, for example with EMF" in said
-    assert "`family.json` is a family as JSON, not a file in a language of envgraph" in call("check family.json")
+    assert "`family.json` is a family as JSON, not a file in a language of envgraph" in call(
+        "check family.json"
+    )
     assert "`run.sqlite` is a run store, not a file in a language of envgraph" in call("check run.sqlite")
     assert "`picture.png` is not a file in a language of envgraph" in call("check picture.png")
     assert "`picture.png` is not a file in a language of envgraph" in call("format picture.png")

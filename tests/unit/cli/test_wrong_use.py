@@ -222,7 +222,8 @@ def test_values_of_parameters_are_checked(refused: Call, where: list[str], messa
 def test_an_object_of_another_class_is_no_slip_of_the_pen(refused: Call) -> None:
     said = refused("match", MODEL, QUERIES, "burningTile", "-w", "tile=tile[0, 0]")
     assert re.fullmatch(
-        r"error: `tile` must be a `BurningTile`, but `tile\[0, 0\]` is a `StartTile`; there are `tile\[.*\n", said
+        r"error: `tile` must be a `BurningTile`, but `tile\[0, 0\]` is a `StartTile`; there are `tile\[.*\n",
+        said,
     )
 
 

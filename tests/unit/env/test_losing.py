@@ -210,7 +210,9 @@ def test_an_object_that_a_python_rule_deletes() -> None:
     def take(coin) -> None:  # type: ignore[no-untyped-def]
         coin.delete()
 
-    with pytest.raises(EvaluationError, match="`a` no longer exists after `take`, but this observation reads it"):
+    with pytest.raises(
+        EvaluationError, match="`a` no longer exists after `take`, but this observation reads it"
+    ):
         explore(engine, behaviour)
 
 

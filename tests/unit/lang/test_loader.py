@@ -389,9 +389,7 @@ def test_more_files_than_may_be_read_together_are_one_mistake(monkeypatch: pytes
     texts = {f"f{n}.query": f'import "f{n + 1}.query"\n' for n in range(20)} | {"f20.query": ""}
     monkeypatch.setenv("ENVGRAPH_LIMITS", "0.002")
     (problem,) = load_workspace(["f0.query"], files=TextFiles(texts)).errors
-    assert str(problem).startswith(
-        "f19.query:1:8: more than 20 files would be read together\n 1 | import"
-    )
+    assert str(problem).startswith("f19.query:1:8: more than 20 files would be read together\n 1 | import")
     assert problem.hint is not None and "ENVGRAPH_LIMITS" in problem.hint
     monkeypatch.delenv("ENVGRAPH_LIMITS")
     assert not load_workspace(["f0.query"], files=TextFiles(texts)).errors
