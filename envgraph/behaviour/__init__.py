@@ -1,4 +1,4 @@
-"""The behaviour of agents over a model as data: actions, observations, rewards and drawing, with their checks.
+"""Behaviours of agents as data: actions, observations, rewards and drawing, and their checks.
 
 `check_behaviour` reports errors in a behaviour; `envgraph.env` runs it. All other names serve both.
 """

@@ -1,4 +1,4 @@
-"""Metamodels: classes with inheritance, attributes, references, enums and multiplicities, and their checks."""
+"""Metamodels: classes with inheritance, attributes, references, enums and multiplicities."""
 
 from typing import TYPE_CHECKING
 
