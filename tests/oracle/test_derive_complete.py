@@ -198,5 +198,7 @@ def test_an_object_that_needs_too_much_at_once_is_not_created_and_this_is_said()
     many = one_class(Reference("e", "A", 7, 7, opposite="f"), Reference("f", "A", 7, 7, opposite="e"))
     (problem,) = Engine(Model(many)).check(Derivation("d", "operators", ("A",)))
     assert problem.severity is Severity.WARNING
-    assert problem.message == "no operator creates a `A`: it needs frozen objects, or too many objects or links"
+    assert (
+        problem.message == "no operator creates a `A`: it needs frozen objects, or too many objects or links"
+    )
     assert len(reached(many, 3)) == 1

@@ -405,7 +405,9 @@ def test_what_is_nested_deeper_than_the_stack_is_an_error(kind: str) -> None:
     deepest, too_deep = f"p{MOST_NESTED}", f"p{MOST_NESTED + 1}"
     assert matcher.rows(deepest, (0, FREE)) == [(0, 1), (0, 2), (0, 3)]
     assert matcher.count(deepest, (FREE, FREE)) == 6
-    message = f"`{too_deep}` cannot be evaluated: it nests 101 closures and recursive patterns inside each other"
+    message = (
+        f"`{too_deep}` cannot be evaluated: it nests 101 closures and recursive patterns inside each other"
+    )
     for question in (
         lambda: matcher.rows(too_deep, (0, FREE)),
         lambda: matcher.exists(too_deep, (FREE, FREE)),

@@ -154,9 +154,7 @@ def test_a_claim_that_is_true_by_chance_alone_seldom_stands(found: Reproduction)
 def test_p_values_are_corrected_for_all_claims_that_are_tested(found: Reproduction) -> None:
     tested = [one for one in claims(found) if one.p_value is not None]
     assert len(tested) == 11
-    assert f"correction for all {len(tested)} tested claims" in render_html(
-        reproduction_report(found)
-    )
+    assert f"correction for all {len(tested)} tested claims" in render_html(reproduction_report(found))
     assert [one.text for one in claims(found) if one.p_value is None] == [
         "The time of generation scales well with the size of the map"
     ]
