@@ -15,12 +15,12 @@ _SMALLEST = 1074
 
 
 def fits(value: int) -> bool:
-    """Return True if an int can be stored in 64 bits, with sign."""
+    """Return True if an int fits into a signed 64-bit integer."""
     return -LARGEST_INT - 1 <= value <= LARGEST_INT
 
 
 def scaled(value: float) -> int:
-    """Return a finite float as an integer multiple of the smallest float. Sums of these integers are exact.
+    """Return the integer `m` for which a finite float equals `m * 2 ** -1074`. Sums of such integers are exact.
 
     >>> unscaled(10 * scaled(0.1)), 0.1 * 3, unscaled(3 * scaled(0.1))
     (1.0, 0.30000000000000004, 0.30000000000000004)
@@ -30,7 +30,7 @@ def scaled(value: float) -> int:
 
 
 def unscaled(multiple: int) -> float | None:
-    """Return the float nearest to an integer multiple of the smallest float; None if it is beyond the largest float."""
+    """Return the float nearest to `multiple * 2 ** -1074`; None if that number is beyond the largest float."""
     try:
         return multiple / (1 << _SMALLEST)
     except OverflowError:
@@ -74,11 +74,11 @@ def _finite(values: Collection[int | float]) -> float | None:
 
 
 def aggregate(function: str, values: Collection[int | float]) -> Value | None:
-    """Return the aggregate of the values in the aggregated column of a group; None if the aggregate has no value.
+    """Return an aggregate of numbers; None for avg, min or max of no numbers, or if a sum is out of range.
 
     Args:
         function: count, sum, avg, min or max.
-        values: the values of the column; for count the rows of the group.
+        values: the numbers; for count the items to count, which may be anything.
     """
     match function:
         case "count":

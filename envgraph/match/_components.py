@@ -11,7 +11,7 @@ from envgraph.metamodel import components
 class Tree(dict[Any, Any]):
     """A search tree of the nodes that one start node reaches. Maps each node to its parent in the tree.
 
-    The parent is None if it is unknown. With `reflexive` the start node itself is a key, with parent None.
+    The parent is None if it is unknown. The start node is a key, with parent None, only if it counts as reached.
     """
 
     __slots__ = ()
@@ -24,9 +24,9 @@ Reached = dict[Any, Any]
 def reachable_sets(
     starts: Sequence[Any], following: Callable[[Any], Iterable[Any]], reflexive: bool
 ) -> dict[Any, Reached]:
-    """Return for each start node the nodes that it reaches by one or more edges.
+    """Return a dict from each start node to the nodes that it reaches by one or more edges.
 
-    The nodes of a strongly connected component share one dict, so a connected graph needs memory only once per node.
+    The nodes of a strongly connected component share one dict, so such a component needs memory only once per node.
     A node that is on no cycle has a `Tree` of its own. Components are found by Tarjan's algorithm (1972).
 
     >>> edges = {1: [2], 2: [1, 3], 3: [4], 4: []}
@@ -36,7 +36,7 @@ def reachable_sets(
     Args:
         starts: the start nodes.
         following: returns the successors of a node.
-        reflexive: if True, each start node also reaches itself.
+        reflexive: if True, each start node also counts as reached by itself, without an edge.
     """
     reached: dict[Hashable, Reached] = {}
     for component, exits in components(starts, following):
@@ -50,7 +50,7 @@ def reachable_sets(
 
 
 def _shared(component: list[Any], exits: Iterable[Any], reached: Mapping[Any, Reached]) -> Reached:
-    """Return the dict that the nodes of a cyclic component share: these nodes and all nodes that its exits reach."""
+    """Return the dict that all nodes of a cyclic component share, with every node that they reach as a key."""
     found: Reached = dict.fromkeys(component)
     for node in exits:
         if node not in found:
@@ -60,9 +60,9 @@ def _shared(component: list[Any], exits: Iterable[Any], reached: Mapping[Any, Re
 
 
 def _tree(start: Any, exits: Iterable[Any], reached: Mapping[Any, Reached]) -> Tree:
-    """Return the search tree of a node that is on no cycle, merged from the trees of its successors.
+    """Return the search tree of a node that is on no cycle, merged from the trees of `exits`, its successors.
 
-    If two successors reach the same node, either path to it is complete in its own tree: either parent is valid.
+    If two successors reach the same node, its parent may come from either tree, because both hold complete paths.
     """
     found = Tree()
     for node in exits:

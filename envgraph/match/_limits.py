@@ -14,14 +14,15 @@ takes about a second and, for a dozen variables, 200 MB."""
 
 
 def at_most(pattern: Pattern, searched: bool) -> Callable[..., None]:
-    """Return a function that raises an `EvaluationError` after too many combinations of unconnected objects.
+    """Return a function that counts combinations of unconnected objects. Above a limit it raises `EvaluationError`.
 
-    A search first calls the function without arguments. Before each loop over objects that no constraint connects
-    with those of outer loops, it calls the function with the number of matches so far and the loop's variable.
+    Each search first calls the function without arguments, which sets the counts to 0. Before each loop over objects
+    that no constraint connects with those of outer loops, the search calls it with the number of matches so far and the
+    loop's variable.
 
     Args:
         pattern: the pattern of the search, named in the error.
-        searched: if True, combinations that give no match are counted, too.
+        searched: if True, combinations tested since the last match are counted, too.
     """
     most = limit(MOST_MATCHES)
     known = tried = 0
@@ -41,7 +42,7 @@ def at_most(pattern: Pattern, searched: bool) -> Callable[..., None]:
 
 
 def _too_many(pattern: Pattern, most: int, variable: str) -> EvaluationError:
-    """Return the error for too many combinations. `variable` names the unconnected variable, or is ""."""
+    """Return the error for more than `most` combinations. `variable` names the unconnected variable, or is ""."""
     name, _, block = pattern.qualified_name.partition("#")
     whose = f"`{name}`" if block in ("", "lhs") else f"the `{block.rstrip('0123456789')}` block of `{name}`"
     which = f"`{variable}`" if variable.isidentifier() else "one of its variables"

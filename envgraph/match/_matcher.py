@@ -50,7 +50,7 @@ class Matcher(ABC):
         """Return all matches that agree with the arguments."""
 
     def first(self, pattern: str, arguments: tuple[object, ...]) -> Row | None:
-        """Return the first match of `rows`, or None. A matcher may stop its search there."""
+        """Return the first match of `rows`; None if there is no match. A matcher may stop its search there."""
         return next(iter(self.rows(pattern, arguments)), None)
 
     def exists(self, pattern: str, arguments: tuple[object, ...]) -> bool:
@@ -63,26 +63,29 @@ class Matcher(ABC):
 
     @abstractmethod
     def prepare(self, pattern: str, bound: tuple[int, ...]) -> Callable[..., list[Row]]:
-        """Return a function that takes values for the bound positions (ascending) and returns the matches as `rows`.
+        """Return a function that takes a value for each bound position and returns all matches with these values.
 
-        For loops that call the function often: arguments are not checked. They must have the right type, or be ids of
-        existing objects.
+        The values are given in ascending order of positions; the matches have the order of `rows`. For speed, arguments
+        are not checked. They must have the right type, or be ids of existing objects.
         """
 
     def seeker(self, pattern: str, bound: tuple[int, ...]) -> Callable[..., Iterator[Row]]:
-        """Return a function like `prepare` that yields each match on demand. Do not resume it after a model change."""
+        """Return a function that takes values for the bound positions and returns an iterator of the matches.
+
+        Values are given in ascending order of positions, unchecked. Do not use an iterator after a change of the model.
+        """
         rows = self.prepare(pattern, bound)
         return lambda *values: iter(rows(*values))
 
     def lister(self, pattern: str) -> Callable[[], Sequence[Row]]:
-        """Return a function that returns all matches. Do not modify them, nor use them after a change of the model.
+        """Return a function that returns all matches as a sequence, not to be modified or used after a model change.
 
-        For a watched pattern the sequence is the view's own list. So a choice among its matches takes constant time.
+        For a watched pattern the function returns the list that the view itself keeps, so no match is copied.
         """
         return self.prepare(pattern, ())
 
     def tester(self, pattern: str) -> Callable[[Row], bool]:
-        """Return a function that returns True if a row is a match. Values must have the right types."""
+        """Return a function that returns True if its argument is a match. The types of the values must be right."""
         return lambda row: self.exists(pattern, row)
 
     @abstractmethod
@@ -91,7 +94,7 @@ class Matcher(ABC):
 
 
 def check_bound(library: Library, pattern: str, bound: Collection[int]) -> None:
-    """Check that a pattern can be evaluated if only the parameters at these positions are bound.
+    """Check that a pattern can be evaluated if the parameters at the `bound` positions, and no others, have values.
 
     Raises:
         InvalidArgument: a position is out of range, or an `in` parameter that cannot be enumerated is not bound.
@@ -114,7 +117,9 @@ def check_bound(library: Library, pattern: str, bound: Collection[int]) -> None:
 def check_arguments(
     model: Model, library: Library, pattern: str, types: tuple[StaticType, ...], arguments: tuple[object, ...]
 ) -> tuple[object, ...] | None:
-    """Return the arguments as the model would store them; None if an argument is an object that does not exist.
+    """Return the arguments as the model stores them: an int for a float parameter becomes a float, and `FREE` stays.
+
+    Return None if an argument is the id of an object that does not exist. `types` has the types of the parameters.
 
     Raises:
         InvalidArgument: the number of arguments is not the number of parameters.
@@ -144,6 +149,6 @@ def check_arguments(
 
 
 def _mismatch(library: Library, pattern: str, position: int, wanted: str, argument: object) -> str:
-    """Return the message for an argument of a wrong type. `wanted` describes the expected type."""
+    """Return the message for an argument of a wrong type at a position. `wanted` describes the expected type."""
     name = library.get(pattern).parameters[position].name
     return f"parameter `{name}` of `{pattern}` takes {wanted}, not {argument!r}"

@@ -18,7 +18,7 @@ class Bodies:
     Args:
         library: the patterns.
         calls: their call graph.
-        passes: the pipeline.
+        passes: the pipeline, applied to each body in this order.
         kept: names of patterns that are never inlined.
     """
 
@@ -32,7 +32,7 @@ class Bodies:
         self._done: dict[str, tuple[Conjunction, ...]] = {}
 
     def of(self, pattern: str) -> tuple[Conjunction, ...]:
-        """Return the rewritten bodies of a pattern, one conjunction for each body in the library."""
+        """Return the rewritten bodies of a pattern, one for each body in the library; cache those of its callees."""
         if pattern not in self._done:
             # Bottom up, so that a long chain of calls does not exhaust the stack.
             for names, _ in components([pattern], lambda n: [] if n in self._done else self._calls.called(n)):
@@ -42,11 +42,11 @@ class Bodies:
         return self._done[pattern]
 
     def called(self, pattern: str) -> tuple[Conjunction, ...] | None:
-        """Return the bodies that may replace a call of a pattern; None if it is recursive or must not be inlined."""
+        """Return the rewritten bodies that may replace a call; None if the pattern is recursive or not inlined."""
         return None if pattern in self._kept or self._calls.recursive(pattern) else self.of(pattern)
 
     def _rewritten(self, body: Conjunction) -> Conjunction:
-        """Return a body after all passes."""
+        """Return a body after all passes have rewritten it in order."""
         for rewrite in self._passes:
             body = rewrite(body, self)
         return body

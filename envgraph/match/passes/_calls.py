@@ -39,7 +39,7 @@ class Calls:
 
 
 class CallGraph:
-    """The call graph of the patterns of a library, analysed on demand. Patterns are never redefined."""
+    """The call graph of the patterns of a library. Summaries are cached, so patterns must not be redefined."""
 
     def __init__(self, library: Library) -> None:
         self._library = library
@@ -67,7 +67,7 @@ class CallGraph:
         return list(dict.fromkeys(name for body in bodies for goal in body.goals for name in _names(goal)))
 
     def _calls(self, names: Sequence[str], exits: Collection[str]) -> Calls:
-        """Return the summary of a strongly connected component of patterns. Those of all `exits` must be known.
+        """Return the summary of a strongly connected component of patterns; those of `exits` must be cached already.
 
         Args:
             names: the patterns of the component.
@@ -90,7 +90,7 @@ class CallGraph:
 
 
 def check_nesting(calls: CallGraph, pattern: str) -> None:
-    """Check that closures and recursive patterns are not nested too deeply for the Python stack.
+    """Raise an error if closures and recursive patterns are nested too deeply for the Python stack.
 
     Raises:
         EvaluationError: the nesting depth is above the limit.
@@ -104,7 +104,7 @@ def check_nesting(calls: CallGraph, pattern: str) -> None:
 
 
 def _names(goal: Goal) -> Iterator[str]:
-    """Yield the names of the patterns that a goal calls, those inside aggregates and negations included."""
+    """Yield the names of the patterns that a goal calls, also in aggregates and negations. Names may be repeated."""
     match goal:
         case CallAtom(name, _):
             yield name

@@ -9,7 +9,7 @@ from envgraph.pattern import Absence, Conjunction, Goal, implied_classes, is_imp
 
 
 def drop_implied(body: Conjunction, bodies: Bodies) -> Conjunction:
-    """Return the body without class tests that another goal implies."""
+    """Return the body without class tests that another goal of the body implies."""
     library = bodies.library
     known = implied_classes(body.goals, library.metamodel, library.parameter_types)
     kept = (goal for goal in body.goals if not is_implied(goal, body.goals, known, library.metamodel))
@@ -17,19 +17,19 @@ def drop_implied(body: Conjunction, bodies: Bodies) -> Conjunction:
 
 
 def drop_implied_inside(body: Conjunction, bodies: Bodies) -> Conjunction:
-    """Return the body without class tests inside negations that another goal, inside or outside, implies."""
+    """Return the body without class tests in negations that goals of the same alternative or outside imply."""
     library = bodies.library
     outside = implied_classes(body.goals, library.metamodel, library.parameter_types)
 
     def without(alternative: tuple[Goal, ...]) -> tuple[Goal, ...]:
-        """Return an alternative of a negation without implied class tests."""
+        """Return an alternative of a negation without class tests that goals inside or outside it imply."""
         inside = implied_classes(alternative, library.metamodel, library.parameter_types)
         known = {v: inside.get(v, frozenset()) | outside.get(v, frozenset()) for v in (*inside, *outside)}
         kept = (goal for goal in alternative if not is_implied(goal, alternative, known, library.metamodel))
         return tuple(kept)
 
     def simple(goal: Goal) -> Goal:
-        """Return the goal without implied class tests if the goal is a negation; else the goal itself."""
+        """Return a negation without implied class tests; return any other goal unchanged."""
         if isinstance(goal, Absence):
             return replace(goal, alternatives=tuple(map(without, goal.alternatives)))
         return goal

@@ -37,12 +37,15 @@ Test = Callable[[Conjunction], bool]
 
 
 def inline_calls(body: Conjunction, bodies: Bodies) -> Conjunction:
-    """Return the body with calls of patterns with one small body inlined; in negations also with a few bodies."""
+    """Return the body with calls inlined if the pattern has one small body, or in a negation a few small bodies."""
     return _inlined(body, bodies, small, small)
 
 
 def inline_few_locals(body: Conjunction, bodies: Bodies) -> Conjunction:
-    """Return the body with calls inlined if that adds at most two local variables. Negations get only one relation."""
+    """Return the body with calls inlined if the pattern has one small body with at most two local variables.
+
+    In a negation, in addition, each body of the pattern must be a single relation.
+    """
     return _inlined(body, bodies, few_locals, lambda called: few_locals(called) and single(called))
 
 
@@ -72,7 +75,7 @@ def _alternatives(goal: Goal, bodies: Bodies, draft: _Draft, fits: Test) -> tupl
 
 
 def expanded(bodies: Bodies, pattern: str) -> tuple[Conjunction, ...]:
-    """Return the bodies of a pattern with those of called patterns multiplied out; if these are too many, the original.
+    """Return a pattern's bodies, copied for each combination of inlined bodies; unchanged if these are too many.
 
     This pays off if duplicate results are removed anyway, as in a closure.
     """
@@ -102,7 +105,7 @@ def _multiplied(body: Conjunction, bodies: Bodies) -> list[Conjunction]:
 def _with_body(
     body: Conjunction, others: Sequence[Goal], inner: Conjunction, called: tuple[int, ...], bodies: Bodies
 ) -> Conjunction:
-    """Return the body with the goals of one called body in place of the call.
+    """Return the body with the goals of one called body in place of the call, and without repeated and implied goals.
 
     Args:
         body: the calling body.
@@ -119,7 +122,7 @@ def _with_body(
 
 
 def _inlinable(bodies: Bodies, pattern: str, fits: Test) -> tuple[Conjunction, ...] | None:
-    """Return the bodies of a pattern if each passes `fits` and may replace a call; else None."""
+    """Return the bodies of a pattern if a call may be replaced by them and each passes `fits`; else None."""
     found = bodies.called(pattern)
     return found if found is not None and all(map(fits, found)) else None
 
@@ -132,7 +135,7 @@ class _Draft:
     constants: list[tuple[int, Value]]
 
     def inlined(self, body: Conjunction, called: tuple[int, ...]) -> list[Goal]:
-        """Return the goals of a called body, renumbered: arguments replace parameters; add its local variables."""
+        """Return a called body's goals with the arguments for parameters; add its other variables to the draft."""
         numbers = dict(zip(body.parameters, called, strict=True))
         for number, type_ in enumerate(body.types):
             if number not in numbers:
@@ -149,7 +152,7 @@ class _Draft:
 
 
 def small(body: Conjunction) -> bool:
-    """Return True if a body has few goals, and its parameters are distinct variables without fixed values."""
+    """Return True if a body has at most `MOST_INLINED` goals, and its parameters are distinct and not constant."""
     return (
         sum(map(_size, body.goals)) <= MOST_INLINED
         and len(set(body.parameters)) == len(body.parameters)
@@ -165,12 +168,12 @@ def few_locals(body: Conjunction) -> bool:
 
 
 def single(body: Conjunction) -> bool:
-    """Return True if a body consists of one relation."""
+    """Return True if a body has only one goal, and the goal is a relation."""
     return len(body.goals) == 1 and is_relation(body.goals[0])
 
 
 def _size(goal: Goal) -> int:
-    """Return the number of goals in a goal, itself included. Inlined negations would double it at each level."""
+    """Return the number of goals in a goal: 1, plus the number of goals inside a negation."""
     if isinstance(goal, Absence):
         return 1 + sum(_size(each) for alternative in goal.alternatives for each in alternative)
     return 1

@@ -12,7 +12,7 @@ from envgraph.pattern import Absence, AggregateAtom, Conjunction, Goal, LinkAtom
 
 
 def links_as_facts(body: Conjunction, bodies: Bodies) -> Conjunction:
-    """Return the body with each link stated by the reference of an opposite pair that has the lower index.
+    """Return the body with each link of two opposite references expressed by the one with the lower index.
 
     The store notifies changes of links by this reference.
     """
@@ -21,7 +21,7 @@ def links_as_facts(body: Conjunction, bodies: Bodies) -> Conjunction:
 
 
 def _as_fact(goal: Goal, metamodel: Metamodel) -> Goal:
-    """Return the goal, links inside negations and aggregates included, with normalised links."""
+    """Return the goal with all links, also inside it, expressed by the opposite reference of the lowest index."""
     match goal:
         case LinkAtom(Reference() as reference, source, target):
             opposite = metamodel.opposite(reference)
@@ -46,7 +46,7 @@ def split_negations(body: Conjunction, bodies: Bodies) -> Conjunction:
 
 
 def _split(goals: Iterable[Goal], fixed: Container[int]) -> Iterator[Goal]:
-    """Yield the goals, with each negation split into negations of one relation. `fixed`: variables with fixed value."""
+    """Yield the goals, with each negation split into negations of one relation. `fixed` has the constants."""
     for goal in goals:
         if isinstance(goal, Absence):
             for (relation,) in goal.alternatives:

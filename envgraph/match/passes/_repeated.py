@@ -9,7 +9,7 @@ from envgraph.pattern import Conjunction, Goal, is_relation
 
 
 def drop_repeated(body: Conjunction, bodies: Bodies) -> Conjunction:
-    """Return the body with each relation once. Expressions are kept: `1 / 2` and `1.0 / 2` are equal as data."""
+    """Return the body with each relation once. Repeated expressions stay: `1` equals `1.0`, but differs in type."""
     kept: list[Goal] = []
     seen: set[Goal] = set()
     for goal in body.goals:

@@ -29,7 +29,7 @@ Determined = Callable[[Sequence[Goal], Iterable[int]], set[int]]
 
 @dataclass(frozen=True, slots=True)
 class Distinct:
-    """A duplicate filter in a plan: partial matches pass only if they differ in the key variables.
+    """A duplicate filter in a plan: a partial match passes only if the values of its key variables are new.
 
     Attributes:
         first: number of the step before which the set of seen keys is emptied, or `OUTSIDE`.
@@ -50,11 +50,11 @@ def distinct_places(
     """Return the duplicate filters of a plan.
 
     Args:
-        steps: the plan. Finding the same results again must change nothing.
+        steps: the plan. A result found several times must mean the same as a result found once.
         results: the variables that are used after the last step.
         known: the variables with values before the first step, constants included.
         determined: see `Determined`.
-        around: variables bound by a loop around the plan, in whose rounds results are used in the same way.
+        around: variables of a loop around the plan. A result that an earlier iteration found is a duplicate, too.
 
     Returns:
         the filters by the number of the step before which they are placed; the number of steps stands for the end.
@@ -87,7 +87,7 @@ def distinct_places(
 
 
 def _needed(steps: Sequence[Step], results: Iterable[int]) -> list[set[int]]:
-    """Return for each step, and for the end of the plan, the variables used from there on."""
+    """Return for each step the variables used by it or later, results included; as a last set, the results."""
     needed = [set(results)]
     for step in reversed(steps):
         needed.append(needed[-1].union(mentioned(step)))
@@ -95,12 +95,12 @@ def _needed(steps: Sequence[Step], results: Iterable[int]) -> list[set[int]]:
 
 
 def _heavy(step: Step) -> bool:
-    """Return True if a step is expensive enough for a duplicate filter before it."""
+    """Return True if a step is worth a duplicate filter before it: a loop, or as costly as a function call."""
     return step.kind is Kind.LOOP or step.cost >= CALL
 
 
 def _many(steps: Sequence[Step], first: int, number: int) -> bool:
-    """Return True if many partial matches are expected between step `first` and step `number`."""
+    """Return True if `first` is `OUTSIDE`, or if partial matches grow `FEW`-fold from step `first` to `number`."""
     before = steps[first - 1].rows if first > 0 else 1.0
     return first == OUTSIDE or steps[number - 1].rows >= FEW * before
 
@@ -108,7 +108,7 @@ def _many(steps: Sequence[Step], first: int, number: int) -> bool:
 def _key(
     variables: Sequence[int], goals: Sequence[Goal], outer: frozenset[int], determined: Determined
 ) -> tuple[int, ...]:
-    """Return the variables that are not determined by the other variables."""
+    """Return the variables without those whose values follow from the remaining and `outer` ones by the goals."""
     key = list(variables)
     for variable in variables if len(variables) > 1 else ():
         others = [v for v in key if v != variable]

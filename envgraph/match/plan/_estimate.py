@@ -21,7 +21,7 @@ MOST = 10_000.0
 
 
 class Sizes:
-    """Estimated sizes of extents (all objects of a class) and of the ends of references."""
+    """Estimates, from the metamodel alone, of the number of objects of classes and of links of an object."""
 
     def __init__(self, metamodel: Metamodel) -> None:
         self._metamodel = metamodel
@@ -31,15 +31,16 @@ class Sizes:
     def extent(self, cls: str) -> float:
         """Return the estimated number of objects of a class and its subclasses.
 
-        A class that contains others and is not contained is the root of the model: one object. Other classes have as
-        many objects as their containers hold, shared equally among the classes that the containment reference allows.
+        A class that contains others and is not contained is the root of the model: one object. Contained classes have
+        as many objects as their containers hold, in equal shares for the classes that the containment reference allows.
+        A class that neither contains nor is contained has `UNKNOWN` objects.
         """
         if cls not in self._extents:
             self._extents[cls] = sum(self.exact_extent(name) for name in self._metamodel.concrete(cls))
         return self._extents[cls]
 
     def exact_extent(self, cls: str) -> float:
-        """Return the estimated number of direct instances of a class."""
+        """Return the estimated number of direct instances of a class, without those of subclasses."""
         if not self._exact:
             self._exact = _Populations(self._metamodel).sizes
         return self._exact[cls]
@@ -51,7 +52,7 @@ class Sizes:
         return 1.0 if reference.lower else 0.9
 
     def backward(self, reference: Reference | Attribute) -> float:
-        """Return the estimated number of sources of an object, or of objects with a given attribute value."""
+        """Return the estimated number of sources of a target object, or of objects with a given attribute value."""
         if isinstance(reference, Attribute):
             return max(self.extent(reference.owner) * self.link(reference), 1.0)
         opposite = self._metamodel.opposite(reference)
@@ -65,13 +66,13 @@ class Sizes:
         return min(max(ratio, 0.1), MANY)
 
     def link(self, reference: Reference | Attribute) -> float:
-        """Return the probability that two objects are linked, or that a many-valued attribute contains a value."""
+        """Return the estimated probability that two objects are linked, or that an attribute contains a value."""
         if isinstance(reference, Attribute):
             return 0.2
         return min(self.forward(reference) / max(self.extent(reference.target), 1.0), 0.5)
 
     def single_source(self, reference: Reference | Attribute) -> bool:
-        """Return True if an object has at most one source by a reference."""
+        """Return True if at most one object can link to a target by this reference; False for an attribute."""
         return isinstance(reference, Reference) and self._metamodel.most_sources(reference) == 1
 
 
@@ -109,7 +110,8 @@ class _Populations:
     def _containers(self, node: tuple[str, str]) -> Iterator[tuple[str, str]]:
         """Yield the graph nodes one step from a class towards the classes that may contain its objects.
 
-        A path leads to supertypes (kind "part"), over a containment reference, and then to subclasses (kind "owner").
+        A node is a kind and a class. A path leads from kind "exact" to supertypes ("part"), over a containment
+        reference, and then to subclasses ("owner").
         """
         kind, name = node
         if kind == "exact":
@@ -123,7 +125,7 @@ class _Populations:
             yield from (("owner", below) for below in self._below[name])
 
     def _estimate(self, nodes: Mapping[tuple[str, str], None]) -> None:
-        """Estimate the classes of a component, wave by wave, and store the estimates in `sizes`."""
+        """Estimate the classes among the graph nodes of a component, wave by wave, and store them in `sizes`."""
         left = [name for kind, name in nodes if kind == "exact" and name not in self.sizes]
         into = [reference for kind, name in nodes if kind == "part" for reference in self._into[name]]
         inner = [reference for reference in into if ("owner", reference.owner) in nodes]
@@ -134,7 +136,7 @@ class _Populations:
             self._distribute(inner, wave)
 
     def _distribute(self, references: Iterable[Reference], owners: Mapping[str, float]) -> None:
-        """Distribute the objects that the owners contain equally among the concrete target classes."""
+        """Add the objects that the owners contain to the counts of the target classes, in equal shares."""
         shares: defaultdict[str, float] = defaultdict(float)
         for reference in references:
             held = PARTS if reference.upper is None else min(float(reference.upper), PARTS)

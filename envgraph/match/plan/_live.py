@@ -26,29 +26,29 @@ class LiveSizes(Sizes):
         self._values: dict[int, float] = {}
 
     def exact_extent(self, cls: str) -> float:
-        """Return the number of direct instances of a class; 0.5 if there are none."""
+        """Return the number of direct instances of a class; 0.5 if there are none. The number is cached."""
         if cls not in self._exact:
             self._exact[cls] = float(len(self._store.extents[self._numbers[cls]])) or 0.5
         return self._exact[cls]
 
     def forward(self, reference: Reference | Attribute) -> float:
-        """Return the average number of targets of an object, or of its values of a many-valued attribute."""
+        """Return the average number of targets of sampled objects, or of their values of a many-valued attribute."""
         return self._degree(reference, forward=True)
 
     def backward(self, reference: Reference | Attribute) -> float:
-        """Return the average number of sources of an object, or the estimated objects with an attribute value."""
+        """Return the average number of sources of sampled objects, or the estimated objects with a given value."""
         if isinstance(reference, Attribute):
             return super().backward(reference)
         return self._degree(reference, forward=False)
 
     def link(self, reference: Reference | Attribute) -> float:
-        """Return the probability that two objects are linked, or that a many-valued attribute contains a value."""
+        """Return the probability that two objects are linked, or the estimate that an attribute contains a value."""
         if isinstance(reference, Attribute):
             return super().link(reference)
         return min(self.forward(reference) / max(self.extent(reference.target), 1.0), 0.5)
 
     def selectivity(self, attribute: int) -> float:
-        """Return the probability that an object has a given value of an attribute, which is given by its index."""
+        """Return the probability that a sampled object has a given value of the attribute with this index."""
         if attribute not in self._values:
             owner = self._metamodel.attributes[attribute].owner
             column = self._store.values[attribute]
@@ -59,7 +59,7 @@ class LiveSizes(Sizes):
         return self._values[attribute]
 
     def _degree(self, reference: Reference | Attribute, forward: bool) -> float:
-        """Return the average number of links of sampled objects, or of their attribute values; at least 0.01."""
+        """Return the average number of links or attribute values of sampled objects, at least 0.01; 0.5 for none."""
         key = (str(reference), forward)
         if key not in self._degrees:
             store, nodes = self._store, self._sample(reference.owner)
@@ -73,7 +73,7 @@ class LiveSizes(Sizes):
         return self._degrees[key]
 
     def _sample(self, cls: str) -> list[int]:
-        """Return about `SAMPLE` objects of a class, evenly spaced in its extents."""
+        """Return at least `SAMPLE` objects of a class, evenly spaced, or all objects if the class has fewer."""
         extents = [self._store.extents[self._numbers[name]] for name in self._metamodel.concrete(cls)]
         total = sum(map(len, extents))
         step = max(1, total // SAMPLE)

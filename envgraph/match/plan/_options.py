@@ -63,14 +63,14 @@ class Unplannable(Exception):
 
 
 class Views(Protocol):
-    """The interface through which the plan search asks about called patterns."""
+    """The interface through which the plan search gets the plans of called patterns."""
 
     library: Library
     calls: CallGraph
     sizes: Sizes
 
     def view(self, key: ViewKey) -> ViewPlan:
-        """Return the plan of a pattern query, or raise `Unplannable`."""
+        """Return the plan of a pattern query. Raise `Unplannable` if a parameter cannot be enumerated."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -124,7 +124,7 @@ class Options:
         self._closure_ends: dict[int, tuple[float, float]] = {}
 
     def filter(self, goal: Goal, bound: Bound, uses: Counter[int]) -> Option | None:
-        """Return a goal as a candidate that gives at most one row for each row before; None if impossible yet."""
+        """Return a goal as a candidate with at most one row for each row before; None if it needs more values."""
         match goal:
             case InstanceAtom():
                 return self._instance(goal, bound, uses)
@@ -172,7 +172,7 @@ class Options:
         return Option(Kind.BIND, goal, (result,), cost, 0.99, inner)
 
     def _plans_inside(self, goal: Absence | AggregateAtom) -> tuple[Plan, ...]:
-        """Return the plans of a negation's alternatives, or of an aggregate's relation, if their inputs have values."""
+        """Return the cached plans of a negation's alternatives or an aggregate's relation, for known inputs."""
         if id(goal) not in self._inner:
             known = self._constants.union(inputs(goal))
             alternatives: Sequence[tuple[Goal, ...]]
@@ -190,7 +190,7 @@ class Options:
         return None
 
     def _link(self, goal: LinkAtom, bound: Bound, uses: Counter[int]) -> Option | None:
-        """Return a link as a test or as a binding of its single other end; None if neither is possible."""
+        """Return a link as a test, or as a binding of its single other end; None if neither is possible yet."""
         reference, source, target = goal.reference, goal.source, goal.target
         if source in bound and target in bound:
             return Option(Kind.TEST, goal, (), ACCESS, self._sizes.link(reference))
@@ -205,7 +205,7 @@ class Options:
         return Option(Kind.BIND, goal, (end,), ACCESS, min(0.99, size)) if single else None
 
     def _test_of_call(self, goal: CallAtom, bound: Bound) -> Option | None:
-        """Return a call as a test for a match; None if the pattern cannot be planned for these bound variables."""
+        """Return a call as a test that a match exists; None if the pattern has no plan for these bound variables."""
         try:
             _, cost = self._estimate(goal, bound, ())
         except Unplannable:
@@ -213,7 +213,7 @@ class Options:
         return Option(Kind.TEST, goal, (), cost / 2, 0.5)
 
     def _test_of_closure(self, goal: ClosureAtom, bound: Bound, uses: Counter[int]) -> Option | None:
-        """Return a closure as a test; None if a needed end has no value, or if no plan exists."""
+        """Return a closure as a test; None if it has no plan, or if an end without a value is used elsewhere."""
         step = CallAtom(goal.step, (goal.source, goal.target))
         free = _free(step, bound)
         try:
@@ -231,11 +231,11 @@ class Options:
         return None
 
     def _opaque(self, pattern: str) -> bool:
-        """Return True if a pattern gets fixed estimates: it is recursive, or has too long chains of calls."""
+        """Return True if a pattern gets fixed estimates: it is recursive, or its chains of calls are too long."""
         return self._views.calls.recursive(pattern) or self._views.calls.of(pattern).height > DEEPEST
 
     def _closure_cost(self, goal: ClosureAtom, bound: Bound) -> float:
-        """Return the cost of following a closure from its bound end, else all sources; twice the cost of a test."""
+        """Return the cost of a search from the bound end, or from all sources; for two bound ends, of two tests."""
         from_source, from_target = goal.source in bound, goal.target in bound
         if self._opaque(goal.step):
             cost = OPAQUE_COST
@@ -261,7 +261,7 @@ class Options:
         return Option(Kind.LOOP, goal, free, cost, rows, together=(max(1.0, all_ / rows) * cost, all_))
 
     def values(self, variable: int) -> float:
-        """Return the estimated number of values of a variable; infinity for a data value."""
+        """Return the estimated number of objects that a variable may denote; infinity for a data value."""
         type_ = self._conjunction.types[variable]
         return self._sizes.extent(type_.cls) if isinstance(type_, ObjectType) else inf
 
@@ -277,13 +277,13 @@ class Options:
         return found
 
     def _needed(self, goal: CallAtom, free: Sequence[int], uses: Counter[int]) -> tuple[int, ...]:
-        """Return the unbound variables of a call whose values are used elsewhere; all if the pattern is recursive."""
+        """Return the variables in `free` that are used elsewhere; all of `free` if a recursive pattern needs one."""
         if self._views.calls.recursive(goal.pattern) and any(uses[v] > 1 for v in free):
             return tuple(free)
         return tuple(v for v in free if uses[v] > 1)
 
     def _estimate(self, goal: CallAtom, bound: Bound, needed: Sequence[int]) -> tuple[float, float]:
-        """Return the estimated rows and cost of a call."""
+        """Return the rows and cost of a call that gives the `needed` variables, or raise `Unplannable`."""
         unbound = {goal.arguments[position] for position in self._views.library.inputs(goal.pattern)} - bound
         if unbound:
             raise Unplannable(frozenset(unbound))
@@ -296,7 +296,7 @@ class Options:
     def loops(
         self, goals: Iterable[Goal], bound: Bound, uses: Counter[int], known: dict[int, list[Option]]
     ) -> list[Option]:
-        """Return the possible loops, in ascending order of effort.
+        """Return the candidates for the next loop, in ascending order of effort.
 
         Args:
             goals: the remaining goals.
@@ -314,7 +314,7 @@ class Options:
         return sorted(found, key=lambda option: option.effort)
 
     def _relations(self, goals: Sequence[Goal], bound: Bound, uses: Counter[int]) -> Iterator[Option]:
-        """Yield the loops over relations: links, calls and closures."""
+        """Yield loops over links with one bound end, calls and closures. Goals that have no plan are skipped."""
         for goal in goals:
             match goal:
                 case LinkAtom(reference, source, target) if source in bound:
@@ -341,7 +341,7 @@ class Options:
                     pass
 
     def _extents(self, goals: Sequence[Goal], bound: Bound, uses: Counter[int]) -> Iterator[Option]:
-        """Yield for each object variable without a value a loop over the smallest class of its values."""
+        """Yield for each object variable without a value a loop over the smallest class that may contain its values."""
         classes: dict[int, list[InstanceAtom]] = {}
         for goal in goals:
             for variable in variables(goal):
@@ -361,17 +361,17 @@ class Options:
             yield Option(Kind.LOOP, atom, (variable,), size * weight, size)
 
     def _extent(self, atom: InstanceAtom) -> float:
-        """Return the estimated number of objects of a class test."""
+        """Return the estimated number of objects that pass a class test."""
         return self._sizes.exact_extent(atom.cls) if atom.exact else self._sizes.extent(atom.cls)
 
 
 def _free(goal: CallAtom, bound: Bound) -> tuple[int, ...]:
-    """Return the variables of a call without a value, each once."""
+    """Return the variables of a call that have no value, each once."""
     return tuple(dict.fromkeys(v for v in goal.arguments if v not in bound))
 
 
 def call_key(goal: CallAtom, bound: Bound, needed: Sequence[int]) -> ViewKey:
-    """Return the pattern query of a call: bound arguments have values, the values of `needed` variables are wanted."""
+    """Return the pattern query of a call: `bound` variables give its bound positions, `needed` ones its outputs."""
     given = tuple(position for position, v in enumerate(goal.arguments) if v in bound)
     wanted = tuple(position for position, v in enumerate(goal.arguments) if v in needed)
     return ViewKey(goal.pattern, given, wanted)

@@ -35,8 +35,9 @@ class Draft:
     Attributes:
         remaining: the goals without a step, by identity, since literals of different types compare equal.
         uses: how often each variable occurs in a remaining goal, plus one if the variable is wanted.
+        bound: the variables with values after the steps.
         options: cached filter candidates by goal; an entry is removed when one of the goal's variables changes.
-        loops: cached loop candidates, likewise.
+        loops: cached loop candidates by goal, removed in the same cases.
     """
 
     remaining: dict[int, Goal]
@@ -61,7 +62,7 @@ class Draft:
         )
 
     def add(self, option: Option, together: bool = False) -> None:
-        """Append the step of a candidate. `together` is True if its rows do not depend on earlier steps."""
+        """Append a candidate as a step. If `together`, its rows do not depend on the variables of earlier steps."""
         cost, rows = self.rows * option.cost, self.rows * option.fanout
         if together and option.together is not None:
             cost, rows = min(cost, option.together[0]), min(rows, option.together[1])
@@ -79,7 +80,7 @@ class Search:
         conjunction: the body.
         bound: the variables with values.
         wanted: the variables whose values distinguish results. If empty, the plan only decides if a solution exists.
-        explore: if True, several first loops are compared.
+        explore: if True, plans with different loops are compared; else the best ranked loop is always taken.
     """
 
     options: type[Options] = Options
@@ -127,7 +128,7 @@ class Search:
         return Plan(tuple(draft.steps), draft.rows, draft.cost)
 
     def _complete(self, draft: Draft, limit: float) -> Draft | None:
-        """Return the cheapest completion found of a draft; None if each costs `limit` or more."""
+        """Return the cheapest completion found of a draft, which is modified; None if each costs `limit` or more."""
         self._filter(draft)
         while draft.remaining:
             if draft.cost >= limit:
@@ -146,7 +147,7 @@ class Search:
         return draft if draft.cost < limit else None
 
     def _best(self, draft: Draft, loops: Sequence[Option], limit: float) -> Draft | None:
-        """Return the cheapest completion of a draft that begins with one of the loops; of equals the earliest."""
+        """Return the cheapest completion that starts with one of the loops; None if each costs `limit` or more."""
         found: Draft | None = None
         failure: Unplannable | None = None
         for loop in loops:
@@ -168,7 +169,7 @@ class Search:
         return type(self)(self._views, self._conjunction, bound, wanted).plan(goals)
 
     def _enter(self, draft: Draft, loop: Option) -> None:
-        """Append a loop to a draft, and remove the goals that it satisfies."""
+        """Append a loop; remove its goal and, for a loop over a class, the class tests that the loop satisfies."""
         draft.rows = min(draft.rows, self._different(draft))
         draft.add(loop, together=loop.together is not None and self._alone(draft, loop))
         met: list[Goal] = [loop.goal]
@@ -184,12 +185,12 @@ class Search:
         self._drop(draft, met, loop.binds)
 
     def _alone(self, draft: Draft, loop: Option) -> bool:
-        """Return True if no variable bound so far is used after a loop: only its distinct rows count."""
+        """Return True if no remaining goal except the loop's own uses a variable that earlier steps have bound."""
         own = self._variables[id(loop.goal)]
         return all(draft.uses[v] == (v in own) for step in draft.steps for v in step.binds)
 
     def _different(self, draft: Draft) -> float:
-        """Return an upper bound on the partial matches that differ in variables still used; others enter no loop."""
+        """Return an upper bound on partial matches that differ in variables still used; infinity if unknown."""
         steps = draft.steps
         loops = (n for n, step in enumerate(steps) if step.kind is Kind.LOOP)
         first = next((n for n in loops if not all(draft.uses[v] for v in steps[n].binds)), len(steps))
@@ -201,7 +202,7 @@ class Search:
     # --- filters
 
     def _filter(self, draft: Draft) -> None:
-        """Append all steps that cannot multiply the rows."""
+        """Append all possible filters, best rank first. A filter gives at most one row for each row before."""
         while True:
             for key, goal in draft.remaining.items():
                 if key not in draft.options:
@@ -214,7 +215,7 @@ class Search:
             self._drop(draft, [option.goal], option.binds)
 
     def _drop(self, draft: Draft, goals: Iterable[Goal], binds: Sequence[int] = ()) -> None:
-        """Remove satisfied goals, and the cached candidates of goals that share variables with them or use `binds`."""
+        """Remove satisfied goals. Discard cached candidates of goals with their variables or those in `binds`."""
         touched = set(binds)
         for goal in goals:
             if draft.remaining.pop(id(goal), None) is not None:
@@ -231,7 +232,10 @@ class Search:
     # --- existence
 
     def _detach(self, draft: Draft) -> bool:
-        """Append existence tests for goals on which no wanted variable depends. Return False if there are none."""
+        """Append existence tests for goals on which no wanted variable depends. Return False if there are none.
+
+        If the plan wants no variables, the group of connected goals with the most work remains.
+        """
         groups = self._groups(draft)
         if self._wanted:
             missing = self._wanted - draft.bound
@@ -246,11 +250,11 @@ class Search:
         return bool(groups)
 
     def _names(self, goals: Iterable[Goal]) -> set[int]:
-        """Return all variables that occur in some goals."""
+        """Return the set of all variables that occur in the goals."""
         return {v for goal in goals for v in self._variables[id(goal)]}
 
     def _groups(self, draft: Draft) -> list[list[Goal]]:
-        """Return the remaining goals in groups connected by variables without values; the largest group is last."""
+        """Return the remaining goals, grouped by shared variables without values, in ascending order of work."""
         leader: dict[int, int] = {}
 
         def find(variable: int) -> int:

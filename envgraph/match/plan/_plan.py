@@ -11,7 +11,7 @@ from envgraph.pattern import AttributeAtom, Conjunction, Goal, LinkAtom
 
 
 def held_value(goal: Goal) -> tuple[Attribute, int, int] | None:
-    """Return the attribute, object variable and value variable of an attribute goal; None for other goals."""
+    """Return attribute, object variable and value variable of a goal on an attribute's value; None for other goals."""
     match goal:
         case AttributeAtom(attribute, owner, value) | LinkAtom(Attribute() as attribute, owner, value):
             return attribute, owner, value
@@ -62,7 +62,7 @@ class Plan:
     cost: float
 
     def walk(self) -> Iterator[Step]:
-        """Yield all steps, steps of inner plans included."""
+        """Yield all steps in order, each followed by the steps of its inner plans."""
         for step in self.steps:
             yield step
             for plan in step.inner:
@@ -85,7 +85,7 @@ class BodyPlan:
     Attributes:
         conjunction: the body.
         plan: the steps that solve it.
-        repeats: True if the plan may find the same wanted values more than once.
+        repeats: True if several solutions of the plan may agree in all wanted values.
     """
 
     conjunction: Conjunction
@@ -95,7 +95,7 @@ class BodyPlan:
 
 @dataclass(frozen=True, slots=True)
 class ViewPlan:
-    """The plans of all bodies of a pattern query. `distinct` is True if they never repeat wanted values."""
+    """The plans of all bodies of a pattern query. If `distinct`, no two solutions agree in all wanted values."""
 
     key: ViewKey
     bodies: tuple[BodyPlan, ...]

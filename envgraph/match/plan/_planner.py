@@ -27,7 +27,7 @@ from envgraph.pattern import (
 
 
 class Planner:
-    """A planner for the patterns of a library. A plan depends only on the pattern, the key and the size estimates.
+    """A planner for the patterns of a library. A plan depends only on the pattern query and the size estimates.
 
     Args:
         library: the patterns.
@@ -50,7 +50,7 @@ class Planner:
         self._views: dict[ViewKey, ViewPlan | Unplannable] = {}
 
     def view(self, key: ViewKey) -> ViewPlan:
-        """Return the plan of a pattern query; plans are cached.
+        """Return the plan of a pattern query. Plans and failures are cached.
 
         Raises:
             Unplannable: a parameter without a value cannot be enumerated.
@@ -66,7 +66,7 @@ class Planner:
         return found
 
     def expanded(self, key: ViewKey) -> ViewPlan:
-        """Return the plan of a pattern query whose called bodies are multiplied out if that gives few bodies.
+        """Return the plan of a pattern query, with one body for each combination of inlined bodies if these are few.
 
         Raises:
             Unplannable: a parameter without a value cannot be enumerated.
@@ -74,7 +74,7 @@ class Planner:
         return self._plan_view(key, expanded(self._bodies, key.pattern))
 
     def whole(self, conjunction: Conjunction, bound: tuple[int, ...]) -> Plan:
-        """Return a plan that binds every variable of a conjunction, given values at the bound positions.
+        """Return a plan that binds every variable of a conjunction, if parameters at `bound` positions have values.
 
         Raises:
             Unplannable: a variable cannot be enumerated.
@@ -85,7 +85,7 @@ class Planner:
         return Search(self, conjunction, known, frozenset(wanted) - known).plan(conjunction.goals)
 
     def _plan_view(self, key: ViewKey, conjunctions: tuple[Conjunction, ...]) -> ViewPlan:
-        """Return the plans of these bodies for a pattern query."""
+        """Return the plan of a pattern query whose pattern has these bodies."""
         bodies = tuple(self._plan_body(key, conjunction) for conjunction in conjunctions)
         distinct = not any(body.repeats for body in bodies) and disjoint(
             self.library.metamodel, (*key.outputs, *key.bound), conjunctions
@@ -94,7 +94,7 @@ class Planner:
         return ViewPlan(key, bodies, distinct, rows, fsum(body.plan.cost for body in bodies))
 
     def _plan_body(self, key: ViewKey, conjunction: Conjunction) -> BodyPlan:
-        """Return the plan of one body for a pattern query."""
+        """Return the plan of one body for a pattern query, or raise `Unplannable`."""
         fixed = frozenset(number for number, _ in conjunction.constants)
         bound = fixed | {conjunction.parameters[position] for position in key.bound}
         wanted = frozenset(conjunction.parameters[position] for position in key.outputs) - bound
@@ -105,13 +105,13 @@ class Planner:
         return BodyPlan(conjunction, plan, self._repeats(conjunction, plan, bound | wanted))
 
     def _repeats(self, conjunction: Conjunction, plan: Plan, known: frozenset[int]) -> bool:
-        """Return True if the loops of a plan bind a variable that the `known` variables do not determine."""
+        """Return True if a loop of a plan binds a variable that `known` does not determine, so results may repeat."""
         looped = {number for step in plan.steps if step.kind is Kind.LOOP for number in step.binds}
         return not looped <= determined(conjunction.goals, known, self.sizes)
 
 
 def determined(goals: Sequence[Goal], known: Iterable[int], sizes: Sizes) -> set[int]:
-    """Return the variables that have at most one value if the `known` variables have values, these included."""
+    """Return the `known` variables and those to which the goals give at most one value if `known` have values."""
     found = set(known)
     size = -1
     while size != len(found):
@@ -135,7 +135,7 @@ def determined(goals: Sequence[Goal], known: Iterable[int], sizes: Sizes) -> set
 
 
 def disjoint(metamodel: Metamodel, positions: Sequence[int], bodies: Sequence[Conjunction]) -> bool:
-    """Return True if no two bodies can give the same values at these positions, because a constant or class differs."""
+    """Return True if any two bodies have different constants or disjoint classes at one of these positions."""
     return all(
         any(_differ(metamodel, position, body, other) for position in positions)
         for number, body in enumerate(bodies)
@@ -144,7 +144,7 @@ def disjoint(metamodel: Metamodel, positions: Sequence[int], bodies: Sequence[Co
 
 
 def _differ(metamodel: Metamodel, position: int, *bodies: Conjunction) -> bool:
-    """Return True if the parameter at a position never has the same value in two bodies."""
+    """Return True if the parameter at a position has different constants or disjoint classes in two bodies."""
     one, other = (body.types[body.parameters[position]] for body in bodies)
     if isinstance(one, ObjectType) and isinstance(other, ObjectType):
         return not metamodel.overlap(one.cls, other.cls)

@@ -29,12 +29,13 @@ MOST_JOINED: Final = 24
 
 
 def shared_searches(steps: Sequence[Step], sink: Sink) -> dict[int, int]:
-    """Return the closure searches that can skip nodes which earlier searches from other starts have found.
+    """Return the closure loops of a plan that may skip nodes which they have already found from other starts.
 
-    Their starts change, but the use of their results does not depend on the start.
+    A loop may do so if later steps and the sink use only the found node, not its start, and results may repeat.
 
     Returns:
-        for the number of each such step, the last earlier step that matters for the results; -1 if none matters.
+        for the number of each such step, that of the last earlier step whose variables are used later, or -1. The found
+        nodes must be forgotten whenever this step binds new values.
     """
     found: dict[int, int] = {}
     needed = set(sink.variables)
@@ -50,7 +51,7 @@ def shared_searches(steps: Sequence[Step], sink: Sink) -> dict[int, int]:
 
 
 def mentioned(step: Step) -> Iterator[int]:
-    """Yield every variable that a step mentions, variables inside negations and aggregates included."""
+    """Yield every variable that a step uses, also in negations and aggregates. Variables may be repeated."""
     yield from variables(step.goal)
     if isinstance(step.goal, AggregateAtom):
         yield from arguments(step.goal.relation)
@@ -60,7 +61,7 @@ def mentioned(step: Step) -> Iterator[int]:
 
 
 def only_search(view: ViewPlan) -> ClosureAtom | None:
-    """Return the closure if a pattern consists only of a closure from its bound to its other parameter; else None."""
+    """Return the closure if it is a pattern's only goal, from its bound to its other parameter; else None."""
     if len(view.bodies) != 1 or len(view.bodies[0].plan.steps) != 1:
         return None
     (body,) = view.bodies
@@ -75,13 +76,13 @@ def only_search(view: ViewPlan) -> ClosureAtom | None:
 
 @dataclass(frozen=True, slots=True)
 class Join:
-    """An existence test by closure search: does the bound end reach (or backward: is it reached by) any far end?
+    """An existence test that succeeds if a closure search from the near end finds a value of the far end.
 
     Attributes:
         closure: the closure.
         near: the variable of its end with a value.
         far: the variable of its other end.
-        plan: finds all values of the far end by the other goals.
+        plan: finds all values of `far` that satisfy the other goals.
     """
 
     closure: ClosureAtom
@@ -93,8 +94,10 @@ class Join:
 def join_of(planner: Planner, conjunction: Conjunction, plan: Plan, known: frozenset[int]) -> Join | None:
     """Return the plan of an existence test as a `Join`; None if the test has no such form.
 
+    It needs a closure with a known end that no other goal uses, and another end that only the other goals bind.
+
     Args:
-        planner: plans the goals of the far end.
+        planner: gives the plans of called patterns and the size estimates.
         conjunction: the body.
         plan: the plan of the test.
         known: the variables with values, without constants.
@@ -119,7 +122,7 @@ def join_of(planner: Planner, conjunction: Conjunction, plan: Plan, known: froze
 
 
 def _goals(plan: Plan) -> Iterator[Goal]:
-    """Yield the goals of a plan, goals inside existence tests included."""
+    """Yield the goals of a plan. An existence test is replaced by the goals inside it."""
     for step in plan.steps:
         if step.kind is Kind.EXISTS:
             for inner in step.inner:
@@ -130,11 +133,11 @@ def _goals(plan: Plan) -> Iterator[Goal]:
 
 @dataclass(frozen=True, slots=True)
 class Ends:
-    """The set of nodes that the closure in each body of a pattern may reach, with the wanted values of each such node.
+    """A query for the nodes where the closures in a pattern's bodies may end, with the wanted values of each.
 
     Attributes:
         pattern: qualified name.
-        start: the position of the closure's start; the closures themselves are left out.
+        start: the position at which the closures start. The query leaves out the closures themselves.
         given: the other bound positions.
         wanted: the positions whose values are wanted.
     """
@@ -153,7 +156,7 @@ class Alike:
         start: the start: a variable of the aggregate's relation, or a position of a pattern query.
         closure: the closure in the called pattern.
         forward: True if the start is the source of the closure.
-        ends: the nodes that the closure may reach, if they can be found without it; else None.
+        ends: a query for the possible ends of the closure; None if they cannot be found without the closure.
     """
 
     start: int
@@ -163,7 +166,10 @@ class Alike:
 
 
 def alike_by(planner: Planner, goal: AggregateAtom, known: frozenset[int]) -> Alike | None:
-    """Return the closure on whose reached set alone the value of an aggregate depends; None if there is none."""
+    """Return the closure whose reached nodes alone fix the value of an aggregate; None if there is none.
+
+    Return None also if the aggregate counts just these nodes. `known` are the variables with values.
+    """
     relation = goal.relation
     if not isinstance(relation, CallAtom) or planner.calls.recursive(relation.pattern):
         return None
@@ -182,7 +188,7 @@ def alike_by(planner: Planner, goal: AggregateAtom, known: frozenset[int]) -> Al
 
 
 def alike_starts(planner: Planner, key: ViewKey, positions: Sequence[int]) -> Alike | None:
-    """Return the first position whose value influences a pattern's rows only through a closure; None if none."""
+    """Return the first position whose value influences a query's rows only as the start of one closure, or None."""
     for position in positions:
         found = {_search_from(body.conjunction, position) for body in planner.view(key).bodies}
         if len(found) == 1 and (one := found.pop()) is not None:
@@ -195,9 +201,9 @@ def alike_starts(planner: Planner, key: ViewKey, positions: Sequence[int]) -> Al
 
 
 def plans_of_ends(planner: Planner, ends: Ends) -> list[tuple[Conjunction, int, Plan]] | None:
-    """Return for each body its conjunction, the far end of its closure, and a plan that finds all values of this end.
+    """Return for each body its conjunction, the end of its closure, and a plan that finds all values of the end.
 
-    Return None if there is no such plan.
+    Return None if in a body the end has a value already, or the other goals are too many or cannot be planned.
     """
     found = []
     for body in planner.view(
@@ -221,7 +227,7 @@ def plans_of_ends(planner: Planner, ends: Ends) -> list[tuple[Conjunction, int, 
 
 
 def _search_from(conjunction: Conjunction, position: int) -> tuple[str, Closure, bool] | None:
-    """Return step, closure and direction of the only goal that uses a parameter; None if that goal is no closure."""
+    """Return step, kind and direction (True: forward) of the closure that alone uses a parameter, or None."""
     variable = conjunction.parameters[position]
     if conjunction.parameters.count(variable) > 1 or any(n == variable for n, _ in conjunction.constants):
         return None
