@@ -102,7 +102,7 @@ class ClosureAggregate:
 
     @property
     def classes(self) -> int:
-        """Return the number of classes."""
+        """Return the number of classes of nodes."""
         return len(self._classes)
 
     def catch_up(self, nodes: Sequence[Any]) -> None:

@@ -57,10 +57,10 @@ class Steps(Protocol):
         """
 
     def spreading(self, forward: bool) -> Spreading:
-        """Return a function like `search` that skips the nodes in a given set, and adds the new ones."""
+        """Return a function that takes (start, seen), lists reached nodes not in `seen`, and adds them to `seen`."""
 
     def following(self, forward: bool) -> Callable[[Any], Iterable[Any]]:
-        """Return a function that returns the nodes one step from a node."""
+        """Return a function that returns the nodes one step from a node, in a direction."""
 
     def sources(self) -> Iterable[Any]:
         """Return all nodes that may be the source of a pair."""
@@ -95,7 +95,7 @@ class ClosureView:
         self._revision = -1
 
     def _forget(self) -> None:
-        """Discard all cached answers, because the model has changed."""
+        """Discard all cached answers and counts. From now on, cached answers are those of the present model."""
         self._drop(0)
         self._visited, self._enough, self._counted = 0, FEW_VISITED, False
         self._condensed.clear()
@@ -134,7 +134,7 @@ class ClosureView:
         return search_with_start
 
     def stepping(self, forward: bool) -> Callable[[Any], list[Any]]:
-        """Return a function that lists the nodes one step from a node; cached, since a step may need searches."""
+        """Return a function that lists the nodes one step from a node. Lists are cached until the model changes."""
         edges, store = self._edges[forward], self._store
         follow: Callable[[Any], Iterable[Any]] | None = None  # created late: closures may be nested
 
@@ -153,7 +153,7 @@ class ClosureView:
         return step
 
     def spreading(self, forward: bool) -> Spreading:
-        """Return a function like `search` that skips the nodes in a given set, and adds the new ones."""
+        """Return a function that takes (start, seen), lists reached nodes not in `seen`, and adds them to `seen`."""
         spread, reflexive = self._steps.spreading(forward), self._reflexive
         if reflexive is None:
             return spread
@@ -244,7 +244,10 @@ class ClosureView:
     def _aggregated(
         self, aggregation: ClosureAggregation, given: tuple[Any, ...], condensed: Condensation, reached: int
     ) -> tuple[Any] | None:
-        """Return the value for the reached nodes as a 1-tuple; None for few nodes, and at the first such call."""
+        """Return an aggregate of the reached nodes (a bit set) as a 1-tuple; None if it is better computed directly.
+
+        That is the case for few nodes, and at the first call with the same aggregation and arguments.
+        """
         call = aggregation, given
         if reached.bit_count() < FEW_REACHED:
             return None
@@ -284,7 +287,10 @@ class ClosureView:
         return holds
 
     def _finding(self, forward: bool) -> Callable[[Any, Any], bool]:
-        """Return a function that returns True if a start meets the other end, for ends without cached reached sets."""
+        """Return a function that returns True if a search in a direction from the first end reaches the second.
+
+        It uses a condensation if that pays off, and caches the nodes reached from an end that is queried again.
+        """
         meets, both_ways = self._steps.meeting(forward), self._steps.both_ways
         nears, fars = self._ends(forward), self._ends(not forward)
 
@@ -310,7 +316,7 @@ class ClosureView:
         return find
 
     def _ends(self, forward: bool) -> Ends:
-        """Return the cached reached sets for a direction."""
+        """Return the cache of reached sets for a direction, by start node."""
         return self._reached if forward else self._reaching
 
     def _all(self, start: Any, forward: bool) -> set[Any]:
@@ -322,10 +328,10 @@ class ClosureView:
         return found
 
     def joined(self) -> Callable[..., bool]:
-        """Return a function that returns True if one end reaches, or is reached by, one of several others.
+        """Return a function that returns True if one end reaches, or is reached by, at least one of several others.
 
         Its arguments are the end; a function and its arguments, which list all ends with this property; and a function
-        and its arguments, which answer the question directly.
+        and its arguments, which answer the question directly. The list is used, and cached, once it pays off.
         """
         store, joined = self._store, self._joined
 
@@ -360,14 +366,14 @@ class ClosureView:
             self._drop(size)
 
     def _paid(self) -> bool:
-        """Return True if the searches so far have visited so many nodes that work for all nodes pays off."""
+        """Return True if searches have visited so many nodes since the last change that work for all nodes pays off."""
         if self._visited > self._enough and not self._counted:
             self._counted = True
             self._enough = max(FEW_VISITED, TIMES * self._steps.nodes())
         return self._visited > self._enough
 
     def _condensation(self, forward: bool) -> Condensation | None:
-        """Return the condensation for a direction; None if it does not pay off yet, or would be too large."""
+        """Return the condensation for a direction, created if it pays off now; None if not, or if it is too large."""
         found = self._condensed.get(forward)
         if found is None and not self._too_large and self._paid():
             found = self._condensed[forward] = Condensation(self._steps.following(forward))

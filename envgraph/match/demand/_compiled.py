@@ -69,7 +69,7 @@ class CompiledMatcher(Matcher):
         return self._specialised(pattern, bound, Mode.ROWS)
 
     def seeker(self, pattern: str, bound: tuple[int, ...]) -> Callable[..., Iterator[Row]]:
-        """Return a function like `prepare` that yields each match on demand."""
+        """Return a function that takes values for the bound positions, unchecked, and yields each match when found."""
         return self._specialised(pattern, bound, Mode.EACH)
 
     def tester(self, pattern: str) -> Callable[[Row], bool]:
@@ -90,8 +90,8 @@ class CompiledMatcher(Matcher):
     def explain(self, pattern: str, bound: tuple[int, ...] = (), values: Sequence[Any] = ()) -> str:
         """Return as text the plan of `rows` for values at the bound positions, with estimates, and the source.
 
-        Without bound positions, or with values for them, the plan is also executed, and the measured rows of each step
-        are shown beside the estimates.
+        Without bound positions, or with values for them, the plan is also executed unless the pattern is recursive. The
+        measured rows of each step are shown beside the estimates.
 
         Raises:
             InvalidArgument: the pattern is unknown, or needs values for other parameters.
@@ -125,14 +125,14 @@ class CompiledMatcher(Matcher):
     def cost(self, pattern: str, bound: tuple[int, ...]) -> float:
         """Return the estimated cost of `rows` for values at some positions (ascending), in accesses to the model.
 
-        Infinity if all objects of a class are scanned, since their future number is unknown.
+        Return infinity if all objects of a class are scanned, since their future number is unknown, or without a plan.
         """
         return self._program.cost(pattern, bound)
 
     def work(self, pattern: str) -> float:
         """Return the estimated cost of listing all rows, in accesses to the model of its present size.
 
-        The estimate is cached until the number of objects has about doubled.
+        The estimate is cached until the number of objects reaches another power of two.
         """
         place = pattern, len(self.model).bit_length()
         if place not in self._works:
@@ -141,14 +141,14 @@ class CompiledMatcher(Matcher):
         return self._works[place]
 
     def order(self, pattern: str) -> Callable[[Row], list[int]] | None:
-        """Return a key that sorts rows into the order of `prepare`; None if the rows do not determine the order."""
+        """Return a sort key that puts rows into the order of `prepare`; None if rows do not determine the order."""
         if self.calls.recursive(pattern):
             return None
         bodies = self._program.planner.view(self._program.key(pattern, (), Mode.ROWS)).bodies
         return order_of(bodies[0], self.model.graph.store) if len(bodies) == 1 else None
 
     def analyze(self) -> None:
-        """Measure the sizes of the model, and use them for all plans from now on.
+        """Discard all plans and functions, and plan with sizes measured in the model from now on.
 
         By default plans use estimates from the metamodel, so that they do not depend on when they are made. Afterwards
         patterns evaluated on demand may list their rows in another order.

@@ -16,9 +16,9 @@ class TooLarge(Exception):
 
 
 class Condensation:
-    """The reached nodes of the nodes of a graph, computed for the parts of the graph that are queried.
+    """The sets of nodes that nodes of a graph reach, as bit sets, computed for the parts that are queried.
 
-    Nodes of a strongly connected component share one integer, so a connected graph needs memory only once per node.
+    Nodes of a strongly connected component share one integer, so such a component needs memory only once per node.
 
     >>> steps = {1: [2], 2: [1, 3], 3: []}
     >>> reached = Condensation(steps.__getitem__)
@@ -52,7 +52,7 @@ class Condensation:
         return place is not None and bool(bits >> place & 1)
 
     def reached(self, start: Any) -> int:
-        """Return the bit set of the nodes that a node reaches. Equal sets of one component are the same object.
+        """Return the bit set of the nodes that a node reaches. The nodes of a component share one int object.
 
         Raises:
             TooLarge: the integers take too much memory.
@@ -74,7 +74,7 @@ class Condensation:
         return (self._explored(start) if bits is None else bits).bit_count()
 
     def _explored(self, start: Any) -> int:
-        """Return the bit set for a start that is not known yet; if interrupted, remove incomplete components."""
+        """Compute and return the bit set of a new start. After an exception, remove all nodes without bit sets."""
         try:
             return self._explore(start)
         except (
@@ -106,5 +106,5 @@ class Condensation:
         return known[start]
 
     def _unknown(self, node: Any) -> Iterable[Any]:
-        """Return the successors of a node without a bit set; none for other nodes, whose reached sets are known."""
+        """Return the successors of a node; () if the node has a bit set, so that its reached nodes are known."""
         return () if node in self._bits else self._following(node)

@@ -36,7 +36,10 @@ Suspended = Callable[..., None]
 
 
 class Consumer:
-    """A suspended reader of a table: a continuation, its stored values, and the number of rows it has consumed."""
+    """A suspended reader of a table: a continuation, its stored values, and the number of rows it has consumed.
+
+    It consumes at most `most` rows; None for all rows.
+    """
 
     __slots__ = ("goes_on", "most", "next", "queued", "rows", "values")
 
@@ -87,7 +90,7 @@ class Table:
             run.grow(self.calls.pattern)
 
     def read(self, goes_on: Suspended, values: tuple[Any, ...], most: int | None = None) -> None:
-        """Run a continuation with each present and future row, or with the first `most` rows; once per values."""
+        """Schedule a continuation for each present and future row, or for `most` rows. Ignore a repeated request."""
         reader = goes_on, values
         if reader not in self._waiting:
             self._waiting.add(reader)
@@ -98,7 +101,7 @@ class Table:
                 self._run.reading.append(consumer)
 
     def enter(self, calls: Calls, values: tuple[Any, ...]) -> None:
-        """Evaluate another call for this table: its rows are rows of this table, so it needs no own table."""
+        """Schedule another call whose rows are rows of this table, too. Ignore a repeated request."""
         call = calls, values
         if call not in self._entered:
             self._entered.add(call)
@@ -140,7 +143,7 @@ class Run:
             raise EvaluationError(message, hint=RAISE_LIMIT)
 
     def finish(self) -> int:
-        """Evaluate calls and run consumers until none is pending. Return the number of rows and calls."""
+        """Evaluate calls and run consumers until none is pending. Return the number of rows and calls counted."""
         reading, pending = self.reading, self.pending
         try:
             while reading or pending:
@@ -186,7 +189,7 @@ class Calls:
 
     @cached_property
     def evaluate(self) -> Evaluate:
-        """Return the function that evaluates a call; created at first use, since calls may form long chains."""
+        """Return the function that evaluates a call. It is created at first use, since calls may form long chains."""
         return self._evaluation(self.pattern, self.bound)
 
     def prepare(self) -> None:
@@ -207,15 +210,15 @@ class Calls:
     # --- called by generated evaluation functions
 
     def read(self, values: tuple[Any, ...], goes_on: Suspended, known: tuple[Any, ...]) -> None:
-        """Run a continuation with each row of a call."""
+        """Schedule a continuation for each row of a call. `known` are the values stored with the continuation."""
         self.table(values).read(goes_on, known)
 
     def once(self, values: tuple[Any, ...], goes_on: Suspended, known: tuple[Any, ...]) -> None:
-        """Run a continuation once if a call has a row."""
+        """Schedule a continuation that runs once if a call has a row."""
         self.table(values).read(goes_on, known, 1)
 
     def again(self, values: tuple[Any, ...], goes_on: Suspended, known: tuple[Table]) -> None:
-        """Run a continuation with each row of a call that equals the evaluated call, as the first goal of its body.
+        """Schedule a continuation for each row of a call that repeats the evaluated call at the start of its body.
 
         If the evaluated call was entered from another call of its kind, its rows are also rows of that call's table. So
         the continuation is registered at the table of the owner, and nothing else is needed.
@@ -227,7 +230,7 @@ class Calls:
             self.table(values).read(goes_on, known)
 
     def enter(self, owner: Table, values: tuple[Any, ...]) -> None:
-        """Evaluate a call for the table of its owner."""
+        """Schedule a call whose rows are added to the table of its caller, `owner`."""
         owner.enter(self, values)
 
 
@@ -259,7 +262,7 @@ class Recursion:
         self._revision = -1
 
     def calls(self, pattern: str, bound: tuple[int, ...]) -> Calls:
-        """Return the calls of a pattern with values at some positions."""
+        """Return the `Calls` of a pattern with values at these positions, created at first use."""
         place = pattern, bound
         if place not in self._calls:
             run = self._runs.setdefault(self._graph.component(pattern), Run())
@@ -311,7 +314,10 @@ class Recursion:
         return holds
 
     def _narrower(self, pattern: str, size: int) -> list[Calls]:
-        """Return the calls with a single bound position; [] if data parameters could prevent termination."""
+        """Return the calls with one bound position that have a plan; [] if a parameter has data values.
+
+        With data values, the rows of such a call could be infinitely many.
+        """
         types = (t for name in self._graph.component(pattern) for t in self._library.parameter_types(name))
         if not all(isinstance(type_, ObjectType) for type_ in types):
             return []
@@ -328,7 +334,7 @@ class Recursion:
         return found
 
     def _often(self, calls: Calls, row: Row) -> bool:
-        """Count a call with one value of a row. Return True if it is queried often enough to compute all its rows."""
+        """Count a call with one value of a row. Return True if it has been repeated and many rows are cached."""
         (position,) = calls.bound
         place = calls.pattern, position, row[position]
         self._asked[place] += 1
@@ -341,7 +347,7 @@ class Recursion:
             self._revision = self._store.revision  # last: an interruption before leaves no outdated table
 
     def _solved(self, calls: Calls, values: tuple[Any, ...]) -> Table:
-        """Return the complete table of a call."""
+        """Return the complete table of a call, evaluated unless cached. An exception discards all tables."""
         self._look()
         table = calls.tables.get(values)
         if table is not None:
@@ -357,7 +363,7 @@ class Recursion:
         return table
 
     def _forget(self) -> None:
-        """Discard all cached tables."""
+        """Discard all cached tables, and the counts of repeated calls."""
         for each in self._calls.values():
             each.tables.clear()
         self._asked.clear()
@@ -365,13 +371,13 @@ class Recursion:
 
 
 def _among(table: Table, row: Row) -> list[Row]:
-    """Return a list of the row if the table of one of its values contains it; else an empty list."""
+    """Return `[row]` if the table of a call with one bound position contains the row's other values; else []."""
     (position,) = table.calls.bound
     return [row] if table.known((*row[:position], *row[position + 1 :])) else []
 
 
 def _full(size: int, bound: tuple[int, ...], values: tuple[Any, ...], row: Row) -> Row:
-    """Return the complete row of the values at the bound positions and the values of a table's row."""
+    """Return a complete row: the values at the bound positions, and those of a table's row at the other positions."""
     given = dict(zip(bound, values, strict=True))
     others = iter(row)
     return tuple(given[position] if position in given else next(others) for position in range(size))

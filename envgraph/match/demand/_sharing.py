@@ -22,7 +22,7 @@ from envgraph.pattern import AggregateAtom, CallAtom, Library
 
 
 class Questions:
-    """A cache of compiled queries without arguments that are evaluated repeatedly, planned for the present model.
+    """Compiled queries without arguments, planned for the present model, for repeated evaluation.
 
     Rows may have another order than those of a matcher.
     """
@@ -32,11 +32,11 @@ class Questions:
         self._functions: dict[tuple[str, Mode], Callable[[], Any]] = {}
 
     def rows(self, pattern: str) -> Sequence[Row]:
-        """Return all matches."""
+        """Return all matches of a pattern in the present state of the model."""
         return self._ask(pattern, Mode.ROWS)  # type: ignore[no-any-return]
 
     def count(self, pattern: str) -> int:
-        """Return the number of matches."""
+        """Return the number of matches of a pattern in the present state of the model."""
         return self._ask(pattern, Mode.COUNT)  # type: ignore[no-any-return]
 
     def _ask(self, pattern: str, mode: Mode) -> Any:

@@ -55,7 +55,7 @@ class ValueIndex:
         return found if isinstance(found, list) else list(dict.fromkeys(found))
 
     def some(self, entries: Entries, key: Any, *bounds: Any) -> Iterable[int]:
-        """Return the objects with a key and a value within bounds in any order, perhaps repeated or found on demand."""
+        """Return objects with a key and a value within bounds in any order, perhaps repeated or as an iterator."""
         if not self._ready(entries):
             return self.look(entries, key, bounds)
         bucket = self._table.get(key, ())
@@ -87,7 +87,7 @@ class ValueIndex:
         return range(low, high)
 
     def _ready(self, entries: Entries) -> bool:
-        """Return True if the index is up to date; build it if enough lookups have been made."""
+        """Bring the index up to date, or build it after `FEW` lookups. Return False if there is no index yet."""
         if self._revision != self._store.revision:
             self._follow(entries)
         if not self._made:
@@ -105,7 +105,7 @@ class ValueIndex:
         return self._made
 
     def _follow(self, entries: Entries) -> None:
-        """Update the index to the present state, or discard it. An exception discards it, too."""
+        """Update the index; discard it after many or unrecorded changes. The store records changes from now on."""
         store, since, made = self._store, self._revision, self._made
         self._revision, self._made = store.revision, False
         if store.touched is None:
@@ -147,7 +147,7 @@ class ValueIndex:
             self._filed[node] = filed
 
     def _place(self, node: int) -> int:
-        """Return the position of an object in the loop over the extents."""
+        """Return the position of an object in a loop over the extents, as a sort key."""
         return self._ranks[self._store.classes[node]] + self._store.place[node]
 
 
@@ -158,7 +158,7 @@ def by_attributes(
 
     Args:
         store: the model; it may change between calls.
-        index: the index of these objects.
+        index: the index of these objects. Its method `look` is replaced by a faster one.
         classes: indices of concrete classes.
         attributes: indices of attributes of all these classes, whose values are the arguments of the function. A
             many-valued attribute must be the only one.

@@ -151,7 +151,7 @@ _VERBS = {
 
 
 def goal_text(step: Step, names: Names) -> str:
-    """Return the constraint of a step as text."""
+    """Return the constraint of a step as text; "of" for an existence test, since the steps inside it follow."""
     goal = step.goal
     if step.kind is Kind.EXISTS:
         return "of"
@@ -174,7 +174,7 @@ def goal_text(step: Step, names: Names) -> str:
 
 
 def _expression_text(expression: Expression, reads: Sequence[tuple[str, int]], names: Names) -> str:
-    """Return an expression as written in its pattern; if it has no such text here, the names of its variables."""
+    """Return an expression as written; if it has no text, or its variables other names here, return its variables."""
     if expression.span is not None and all(names.called(variable, name) for name, variable in reads):
         return " ".join(expression.span.text.split())
     return names.all(tuple(variable for _, variable in reads))
@@ -203,7 +203,7 @@ def relation_text(relation: RelationAtom, names: Names, inside: Mapping[int, str
 
 
 def _exactly(value: float) -> str:
-    """Return a measured number of rows as text."""
+    """Return a measured number of rows as text; a float has three significant digits."""
     return f"{value:.3g}" if isinstance(value, float) else str(value)
 
 

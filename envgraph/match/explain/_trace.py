@@ -36,7 +36,7 @@ class Trace:
 
 
 def trace(planner: Planner, body: BodyPlan, bound: dict[int, Any], build: Build) -> Trace:
-    """Run the plan of one body, and return the trace.
+    """Run the plan of one body, and return the trace. The run stops if a step gives too many partial matches.
 
     Args:
         planner: the planner that made the plan.

@@ -154,7 +154,7 @@ class WhyNot:
 
 
 def _object(value: Value, show: Callable[[int], str]) -> str:
-    """Return the text of an object."""
+    """Return the text of an object, given its id."""
     assert isinstance(value, int)
     return show(value)
 
@@ -182,7 +182,7 @@ class Reasons:
     first: Callable[[str, dict[int, Value]], tuple[Value, ...] | None]
 
     def why_not(self, pattern: str, given: dict[int, Value], asked: Asked = ()) -> WhyNot:
-        """Return the explanation for a pattern and given values.
+        """Return the explanation why a pattern has no match for given values, or the match if there is one.
 
         Args:
             pattern: qualified name.
@@ -267,7 +267,7 @@ class Reasons:
         return run.first[-1] if run.first else {}
 
     def _inside(self, pattern: str, given: dict[int, Value]) -> Witness:
-        """Return the witness for a match of a called pattern: the first solution of a body."""
+        """Return the witness for a match of a called pattern: the first solution of a body; empty if none is found."""
         for number, body in enumerate(self.planner.library.lowered(pattern).bodies):
             found = None if _contradicted(body, given) else self._solution(body, given)
             if found is not None:
@@ -276,14 +276,14 @@ class Reasons:
 
 
 def _found(names: Names, body: Conjunction, values: Mapping[int, Any]) -> Witness:
-    """Return the witness for a solution of a body."""
+    """Return a solution of a body as a witness: the values of its named variables, and its links."""
     shown = {names(variable): value for variable, value in values.items() if names.spoken(variable)}
     links = tuple(_links(body.goals, {**dict(body.constants), **values}))
     return Witness(shown, links, _objects(names, filter(names.spoken, values), body))
 
 
 def _objects(names: Names, variables_: Iterable[int], body: Conjunction) -> tuple[str, ...]:
-    """Return the names of the variables that stand for objects."""
+    """Return the names of those of the given variables that stand for objects."""
     return tuple(names(v) for v in variables_ if isinstance(body.types[v], ObjectType))
 
 

@@ -33,7 +33,7 @@ class Bindings:
 
     @property
     def changing(self) -> frozenset[int]:
-        """Return the variables with values that are not constants."""
+        """Return the variables that have values, without the constants."""
         return frozenset(self.names) - self.constants.keys()
 
     def source(self, variable: int) -> code.Expression:
@@ -43,6 +43,6 @@ class Bindings:
         return self.names[variable]
 
     def local(self, variable: int, prefix: str = "v") -> code.Local:
-        """Return the local variable for a variable, or with another prefix for an intermediate value."""
+        """Return the local variable in the code for a variable; other prefixes than "v" are for intermediate values."""
         number = variable if self._numbers is None else self._numbers.setdefault(variable, len(self._numbers))
         return local(prefix, number, self._types[variable] if prefix == "v" else None)

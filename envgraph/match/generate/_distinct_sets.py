@@ -45,7 +45,7 @@ class DistinctSets:
         return self._places is not None
 
     def place(self, steps: Sequence[Step], found: Mapping[int, Distinct]) -> None:
-        """Store the filters, which are given by the number of the step that follows."""
+        """Store the filters, given by the number of the step that follows, and name the sets of an outer loop."""
         places = {number: id(step) for number, step in enumerate(steps)}
         self._places = {
             places.get(number, END): (places.get(each.first, OUTSIDE), each.key)
@@ -54,7 +54,7 @@ class DistinctSets:
         self.begin(OUTSIDE)
 
     def begin(self, place: int) -> None:
-        """Emit code that creates the sets that must be empty before the step at a place."""
+        """Emit code that creates the sets to be empty before a step; for `OUTSIDE` only add them to `outside`."""
         for here, (first, _) in (self._places or {}).items():
             if first == place:
                 seen = self.passed[here] = code.Local(self._module.fresh("d"))
@@ -64,7 +64,7 @@ class DistinctSets:
                     self._block.add(code.Assign(seen, empty("set")))
 
     def test(self, place: int) -> None:
-        """Emit code that skips partial matches whose key is in the set of the filter at a place, and adds new keys."""
+        """Emit the filter at a place, if any: skip a partial match whose key has been seen; otherwise add the key."""
         _, key = (self._places or {}).pop(place, (0, ()))
         if key:
             seen, values = self.passed.pop(place), value(key, self._bindings.source)
@@ -72,7 +72,7 @@ class DistinctSets:
             self._block.add(code.Do(code.method(seen, "add", values)))
 
     def rest(self, block: code.Block, bindings: Bindings) -> DistinctSets:
-        """Return the filters for the rest of the plan, which is emitted as a function of its own."""
+        """Return a copy of the filters not emitted yet, for the rest of the plan, which becomes a function."""
         rest = DistinctSets(self._module, block, bindings)
         rest._places, rest.passed = dict(self._places or {}), dict(self.passed)
         return rest

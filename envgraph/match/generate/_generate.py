@@ -118,7 +118,7 @@ class Translation:
     """True if an existence test may become a `Join`. Not inside a `Join`, since that would never end."""
 
     def body(self, plan: Plan, sink: Sink) -> None:
-        """Emit code for a plan and for the sink of each solution."""
+        """Emit code that executes a plan, with the statements of the sink for each solution."""
         block = self._block
         place = block.place
         for position, given in self._given.items():
@@ -138,7 +138,7 @@ class Translation:
     # --- steps
 
     def _steps(self, steps: Sequence[Step], sink: Sink) -> None:
-        """Emit code for the steps, then for the sink."""
+        """Emit code for the steps, then the sink. If the loops get too deep, the rest becomes a continuation."""
         shared = shared_searches(steps, sink) if self._shares else {}
         self._begin_searches(-1, steps, shared)
         self._place_distinct(steps, sink)
@@ -203,14 +203,14 @@ class Translation:
         )
 
     def _begin_searches(self, number: int, steps: Sequence[Step], shared: Mapping[int, int]) -> None:
-        """Emit empty sets of seen nodes for closure searches whose results depend on no step after step `number`."""
+        """Emit code that creates the sets of seen nodes of closure searches that must be empty after step `number`."""
         for search, last in shared.items():
             if last == number:
                 seen = self._seen[id(steps[search])] = code.Local(self._module.fresh("s"))
                 self._block.add(code.Assign(seen, empty("set")))
 
     def _fork(self, block: code.Block, continuation: bool) -> Translation:
-        """Return the translation for an inner function or a continuation; subclasses override this method."""
+        """Return a new translation of the same body, without values, for an inner function or a continuation."""
         return Translation(self._planner, self._module, self._conjunction, block, {})
 
     def _continue(self, steps: Sequence[Step], sink: Sink) -> None:
@@ -233,14 +233,14 @@ class Translation:
     def _function(
         self, prefix: str, steps: Sequence[Step], sink: Sink, continuation: bool = False
     ) -> code.Expression:
-        """Emit a function for some steps, and return a call of it."""
+        """Emit an inner function that executes some steps with a sink, and return a call of the function."""
         name, arguments_ = self._defined(prefix, steps, sink, continuation)
         return code.call(name, *arguments_)
 
     def _defined(
         self, prefix: str, steps: Sequence[Step], sink: Sink, continuation: bool = False
     ) -> tuple[code.Name, list[code.Expression]]:
-        """Emit a function for some steps. Return its name and the arguments of its call."""
+        """Emit an inner function that executes some steps with a sink. Return its name and the call's arguments."""
         shared: list[code.Local] = list(sink.shared) if continuation else []
         inputs = self._inputs(steps, sink)
         inner = self._fork(code.Block(), continuation)
@@ -292,7 +292,10 @@ class Translation:
                 raise AssertionError(goal)
 
     def _each(self, targets: Sequence[int | None], iterable: code.Expression, tuples: bool = False) -> None:
-        """Emit a loop over tuples, or over bare values if there is one target. A target None marks an unused value."""
+        """Emit a loop that binds target variables to the items of an iterable. A target None marks an unused value.
+
+        The items are tuples. For a single target they are bare values, unless `tuples` is True.
+        """
         names: list[code.Local] = []
         again: list[code.Expression] = []
         for variable in targets:
@@ -335,7 +338,7 @@ class Translation:
         self._each(step.binds, code.method(index, "some" if sink is EXISTENCE else "rows", *parts))
 
     def _entries(self, step: Step, join: ValueJoin, name: str) -> code.Name:
-        """Emit a function that yields the index entries of given objects: key, bounded value, object."""
+        """Emit a function that yields an index entry (key, bounded value, object) per given object; return its name."""
         inner = Translation(self._planner, self._module, self._conjunction, code.Block(), {})
 
         def each(names: Names) -> code.Body:
@@ -349,7 +352,7 @@ class Translation:
         return self._module.function(name, [nodes], inner._block.body())
 
     def _side(self, side: Side, names: Names) -> code.Expression:
-        """Return code for one side of a comparison."""
+        """Return code for one side of a comparison. `names` returns code for the values of variables."""
         found = {name: names(variable) for name, variable in side.reads}
         types = {name: self._conjunction.types[variable] for name, variable in side.reads}
         return self._module.expression(side.expression, found, types, part=True)
@@ -368,7 +371,7 @@ class Translation:
     # --- values
 
     def _bind(self, step: Step, inline: bool) -> None:
-        """Emit code that binds the single value of a variable. With `inline` the whole code is one expression."""
+        """Emit code that binds a variable, or skips a match without value. If `inline`, the code is one expression."""
         (variable,) = step.binds
         found: code.Expression = self._bindings.local(variable)
         assert isinstance(found, code.Local)
@@ -404,7 +407,7 @@ class Translation:
         return self._module.expression(expression, names, types)
 
     def _aggregate(self, goal: AggregateAtom, plan: Plan) -> code.Expression:
-        """Return code for an aggregate: shared by starts, else a single call, else a function with loops."""
+        """Return code for an aggregate: a value shared by several starts if possible, else one call, else loops."""
         return (
             self._alike(goal, plan)
             or self._asked(goal)
@@ -419,7 +422,7 @@ class Translation:
         return None if values is None else code.call(fold(self._module, goal), values)
 
     def _alike(self, goal: AggregateAtom, plan: Plan) -> code.Expression | None:
-        """Return code for an aggregate shared by all starts with the same reached nodes; None if not possible."""
+        """Return code for an aggregate that is the same for all starts that reach the same nodes; None if it is not."""
         if not self._shares:
             return None
         assert isinstance(self._planner, Planner)

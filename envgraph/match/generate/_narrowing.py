@@ -12,7 +12,7 @@ from envgraph.pattern import LinkAtom
 
 
 def link_tests(loop: Step, following: Sequence[Step], bindings: Bindings) -> list[Step]:
-    """Return the tests that follow a loop over link ends and require a link between such an end and a bound object."""
+    """Return the link tests, before the next loop, between the end that a loop over links binds and a known object."""
     if not (isinstance(loop.goal, LinkAtom) and isinstance(loop.goal.reference, Reference)):
         return []
     (end,) = loop.binds

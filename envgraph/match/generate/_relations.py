@@ -44,23 +44,23 @@ class Relations:
         self.bindings = bindings
 
     def indices(self, cls: str, exact: bool) -> list[int]:
-        """Return the indices of the concrete classes whose objects are instances of a class."""
+        """Return the indices of the concrete classes with the objects of a class; if `exact`, only its own index."""
         names = (cls,) if exact else self._metamodel.concrete(cls)
         return [index for index, each in enumerate(self._metamodel.class_list) if each.name in names]
 
     def members(self, cls: str, exact: bool) -> list[code.Expression]:
-        """Return the names of the extents that contain the objects of a class."""
+        """Return the names of the extents with the objects of a class; if `exact`, without those of subclasses."""
         return [self._module.name(Column("extents", index)) for index in self.indices(cls, exact)]
 
     def extent(self, cls: str, exact: bool) -> code.Expression:
-        """Return an expression for all objects of a class."""
+        """Return an expression for all objects of a class; if `exact`, without those of subclasses."""
         members = self.members(cls, exact)
         if len(members) == 1:
             return members[0]
         return code.call(self._module.name(Builtin("chain")), *members) if members else code.Tuple(())
 
     def is_instance(self, goal: InstanceAtom) -> code.Expression:
-        """Return a test that an object is of a class; for an unbound object, a test that the class has any object."""
+        """Return a test that an object is of a class; for an unbound object, a test that the class has objects."""
         if not self.bindings.known(goal.variable):
             return code.joined("or", self.members(goal.cls, goal.exact), False)
         cls = code.Index(self._module.name(Column("classes")), self.bindings.source(goal.variable))
@@ -82,7 +82,7 @@ class Relations:
         )
 
     def is_linked(self, goal: LinkAtom) -> code.Expression:
-        """Return a test that two objects are linked. If one is not bound, return the ends of the links of the other."""
+        """Return a test that two objects are linked. If one is not bound, return a test that the other has a link."""
         if not (self.bindings.known(goal.source) and self.bindings.known(goal.target)):
             return self.ends(goal)
         source, target = self.bindings.source(goal.source), self.bindings.source(goal.target)
@@ -96,7 +96,7 @@ class Relations:
         )
 
     def view(self, goal: CallAtom, wanted: Sequence[int], mode: Mode) -> code.Expression:
-        """Return a call of the function of a called pattern, for the bound arguments."""
+        """Return a call of a pattern's function with the bound arguments, for `wanted` variables in a result mode."""
         known = frozenset(v for v in goal.arguments if self.bindings.known(v))
         return self._call(self._module.name(View(call_key(goal, known, wanted), mode)), goal)
 
@@ -123,7 +123,7 @@ class Relations:
         return None
 
     def column(self, relation: RelationAtom, column: int) -> code.Expression | None:
-        """Return an expression for the values of a variable in the tuples that agree; None if a loop is needed."""
+        """Return code for the values of a variable in the matches of a called pattern; None if a loop is needed."""
         free = [v for v in arguments(relation) if not self.bindings.known(v)]
         if not isinstance(relation, CallAtom) or column not in free or len(set(free)) != len(free):
             return None
@@ -154,7 +154,7 @@ class Relations:
     def _reach(
         self, goal: ClosureAtom, question: ClosureQuestion, forward: bool, *more: code.Expression
     ) -> code.Expression:
-        """Return a call of the function that answers a question about a closure."""
+        """Return a call of the function that answers a question about a closure. `more` are further arguments."""
         inputs = [self.bindings.source(v) for v in (goal.source, goal.target) if self.bindings.known(v)]
         return code.call(self._module.name(closed(goal, question, forward)), *inputs, *more)
 

@@ -67,7 +67,7 @@ def empty(what: str) -> code.Call:
 
 
 def view_sink(mode: Mode, distinct: bool, variables: tuple[int, ...]) -> Sink:
-    """Return the sink for a result mode. `distinct` is True if no two solutions give the same values."""
+    """Return the sink that collects the results of a mode. If `distinct`, no two solutions give the same values."""
     shape = value if mode is Mode.VALUES else row
     match mode:
         case Mode.EXISTS:
@@ -130,7 +130,7 @@ def keeping(
 
 
 def _yielding(variables: tuple[int, ...], distinct: bool) -> Sink:
-    """Return the sink of a generator function."""
+    """Return a sink that yields each solution once, as a tuple. If `distinct`, no two solutions are the same."""
     tail = (code.Yield(code.Tuple(()), each=True),)  # makes the function a generator in any case
     if distinct:
         return Sink(variables, (), lambda names: (code.Yield(row(variables, names)),), tail, (), "each")
@@ -144,7 +144,7 @@ def _yielding(variables: tuple[int, ...], distinct: bool) -> Sink:
 
 
 def distinct_sink(mode: Mode, variables: tuple[int, ...]) -> Sink:
-    """Return the sink for a result mode if the plan ends with a duplicate filter."""
+    """Return the sink for a result mode and a plan that ends with a duplicate filter, so no solution repeats."""
     return replace(view_sink(mode, True, variables), variables=variables, repeatable=True, unique=True)
 
 
@@ -176,7 +176,7 @@ COUNT = Sink(
 
 
 def visiting(variable: int, question: ClosureQuestion) -> Sink:
-    """Return the sink of a breadth-first search: visit each new node; for `HOLDS` return True if it is the goal."""
+    """Return the sink of a breadth-first search: it queues each new node, and for `HOLDS` ends at the goal."""
     seen, todo, start, goal, push = map(code.Local, ("seen", "todo", "start", "goal", "push"))
     meets = question is ClosureQuestion.HOLDS
 
@@ -208,7 +208,7 @@ def visiting(variable: int, question: ClosureQuestion) -> Sink:
 
 
 def folding(module: Module, goal: AggregateAtom) -> Sink:
-    """Return the sink that computes an aggregate of its rows."""
+    """Return the sink that computes an aggregate of the solutions."""
     if goal.function == "count":
         return COUNT
     assert goal.column is not None

@@ -39,7 +39,7 @@ from envgraph.match.plan._sharing import (
 
 
 def view_source(planner: Planner, key: ViewKey, mode: Mode) -> Source:
-    """Return the source of the function of a pattern query.
+    """Return the source of the function that answers a pattern query in a result mode.
 
     Raises:
         Unplannable: a parameter without a value cannot be enumerated.
@@ -76,7 +76,10 @@ def view_source(planner: Planner, key: ViewKey, mode: Mode) -> Source:
 
 
 def _ends_in_distinct_set(planner: Planner, bodies: Sequence[BodyPlan], key: ViewKey, mode: Mode) -> bool:
-    """Return True if a duplicate filter at the end of the plan compares fewer values than comparing whole results."""
+    """Return True if the only body's plan can end with a duplicate filter whose key is shorter than a result.
+
+    Return False also for several bodies, and for result modes that stop at a match.
+    """
     if len(bodies) != 1 or mode in (Mode.EXISTS, Mode.FIRST, Mode.EACH):
         return False
     conjunction, steps = bodies[0].conjunction, bodies[0].plan.steps
@@ -89,7 +92,7 @@ def _ends_in_distinct_set(planner: Planner, bodies: Sequence[BodyPlan], key: Vie
 
 
 def ends_source(planner: Planner, ends: Ends) -> Source:
-    """Return the source of a function that lists all nodes a pattern's closures may reach, with the wanted values."""
+    """Return the source of a function for `ends`. Its result has a key (node, *wanted values) for each possible end."""
     module, block = Module(), code.Block()
     given = {position: local("v", position) for position in ends.given}
     for conjunction, end, plan in plans_of_ends(planner, ends) or ():

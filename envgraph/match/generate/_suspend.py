@@ -44,7 +44,7 @@ _TABLE: Final = Local("t")
 
 
 def _answers(variables: tuple[int, ...], each: Callable[[Names], Expression]) -> Sink:
-    """Return a sink that evaluates an expression about the table `t` for each solution."""
+    """Return a sink that executes the expression `each` for every solution. The expression may use the table `t`."""
     return Sink(variables, (), lambda names: (Do(each(names)),), (), (_TABLE,), repeatable=True)
 
 
@@ -55,7 +55,7 @@ def _inside(step: Step, planner: Planner, key: ViewKey) -> bool:
 
 
 def _flat(steps: Sequence[Step], planner: Planner, key: ViewKey) -> list[Step]:
-    """Return the steps; existence tests that need component rows become their inner steps, which can be suspended."""
+    """Return the steps. An existence test that calls the recursive component is replaced by its inner steps."""
     found: list[Step] = []
     for step in steps:
         if step.kind is Kind.EXISTS:
@@ -102,6 +102,8 @@ class Suspending(Translation):
     def _suspension(self, step: Step, rest: Sequence[Step], sink: Sink, known: set[int]) -> Sink:
         """Return the sink that registers a continuation for the rows of a call.
 
+        If these rows are the rows of the plan, the sink evaluates the call for the table of its caller instead.
+
         Args:
             step: the call.
             rest: the steps after the call.
@@ -130,7 +132,7 @@ class Suspending(Translation):
         return _answers((*given, *inputs), each)
 
     def _is_own_call(self, step: Step, bound: tuple[int, ...], given: tuple[int, ...]) -> bool:
-        """Return True if the body begins with a call that equals the evaluated call itself."""
+        """Return True if a step is the first of its body and repeats the call that is evaluated, with its values."""
         assert isinstance(step.goal, CallAtom)
         heads = tuple(self._conjunction.parameters[position] for position in self.key.bound)
         plain = len(set(heads)) == len(heads) and self._bindings.constants.keys().isdisjoint(heads)

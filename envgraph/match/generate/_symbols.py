@@ -1,4 +1,4 @@
-"""Symbols: the values that the free names of generated source stand for."""
+"""Symbols: descriptions of the values that generated source gets as parameters."""
 
 from __future__ import annotations
 
@@ -67,7 +67,7 @@ class Valued:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Literal:
-    """A constant of the pattern, or a user function that it calls. Compared by identity: 1, 1.0 and True differ."""
+    """A constant of a pattern, or a user function that it calls. Compared by identity, as 1, 1.0 and True are equal."""
 
     value: object
 
@@ -111,7 +111,10 @@ class ClosureQuestion(Enum):
 
 @dataclass(frozen=True, slots=True)
 class Closed:
-    """The function that answers a question about the closure of a binary pattern. `reflexive` is True for `*`."""
+    """The function that answers a question about the closure of a binary pattern.
+
+    `reflexive` is True for `*`, and `forward` is True if the search starts at the source.
+    """
 
     step: str
     reflexive: bool
@@ -120,7 +123,7 @@ class Closed:
 
 
 def closed(closure: ClosureAtom, question: ClosureQuestion, forward: bool = True) -> Closed:
-    """Return the symbol of the function that answers a question about the closure of a goal."""
+    """Return the symbol of the function that answers a question about the closure in a goal."""
     return Closed(closure.step, closure.closure is Closure.STAR, question, forward)
 
 

@@ -45,7 +45,7 @@ class Side:
 
 @dataclass(frozen=True, slots=True)
 class ValueJoin:
-    """A join by value: comparisons of values of a loop's object with values known before the loop, by an index.
+    """A join by value: an index replaces comparisons of a loop's object with values known before the loop.
 
     Attributes:
         own: the expressions over the object: first those compared with `==`, last the one with bounds, or `none`.
@@ -54,7 +54,7 @@ class ValueJoin:
         steps: the steps after the loop that are needed to compute `own`.
         tests: the comparisons, if all of them are tests of attributes of the object; else empty.
         alone: True if `own` depends only on attributes and class of the object.
-        whole: True if no other steps follow, so that matches are counted by `own`.
+        whole: True if no loops and no other tests follow, so that the index can count the matches.
     """
 
     own: tuple[Side, ...]
@@ -66,7 +66,7 @@ class ValueJoin:
     whole: bool
 
     def usable(self, watched: bool) -> bool:
-        """Return True if there is an index for this join. Views (`watched`) only index values of one object."""
+        """Return True if an index may evaluate this join: in a view (`watched`) only if `alone` and without `tests`."""
         return not watched or (self.alone and not self.tests)
 
 
@@ -77,7 +77,7 @@ def value_join(
     constants: Collection[int],
     types: Sequence[StaticType],
 ) -> ValueJoin | None:
-    """Return the comparisons that restrict the objects of a loop by value; None if there are none.
+    """Return the comparisons that restrict the objects of a loop over a class by value; None if there are none.
 
     An expression that fails has no value, and comparisons with it are false. Calls of user functions are not indexed:
     they are made as often as without an index.
@@ -139,7 +139,7 @@ _FLIPPED: Final = {"==": "==", "<": ">", "<=": ">=", ">": "<", ">=": "<="}
 def _compared(
     step: Step, own: Collection[int], known: Collection[int], types: Sequence[StaticType]
 ) -> _Compared | None:
-    """Return the comparison of a test step, if one side depends on the loop's object and the other is known before."""
+    """Return the comparison in a test step between values of the loop's object and known values; else None."""
     goal = step.goal
     match goal:
         case _ if step.kind is not Kind.TEST:
@@ -158,7 +158,7 @@ def _compared(
 
 
 def _shifted(operator: str, own: Side, known: Side) -> _Compared:
-    """Return an equal comparison of ints, `x < y - 3` for `x + 3 < y`, so that several bounds share one side."""
+    """Return `x < y - 3` for `x + 3 < y`, so that several bounds share one side. Return others unchanged."""
     match own.expression:
         case Binary("+" | "-" as sign, Variable() as value, Constant() as constant):
             if _whole(known.expression) and _whole(constant):
@@ -177,13 +177,13 @@ def _whole(expression: Expression) -> bool:
 
 
 def _side(expression: Expression, numbers: Mapping[str, int]) -> Side:
-    """Return the side for an expression. `numbers` maps names to variables."""
+    """Return a side of a comparison for an expression. `numbers` maps its names to variables."""
     names = dict.fromkeys(variable.name for variable in variables_in(expression))
     return Side(expression, tuple((name, numbers[name]) for name in names))
 
 
 def _alone(loop: Step, step: Step) -> bool:
-    """Return True if a step reads nothing but attributes and class of the loop's object."""
+    """Return True if a step reads only the class and attributes of the loop's object, or values computed from them."""
     if isinstance(step.goal, AttributeAtom):
         return step.goal.object in loop.binds
     computed = isinstance(step.goal, Condition | InstanceAtom | UnequalAtom | Valuation)
@@ -191,7 +191,7 @@ def _alone(loop: Step, step: Step) -> bool:
 
 
 def _pure(expression: Expression) -> bool:
-    """Return True if an expression calls no user function and contains no `none`, which would equal itself."""
+    """Return True if an expression calls no user function and contains no `none`, which an index would find equal."""
     if isinstance(expression, FunctionCall) and expression.declaration is not None:
         return False
     if isinstance(expression, Constant) and expression.value is None:

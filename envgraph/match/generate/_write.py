@@ -51,7 +51,7 @@ class Module:
         return symbol in self._names
 
     def _invent(self, symbol: Symbol) -> str:
-        """Return a new name for a symbol."""
+        """Return a name for a symbol: a fixed one for a column of the store or a builtin, else a new one."""
         match symbol:
             case Column("classes"):
                 return "C"
@@ -65,13 +65,13 @@ class Module:
                 return self.fresh(_PREFIXES[type(symbol)])
 
     def fresh(self, prefix: str) -> str:
-        """Return an unused name: the prefix with a number."""
+        """Return a name that is not in use yet: the prefix with a number."""
         number = self._counts.get(prefix, 0)
         self._counts[prefix] = number + 1
         return f"{prefix}{number}"
 
     def literal(self, value: Value) -> code.Name:
-        """Return the name of a constant."""
+        """Add a constant as a new parameter of `build`, and return the parameter's name."""
         return self.name(Literal(value))
 
     def expression(
@@ -84,6 +84,7 @@ class Module:
         """Return the code of an expression, or of one side of a comparison (`part`).
 
         If the expression may have no value, emit a function that then returns None, and return a call of the function.
+        `names` and `types` map the names in the expression to code and types.
         """
         first = self._counts.get("k", 0)
         compiled = compile_expression(
