@@ -47,7 +47,8 @@ def _too_many(pattern: Pattern, most: int, variable: str) -> EvaluationError:
     whose = f"`{name}`" if block in ("", "lhs") else f"the `{block.rstrip('0123456789')}` block of `{name}`"
     which = f"`{variable}`" if variable.isidentifier() else "one of its variables"
     message = (
-        f"{whose} has more than {most:,} combinations of objects: nothing connects {which} with the others"
+        f"{whose} has more than {most:,} combinations of objects: "
+        f"nothing connects {which} with the other variables"
     )
-    hint = f"connect {which} with another variable by a link or by an equal value; {RAISE_LIMIT}"
+    hint = f"connect {which} with another variable by a link or by an equal value, or {RAISE_LIMIT}"
     return EvaluationError(message, pattern.span, hint)

@@ -16,7 +16,7 @@ CLASS: Final = 2
 SLOW_BITS: Final = 1024
 """The number of bits of an integer that add the time of one visited node to the work for each class."""
 DENSE: Final = 8
-"""All nodes are scanned if at least one of this many nodes is reached."""
+"""All nodes are scanned if at least one in this many nodes is reached."""
 
 Number = int | float
 Rows = Iterable[tuple[Any, ...]]

@@ -13,7 +13,7 @@ from envgraph.pattern import InstanceAtom, LinkAtom
 
 
 def order_of(body: BodyPlan, store: Store) -> Callable[[Row], list[int]] | None:
-    """Return a key that sorts rows into the order of a plan's loops: for each loop the position of its value.
+    """Return a sort key for the order of a plan's loops. The key has for each loop the position of the row's value.
 
     Return None if a loop is not over objects or link ends, or if the rows have no column for its variable.
     """

@@ -134,7 +134,7 @@ class Program:
         return rows or self._recursion.solver(pattern, bound)
 
     def function(self, key: ViewKey, mode: Mode, inside: frozenset[str] = _NOWHERE) -> Function:
-        """Return the cached function of a pattern query. If `inside` is not empty, it fills this component's tables.
+        """Return the cached function of a query. If `inside` is a recursive component, the function fills its tables.
 
         The functions that it calls are compiled first, in a loop, since chains of calls may be long.
         """

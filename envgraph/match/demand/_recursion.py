@@ -137,9 +137,7 @@ class Run:
         """
         self._size += 1
         if self._size > self._most:
-            message = (
-                f"recursive pattern `{pattern}` has more than {self._most:,} rows and calls in its evaluation"
-            )
+            message = f"recursive pattern `{pattern}` has more than {self._most:,} results, its inner calls included"
             raise EvaluationError(message, hint=RAISE_LIMIT)
 
     def finish(self) -> int:
@@ -270,7 +268,7 @@ class Recursion:
         return self._calls[place]
 
     def solver(self, pattern: str, bound: tuple[int, ...]) -> Callable[..., list[Row]]:
-        """Return a function that lists all rows of a call in ascending order. The list must not be changed.
+        """Return a function that lists the rows for values at bound positions, ascending. The list must not be changed.
 
         Raises:
             Unplannable: a parameter without a value cannot be enumerated.

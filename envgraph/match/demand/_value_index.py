@@ -15,7 +15,7 @@ from envgraph.graph import Store
 FEW: Final = 2
 """The number of lookups that scan all objects; the next lookup builds the index."""
 FOLLOWED: Final = 8
-"""An index is updated if at most one of this many objects has changed, else rebuilt: see the benchmark `questions`."""
+"""An index is updated if at most one in this many objects has changed, else rebuilt: see the benchmark `questions`."""
 
 Entries = Callable[[Iterable[int]], Iterator[tuple[Any, Any, int]]]
 """Yields for each of the given objects, in order, its key, its value compared with bounds, and the object."""

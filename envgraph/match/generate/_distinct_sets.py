@@ -54,7 +54,7 @@ class DistinctSets:
         self.begin(OUTSIDE)
 
     def begin(self, place: int) -> None:
-        """Emit code that creates the sets to be empty before a step; for `OUTSIDE` only add them to `outside`."""
+        """Emit code that creates the sets to be empty before a step; for `OUTSIDE`, only list them in `outside`."""
         for here, (first, _) in (self._places or {}).items():
             if first == place:
                 seen = self.passed[here] = code.Local(self._module.fresh("d"))

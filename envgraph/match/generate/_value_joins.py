@@ -191,7 +191,7 @@ def _alone(loop: Step, step: Step) -> bool:
 
 
 def _pure(expression: Expression) -> bool:
-    """Return True if an expression calls no user function and contains no `none`, which an index would find equal."""
+    """Return True if an expression calls no user function and contains no `none`, which equals itself in an index."""
     if isinstance(expression, FunctionCall) and expression.declaration is not None:
         return False
     if isinstance(expression, Constant) and expression.value is None:

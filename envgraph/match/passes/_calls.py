@@ -99,7 +99,7 @@ def check_nesting(calls: CallGraph, pattern: str) -> None:
     if depth > MOST_NESTED:
         raise EvaluationError(
             f"pattern `{pattern}` cannot be evaluated: it nests {depth} closures and recursive patterns inside each "
-            f"other, but at most {MOST_NESTED} are allowed"
+            f"other, but at most {MOST_NESTED} are allowed: let fewer patterns call each other"
         )
 
 

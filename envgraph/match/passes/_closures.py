@@ -18,7 +18,7 @@ def closures_as_calls(body: Conjunction, bodies: Bodies) -> Conjunction:
     fixed = {*body.parameters, *(number for number, _ in body.constants)}
 
     def simple(goal: Goal) -> Goal:
-        """Return the call that may replace the goal; the goal itself if it is no `+` closure or uses both ends."""
+        """Return the call that may replace the goal; the goal itself if it is no `+` closure or both ends are used."""
         if isinstance(goal, ClosureAtom) and goal.closure is Closure.PLUS:
             ends = (goal.source, goal.target)
             if any(uses[end] == 1 and end not in fixed for end in ends):

@@ -37,14 +37,14 @@ Test = Callable[[Conjunction], bool]
 
 
 def inline_calls(body: Conjunction, bodies: Bodies) -> Conjunction:
-    """Return the body with calls inlined if the pattern has one small body, or in a negation a few small bodies."""
+    """Return the body with calls inlined if the called pattern has one small body; in negations, a few small bodies."""
     return _inlined(body, bodies, small, small)
 
 
 def inline_few_locals(body: Conjunction, bodies: Bodies) -> Conjunction:
-    """Return the body with calls inlined if the pattern has one small body with at most two local variables.
+    """Return the body with calls inlined if the called pattern has one small body with at most two local variables.
 
-    In a negation, in addition, each body of the pattern must be a single relation.
+    In a negation, in addition, each body of the called pattern must be a single relation.
     """
     return _inlined(body, bodies, few_locals, lambda called: few_locals(called) and single(called))
 
@@ -75,9 +75,9 @@ def _alternatives(goal: Goal, bodies: Bodies, draft: _Draft, fits: Test) -> tupl
 
 
 def expanded(bodies: Bodies, pattern: str) -> tuple[Conjunction, ...]:
-    """Return a pattern's bodies, copied for each combination of inlined bodies; unchanged if these are too many.
+    """Return a pattern's bodies with calls inlined, in one copy for each combination of called bodies.
 
-    This pays off if duplicate results are removed anyway, as in a closure.
+    If the copies are too many, return the original bodies. Copies pay off if duplicate results are removed anyway.
     """
     found: list[Conjunction] = []
     pending = list(bodies.of(pattern))

@@ -21,7 +21,7 @@ def links_as_facts(body: Conjunction, bodies: Bodies) -> Conjunction:
 
 
 def _as_fact(goal: Goal, metamodel: Metamodel) -> Goal:
-    """Return the goal with all links, also inside it, expressed by the opposite reference of the lowest index."""
+    """Return the goal with each link, also inside it, expressed by the opposite reference if its index is lower."""
     match goal:
         case LinkAtom(Reference() as reference, source, target):
             opposite = metamodel.opposite(reference)

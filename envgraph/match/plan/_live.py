@@ -36,7 +36,7 @@ class LiveSizes(Sizes):
         return self._degree(reference, forward=True)
 
     def backward(self, reference: Reference | Attribute) -> float:
-        """Return the average number of sources of sampled objects, or the estimated objects with a given value."""
+        """Return the average number of sources of sampled objects, or estimate how many objects have a given value."""
         if isinstance(reference, Attribute):
             return super().backward(reference)
         return self._degree(reference, forward=False)
@@ -59,7 +59,7 @@ class LiveSizes(Sizes):
         return self._values[attribute]
 
     def _degree(self, reference: Reference | Attribute, forward: bool) -> float:
-        """Return the average number of links or attribute values of sampled objects, at least 0.01; 0.5 for none."""
+        """Return the average number of links or values of sampled objects, at least 0.01; 0.5 without any objects."""
         key = (str(reference), forward)
         if key not in self._degrees:
             store, nodes = self._store, self._sample(reference.owner)

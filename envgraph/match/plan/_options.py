@@ -41,7 +41,7 @@ CALL: Final = 4.0
 REACHED: Final = 30.0
 """The smallest estimate of the number of objects that a closure reaches."""
 REACHED_SHARE: Final = 3.0
-"""A closure is estimated to reach one of this many objects."""
+"""A closure is estimated to reach one in this many objects."""
 MEETING_SHARE: Final = 8.0
 """The number of questions "does one end reach the other" that cost as much as one search, since searches share work."""
 OPAQUE_ROWS: Final = 10.0
@@ -124,7 +124,7 @@ class Options:
         self._closure_ends: dict[int, tuple[float, float]] = {}
 
     def filter(self, goal: Goal, bound: Bound, uses: Counter[int]) -> Option | None:
-        """Return a goal as a candidate with at most one row for each row before; None if it needs more values."""
+        """Return a goal as a candidate with at most one row for each row before; None if more variables need values."""
         match goal:
             case InstanceAtom():
                 return self._instance(goal, bound, uses)
@@ -172,7 +172,7 @@ class Options:
         return Option(Kind.BIND, goal, (result,), cost, 0.99, inner)
 
     def _plans_inside(self, goal: Absence | AggregateAtom) -> tuple[Plan, ...]:
-        """Return the cached plans of a negation's alternatives or an aggregate's relation, for known inputs."""
+        """Return the plans of a negation's alternatives or an aggregate's relation; its inputs must have values."""
         if id(goal) not in self._inner:
             known = self._constants.union(inputs(goal))
             alternatives: Sequence[tuple[Goal, ...]]
@@ -190,7 +190,7 @@ class Options:
         return None
 
     def _link(self, goal: LinkAtom, bound: Bound, uses: Counter[int]) -> Option | None:
-        """Return a link as a test, or as a binding of its single other end; None if neither is possible yet."""
+        """Return a link as a test, or as a binding if its other end is at most one object; None if it needs a loop."""
         reference, source, target = goal.reference, goal.source, goal.target
         if source in bound and target in bound:
             return Option(Kind.TEST, goal, (), ACCESS, self._sizes.link(reference))
@@ -235,7 +235,7 @@ class Options:
         return self._views.calls.recursive(pattern) or self._views.calls.of(pattern).height > DEEPEST
 
     def _closure_cost(self, goal: ClosureAtom, bound: Bound) -> float:
-        """Return the cost of a search from the bound end, or from all sources; for two bound ends, of two tests."""
+        """Return the cost of a search from the bound end or all sources; for two bound ends, the cost of two tests."""
         from_source, from_target = goal.source in bound, goal.target in bound
         if self._opaque(goal.step):
             cost = OPAQUE_COST

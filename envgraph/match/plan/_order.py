@@ -62,7 +62,7 @@ class Draft:
         )
 
     def add(self, option: Option, together: bool = False) -> None:
-        """Append a candidate as a step. If `together`, its rows do not depend on the variables of earlier steps."""
+        """Append a candidate as a step. `together` is True if its rows do not depend on variables of earlier steps."""
         cost, rows = self.rows * option.cost, self.rows * option.fanout
         if together and option.together is not None:
             cost, rows = min(cost, option.together[0]), min(rows, option.together[1])
@@ -190,7 +190,7 @@ class Search:
         return all(draft.uses[v] == (v in own) for step in draft.steps for v in step.binds)
 
     def _different(self, draft: Draft) -> float:
-        """Return an upper bound on partial matches that differ in variables still used; infinity if unknown."""
+        """Return an upper bound on the partial matches that differ in variables still used; infinity if unknown."""
         steps = draft.steps
         loops = (n for n, step in enumerate(steps) if step.kind is Kind.LOOP)
         first = next((n for n in loops if not all(draft.uses[v] for v in steps[n].binds)), len(steps))
@@ -215,7 +215,7 @@ class Search:
             self._drop(draft, [option.goal], option.binds)
 
     def _drop(self, draft: Draft, goals: Iterable[Goal], binds: Sequence[int] = ()) -> None:
-        """Remove satisfied goals. Discard cached candidates of goals with their variables or those in `binds`."""
+        """Remove satisfied goals, and cached candidates of goals that use their variables or those in `binds`."""
         touched = set(binds)
         for goal in goals:
             if draft.remaining.pop(id(goal), None) is not None:

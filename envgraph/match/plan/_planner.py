@@ -135,7 +135,7 @@ def determined(goals: Sequence[Goal], known: Iterable[int], sizes: Sizes) -> set
 
 
 def disjoint(metamodel: Metamodel, positions: Sequence[int], bodies: Sequence[Conjunction]) -> bool:
-    """Return True if any two bodies have different constants or disjoint classes at one of these positions."""
+    """Return True if every two bodies have different constants or disjoint classes at one of these positions."""
     return all(
         any(_differ(metamodel, position, body, other) for position in positions)
         for number, body in enumerate(bodies)

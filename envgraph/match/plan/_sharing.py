@@ -34,8 +34,8 @@ def shared_searches(steps: Sequence[Step], sink: Sink) -> dict[int, int]:
     A loop may do so if later steps and the sink use only the found node, not its start, and results may repeat.
 
     Returns:
-        for the number of each such step, that of the last earlier step whose variables are used later, or -1. The found
-        nodes must be forgotten whenever this step binds new values.
+        for the number of each such step, the number of the last earlier step whose variables are used later, or -1. The
+        found nodes must be forgotten whenever this earlier step binds new values.
     """
     found: dict[int, int] = {}
     needed = set(sink.variables)
@@ -188,7 +188,10 @@ def alike_by(planner: Planner, goal: AggregateAtom, known: frozenset[int]) -> Al
 
 
 def alike_starts(planner: Planner, key: ViewKey, positions: Sequence[int]) -> Alike | None:
-    """Return the first position whose value influences a query's rows only as the start of one closure, or None."""
+    """Return the first position whose value influences a query's rows only as the start of a closure, as an `Alike`.
+
+    Return None if there is no such position. All bodies must use the same closure.
+    """
     for position in positions:
         found = {_search_from(body.conjunction, position) for body in planner.view(key).bodies}
         if len(found) == 1 and (one := found.pop()) is not None:
