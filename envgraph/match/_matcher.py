@@ -47,7 +47,7 @@ class Matcher(ABC):
 
     @abstractmethod
     def rows(self, pattern: str, arguments: tuple[object, ...]) -> Sequence[Row]:
-        """Return all matches that agree with the arguments."""
+        """Return all matches that agree with the arguments. `FREE` agrees with every value."""
 
     def first(self, pattern: str, arguments: tuple[object, ...]) -> Row | None:
         """Return the first match of `rows`; None if there is no match. A matcher may stop its search there."""

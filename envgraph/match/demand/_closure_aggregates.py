@@ -1,4 +1,4 @@
-"""Aggregates over the nodes that a closure reaches, for many starts: count bits instead of nodes."""
+"""Compute aggregates over the nodes that a closure reaches, for many starts, by counting bits instead of nodes."""
 
 from __future__ import annotations
 

@@ -161,7 +161,7 @@ class Program:
         return self._functions[key, mode, inside]
 
     def _source(self, key: ViewKey, mode: Mode, inside: frozenset[str]) -> Source:
-        """Return the source of a function; for a recursive component (`inside`) of its suspending evaluation."""
+        """Return the source of a query's function; for a recursive component `inside`, of a suspendable evaluation."""
         return evaluation_source(self.planner, key) if inside else view_source(self.planner, key, mode)
 
     def _evaluation(self, pattern: str, bound: tuple[int, ...]) -> Function:
@@ -327,7 +327,7 @@ class _Steps:
         return len(self._program.model.graph.extent(self._source_class)) if self._source_class else 0
 
     def is_source(self, value: Any) -> bool:
-        """Return True if `*` relates a value to itself."""
+        """Return True if `*` relates a value to itself: the value may be the source of a step."""
         return self._source_class is None or self._table[self._program.model.graph.store.classes[value]]
 
     def sources(self) -> Iterable[Any]:

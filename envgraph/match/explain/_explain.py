@@ -125,6 +125,9 @@ def steps_text(
     """Yield one line for each step of a plan, followed by the indented lines of inner plans.
 
     Args:
+        plan: the plan.
+        names: the names of its variables.
+        indent: the spaces at the start of each line.
         counts: the measured number of rows after each outer step; empty if not measured.
         known: variables with values before the first step.
         watched: True if the plan belongs to a view.

@@ -28,7 +28,7 @@ class Bindings:
         self._numbers: dict[int, int] | None = {} if renumbered else None
 
     def known(self, variable: int) -> bool:
-        """Return True if a variable has a value."""
+        """Return True if a variable has a value at this place of the code, or is a constant."""
         return variable in self.names or variable in self.constants
 
     @property

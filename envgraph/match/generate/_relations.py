@@ -101,7 +101,7 @@ class Relations:
         return self._call(self._module.name(View(call_key(goal, known, wanted), mode)), goal)
 
     def rows(self, goal: CallAtom) -> code.Expression:
-        """Return a call of the function that lists the matches of a recursive pattern."""
+        """Return a call of the function that lists the matches of a recursive pattern for the bound arguments."""
         bound = tuple(position for position, v in enumerate(goal.arguments) if self.bindings.known(v))
         return self._call(self._module.name(Recursive(goal.pattern, bound)), goal)
 

@@ -21,8 +21,8 @@ def evaluation_source(planner: Planner, key: ViewKey) -> Source:
     """Return the source of a function that evaluates a call of a recursive pattern; all unbound positions are wanted.
 
     `evaluate(t, *values)` adds rows to the table `t` that need no rows of the component. If a call of the component is
-    next, the rest of the plan becomes a continuation. The table of that call gets this function and the values that it
-    needs. (See `Calls` in `envgraph.match.demand._recursion`.)
+    next, the rest of the plan becomes a continuation. It is registered, with the values that it needs, at the table of
+    that call. (See `Calls` in `envgraph.match.demand._recursion`.)
 
     Raises:
         Unplannable: a parameter without a value cannot be enumerated.

@@ -1,4 +1,4 @@
-"""Names and inner functions of one generated source."""
+"""Build generated source: give names to its symbols, and collect its inner functions."""
 
 from __future__ import annotations
 

@@ -1,6 +1,6 @@
 """Order the goals of a conjunction: filters first, then the loop with the lowest estimated work.
 
-Goals on which no wanted value depends become one existence test, executed before the loops that do not use it.
+Goals on which no wanted value depends become existence tests, executed before the loops that do not use them.
 """
 
 from __future__ import annotations
@@ -50,7 +50,7 @@ class Draft:
     cost: float = 0.0
 
     def copy(self) -> Draft:
-        """Return an independent copy."""
+        """Return a copy that can be changed without changing this draft."""
         return replace(
             self,
             remaining=dict(self.remaining),

@@ -1,4 +1,4 @@
-"""Sharing of work between closure searches: results in common, or independent of the start."""
+"""Find closure searches in plans that can share results, because the use of a result does not depend on its start."""
 
 from __future__ import annotations
 
