@@ -100,7 +100,7 @@ def _heavy(step: Step) -> bool:
 
 
 def _many(steps: Sequence[Step], first: int, number: int) -> bool:
-    """Return True if `first` is `OUTSIDE`, or if partial matches grow `FEW`-fold from step `first` to `number`."""
+    """Return True if `first` is `OUTSIDE`, or if estimates grow at least `FEW`-fold from step `first` to `number`."""
     before = steps[first - 1].rows if first > 0 else 1.0
     return first == OUTSIDE or steps[number - 1].rows >= FEW * before
 
@@ -108,7 +108,7 @@ def _many(steps: Sequence[Step], first: int, number: int) -> bool:
 def _key(
     variables: Sequence[int], goals: Sequence[Goal], outer: frozenset[int], determined: Determined
 ) -> tuple[int, ...]:
-    """Return the variables without those whose values follow from the remaining and `outer` ones by the goals."""
+    """Remove variables whose values the goals determine from the remaining and `outer` ones; return the rest."""
     key = list(variables)
     for variable in variables if len(variables) > 1 else ():
         others = [v for v in key if v != variable]

@@ -150,7 +150,7 @@ class Ends:
 
 @dataclass(frozen=True, slots=True)
 class Alike:
-    """An aggregate whose value depends on the start of a closure only through the set of nodes that it reaches.
+    """An aggregate whose value depends on a closure's start only through the set of nodes that the start reaches.
 
     Attributes:
         start: the start: a variable of the aggregate's relation, or a position of a pattern query.
