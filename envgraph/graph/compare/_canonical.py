@@ -17,10 +17,10 @@ if TYPE_CHECKING:
 def canonical_hash(model: Model) -> int:
     """Return a 64-bit hash that is equal for isomorphic models. Ids, orders and names of objects do not count.
 
-    The hash is computed anew on each call, by colour refinement (Weisfeiler and Leman 1968). The first colour of a
-    node is a hash of its class and values. Each round adds the colours of its neighbours, by reference and direction,
-    until a round distinguishes no more nodes. The result is the hash of all colours, sorted. Very regular models that
-    are not isomorphic may have equal hashes.
+    The hash is computed anew on each call, by colour refinement (Weisfeiler and Leman 1968). The first colour of a node
+    is a hash of its class and values. Each round adds the colours of its neighbours, by reference and direction, until
+    a round does not increase the number of different colours. The result is the hash of all colours, sorted. Very
+    regular models that are not isomorphic may have equal hashes.
     """
     store = model.graph.store
     relations = [relation for relation in store.relations if not relation.flipped]

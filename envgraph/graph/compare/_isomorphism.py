@@ -54,7 +54,7 @@ class Shapes:
         self._count = 0
 
     def number(self, store: Store) -> int:
-        """Return the number (from 0) of the isomorphism class of the current state."""
+        """Return the number (from 0) of the isomorphism class of the state. A new class gets the next number."""
         shape = self._shape(store)
         key = tuple(sorted(shape.colours.values()))
         found = self._known.setdefault(key, [])
@@ -92,7 +92,10 @@ class Shapes:
         return _Shape(self._refined(first, around), around)
 
     def _refined(self, colours: Colours, around: dict[int, list[tuple[int, tuple[int, ...]]]]) -> Colours:
-        """Return stable colours. They are the colours of the last round, which also encode the links of nodes."""
+        """Refine the colours by the colours of neighbours, until their number does not increase, and return the result.
+
+        The result is taken from the last round, so that it also encodes the links of the nodes.
+        """
         intern, distinct = self._intern, len(set(colours.values()))
         while True:
             found: Colours = {}
@@ -108,7 +111,10 @@ class Shapes:
             colours, distinct = found, now
 
     def _isomorphic(self, left: _Shape, right: _Shape) -> bool:
-        """Return True if two shapes with equal numbers of nodes of each colour are isomorphic."""
+        """Return True if two coloured models are isomorphic. Both must have the same number of nodes of each colour.
+
+        An empty `left` represents a model whose colours already determine it up to isomorphism.
+        """
         if not left.colours or _decided(right):
             return True
         trials = [self._trials(left, right)]
@@ -123,9 +129,10 @@ class Shapes:
         return False
 
     def _trials(self, left: _Shape, right: _Shape) -> Iterator[tuple[_Shape, _Shape]]:
-        """Map a node of the smallest ambiguous colour to each node of that colour, and yield the refined pairs.
+        """Map one node of `left` to each possible node of `right`, and yield the two models with the refined colours.
 
-        Pairs of shapes whose colours differ after the refinement are skipped.
+        The node belongs to the smallest set of several nodes with one colour. Pairs of models whose colours differ
+        after the refinement are skipped.
         """
         classes = _classes(left.colours)
         colour = min(
@@ -155,7 +162,7 @@ def _classes(colours: Colours) -> dict[int, list[int]]:
 def _decided(shape: _Shape) -> bool:
     """Return True if all models with these colours are isomorphic.
 
-    This is the case if each node with a shared colour has only neighbours whose colour is unique.
+    This is the case if each node that shares its colour has only neighbours with unique colours.
     """
     alone = {nodes[0] for nodes in _classes(shape.colours).values() if len(nodes) == 1}
     if len(alone) == len(shape.colours):

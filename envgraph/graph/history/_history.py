@@ -19,7 +19,7 @@ if TYPE_CHECKING:
 
 
 class Savepoint:
-    """A position in the journal to roll back to. `History.savepoint` creates it."""
+    """A position in the journal to which the model can be rolled back. `History.savepoint` creates it."""
 
     __slots__ = ("_mark", "_next_id", "_total")
 
@@ -30,7 +30,7 @@ class Savepoint:
 
 
 class Shelf:
-    """Changes that were rolled back and can be redone, any number of times. `History.shelve` creates it."""
+    """Changes that were undone and can be redone any number of times. `History.shelve` creates it."""
 
     __slots__ = ("_entries", "_next_id", "_total")
 
@@ -73,7 +73,7 @@ class History:
     # --- savepoints
 
     def savepoint(self) -> Savepoint:
-        """Open a savepoint. Savepoints nest; close them with `rollback` or `release`, the innermost first.
+        """Open a savepoint. Savepoints nest; close the innermost first, with `rollback`, `release` or `shelve`.
 
         Raises:
             TransactionError: the model is loading.
@@ -114,7 +114,7 @@ class History:
             store.replaced()
 
     def _roll_back(self, savepoint: Savepoint) -> bool:
-        """Roll back to a savepoint and close it with all savepoints inside it. Return True if the state had changed."""
+        """Roll back to a savepoint and close it with all savepoints inside it. Return True if the model has changed."""
         store, stack = self._store, self._stack
         changed = len(store.journal) > savepoint._mark
         if changed:
@@ -128,7 +128,7 @@ class History:
         return changed
 
     def _revert(self, mark: int) -> None:
-        """Undo and remove the entries of the journal from `mark` on."""
+        """Undo the entries of the journal from index `mark` on, and remove them from the journal."""
         journal = self._store.journal
         entries = journal[mark:]
         backwards = reversed(entries)
@@ -137,14 +137,18 @@ class History:
         journal[mark:], self._reverting = (), None
 
     def unwind(self, depth: int) -> None:
-        """Roll back until at most `depth` savepoints are open."""
+        """Roll back the innermost savepoints, and undo their changes, until at most `depth` savepoints are open."""
         self._mended()
         if len(self._stack) > depth:
             del self._stack[depth + 1 :]
             self.rollback(self._stack[depth])
 
     def shelve(self, savepoint: Savepoint) -> Shelf:
-        """Roll back to the innermost savepoint, close it, and return the undone changes, which `resume` can redo."""
+        """Roll back to the innermost savepoint, close it, and return the undone changes, which `resume` can redo.
+
+        Raises:
+            TransactionError: `savepoint` is not the innermost open savepoint.
+        """
         store = self._mended()
         for follower in store.followers:
             follower.settle()
@@ -167,7 +171,7 @@ class History:
         return shelf
 
     def resume(self, shelf: Shelf) -> Savepoint:
-        """Open a savepoint and redo the changes of a shelf exactly (ids, order, hash).
+        """Open a savepoint, redo the changes of a shelf exactly (ids, order, hash), and return the savepoint.
 
         The current state must be the state at the savepoint that was given to `shelve`. This is not checked.
         """
@@ -192,7 +196,7 @@ class History:
             follower.rolled_back()
 
     def release(self, savepoint: Savepoint) -> None:
-        """Close the innermost savepoint and keep the changes made since.
+        """Close the innermost savepoint and keep the changes made since. Notify followers if it was the outermost one.
 
         Raises:
             TransactionError: `savepoint` is not the innermost open savepoint.
@@ -218,7 +222,7 @@ class History:
 
     @contextmanager
     def transaction(self) -> Iterator[Savepoint]:
-        """Open a savepoint for a `with` block. Keep the changes, or undo them if an exception leaves the block."""
+        """Open a savepoint for a `with` block. If an exception leaves the block, undo the changes, else keep them."""
         depth, savepoint = self.depth, None
         outermost = not depth and guard()  # same as `guarded`, inlined because transactions are frequent
         try:
@@ -236,7 +240,7 @@ class History:
 
     @guarded
     def all_or_nothing(self) -> Iterator[None]:
-        """Open a transaction for a `with` block, or only run the block while the model is loading."""
+        """Run a `with` block as a transaction, or without one (nothing is undone) while the model is loading."""
         if self._store.loading:
             yield
         else:
@@ -253,9 +257,12 @@ class History:
 
     @guarded
     def load(self) -> Iterator[None]:
-        """Build the model in a `with` block without a journal. The changes cannot be undone.
+        """Build the model in a `with` block without a journal. The changes cannot be undone, even after an exception.
 
         Followers are not notified of the changes, only of the start and the end of the load.
+
+        Raises:
+            TransactionError: a savepoint is open, a version is in use, or the model is loading already.
         """
         self._mended()
         self._settle()
@@ -285,7 +292,10 @@ class History:
     # --- versions
 
     def version(self) -> Version | None:
-        """Return the version of the current state. None after uncommitted changes or if no version is in use."""
+        """Return the version of the current state.
+
+        Return None if there are uncommitted changes, a savepoint is open, or no version is in use.
+        """
         self._mended()
         if self._stack:
             return None
@@ -293,7 +303,11 @@ class History:
         return self.versions.present
 
     def commit(self) -> Version:
-        """Create a version of the current state, or return the last version if nothing has changed since."""
+        """Create a version of the current state, or return the last one if nothing has changed. Notify followers.
+
+        Raises:
+            TransactionError: a savepoint is open, or the model is loading.
+        """
         store = self._mended()
         self._refuse_inside("commit")
         self._settle()
@@ -304,7 +318,7 @@ class History:
         return version
 
     def checkout(self, version: Version, discard: bool) -> None:
-        """Restore the state of another version, and notify followers.
+        """Restore the state of another version, and notify followers. Do nothing if the model is in this state already.
 
         Args:
             version: a version of this model.
@@ -382,10 +396,10 @@ class History:
     # --- after an exception
 
     def repair(self) -> None:
-        """Complete or undo all interrupted writes; see `Interrupted`.
+        """Complete or undo all interrupted writes; see `Interrupted`. Do nothing if a repair is running.
 
-        First the doubtful last entries of the journal are decided, then derived data are recomputed. Then writes are
-        completed, transactions are rolled back, and checkouts are completed.
+        First the last entries of the journal are repaired, then derived data are recomputed. Then writes are completed,
+        transactions are rolled back, and checkouts are completed.
         """
         if self._repairing:
             return
@@ -432,8 +446,8 @@ class History:
     def _settle_journal(self) -> None:
         """Make the journal consistent after an exception, so that the repair can continue.
 
-        An interrupted replay of changes is undone. An interrupted rollback keeps only the entries that are not undone
-        yet.
+        An interrupted redo, or reversal of changes between versions, is undone. After an interrupted rollback only the
+        entries that are not undone yet are kept.
         """
         journal = self._store.journal
         take_back(self._inverse or [], 0)
@@ -445,7 +459,7 @@ class History:
         settle(journal)
 
     def check_integrity(self) -> None:
-        """Assert that no unneeded journal entries are stored, and that the tree of versions is consistent."""
+        """Assert that the journal has no unneeded or incomplete entries, and that the version tree is consistent."""
         assert self._store.recording or not (self._store.journal or self.versions.held or self._stack)
         assert len(self._store.journal) % 4 == 0
         self.versions.check_integrity()

@@ -41,7 +41,7 @@ def guarded(function: Callable[P, Iterator[T]]) -> Callable[P, AbstractContextMa
 
 
 class _Guard:
-    """The signal handler for Ctrl-C during a guarded block. `waiting` is True if Ctrl-C was pressed and is delayed."""
+    """The handler of Ctrl-C that `guard` installs. `waiting` is True if Ctrl-C was pressed and is delayed."""
 
     __slots__ = ("waiting",)
 
@@ -59,14 +59,13 @@ _guard: Final = _Guard()
 
 
 def guard() -> bool:
-    """Delay Ctrl-C between a `with` statement and its generator until `unguard`. Return False if nothing was changed.
+    """Delay Ctrl-C in the code between a `with` statement and its generator, until `unguard` is called.
 
-    Python handles signals where a function begins, such as `__exit__`. A KeyboardInterrupt at this place would skip
-    the rest of the generator. So Ctrl-C waits for the end of the block at these places, and takes effect at once
-    anywhere else.
+    Python handles signals where a function begins, such as `__exit__`. A KeyboardInterrupt there would skip the rest of
+    the generator. So Ctrl-C waits for the end of the block at these places, and takes effect at once anywhere else.
 
-    Nothing is changed inside another guarded block, if Ctrl-C has a handler other than Python's, and outside the main
-    thread.
+    Return False, and change nothing, if a guarded block is running already, if Ctrl-C has a handler other than
+    Python's, or outside the main thread. Else return True.
     """
     if _signals.getsignal(_SIGINT) is not _USUAL:
         return False
@@ -90,8 +89,8 @@ def unguard() -> None:
 def deferred() -> Iterator[Callable[[], None]]:
     """Delay Ctrl-C until the end of a `with` block or the next call of the yielded function.
 
-    A second Ctrl-C takes effect at once. Nothing is changed if Ctrl-C has a handler other than Python's, and outside
-    the main thread.
+    Then KeyboardInterrupt is raised. A second Ctrl-C takes effect at once. Nothing is changed if Ctrl-C has a handler
+    other than Python's, and outside the main thread.
     """
     before = signal.getsignal(signal.SIGINT)
     if threading.current_thread() is not threading.main_thread() or before not in (_USUAL, _guard):

@@ -21,9 +21,9 @@ _LONG = 256
 
 @short_repr
 class Version:
-    """A committed state of a model, created by `Model.commit`. While a program refers to it, it can be checked out.
+    """A committed state of a model, created by `Model.commit`. It can be checked out as long as a program refers to it.
 
-    A version needs memory only for its changes since the version before. The memory is freed when no references are
+    A version needs memory only for the changes since the version before. The memory is freed when no references are
     left.
 
     Attributes:
@@ -105,17 +105,17 @@ class Vertex:
 
     @property
     def overgrown(self) -> bool:
-        """Return True if the segment has doubled since it was reduced, so that it should be reduced again."""
+        """Return True if the segment contains changes of freed versions and has doubled since its last reduction."""
         return self.spliced and len(self.segment) > 2 * self.reduced + 16 * _LONG
 
     @property
     def held(self) -> bool:
-        """Return True if a program still refers to the version of this state."""
+        """Return True if a program still refers to the `Version` object of this state."""
         return self.handle is not None and self.handle() is not None
 
 
 class Handle(weakref.ref[Version]):
-    """A weak reference to a version. Its callback receives this object, which knows the vertex of the version."""
+    """A weak reference to a `Version` object. It knows the vertex, which its callback needs."""
 
     __slots__ = ("vertex",)
 
@@ -125,16 +125,16 @@ class Handle(weakref.ref[Version]):
 class VersionTree:
     """The states of a model that can be checked out, and the changes between them.
 
-    A version is in use while a program refers to its `Version` object. Unused versions are freed at fixed points
-    (`free`), never inside callbacks of the interpreter. Freeing affects only memory.
+    A version is in use while a program refers to its `Version` object. Unused versions are freed by calls of `free`,
+    never inside callbacks of the interpreter. Freeing affects only memory.
 
     Attributes:
         model: a weak reference to the model.
-        current: the state from which the journal leads to the current state of the model, or None if there is none.
+        current: the vertex of the state at which the journal starts, or None if no version is in use.
         held: the number of versions in use at the last check.
         released: weak references to the versions that have become unused since the last check.
         turning: during the reversal of a segment: its length, an iterator of its remaining items, and the entries that
-            lead back. Otherwise None.
+            redo it. Otherwise None.
         inverse: entries that redo the undone part of a segment after an interruption.
     """
 
@@ -150,16 +150,19 @@ class VersionTree:
 
     @property
     def changed(self) -> bool:
-        """Return True if there are uncommitted changes, or if there is no current version."""
+        """Return True if there are uncommitted changes, or if no version is in use."""
         return self.current is None or bool(self._store.journal)
 
     @property
     def present(self) -> Version | None:
-        """Return the version that equals the current state, or None if there are uncommitted changes."""
+        """Return the version that equals the current state, or None if `changed` is True."""
         return None if self.current is None or self.changed else self._handle(self.current)
 
     def commit(self) -> Version:
-        """Create a version of the current state, or return the last version if nothing has changed since."""
+        """Create a version of the current state, or return the last version if nothing has changed since.
+
+        The store records changes from now on, and the journal is empty afterwards.
+        """
         store = self._store
         before = self.current
         if before is not None and not self.changed:
@@ -194,7 +197,7 @@ class VersionTree:
             self._turn(vertex, vertex)
 
     def _turn(self, vertex: Vertex, end: Vertex | None) -> None:
-        """Undo the segment of a vertex, and replace it by the inverse segment.
+        """Undo the segment of a vertex, and replace it by the segment that redoes the changes.
 
         Args:
             vertex: the vertex whose segment is undone.
@@ -225,7 +228,7 @@ class VersionTree:
         ) = (inverse, back, not vertex.upwards, False, reduced, end, None)
 
     def take_back(self) -> None:
-        """Redo the undone part of a segment after an exception has interrupted its reversal."""
+        """Complete the recovery from an interrupted reversal of a segment: redo the part that was undone."""
         if self.turning is not None:
             length, backwards, inverse = self.turning
             self.inverse, self.turning = inverse[: length - length_hint(backwards)], None
@@ -249,14 +252,14 @@ class VersionTree:
         return handle
 
     def free(self) -> None:
-        """Free the versions that have become unused."""
+        """Free the versions that have become unused since the last call: prune their vertices from the tree."""
         while self.released:
             handle = self.released.pop()
             self.held -= 1
             self.prune(handle.vertex)
 
     def tidy(self) -> None:
-        """Recount the versions in use and drop unneeded vertices of the whole tree, after an interruption."""
+        """Recount the versions in use, and prune the whole tree of unneeded vertices, after an interruption."""
         vertices = [] if self.current is None else [self.current]
         while vertices and vertices[0].parent is not None:
             vertices[0] = vertices[0].parent
@@ -271,7 +274,10 @@ class VersionTree:
                 self.prune(vertex)
 
     def prune(self, vertex: Vertex | None) -> None:
-        """Remove a vertex from the tree, and its ancestors, if they are not in use, not current, and not a fork."""
+        """Remove a vertex from the tree if its version is unused, it is not current, and it has at most one child.
+
+        If it has a child, the child takes over its changes. If it has none, its ancestors are pruned in the same way.
+        """
         while vertex is not None and vertex is not self.current and not vertex.held:
             parent = vertex.parent
             if len(vertex.children) > 1:
@@ -285,7 +291,7 @@ class VersionTree:
             vertex = parent
 
     def _reduce(self, current: Vertex) -> None:
-        """Reduce the last two segments if they are too long, by undoing and redoing them."""
+        """Reduce the last two segments to net changes if they are too long, by undoing and redoing them."""
         path = [current] if current.parent is None else [current, current.parent]
         while path and not path[-1].overgrown:
             path.pop()
@@ -325,7 +331,7 @@ class VersionTree:
 
 
 def _path(start: Vertex, goal: Vertex) -> tuple[list[Vertex], list[Vertex]]:
-    """Return the vertices on the way from `start` up to the lowest common ancestor, and from `goal` up to it.
+    """Return the two paths between vertices: from `start` up to the lowest common ancestor, and from `goal` up to it.
 
     Both lists are in bottom-up order, without the ancestor.
     """
@@ -344,9 +350,10 @@ def _path(start: Vertex, goal: Vertex) -> tuple[list[Vertex], list[Vertex]]:
 
 
 def _splice(vertex: Vertex, child: Vertex) -> None:
-    """Remove a vertex with one child from the tree. The child's segment then includes the segment of the vertex.
+    """Remove a vertex that has exactly one child from the tree. Its segment is joined to the segment of the child.
 
-    The function may be called again after an interruption.
+    If the vertex is a root, its child becomes a root without a segment. The function may be called again after an
+    interruption.
     """
     parent = vertex.parent
     if child.parent is vertex:

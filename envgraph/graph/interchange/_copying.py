@@ -10,7 +10,7 @@ from envgraph.metamodel import Metamodel, Value
 
 
 def reduced(model: Model) -> tuple[Callable[..., Model], tuple[object, ...]]:
-    """Return the function and arguments from which `copy` and `pickle` rebuild a model."""
+    """Return the function and arguments from which `copy` and `pickle` rebuild a model without versions and views."""
     from envgraph.graph.interchange._json import model_to_json  # imported here because few programs need it
 
     return _made, (model_to_json(model), model.metamodel, model.graph.places, model.graph.digits)

@@ -98,7 +98,10 @@ def _object(model: Model, node: int) -> dict[str, Any]:
 
 
 def _orders(model: Model, relation: Relation) -> Iterator[dict[str, Any]]:
-    """Yield the "orders" entries: nodes whose sources would be in another order after reading the objects."""
+    """Yield the entries of "orders" for one relation, one for each node whose sources have an order of their own.
+
+    That is an order other than the order in which reading the objects would add the sources.
+    """
     if relation.flipped:
         return
     read: dict[int, list[int]] = {}
@@ -118,7 +121,7 @@ def _orders(model: Model, relation: Relation) -> Iterator[dict[str, Any]]:
 
 
 def model_from_json(data: str | Mapping[str, Any], metamodel: Metamodel, *, file: str = "<json>") -> Model:
-    """Read a model from JSON as `model_to_json` writes it. "name", "next_id" and "orders" are optional.
+    """Read a model from JSON in the form that `model_to_json` returns. "name", "next_id" and "orders" are optional.
 
     Args:
         data: the decoded JSON, or its text.
@@ -166,7 +169,7 @@ def _value_hint(attribute: Attribute) -> str:
 
 
 class _TooMany(Exception):
-    """An exception that stops the reading after the maximal number of problems."""
+    """Raised to stop the reading after the maximal number of problems."""
 
 
 def json_place(path: JsonPath) -> str:
@@ -179,7 +182,7 @@ def json_place(path: JsonPath) -> str:
 
 
 class _Reader:
-    """A reader of one model, which collects problems and continues after most of them."""
+    """A reader of one model from JSON. It collects problems in `problems` and continues after most of them."""
 
     def __init__(self, metamodel: Metamodel) -> None:
         self.metamodel = metamodel
@@ -291,7 +294,7 @@ class _Reader:
             self._problem(path, "wrong-value", error.message, error.hint or "leave some of the values out")
 
     def _value(self, path: JsonPath, attribute: Attribute, value: Any) -> Value | None:
-        """Return a value as the model takes it. Report a value of the wrong type and return None."""
+        """Return a value as the model takes it. If it has the wrong type, report this and return None."""
         if attribute.type is Scalar.FLOAT and isinstance(value, str):
             value = _INFINITIES.get(value, value)
         if accepts(attribute.type, value):

@@ -61,7 +61,7 @@ def _attributes(model: Model, node: int) -> dict[str, object]:
 def from_networkx(graph: nx.MultiDiGraph, metamodel: Metamodel) -> Model:
     """Return a model for a graph in the form that `to_networkx` returns.
 
-    If all nodes are ints from 0, they are the ids. Else objects are numbered in the order of the nodes. Edges of
+    If all nodes are ints of 0 or more, they are the ids. Else objects are numbered in the order of the nodes. Edges of
     opposite references may be omitted. Attributes that a node lacks are unset.
 
     Raises:

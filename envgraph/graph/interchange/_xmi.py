@@ -79,7 +79,10 @@ class _Writer:
             yield "</xmi:XMI>"
 
     def _tree(self, root: int, head: str, depth: int) -> Iterator[str]:
-        """Yield the lines of an object and everything that it contains. Deep containment needs no recursion."""
+        """Yield the lines of an object and everything that it contains.
+
+        `head` is added to the first tag, and `depth` is its indentation level. A stack replaces recursion.
+        """
         tag = self._qualified(self.model.graph.class_of(root))
         waiting: list[tuple[int, str, str, int]] = [(root, tag, head, depth)]
         while waiting:
@@ -107,7 +110,7 @@ class _Writer:
                 waiting.append((target, reference.name, exact, level + 1))
 
     def _lists(self, node: int) -> Iterator[tuple[str, str]]:
-        """Yield the name and text of each value of the multi-valued attributes, which are written as nested tags."""
+        """Yield the tag name and the text of each value of the multi-valued attributes of an object."""
         for attribute in self._attributes(node):
             for value in self.model.graph.values(node, attribute) if attribute.many else ():
                 text = self._checked(self._text(node, attribute, value), node)
@@ -120,7 +123,7 @@ class _Writer:
                     yield feature, target
 
     def _parts(self, node: int) -> str:
-        """Return the XML attributes of an object's tag."""
+        """Return the XML attributes of an object's tag, as one text with a space before each."""
         model, written = self.model, []
         name = model.graph.object_name(node)
         if name is not None:
@@ -143,7 +146,7 @@ class _Writer:
         return (one for one in self._features[self.model.graph.class_of(node)] if isinstance(one, Attribute))
 
     def _is_nil(self, node: int, attribute: Attribute) -> bool:
-        """Return True if the tag must state that an attribute is unset, because omitting it would mean the default."""
+        """Return True if an attribute is unset but the tag must say so, because omission means the default."""
         return not self.model.graph.values(node, attribute) and usual_value(attribute) is not None
 
     def _implied(self, feature: Feature) -> bool:
@@ -166,7 +169,11 @@ class _Writer:
         return "/".join([root, *reversed(steps)])
 
     def _identifiers(self, nodes: Sequence[int]) -> Mapping[int, str]:
-        """Return by object the text of its `iD` attribute, for objects whose text is written and unique."""
+        """Return the texts by which references name objects without a usable name: the values of their `iD` attributes.
+
+        Objects are skipped if the value is omitted as the default, or if its text is not unique or not a valid
+        identifier.
+        """
         found: dict[int, str] = {}
         for cls, features in self._features.items():
             own = next((one for one in features if isinstance(one, Attribute) and one.identifier), None)
@@ -211,7 +218,7 @@ def arrange_targets(model: Model, node: int, reference: Reference, targets: Sequ
 
 
 def usual_value(attribute: Attribute) -> Value | None:
-    """Return the value of an object whose tag lacks the attribute, as in Ecore. None for a string without a default.
+    """Return the value that Ecore gives an attribute that a tag omits. It is None for a string without a default.
 
     >>> usual_value(Attribute("a", Scalar.INT)), usual_value(Attribute("a", Scalar.STRING))
     (0, None)
@@ -224,7 +231,10 @@ def usual_value(attribute: Attribute) -> Value | None:
 
 
 def _prefixes(wanted: Mapping[str, str]) -> dict[str, str]:
-    """Return distinct XML prefixes for packages, the wanted prefixes where they are valid and unused."""
+    """Return distinct XML prefixes for packages, given by path.
+
+    A wanted prefix is used if it is valid. Underscores are appended to a prefix that is in use.
+    """
     found: dict[str, str] = {}
     for path, prefix in wanted.items():
         plain = (

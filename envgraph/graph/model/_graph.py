@@ -152,11 +152,11 @@ class Graph:
         return self.store.backward[reference.index][node]
 
     def has_link(self, source: int, reference: Reference, target: int) -> bool:
-        """Return True if the link exists."""
+        """Return True if the reference links `source` to `target`."""
         return target in self.store.forward[reference.index][source]
 
     def check_integrity(self) -> None:
-        """Assert that all columns, indexes, the hash and the journal are consistent, by recomputing them."""
+        """Repair interrupted writes. Assert that all columns, indexes, the hash and the journal are consistent."""
         if self.store.interrupted:
             self.store.interrupted.repair()
         check_store(self.store)

@@ -90,7 +90,7 @@ class Model:
         return [Node(self, id) for id in ids]
 
     def __getitem__(self, object_name: str) -> Node:
-        """Return the object with a name.
+        """Return the object with a name, or at a grid position in a file, such as `tile[3, 1]`.
 
         Raises:
             InvalidArgument: no object has the name.
@@ -101,7 +101,7 @@ class Model:
         return Node(self, found)
 
     def __contains__(self, item: object) -> bool:
-        """Return True if `item` is the name of an object of the model, or a handle to an existing object of it."""
+        """Return True if `item` is a name that `model[item]` finds, or a handle to an existing object of this model."""
         if isinstance(item, Node):
             return item.model is self and self.graph.alive(item.id)
         return isinstance(item, str) and self.graph.find_object(item) is not None
@@ -114,7 +114,7 @@ class Model:
         return sum(map(len, self.graph.store.extents))
 
     def __bool__(self) -> bool:
-        """Return True, also for a model without objects."""
+        """Return True, even for a model without objects."""
         return True
 
     def copy(self) -> Model:
@@ -130,11 +130,11 @@ class Model:
     # --- transactions and versions
 
     def transaction(self) -> AbstractContextManager[Savepoint]:
-        """Return a context manager that keeps the changes of its block, or undoes all if an exception leaves it."""
+        """Return a context manager that undoes the changes of its block if an exception leaves it, else keeps them."""
         return self.graph.history.transaction()
 
     def unwind(self) -> None:
-        """Roll back until no savepoint is open.
+        """Close all open savepoints and undo the changes made since the outermost one was opened.
 
         Ctrl-C may arrive before a program has received a new savepoint. Only this method can close that savepoint.
         """
@@ -143,6 +143,8 @@ class Model:
     def loading(self) -> AbstractContextManager[None]:
         """Return a context manager for building a model without a journal. Views are recomputed at its end.
 
+        The changes cannot be undone, even after an exception.
+
         Raises:
             TransactionError: a savepoint is open or a version is in use, or a savepoint is requested inside the block.
         """
@@ -150,14 +152,19 @@ class Model:
 
     @property
     def version(self) -> Version | None:
-        """Return the version of the current state. None after uncommitted changes or if no version is in use."""
+        """Return the version of the current state.
+
+        None if there are uncommitted changes, a savepoint is open, or no version is in use.
+        """
         return self.graph.history.version()
 
     def commit(self) -> Version:
-        """Create a version of the current state. The version exists as long as a program refers to it.
+        """Create a version of the current state, or return the last version if nothing has changed since.
+
+        The version exists as long as a program refers to it.
 
         Raises:
-            TransactionError: a savepoint is open.
+            TransactionError: a savepoint is open, or the model is loading.
         """
         return self.graph.history.commit()
 

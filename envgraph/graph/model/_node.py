@@ -87,11 +87,11 @@ class Node:
         _write(self, _feature(self, name), value)
 
     def __getitem__(self, name: str) -> Any:
-        """Return the value of a feature by name."""
+        """Return the value of the feature with the given name; see `Node`."""
         return _read(self, _feature(self, name))
 
     def __setitem__(self, name: str, value: object) -> None:
-        """Set the value of a feature by name."""
+        """Set the value of the feature with the given name."""
         _write(self, _feature(self, name), value)
 
     def __dir__(self) -> list[str]:
@@ -104,7 +104,7 @@ class Node:
         return self
 
     def __deepcopy__(self, _: object) -> Node:
-        """Return the same handle, because the object has no copy in its model."""
+        """Return this handle itself, because its model is not copied with it."""
         return self
 
     def __reduce__(self) -> tuple[type[Node], tuple[Model, int]]:
@@ -132,7 +132,7 @@ _Item = TypeVar("_Item")
 
 
 class _HeldList(Sequence[_Item]):
-    """A sequence of the values or targets of a feature. Each access reads the model."""
+    """A live sequence of the values or targets of a feature: each access reads the model."""
 
     __slots__ = ("_feature", "_node")
 
@@ -204,7 +204,7 @@ class Targets(_HeldList[Node]):
         model.graph.insert_target(self._node.id, self._feature, index, _target(model, self._feature, target))
 
     def extend(self, targets: Iterable[Node]) -> None:
-        """Add several targets."""
+        """Add several targets, as `append` does one by one."""
         for target in list(targets):
             self.append(target)
 
@@ -213,6 +213,7 @@ class Targets(_HeldList[Node]):
 
         Raises:
             InvalidArgument: the object is not a target.
+            TypeMismatch: a query defines the reference.
         """
         model = self._node.model
         if model.graph.defined and self._feature in model.graph.defined:
@@ -248,7 +249,7 @@ class ValueList(_HeldList[Value], MutableSequence[Value]):
         self._node.model.graph.set_value(self._node.id, self._feature, values)
 
     def insert(self, index: int, value: Value) -> None:
-        """Insert a value before the value at an index."""
+        """Insert a value as `list.insert` does. If values must be unique, an existing value is not inserted."""
         self._node.model.graph.insert_value(self._node.id, self._feature, index, value)
 
     def __setitem__(self, index: Any, value: Any) -> None:
@@ -265,7 +266,7 @@ class ValueList(_HeldList[Value], MutableSequence[Value]):
             self._node.model.graph.remove_value_at(self._node.id, self._feature, index)
 
     def reverse(self) -> None:
-        """Reverse the order in one write, because swapping values one by one would repeat a unique value."""
+        """Reverse the order of the values in one write, because swapping them singly would repeat unique values."""
         self._set(list(self)[::-1])
 
     def __iter__(self) -> Iterator[Value]:
@@ -276,7 +277,11 @@ class ValueList(_HeldList[Value], MutableSequence[Value]):
 
 
 def assign_features(node: Node, features: Mapping[str, object]) -> None:
-    """Set several features of an object by name."""
+    """Set several features of an object, given by name.
+
+    Raises:
+        TypeMismatch: the class of the object has no feature with a given name.
+    """
     for name, value in features.items():
         _write(node, _feature(node, name, TypeMismatch), value)
 
@@ -309,7 +314,7 @@ def _read(node: Node, feature: Feature) -> Value | ValueList | Node | Targets | 
 
 
 def _held(node: Node, feature: Feature) -> Sequence[Any]:
-    """Return the values of a feature, or the ids of its targets."""
+    """Return the values of a feature, or the ids of its targets; see `Graph.read`."""
     node.cls  # noqa: B018 - raises for a deleted object
     return node.model.graph.read(node.id, feature)
 

@@ -131,7 +131,7 @@ def to_svg(model: Model, **options: Unpack[PictureOptions]) -> str:
 
 
 def as_svg(model: Model) -> str | None:
-    """Return the picture as SVG for notebooks. None if it cannot be drawn, so that notebooks show the `repr`."""
+    """Return the picture as SVG for notebooks, or None if it cannot be drawn, so that notebooks show the `repr`."""
     return model.picture()._repr_svg_()
 
 
@@ -141,7 +141,11 @@ def _widest_fan(edges: Iterable[PictureEdge]) -> int:
 
 
 def _marks(model: Model, marked: Marked) -> dict[int, list[str]]:
-    """Return the highlighted objects, each with the names of the variables bound to it in the given matches."""
+    """Return the objects to highlight, each with the names of the variables bound to it in the given matches.
+
+    Raises:
+        InvalidArgument: an item is not a node or a match, or is an object of another model.
+    """
     found: dict[int, list[str]] = {}
 
     def add(item: object, name: str | None) -> None:
@@ -168,7 +172,10 @@ def _marks(model: Model, marked: Marked) -> dict[int, list[str]]:
 
 
 def _classes(metamodel: Metamodel, names: Iterable[str] | None) -> tuple[bool, ...]:
-    """Return for each class index if its objects are drawn. A last entry, False, is for deleted objects (index -1)."""
+    """Return True for each class index whose objects are drawn. A last entry, False, is for deleted objects (index -1).
+
+    If `names` is None, all classes are drawn.
+    """
     if names is None:
         return (*(True for _ in metamodel.class_list), False)
     wanted = _texts(names, "classes")
@@ -181,7 +188,10 @@ def _classes(metamodel: Metamodel, names: Iterable[str] | None) -> tuple[bool, .
 def _named(
     metamodel: Metamodel, features: Sequence[Feature], names: Iterable[str] | None, kind: str
 ) -> Iterator[int]:
-    """Yield the indexes of the features with the given names, which may be qualified by a class (`Tile.right`)."""
+    """Yield the indexes of the features with the given names, which may be qualified by a class (`Tile.right`).
+
+    If `names` is None, yield the indexes of all features. `kind` is the word for a feature in the error message.
+    """
     if names is None:
         yield from (feature.index for feature in features)
         return
@@ -224,10 +234,10 @@ class _View:
         return self.classes[self.store.classes[node]]
 
     def choose(self, first: Sequence[int], distance: int | None, limit: int) -> tuple[list[int], int]:
-        """Return the objects to draw, sorted by id, and their number without the limit.
+        """Return the objects to draw, sorted by id, and the number of objects that would be drawn without the limit.
 
         Args:
-            first: the objects from which to start.
+            first: the objects from which to start; objects close to them are chosen first.
             distance: the maximal number of links from these objects; None for no maximum.
             limit: the maximal number of objects.
         """
@@ -241,7 +251,10 @@ class _View:
         return sorted(node for node, _ in zip(near, range(limit), strict=False)), total
 
     def _nearest(self, first: Sequence[int], distance: int | None) -> Iterator[int]:
-        """Yield objects in breadth-first order from `first`. Without a distance, yield all other objects afterwards."""
+        """Yield visible objects in breadth-first order from `first`.
+
+        Without a distance, yield all others afterwards.
+        """
         seen = dict.fromkeys(node for node in first if self._visible(node))
         level = list(seen)
         depth = 0
@@ -270,7 +283,7 @@ class _View:
             yield from relation.backward[node]
 
     def edges(self, shown: Sequence[int], labels: bool) -> Iterator[PictureEdge]:
-        """Yield the links between the drawn objects. A link and its opposite are one line."""
+        """Yield a line for each link between drawn objects. Opposite references share a line if both are drawn."""
         inside = set(shown)
         for relation in self.relations:
             opposite = relation.opposite
@@ -290,7 +303,10 @@ class _View:
 
 
 def _leads(relation: Relation, opposite: Reference) -> bool:
-    """Return True if this reference of an opposite pair is drawn: the containment, else the first declared."""
+    """Return True if the line of an opposite pair is drawn in the direction of `relation`.
+
+    A containment determines the direction of the pair. Otherwise the reference that is declared first does.
+    """
     if relation.containment or relation.contained:
         return relation.containment
     return relation.reference.index <= opposite.index
@@ -318,7 +334,7 @@ class _Objects:
                     raise InvalidArgument(_unknown("attribute with numbers", name, numbers))
 
     def node(self, model: Model, id: int) -> PictureNode:
-        """Return the box of an object."""
+        """Return the box that is drawn for an object."""
         cls = model.graph.class_of(id)
         name = model.graph.object_name(id)
         features = self.metamodel.features(cls)

@@ -26,7 +26,10 @@ class Defined(NamedTuple):
 
 
 def first_with(graph: Graph, feature: Feature) -> int | None:
-    """Return the first object with a target, or with a value other than the initial one. None if no object has."""
+    """Return the first object that has a target of `feature`, or a value other than the initial one. None if none has.
+
+    Objects are searched class by class.
+    """
     columns = graph.store.values if isinstance(feature, Attribute) else graph.store.forward
     usual = (feature.initial,) if isinstance(feature, Attribute) else ()
     held = ((node, columns[feature.index][node]) for node in graph.store.nodes())
@@ -34,7 +37,10 @@ def first_with(graph: Graph, feature: Feature) -> int | None:
 
 
 def read(graph: Graph, node: int, feature: Feature) -> Sequence[Any]:
-    """Return the values of a feature, or the ids of its targets. A query computes them if it defines the feature."""
+    """Return the values of a feature, or the ids of its targets. A query computes them if it defines the feature.
+
+    An unset single-valued attribute gives (None,).
+    """
     if graph.defined and feature in graph.defined:
         return graph.defined[feature].read(node)
     columns = graph.store.values if isinstance(feature, Attribute) else graph.store.forward
@@ -43,9 +49,9 @@ def read(graph: Graph, node: int, feature: Feature) -> Sequence[Any]:
 
 
 def define(graph: Graph, defined: Mapping[Feature, Defined]) -> None:
-    """Set the derived features, replace earlier definitions, and refuse writes to them.
+    """Make the features in `defined` read-only features that queries compute. Earlier definitions are replaced.
 
-    No object may have stored values of these features.
+    No object may have stored values or links of these features.
     """
     if graph.defined == defined:
         return

@@ -1,1 +1,1 @@
-"""The data of a model in columns and relations, the elementary changes, the undo log, and the state hash."""
+"""The stored data of a model (columns and links), its elementary changes, the undo log, and the state hash."""

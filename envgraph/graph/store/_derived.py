@@ -1,4 +1,4 @@
-"""Recompute the derived columns of a store from its primary columns after an exception."""
+"""Recompute the derived data of a store from its primary columns after an exception."""
 
 from __future__ import annotations
 
@@ -9,10 +9,10 @@ from envgraph.graph.store._store import Store
 
 
 def derive(store: Store) -> None:
-    """Recompute all derived data of a store after an exception.
+    """Recompute the data of a store that can be derived from its columns `classes`, `names`, `values` and `forward`.
 
-    Derived are the extents' positions, the name index, the distinct values, the sources of links, and the hash sum.
-    `History.repair` calls this function.
+    These are the extents (the lists of objects by class), the name index, the distinct values, the sources of links,
+    and the hash sum. Begin a new revision whose changed objects are unknown. `History.repair` calls this function.
     """
     store.lengthen(max(len(store.classes), len(store.place), len(store.salts[0])))
     _classes(store)
@@ -37,7 +37,7 @@ def derive(store: Store) -> None:
 
 
 def _classes(store: Store) -> None:
-    """Make each object a member of the extent of its class exactly once, and correct its recorded position."""
+    """Make every object a member of the extent of its class exactly once, and recompute all recorded positions."""
     members = [set(extent) for extent in store.extents]
     for extent, inside in zip(store.extents, members, strict=True):
         if len(inside) < len(extent):  # an interrupted `put` has appended a second copy of a member
@@ -51,9 +51,9 @@ def _classes(store: Store) -> None:
 
 
 def _sources(store: Store, forward: Ends, backward: Ends) -> None:
-    """Make the sources column of a reference agree with its targets column, which decides.
+    """Make the sources column of a reference agree with its targets column.
 
-    Entries of `backward` without a counterpart in `forward` are removed, and missing entries are added.
+    Sources in `backward` without a counterpart in `forward` are removed, and missing sources are added.
     """
     for ends in (*forward, *backward):
         if isinstance(ends, IndexedSet):

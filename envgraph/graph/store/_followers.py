@@ -9,14 +9,15 @@ from typing import Any, Protocol
 class Interrupted(list[Any]):
     """A list of writes that exceptions such as `KeyboardInterrupt` have interrupted, until `repair` empties it.
 
-    Code that catches an exception in the middle of a write (`except BaseException`) first appends how to end the write,
-    and then calls `repair`. If `repair` is interrupted too, the next use of the model calls it again.
-    Each entry is one of:
+    Code that catches an exception in the middle of a write (`except BaseException`) first appends an entry that says
+    how to end the write, and then calls `repair`. If `repair` is interrupted too, the next use of the model calls it
+    again. Each entry is one of:
 
-    - None, if a single change was interrupted, or a `Follower` while it handled the change;
-    - a function and its arguments, which may be called if its work is already done fully, partly or not at all;
-    - a savepoint to roll back to and close, or an int, the number of savepoints to leave open;
-    - a vertex of the version tree to check out.
+    - None, if a single change was interrupted;
+    - a `Follower`, if it was interrupted while it updated its own data;
+    - a tuple of a function and its arguments, to call again. The function must accept that its work is done partly;
+    - a `Savepoint` to roll back to and close, or an int: savepoints are rolled back until this number is open;
+    - a vertex of the version tree, whose state is to be checked out.
 
     Attributes:
         repair: see `History.repair`.
@@ -37,25 +38,28 @@ class Follower(Protocol):
     """
 
     def settle(self) -> None:
-        """Process all pending changes now, because a savepoint or a commit follows."""
+        """Process all pending changes of the model. Called before a savepoint, a commit, and `History.shelve`."""
 
     def rolled_back(self) -> None:
-        """Discard all pending changes after a rollback, which has already restored the data recorded in the journal."""
+        """Discard pending changes, after a rollback or redo has restored the data recorded in the journal."""
 
     def released(self) -> None:
-        """Handle the successful end of the outermost transaction, or a commit of the current state."""
+        """Deliver waiting notifications, after the outermost savepoint is released or a commit is made."""
 
     def checked_out(self) -> None:
-        """Discard all pending changes after a checkout, which has already replayed the data recorded in the journal."""
+        """Discard pending changes, and notify any subscribers, after a checkout has restored the recorded data."""
 
     def interrupted(self) -> None:
-        """Handle an interrupted change of the model, which may have been made or not, and notified or not."""
+        """Mark the follower's own data as unreliable, after an exception has interrupted a change of the model.
+
+        The change may have been made or not, and the follower may have been notified or not.
+        """
 
     def suspend(self) -> None:
-        """Prepare for a load of the model, during which no change is notified."""
+        """Prepare for a load of the model, whose changes are not notified to the follower."""
 
     def loaded(self) -> None:
-        """Handle the end of a load of the model."""
+        """Recompute the follower's own data, if necessary, at the end of a load, also after an exception."""
 
 
 NodeHook = Callable[[int], object]

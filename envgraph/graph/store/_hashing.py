@@ -80,8 +80,8 @@ def state_hash(model: Model, since: int | None = None) -> int:
 
     Args:
         model: the model.
-        since: if given, objects with this id or a greater one are renumbered consecutively from `since` for the hash,
-            in the order of their ids. All facts are visited, unless these ids are consecutive already.
+        since: if given, the hash is computed as if the objects with ids of `since` or more had consecutive ids from
+            `since` on, in the same order. Unless their ids are consecutive already, this visits all facts.
     """
     total = model.graph.store.total if since is None else _total_since(model.graph.store, since)
     return int.from_bytes(

@@ -14,7 +14,7 @@ from envgraph.metamodel import accepts
 
 
 def check_store(store: Store) -> None:
-    """Check all invariants of a store.
+    """Assert all invariants of a store: sizes, extents, links, values, names, containment and the hash sum.
 
     Raises:
         AssertionError: an invariant does not hold.

@@ -44,8 +44,8 @@ class IndexedSet(list[Item]):
     """A set stored as a list with the position of each element. Insertion, removal and random choice take O(1) time.
 
     A removal moves the last element into the gap, and `put` reverses the removal. So the order depends only on the
-    changes that are in force, not on changes that were made and undone. Only `add`, `take`, `put` and `move` may
-    change the set.
+    changes that are in force, not on changes that were made and undone. Only `add`, `take`, `put`, `move` and
+    `exchange` may change the set.
 
     After a `move` the recorded positions of the elements between are out of date. `where` notices an outdated position,
     because elements are distinct. If the element is not close to that position, `where` corrects all positions.
@@ -66,7 +66,7 @@ class IndexedSet(list[Item]):
         self.append(item)
 
     def take(self, item: Item) -> int:
-        """Remove an element and move the last element to its index. Return that index."""
+        """Remove an element, and move the last element into the gap. Return the index of the gap."""
         index = self.where(item)
         del self.position[item]
         last = self.pop()
@@ -96,7 +96,7 @@ class IndexedSet(list[Item]):
         self.position[item] = index
 
     def where(self, item: Item) -> int:
-        """Return the index of an element of the set."""
+        """Return the index of an element of the set. If its recorded position is outdated, update all positions."""
         index = self.position[item]
         if index < len(self) and self[index] == item:
             return index
@@ -107,11 +107,14 @@ class IndexedSet(list[Item]):
         return self.position[item]
 
     def contents(self, state: Contents[Item]) -> Contents[Item]:
-        """Return the argument for a second `exchange` that would undo `exchange` with this state."""
+        """Return the state with which a second `exchange` would undo `exchange` with the given state."""
         return _overwritten(self, *state)
 
     def exchange(self, _: None, state: Contents[Item]) -> Contents[Item]:
-        """Overwrite the length and some elements of the set, and return the state that undoes it."""
+        """Set the length (first item of `state`) and the elements at some indexes (second item).
+
+        Return the old length and the old elements, with which a second call undoes this one. The key `_` is ignored.
+        """
         before = self.contents(state)
         for item in before[1].values():
             self.position.pop(item, None)
@@ -123,7 +126,7 @@ class IndexedSet(list[Item]):
     def mend(self, item: Item | None = None) -> bool:
         """Complete or undo an interrupted `add`, `take` or `put`. Return True if the element is in the set afterwards.
 
-        Without an element only the consistency of the list and the positions is restored.
+        Without an element the list and the positions are repaired all the same, and the result has no meaning.
         """
         items = dict.fromkeys(self)
         if len(items) < len(self):  # an interrupted `put` has appended a second copy of an element
@@ -143,8 +146,9 @@ class IndexedSet(list[Item]):
 class Extent(list[int]):
     """The objects of exactly one class, ordered as in an `IndexedSet`.
 
-    The positions are in a column shared by all extents. An extent also writes the class of its members to the shared
-    column `classes`. So creating, retyping and deleting an object only take insertions into and removals from extents.
+    The positions are stored in `place`, a column shared by all extents. An extent also writes the number of its class
+    to the shared column `classes`, or -1 for a removed object. So an object is created, retyped and deleted only by
+    insertions into and removals from extents.
     """
 
     __slots__ = ("classes", "number", "place")
@@ -162,7 +166,7 @@ class Extent(list[int]):
         self.classes[node] = self.number
 
     def take(self, node: int) -> int:
-        """Remove a member and move the last member to its index. Return that index."""
+        """Remove a member, so that it has no class, and move the last member into the gap. Return the gap's index."""
         index = self.place[node]
         last = self.pop()
         if index < len(self):
@@ -172,7 +176,7 @@ class Extent(list[int]):
         return index
 
     def put(self, node: int, index: int) -> None:
-        """Insert a member that `take` removed from `index`, so that the former order is restored."""
+        """Insert a member that `take` removed from `index`, record its class, and so restore the former order."""
         if index < len(self):
             moved = self[index]
             self.place[moved] = len(self)
@@ -188,11 +192,14 @@ class Extent(list[int]):
         return self.place[node]
 
     def contents(self, state: Contents[int]) -> Contents[int]:
-        """Return the argument for a second `exchange` that would undo `exchange` with this state."""
+        """Return the state with which a second `exchange` would undo `exchange` with the given state."""
         return _overwritten(self, *state)
 
     def exchange(self, _: None, state: Contents[int]) -> Contents[int]:
-        """Overwrite the length and some members of the extent, and return the state that undoes it."""
+        """Set the length and the members at some indexes, as `state` says, and record the classes of these objects.
+
+        Return the old length and the old members, with which a second call undoes this one. The key `_` is ignored.
+        """
         before = self.contents(state)
         for node in before[1].values():
             if self.classes[node] == self.number:  # otherwise the object is already in another extent
@@ -204,7 +211,7 @@ class Extent(list[int]):
         return before
 
     def mend(self, node: int) -> bool:
-        """Complete or undo an interrupted `add`, `take` or `put`. Return True if the object is a member afterwards."""
+        """Complete or undo an interrupted `add`, `take` or `put` of an object. Return True if it is a member then."""
         members = dict.fromkeys(self)
         if len(members) < len(self):  # an interrupted `put` has appended a second copy of a member
             self.pop()
@@ -222,7 +229,7 @@ class Extent(list[int]):
 
 
 class Ordered(list[Any]):
-    """A list of attribute values with an order and possible duplicates. Values are inserted and removed at positions.
+    """A list of attribute values that may contain duplicates. Values are inserted and removed at positions.
 
     A key in the journal is a tuple of the position, the value, and the length of the list that contains the value.
     """
@@ -238,11 +245,11 @@ class Ordered(list[Any]):
         self.insert(key[0], key[1])
 
     def where(self, key: tuple[int, Any, int]) -> int:
-        """Return the position of the key."""
+        """Return the position that the key contains."""
         return key[0]
 
     def mend(self, key: tuple[int, Any, int]) -> bool:
-        """Return True if the value of the key is in the list after an interruption. Nothing needs repair."""
+        """Return True if the value of the key is in the list. Nothing needs repair, because changes are atomic."""
         return len(self) == key[2]
 
 
@@ -254,7 +261,7 @@ def _overwritten(sequence: list[Item], length: int, items: Iterable[int]) -> Con
 
 
 def _overwrite(sequence: list[Item], length: int, items: dict[int, Item]) -> list[Item]:
-    """Return a copy of a sequence with another length and with some elements replaced."""
+    """Return a copy of a sequence, cut or extended to `length`, with the elements `items` at their indexes."""
     after = list(sequence)
     if length > len(after):
         # The items contain every position past the old end, so each filler is overwritten.
@@ -269,7 +276,7 @@ def _overwrite(sequence: list[Item], length: int, items: dict[int, Item]) -> lis
 
 
 def undo(backwards: Iterator[Any]) -> None:
-    """Undo entries of the journal.
+    """Undo the given journal entries by changing their containers. The journal itself is not changed.
 
     Args:
         backwards: the items of the entries from the last to the first, four items an entry.
@@ -288,7 +295,7 @@ def undo(backwards: Iterator[Any]) -> None:
 
 
 def take_back(journal: Journal, mark: int) -> None:
-    """Undo and remove all journal entries from `mark` on after an exception.
+    """Undo and remove all journal entries from index `mark` on, after an exception.
 
     The change of the last entry may have been made, undone, or interrupted. The function may be called again if it is
     interrupted itself.
@@ -300,7 +307,11 @@ def take_back(journal: Journal, mark: int) -> None:
 
 
 def settle(journal: Journal) -> None:
-    """Complete the change of the last journal entry after an exception, or remove the entry if nothing was changed."""
+    """Repair the container of the last journal entry after an exception may have interrupted its change.
+
+    The entry is removed if it records an insertion or removal that was not made. Entries of other kinds stay, because
+    undoing them is correct in both cases.
+    """
     if journal:
         container, key, _, opcode = journal[-4:]
         if opcode in (OUT, IN) and container.mend(key) == (opcode == IN):
@@ -310,7 +321,7 @@ def settle(journal: Journal) -> None:
 
 
 def invert(backwards: Iterator[Any], inverse: Journal) -> None:
-    """Undo entries of the journal, and append the inverse entries to `inverse`.
+    """Undo the given journal entries, and append to `inverse` the entries that redo their changes.
 
     Each inverse entry is appended before its entry is undone.
 
@@ -339,10 +350,10 @@ def invert(backwards: Iterator[Any], inverse: Journal) -> None:
 
 
 def net_changes(journal: Journal) -> Journal:
-    """Return a shorter journal that has the same effect when undone from the current state.
+    """Return a journal that is usually shorter and has the same effect when it is undone from the current state.
 
-    The result writes each cell at most once. Entries of sequences with shifted elements (`MOVE` and `Ordered`) are
-    returned unchanged.
+    The result writes each cell at most once. Only the entries of `Ordered` lists, and of containers with a `MOVE`
+    entry, are all kept as they are.
     """
     places: dict[tuple[int, Any], tuple[Any, Any, Any, int]] = {}
     sequences: dict[int, _Sequence] = {}
@@ -374,7 +385,7 @@ def net_changes(journal: Journal) -> Journal:
 
 
 class _Sequence:
-    """The simulated contents of a sequence after entries are undone. The sequence itself does not change."""
+    """A simulation of undoing journal entries of an `IndexedSet` or `Extent`, which itself does not change."""
 
     def __init__(self, now: IndexedSet[Any] | Extent) -> None:
         self.now = now
@@ -383,7 +394,7 @@ class _Sequence:
         self._places: dict[Any, int] = {}
 
     def undo(self, key: Any, old: Any, opcode: int) -> None:
-        """Apply the undoing of an entry to the simulated contents."""
+        """Undo one journal entry in the simulation. The arguments are the last three items of the entry."""
         if opcode == OUT:
             self._length -= 1
             place = self._places[key] if key in self._places else self.now.where(key)
@@ -407,7 +418,7 @@ class _Sequence:
         return self._items[place] if place in self._items else self.now[place]
 
     def net(self) -> Contents[Any]:
-        """Return the simulated length, and by index the simulated elements that differ from the current ones."""
+        """Return the simulated length, and by index the simulated elements that differ from the real sequence."""
         now = self.now
         items = self._items.items()
         return self._length, {

@@ -82,7 +82,7 @@ class Layout:
     def _incident(self, cls: int) -> tuple[tuple[Relation, bool], ...]:
         """Return the relations of the links that objects of a class may have, with True as source and False as target.
 
-        A reference with an opposite is listed as source only, because the opposite lists the other end.
+        A reference with an opposite is listed as source only, because its opposite is listed for the other end.
         """
         found = []
         for relation in self._store.relations:
@@ -93,11 +93,11 @@ class Layout:
         return tuple(found)
 
     def retyping(self, old: int, new: int) -> Retyping:
-        """Return the effects of a change from class `old` to class `new`.
+        """Return the effects of a change from class `old` to class `new`. The result is cached.
 
         Returns:
-            The indexes of lost attributes, pairs of an added attribute's index and initial value, and pairs of a
-            relation and an end whose links the new class does not allow. The result is cached.
+            The indexes of lost attributes; pairs of an added attribute's index and initial value; pairs of a relation
+            whose links the new class does not allow, and True for links with the object as source, False as target.
         """
         found = self._retypings.get((old, new))
         if found is None:

@@ -80,14 +80,21 @@ class Relation:
         self.disconnect: Callable[[int, int], object]
 
     def ends(self, source: int, target: int) -> tuple[int, int]:
-        """Return the source and target of the fact that states a link of this reference."""
+        """Return the ends of a link in the order that the fact about the link uses.
+
+        They are swapped if `flipped` is True. For a symmetric reference the smaller id is first.
+        """
         if self.flipped or (self.symmetric and source > target):
             return target, source
         return source, target
 
 
 def columns(metamodel: Metamodel) -> tuple[tuple[Ends, ...], tuple[Ends, ...]]:
-    """Return the forward columns and the backward columns of all references."""
+    """Return new, empty forward columns and backward columns for all references.
+
+    Opposite references share their two columns: the forward column of a reference is the backward column of its
+    opposite.
+    """
     forward: list[Ends] = []
     backward: list[Ends] = []
     for reference in metamodel.references:

@@ -23,7 +23,10 @@ Change = TypeVar("Change", bound=Callable[..., None])
 
 
 def _mended(change: Change) -> Change:
-    """Decorate a change: earlier interrupted writes are repaired first, and an exception in the change is repaired."""
+    """Decorate an elementary change so that interrupted writes are repaired before it.
+
+    An exception in the change itself is repaired too, and then raised again.
+    """
 
     @wraps(change)
     def mended(store: Store, *arguments: Any) -> None:
@@ -57,15 +60,15 @@ class Store:
         names: the name of each object, or None. `by_name` maps names to ids, or to None if a name is no longer used.
         next_id: the id of the next created object. The columns are longer, and empty from this index on.
         journal: the undo log, see `_journal`.
-        recording: True if a savepoint is open or a version exists, so that changes are written to the journal.
+        recording: True if changes are written to the journal, because a savepoint is open or a version is in use.
         epoch: a counter, increased at each state that undoing may restore. Data that is journalled as a whole is copied
             once in each epoch.
         loading: True while the model is loaded without a journal.
         total: the sum behind the state hash.
         revision: a counter, increased by every change and every restoration.
-        touched: the objects changed since the dict was set to {}, each with the revision of its last change, the latest
-            last. A key `node` means changed values, `~node` a changed class or place. None if no matcher has requested
-            the record, and after a restoration.
+        touched: the objects changed since a matcher set the dict to {}, each with the revision of its last change, in
+            the order of these revisions. A key `node` means changed values, `~node` a changed class or place. None if
+            no matcher has requested the record, and after a restoration.
         followers: the listeners, see `Follower`.
         value_added, value_removing: for each attribute (by `index`) a callback of node and value, or None.
         class_added, class_removing: for each class (by index) a callback of the node, or None.
@@ -120,14 +123,14 @@ class Store:
         self.reserve(64)
 
     def reserve(self, count: int) -> None:
-        """Lengthen the columns for all ids below `count`, and for one more id that never exists."""
+        """Lengthen shorter columns to hold all ids below `count`, and one more id that never exists."""
         size = count + 1
         if len(self.classes) >= size:
             return
         self.lengthen(size)
 
     def lengthen(self, size: int) -> None:
-        """Lengthen each column to `size`. The columns may have different lengths after an interruption."""
+        """Lengthen each column that is shorter than `size`. After an interruption the lengths may differ."""
         first, second = self.salts
         start = min(len(first), len(second))
         first[start:], second[start:] = node_salts(start, size)
@@ -143,9 +146,10 @@ class Store:
         self.classes.extend(repeat(-1, size - len(self.classes)))
 
     def record(self, container: Any, key: Any, old: Any, opcode: int) -> None:
-        """Record a change of a follower's data, such as a view, in the journal. See `_journal` for the four arguments.
+        """Write a journal entry for a change that follows, if the store is recording; see `_journal`.
 
-        The change is then undone and redone together with the changes of the model, in their order.
+        Followers, such as views, record the changes of their own data. These are undone and redone together with the
+        changes of the model, in their order.
         """
         if self.recording:
             self.journal.extend((container, key, old, opcode))
@@ -170,7 +174,7 @@ class Store:
             self._touch(~node)
 
     def leave(self, node: int) -> None:
-        """Notify followers, and remove an object from its class."""
+        """Notify followers, and remove an object from its class, so that the object no longer exists."""
         hook = self.class_removing[self.classes[node]]
         if hook is not None:
             hook(node)
@@ -200,7 +204,7 @@ class Store:
             self._touch(~node, *(~moved for moved in extent[place : place + 1]))
 
     def put(self, node: int, attribute: int, value: Any) -> None:
-        """Set the value of an attribute of an object, or clear it (None), and notify followers."""
+        """Set or clear (None) the value of an attribute, and notify followers of the old and the new value."""
         if self.interrupted:
             self.interrupted.repair()
         if self.distinct[attribute]:
@@ -236,7 +240,7 @@ class Store:
 
     @_mended
     def _put_many(self, node: int, attribute: int, values: Values | None) -> None:
-        """Set the values of a multi-valued attribute. Followers are notified of each removed and each added value."""
+        """Replace the values of a multi-valued attribute. Notify followers of removed and added distinct values."""
         column, distinct = self.values[attribute], self.distinct[attribute]
         old, after = column[node], dict.fromkeys(values or ())
         before = dict.fromkeys(distinct[node])
@@ -261,9 +265,10 @@ class Store:
 
     @_mended
     def splice(self, node: int, attribute: int, index: int, value: Value, inserting: bool) -> None:
-        """Insert a value before the value at `index` of a multi-valued attribute, or remove the value at `index`.
+        """Insert a value into a multi-valued attribute before the value at `index`, or remove the value at `index`.
 
-        Followers are notified if the set of distinct values changes.
+        To remove (`inserting` is False), `value` must be the value at `index`. Followers are notified if the set of
+        distinct values changes.
         """
         column, distinct = self.values[attribute], self.distinct[attribute]
         old = column[node] or ()
@@ -295,7 +300,10 @@ class Store:
             hook(node, value)
 
     def keep_distinct(self, distinct: Any, node: int, values: Values) -> None:
-        """Replace the distinct values (or targets) of an object by `values`, in this order, and journal the change."""
+        """Store `values` as the adjacency of a node in a column, if it differs, and journal the change.
+
+        The values are distinct values or targets, in their final order. Followers and the hash are not updated.
+        """
         if tuple(distinct[node]) != values:
             self.record(distinct, node, distinct[node], SET)
             distinct[node] = self.grouped(values)
@@ -307,7 +315,7 @@ class Store:
         self.revision += 1
 
     def _connector(self, relation: Relation) -> Callable[[int, int], object]:
-        """Return the function that adds links of one reference. Code for objects with few links is inlined."""
+        """Return the function that adds a missing link of one reference and notifies followers."""
         store, record, symmetric, flipped = self, self.journal.extend, relation.symmetric, relation.flipped
         forward, backward, crowd = relation.forward, relation.backward, self.crowd
         code, (first_salts, second_salts) = relation.code, self.salts
@@ -347,7 +355,7 @@ class Store:
         return connect
 
     def _disconnector(self, relation: Relation) -> Callable[[int, int], object]:
-        """Return the function that removes links of one reference."""
+        """Return the function `disconnect(source, target)`, which notifies followers and removes an existing link."""
         store, record, symmetric, flipped = self, self.journal.extend, relation.symmetric, relation.flipped
         forward, backward = relation.forward, relation.backward
         code, (first_salts, second_salts) = relation.code, self.salts
@@ -388,7 +396,7 @@ class Store:
 
     @_mended
     def rename(self, node: int, name: str | None) -> None:
-        """Set the name of an object, or remove it (None). Views and the hash ignore names."""
+        """Set the name of an object, or remove it (None). Followers and the state hash ignore names."""
         old = self.names[node]
         if old is not None:
             self.map_name(old, None)
@@ -401,16 +409,20 @@ class Store:
     # --- parts of elementary changes
 
     def map_name(self, name: str, node: int | None) -> None:
-        """Map a name to an object, or to None if no object has the name any more."""
+        """Map a name to an object, or to None if no object has the name any more, and journal the change."""
         self.record(self.by_name, name, self.by_name.get(name), SET)
         self.by_name[name] = node
 
     def grouped(self, items: Sequence[Item]) -> tuple[Item, ...] | IndexedSet[Item]:
-        """Return elements as an adjacency: a tuple, or an `IndexedSet` if there are more than `crowd`."""
+        """Return elements as an adjacency: a tuple, or an `IndexedSet` if their number exceeds `crowd`."""
         return tuple(items) if len(items) <= self.crowd else IndexedSet(tuple(items))
 
     def add_end(self, column: Any, key: Any, item: Any) -> None:
-        """Append an element to the adjacency at `key` of a column, or of a follower's table, and journal the change."""
+        """Append an element to the adjacency (tuple or `IndexedSet`) at `key` of a column, and journal the change.
+
+        The column belongs to the store, or is the table of a follower. A tuple that exceeds `crowd` becomes an
+        `IndexedSet`.
+        """
         old = column[key]
         if isinstance(old, IndexedSet):
             if self.recording:
@@ -422,7 +434,10 @@ class Store:
         column[key] = self.grouped((*old, item))
 
     def drop_end(self, column: Any, key: Any, item: Any) -> None:
-        """Remove an element from the adjacency at `key` of a column, and journal the change."""
+        """Remove an element from the adjacency (tuple or `IndexedSet`) at `key` of a column, and journal the change.
+
+        In an `IndexedSet` the last element moves into the gap.
+        """
         old = column[key]
         if isinstance(old, tuple):
             index = old.index(item)
@@ -442,7 +457,10 @@ class Store:
         column[key] = rest
 
     def move_end(self, column: Any, key: Any, item: Any, index: int) -> None:
-        """Move an element of the adjacency at `key` to `index`, at most to the end, and shift the elements between."""
+        """Move an element of the adjacency at `key` of a column to `index`, or to the end if `index` is greater.
+
+        The elements between are shifted by one. The change is journalled.
+        """
         old = column[key]
         index = min(index, len(old) - 1)
         at = old.where(item) if isinstance(old, IndexedSet) else old.index(item)
@@ -464,7 +482,7 @@ class Store:
         return number
 
     def replaced(self) -> None:
-        """Begin a new revision whose changed objects are unknown, so `touched` becomes None."""
+        """Begin a new revision whose changed objects are unknown: increase `revision` and set `touched` to None."""
         self.revision += 1
         self.touched = None
 
@@ -478,13 +496,16 @@ class Store:
     # --- reading
 
     def nodes(self) -> Iterator[int]:
-        """Yield all objects, class by class in the order of declaration."""
+        """Yield the ids of all objects, class by class in the order of declaration."""
         for extent in self.extents:
             yield from extent
 
 
 def _splice(store: Store, column: list[Any], node: int, index: int, value: Value, inserting: bool) -> None:
-    """Insert a value into the values of an object, or remove it, in the column alone, and journal the change."""
+    """Insert or remove a value in the column of an attribute, as `Store.splice` does, and journal the change.
+
+    Followers, the distinct values and the hash are not updated.
+    """
     old = column[node] or ()
     if isinstance(old, Ordered) and (inserting or len(old) > store.crowd + 1):
         key = (index, value, len(old) + inserting)

@@ -15,7 +15,7 @@ if TYPE_CHECKING:
 
 
 def link(graph: Graph, source: int, reference: Reference, target: int) -> bool:
-    """Add a link and its opposite. Return False if the link exists already.
+    """Add a link, which its opposite reference shares. Return False if the link exists already.
 
     If an object is linked into a container, it is first removed from its old container.
 
@@ -46,7 +46,7 @@ def link(graph: Graph, source: int, reference: Reference, target: int) -> bool:
 
 
 def add_target(graph: Graph, source: int, reference: Reference, target: int) -> bool:
-    """Add a link as `link` does, but replace the current source of the target if a single-valued opposite is full.
+    """Add a link as `link` does. If the opposite is single-valued, the target is first unlinked from its old source.
 
     Raises:
         TypeMismatch, RuleError: as `link`.
@@ -61,6 +61,8 @@ def add_target(graph: Graph, source: int, reference: Reference, target: int) -> 
 def insert_target(graph: Graph, source: int, reference: Reference, index: int, target: int) -> None:
     """Link a target and move it to `index`, with the meaning of `list.insert`. A target linked already is only moved.
 
+    The write is a transaction, unless the model is loading.
+
     Raises:
         TypeMismatch, RuleError: as `link`.
     """
@@ -73,7 +75,7 @@ def insert_target(graph: Graph, source: int, reference: Reference, index: int, t
 
 
 def _house(graph: Graph, relation: Relation, container: int, node: int) -> bool:
-    """Move an object into a container, out of its old container.
+    """Move an object into a container, out of its old container, and return True.
 
     Raises:
         RuleError: the container is the object itself, or inside it.
@@ -106,10 +108,10 @@ def unlink(graph: Graph, source: int, reference: Reference, target: int) -> bool
 
 
 def set_target(graph: Graph, source: int, reference: Reference, target: int | None) -> None:
-    """Make `target` the only target of a reference. None clears the reference.
+    """Make `target` the only target of a reference of `source`. None removes all targets.
 
-    Unlike `link` this function replaces: the old target is unlinked. If a single-valued opposite of the target is
-    full, its old source is unlinked too.
+    Unlike `link`, the function unlinks the old target. If the opposite is single-valued, it also unlinks the target
+    from its old source.
 
     Raises:
         TypeMismatch: an end is not of the class that the reference requires.
@@ -141,9 +143,10 @@ def set_target(graph: Graph, source: int, reference: Reference, target: int | No
 
 
 def set_targets(graph: Graph, source: int, reference: Reference, targets: Sequence[int]) -> None:
-    """Replace the targets of a reference by `targets`, in this order. Links are replaced as in `set_target`.
+    """Replace all targets of a reference of `source`, in the order of `targets`. Links are replaced as in `set_target`.
 
     Raises:
+        TypeMismatch, RuleError: as `set_target`; also more targets than the upper bound allows ("full").
         InvalidArgument: a target occurs twice.
     """
     relation = graph.store.relations[reference.index]

@@ -24,7 +24,7 @@ def set_object_name(graph: Graph, node: int, object_name: str | None) -> None:
     """Set the name of an object, or remove it (None).
 
     Raises:
-        InvalidArgument: another object has the name.
+        InvalidArgument: the object does not exist, or another object has the name.
     """
     check_alive(graph, node)
     if object_name == graph.store.names[node]:
@@ -35,16 +35,17 @@ def set_object_name(graph: Graph, node: int, object_name: str | None) -> None:
 
 
 def title(graph: Graph, node: int) -> str | None:
-    """Return the name of an object in files: its own name, else its grid position such as `tile[3, 1]`, else None."""
+    """Return the name of an object as files show it: its own name, else its grid position (`tile[3, 1]`), else None."""
     if len(graph.titles) != len(graph.places):
         graph.titles = {there: place.replace(",", ", ") for place, there in graph.places.items()}
     return graph.store.names[node] or graph.titles.get(node)
 
 
 def describe(graph: Graph, node: int) -> str:
-    """Return the text for an object in messages.
+    """Return the text for an object in messages. For an id without an object it is `object 3`.
 
-    It is its name in files, else its class with its key (`Box {label = a}`), else its class with its id (`Box#3`).
+    Otherwise it is the name or grid position, else the class with the values of its key (`Box {label = a}`), else the
+    class with the id (`Box#3`).
     """
     if not graph.alive(node):
         return f"object {node!r}"

@@ -28,7 +28,7 @@ def new(graph: Graph, cls: str, object_name: str | None = None) -> int:
 
 
 def new_at(graph: Graph, node: int, cls: str, object_name: str | None = None) -> int:
-    """Create an object with a given id, for reading stored models.
+    """Create an object with a given id, for reading stored models, and return the id. Later objects get greater ids.
 
     The columns are as long as the largest id, so ids should be dense.
 
@@ -102,7 +102,7 @@ def delete(graph: Graph, node: int, semantics: Semantics = "dpo") -> None:
 
 
 def _delete(graph: Graph, tree: Sequence[int]) -> None:
-    """Delete the objects of a containment tree that still exist, with all their links."""
+    """Delete the given objects with all their links, skipping objects that are deleted already."""
     store, layout = graph.store, graph.layout
     for gone in tree:
         if store.classes[gone] >= 0:
@@ -164,7 +164,10 @@ def _retype(
     dropped: Sequence[int],
     gained: Sequence[tuple[int, Value | Values]],
 ) -> None:
-    """Change the class of an object, with its links and attributes. Steps that are done already are skipped."""
+    """Change the class of an object, remove lost links and dropped values, and set gained attributes to initial values.
+
+    The function may be called again after an interruption: steps that are done already are skipped.
+    """
     store = graph.store
     for relation, source, target in lost:
         if target in relation.forward[source]:

@@ -1,4 +1,4 @@
-"""Return the errors for refused writes to a model."""
+"""Construct the errors for refused writes to a model. The caller raises them."""
 
 from __future__ import annotations
 
@@ -31,7 +31,7 @@ def missing(graph: Graph, node: object) -> InvalidArgument:
 
 
 def unknown_object(graph: Graph, object_name: object) -> InvalidArgument:
-    """Return the error for a name that belongs to no object."""
+    """Return the error for a name that belongs to no object, or for a value that is not a name."""
     if not isinstance(object_name, str):
         return InvalidArgument(
             f"objects are found by name, not by {object_name!r}; for an id write `model.node(id)`"
@@ -57,7 +57,10 @@ def unknown_class(metamodel: Metamodel, cls: str) -> TypeMismatch:
 
 
 def lacks(graph: Graph, node: int, feature: Feature) -> EnvgraphError:
-    """Return the error for writing a feature that the class lacks, or that a query defines, or of a missing object."""
+    """Return the error for writing a feature that the object cannot be given.
+
+    Either the object does not exist, or a query defines the feature, or the class of the object lacks the feature.
+    """
     if not graph.alive(node):
         return missing(graph, node)
     if feature in graph.defined:
@@ -104,9 +107,10 @@ def too_many(graph: Graph, node: int, attribute: Attribute, values: Values) -> R
 
 
 def wrong_link(graph: Graph, source: int, reference: Reference, target: int | None) -> EnvgraphError:
-    """Return the error for a link whose end does not exist or has the wrong class.
+    """Return the error for a link that cannot be written.
 
-    If `target` is None, only the source and its reference are wrong.
+    An end does not exist or has the wrong class, or a query defines the reference. If `target` is None, only the source
+    can be wrong.
     """
     for end in (source, target):
         if end is not None and not graph.alive(end):
@@ -128,7 +132,7 @@ def full(graph: Graph, node: int, reference: Reference) -> RuleError:
 
 
 def inside(graph: Graph, node: int, container: int) -> RuleError:
-    """Return the error for moving an object into itself or into an object that it contains."""
+    """Return the error for moving the object `node` into itself or into an object that it contains."""
     text = f"{graph.describe(node)} cannot be put into {graph.describe(container)}, "
     text += "itself" if node == container else "which is inside it"
     return RuleError(text, reason="containment")

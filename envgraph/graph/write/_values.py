@@ -14,13 +14,13 @@ if TYPE_CHECKING:
 
 
 def set_value(graph: Graph, node: int, attribute: Attribute, value: Value | Sequence[Value] | None) -> None:
-    """Set an attribute, or clear it (None). An int for a float attribute is converted to a float.
+    """Set an attribute of an object, or clear it (None). An int for a float attribute is converted to a float.
 
     A multi-valued attribute takes a list or tuple of values.
 
     Raises:
         TypeMismatch: the value is not of the attribute's type, or the object's class lacks the attribute.
-        InvalidArgument: a duplicate value of an attribute whose values must be unique.
+        InvalidArgument: the object does not exist, or a value is given twice although values must be unique.
         RuleError: more values than the upper bound allows ("full").
     """
     index = attribute.index
