@@ -31,7 +31,7 @@ from envgraph.pattern.expressions._operations import FUNCTIONS
 
 
 def calls_of(body: Body) -> Iterator[tuple[PatternCall, str]]:
-    """Yield all calls of a body, each with its context: "neg", the name of an aggregate, or ""."""
+    """Yield the pattern calls of a body, each with its context: "neg", the name of an aggregate, or "" if positive."""
     return ((one, word) for one, word in relations_of(body) if isinstance(one, PatternCall))
 
 
@@ -63,8 +63,8 @@ class Names:
     """A lookup of patterns by the names that calls use.
 
     A name is looked up as a simple name in the caller's package, then as a qualified name, then as a simple name that
-    is unique among all visible patterns. A private pattern is visible in its own file. Patterns made in Python have
-    no file; their private patterns are visible in their own package.
+    is unique among all visible patterns. A private pattern is visible only in its own package, and only in its own file
+    if it was read from a file. Patterns made in Python have no file.
     """
 
     def __init__(self, patterns: Iterable[Pattern]) -> None:
@@ -101,7 +101,10 @@ class Names:
 
 
 def visible(pattern: Pattern, package: str, caller: Pattern | None) -> bool:
-    """Return True if a pattern may be called from a package, and from the caller's file if both files are known."""
+    """Return True if a pattern may be called from a package. This is always so if the pattern is not private.
+
+    A private pattern may be called from its own package, and only from its own file if both files are known.
+    """
     if not pattern.private:
         return True
     if pattern.package != package:
@@ -121,7 +124,10 @@ class Read:
 
 
 def defining(pattern: Pattern) -> tuple[str, Span | None] | None:
-    """Return the feature name in a pattern's annotation `@QueryBasedFeature`, with its span. None if not annotated."""
+    """Return the name of the feature that the annotation `@QueryBasedFeature` of a pattern defines, with its span.
+
+    Without `feature = ".."` in the annotation, the pattern's own name is returned. Return None without the annotation.
+    """
     found = next((one for one in pattern.annotations if one.name == "QueryBasedFeature"), None)
     if found is None:
         return None
@@ -129,7 +135,10 @@ def defining(pattern: Pattern) -> tuple[str, Span | None] | None:
 
 
 def defined_feature(pattern: Pattern, source: StaticType | None, metamodel: Metamodel) -> Feature | None:
-    """Return the derived feature that a pattern defines for the class of its first parameter, or None."""
+    """Return the feature that a pattern with two parameters is annotated to define for `source`, the first one's type.
+
+    Return None if there is no annotation, or the class `source` has no such feature.
+    """
     found = defining(pattern)
     if found is None or len(pattern.parameters) != 2 or not isinstance(source, ObjectType):
         return None
@@ -137,7 +146,7 @@ def defined_feature(pattern: Pattern, source: StaticType | None, metamodel: Meta
 
 
 def derived_reads(types: BodyTypes) -> Iterator[Read]:
-    """Yield the places of a body that read derived features."""
+    """Yield a `Read` for each place of a body that reads a derived feature, in relations and in expressions."""
     body = types.reading.body
     for relation, word in relations_of(body):
         if isinstance(relation, PathConstraint) and (path := types.path(relation)) is not None:
@@ -151,7 +160,7 @@ def derived_reads(types: BodyTypes) -> Iterator[Read]:
 def expression_reads(
     expression: Expression, scope: Mapping[str, StaticType | None], metamodel: Metamodel, word: str = ""
 ) -> Iterator[Read]:
-    """Yield the places of an expression that read derived features."""
+    """Yield a `Read` for each derived feature that an expression reads, with `word` (in a `none` test "neg")."""
     if isinstance(expression, Navigation):
         start, features = base_of(expression)
         type_ = scope.get(start.name) if isinstance(start, Variable) else None
@@ -194,7 +203,7 @@ class Entry:
 
     @property
     def known_types(self) -> tuple[StaticType, ...]:
-        """Return the parameter types of a pattern without errors, in which no type is unknown."""
+        """Return `types`, for a pattern without errors. Then all types are known."""
         types = tuple(type_ for type_ in self.types if type_ is not None)
         assert len(types) == len(self.types)
         return types
@@ -241,7 +250,7 @@ class Analysis:
 
     @property
     def new_patterns(self) -> list[Pattern]:
-        """Return the patterns to add. Of several patterns with one name only the first is included."""
+        """Return the patterns to add, without those whose qualified name a known or an earlier pattern has."""
         return list(self._new.values())
 
     def _resolved(self, pattern: Pattern) -> dict[str, str]:
@@ -254,7 +263,7 @@ class Analysis:
         return calls
 
     def callee(self, caller: Pattern) -> Callee:
-        """Return a function that finds the signature for a name in the calls of a pattern."""
+        """Return a function that maps a name in the calls of `caller` to the called pattern's signature, or None."""
         calls = self.entries[caller.qualified_name].calls
 
         def find(name: str) -> Signature | None:
@@ -263,7 +272,7 @@ class Analysis:
         return find
 
     def callers(self, names: Iterable[str]) -> frozenset[str]:
-        """Return the given patterns, and all new patterns that call them (directly or not) or call unknown names."""
+        """Return `names`, and the names of all new patterns that call them, directly or not, or call unknown names."""
         found = {
             name
             for name, pattern in self._new.items()
@@ -292,7 +301,7 @@ class Analysis:
         return found
 
     def _keep_types(self) -> None:
-        """Store the inferred types with the entries, and make them refer to callees by final signatures only."""
+        """Store the inferred types, defined features and derived reads, and make types refer to final signatures."""
         for name in self._short:
             pattern = self._new[name]
             bodies = tuple(self.body_types(pattern, body) for body in pattern.bodies)
@@ -333,7 +342,7 @@ class Analysis:
             yield above[0] if above else None
 
     def _spell_out(self) -> None:
-        """Replace `text.length` by the call `length(text)`, if types show that it is not a feature."""
+        """Replace `text.length` by the call `length(text)`, if types show that `length` is not a feature."""
         for name in self._short:
             pattern = self._new[name]
             bodies = tuple(self._spelled_out(pattern, body) for body in pattern.bodies)
@@ -389,7 +398,7 @@ class Analysis:
 
 
 def _may_be_method(expression: Expression) -> bool:
-    """Return True if a path in an expression ends with the name of a function. No recursion is used, as in `depth`."""
+    """Return True if a path step in an expression has the name of a function. No recursion is used, as in `depth`."""
     waiting = [expression]
     for one in waiting:
         if isinstance(one, Navigation) and one.feature in FUNCTIONS:
@@ -399,5 +408,5 @@ def _may_be_method(expression: Expression) -> bool:
 
 
 def definitions(entries: Mapping[str, Entry]) -> dict[Feature, str]:
-    """Return the derived features that patterns define, each with the qualified name of the first defining pattern."""
+    """Return the features that patterns define, each with the qualified name of the first pattern that defines it."""
     return {one.defines: name for name, one in reversed([*entries.items()]) if one.defines is not None}

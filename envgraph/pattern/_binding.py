@@ -68,7 +68,7 @@ class Binding:
             self._comparisons()
 
     def binds(self, name: str) -> bool:
-        """Return True if the values of a variable can be enumerated."""
+        """Return True if the values of a variable can be enumerated, by the body or because the caller binds it."""
         return self._reading.root(name) in self.bound
 
     def _at_once(self, parameters: Sequence[Parameter]) -> Iterator[str]:
@@ -139,10 +139,10 @@ def declared_enum(parameter: Parameter, metamodel: Metamodel) -> EnumType | None
 def bound_by_type(
     body_types: BodyTypes, parameters: Sequence[Parameter]
 ) -> tuple[tuple[str, AttributeType], ...]:
-    """Return the variables that are enumerated by their type alone, each with the type.
+    """Return the variables that only their type enumerates, each with the type.
 
-    A variable of this kind takes the values of the type that occur in the model. Type constraints of data types
-    (`Kind(k)`, `int(n)`) and parameters declared with an enum are enumerated in this way.
+    The type is a data type or an enum, from a type constraint (`Kind(k)`, `int(n)`) or, for an enum, from the
+    declaration of a parameter that is not `in`. The variable takes all values of this type that occur in the model.
     """
     metamodel, reading = body_types.metamodel, body_types.reading
     found: list[tuple[str, AttributeType]] = [
@@ -162,7 +162,7 @@ def bound_by_type(
 
 
 def is_data_type(relation: Relation, metamodel: Metamodel) -> bool:
-    """Return True if a relation is a type constraint with a data type, which does not enumerate values by itself."""
+    """Return True if a relation is a type constraint with a data type or an enum, such as `int(n)`."""
     if not isinstance(relation, TypeConstraint):
         return False
     type_ = static_type(relation.type, metamodel)
@@ -170,7 +170,10 @@ def is_data_type(relation: Relation, metamodel: Metamodel) -> bool:
 
 
 def inputs_of(relation: Relation, body_types: BodyTypes) -> tuple[int, ...]:
-    """Return the positions of the arguments that must be bound before a relation can be evaluated."""
+    """Return the positions of the arguments that must be bound before a relation can be evaluated.
+
+    Only a call of a pattern with inputs has such positions, if the number of its arguments is correct.
+    """
     if not isinstance(relation, PatternCall):
         return ()
     signature = body_types.callee(relation.pattern)

@@ -57,7 +57,7 @@ class Occurrence:
     """An occurrence of a variable in a body.
 
     Attributes:
-        relation: the number (in the order of the text) of the negated or aggregated relation with this argument, or
+        relation: the number of the negated or aggregated relation (see `grouped_relations`) that has this argument, or
             None.
     """
 
@@ -78,7 +78,7 @@ def terms_of(relation: Relation) -> tuple[Term, ...]:
 
 
 def terms_in(constraint: Constraint) -> tuple[Term, ...]:
-    """Return the direct terms of a constraint. A check has none."""
+    """Return the terms that a constraint contains directly, not terms nested in aggregates. A check has none."""
     match constraint:
         case Negation():
             return terms_of(constraint.relation)
@@ -91,7 +91,7 @@ def terms_in(constraint: Constraint) -> tuple[Term, ...]:
 
 
 def subterms(terms: Sequence[Term]) -> Iterator[Term]:
-    """Yield the terms and the terms nested in aggregates, outer terms first."""
+    """Yield the given terms, and after each aggregate the terms inside it."""
     for term in terms:
         yield term
         if isinstance(term, Aggregate):
@@ -114,7 +114,7 @@ def grouped_relations(body: Body) -> list[tuple[Relation, Aggregate | None]]:
 
 
 def positive_relations(body: Body) -> list[Relation]:
-    """Return the relations that are constraints of the body themselves."""
+    """Return the relations that are constraints of a body by themselves, not inside a negation or an aggregate."""
     return [c for c in body.constraints if isinstance(c, TypeConstraint | PathConstraint | PatternCall)]
 
 
@@ -153,7 +153,7 @@ def children(expression: Expression) -> tuple[Expression, ...]:
 
 
 def with_children(expression: Expression, parts: Sequence[Expression]) -> Expression:
-    """Return a copy of an expression with other operands."""
+    """Return a copy of an expression whose operands (see `children`) are replaced by `parts`."""
     match expression:
         case Navigation():
             return replace(expression, object=parts[0])
@@ -173,7 +173,9 @@ def with_children(expression: Expression, parts: Sequence[Expression]) -> Expres
 
 
 def rewritten(data: Data, change: Callable[[Expression], Expression]) -> Data:
-    """Return a definition, or a part of it, with its expressions rewritten. Return the same object if nothing changes.
+    """Return a definition, or a part of it, with its expressions rewritten.
+
+    Return the same object if nothing changes, or if the data are nested too deeply.
 
     Args:
         data: frozen data, also tuples of frozen data.
@@ -218,7 +220,7 @@ def variables_in(expression: Expression) -> Iterator[Variable]:
 
 
 def variables_of_terms(terms: Sequence[Term]) -> Iterator[Variable]:
-    """Yield the variables of terms, also of terms nested in aggregates, every occurrence."""
+    """Yield every occurrence of a variable in terms, also inside aggregates and evals."""
     for term in subterms(terms):
         if isinstance(term, Variable):
             yield term
@@ -227,9 +229,10 @@ def variables_of_terms(terms: Sequence[Term]) -> Iterator[Variable]:
 
 
 def depth(expression: Expression) -> int:
-    """Return the number of nesting levels. A long chain such as `a + b - c ...` counts as one level.
+    """Return the number of nesting levels. A chain with many operators, such as `a + b - c ...`, counts as one level.
 
-    In a short chain each operator is a level. The count needs no recursion, so that no input exhausts the stack.
+    In a chain of at most `LONGEST_NESTED` operators each operator is a level. No recursion is used, because deep input
+    would exhaust the stack.
     """
     deepest = 0
     waiting = [(expression, 1)]
@@ -243,7 +246,7 @@ def depth(expression: Expression) -> int:
 
 
 def size(expression: Expression) -> int:
-    """Return the number of operands and operators. The count needs no recursion, as in `depth`."""
+    """Return the number of operands and operators. No recursion is used, as in `depth`."""
     count = 0
     waiting = [expression]
     while waiting:
@@ -284,7 +287,10 @@ def navigations(expression: Expression) -> list[Navigation]:
 
 
 def variables_read(expression: Expression) -> Iterator[Occurrence]:
-    """Yield the occurrences of variables in an expression, also of `_`, in the order of the text."""
+    """Yield the occurrences of variables in an expression, also of `_`, in the order of the text.
+
+    A variable is used positively at the start of a path, negatively in a `none` test, and else read.
+    """
     if isinstance(expression, Variable):
         yield Occurrence(expression, Use.READ)
         return
@@ -306,7 +312,7 @@ def names_read(expression: Expression) -> list[str]:
 
 
 class Reading:
-    """The occurrences of every variable of a body, and the groups of variables that `==` unites.
+    """The occurrences of every variable of a body, and the groups of variables that `==` between variables unites.
 
     Attributes:
         names: parameters first, then local variables in the order of the text; without `_`.
@@ -388,9 +394,10 @@ class Reading:
         return self._groups[self.root(name)]
 
     def quantified(self, name: str) -> int | None:
-        """Return the number of the only negated or aggregated relation that contains a local variable, else None.
+        """Return the number of the negated or aggregated relation that a variable is local to, or None.
 
-        The variable is then quantified inside this relation. Parameters and united variables are never quantified.
+        A variable is local to (quantified inside) a relation if it occurs nowhere else. Parameters and united variables
+        are never local.
         """
         if name in self.parameters or len(self.group(name)) > 1:
             return None

@@ -40,9 +40,10 @@ def conformance_patterns(metamodel: Metamodel) -> tuple[Pattern, ...]:
 
 
 def key_patterns(metamodel: Metamodel, classes: Iterable[str]) -> tuple[Pattern, ...]:
-    """Return a pattern without parameters for each class with a key, which matches if keys are equal or unset.
+    """Return a pattern without parameters for each class that has a key; it matches if a key is violated.
 
-    The patterns are views, because changes of keys are rare. The pattern of class `C` is `conformance.C`.
+    A key is violated if two objects have the same key, or if an object lacks a value of it. The patterns are views,
+    because changes of keys are rare. The pattern of class `C` is `conformance.C`.
     """
     return tuple(
         Pattern(f"{_PREFIX}.{cls}", (), tuple(_wrong_keys(cls, key)), strategy="incremental")

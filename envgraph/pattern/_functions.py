@@ -1,4 +1,4 @@
-"""Functions that expressions call and users implement in Python: their declarations, and their code in an engine."""
+"""Functions that users implement in Python for expressions to call: their declarations, and their code in an engine."""
 
 from __future__ import annotations
 
@@ -79,11 +79,11 @@ class DeclaredFunction:
 
     @property
     def types(self) -> tuple[AttributeType | None, ...]:
-        """Return the types of the parameters, then the type of the result. Declarations with equal types agree."""
+        """Return the types of the parameters and then of the result. Declarations with equal types agree."""
         return (*self.parameters, self.result)
 
     def at(self, span: Span | None) -> Callable[..., Value]:
-        """Return a Python function that calls this function. `span` is the place of the call, for errors."""
+        """Return a Python function that calls this function. Its errors have `span`, the place of the call."""
         return partial(self._call, span)
 
     def _call(self, span: Span | None, *arguments: Value) -> Value:
@@ -124,9 +124,10 @@ Functions = Mapping[str, DeclaredFunction]
 def declared(
     declarations: Iterable[FunctionDeclaration], known: Functions, metamodel: Metamodel
 ) -> tuple[Functions, list[Diagnostic]]:
-    """Return the known functions together with newly declared ones, and the diagnostics of the declarations.
+    """Return the known functions and the newly declared ones, by name, and the diagnostics of the new declarations.
 
-    A second declaration with the same types is no error, because each file may declare the functions that it uses.
+    A second declaration with the same types is ignored, because each file may declare the functions that it uses. The
+    name of a built-in function, or other types than before, is an error.
     """
     found = dict(known)
     problems: list[Diagnostic] = []
@@ -151,7 +152,7 @@ def declared(
 def _types(
     declaration: FunctionDeclaration, metamodel: Metamodel, problems: list[Diagnostic]
 ) -> tuple[list[AttributeType], AttributeType | None]:
-    """Return the parameter types and the result type of a declaration. After an error return no types and None."""
+    """Return the parameter types and the result type. After adding errors to `problems`, return [] and None."""
     before = len(problems)
     names = [one.name for one in declaration.parameters]
     for number, one in enumerate(declaration.parameters):
@@ -183,7 +184,7 @@ def _types(
 
 
 def resolved(data: Data, functions: Functions) -> Data:
-    """Return a definition whose function calls refer to the declared functions. If nothing changes, return `data`."""
+    """Return a definition whose calls of non-built-in functions refer to `functions`. If unchanged, return `data`."""
 
     def known(expression: Expression) -> Expression:
         if isinstance(expression, FunctionCall) and expression.declared is not functions:

@@ -31,7 +31,7 @@ from envgraph.pattern.expressions._expressions import ExpressionChecker
 
 @dataclass(frozen=True, slots=True)
 class Signature:
-    """The interface of a pattern for its callers: its types (None where unknown) and the parameters they must bind."""
+    """The interface of a pattern for its callers: its parameter types (None if unknown), and the positions to bind."""
 
     pattern: Pattern
     types: tuple[StaticType | None, ...]
@@ -44,11 +44,11 @@ Callee = Callable[[str], Signature | None]
 
 @dataclass(frozen=True, slots=True)
 class Fact:
-    """A place that gives a type to a term.
+    """A place in a body that gives a type to a term.
 
     Attributes:
         origin: "declaration", "constraint", "call" or "value"; "value" means an eval or an aggregate.
-        what: the name of the place in messages.
+        what: the text for the place in messages.
     """
 
     term: Term
@@ -114,9 +114,10 @@ class BodyTypes:
                 return None
 
     def path(self, path: PathConstraint) -> ResolvedPath | None:
-        """Return the resolved path, or None if a name in it is unknown. Without a class it starts at its source's type.
+        """Return the resolved path of a constraint, or None if its class or a feature is unknown.
 
-        The steps of a closure start at any object with the feature, not only at objects of the source's own class.
+        If the path names no class, it starts at the class of its source. With a closure it then starts at the class
+        that owns its first feature, because later steps may start at other objects with the feature.
         """
         cls: str | None = path.type
         if not cls:
@@ -148,7 +149,7 @@ class BodyTypes:
                 return self._call_columns(relation)
 
     def may_hold(self, relation: Relation) -> bool:
-        """Return True if the argument types allow a tuple of the relation. A number is never equal to an object."""
+        """Return True if a relation may contain tuples of the argument types. A number is never equal to an object."""
         arguments = zip(map(self.of_term, terms_of(relation)), self.columns(relation), strict=True)
         return all(
             own is None or type_ is None or comparable(own, type_, self.metamodel) for own, type_ in arguments
@@ -217,7 +218,7 @@ class BodyTypes:
         return roots
 
     def _quantify(self) -> None:
-        """Add the types of variables that are local to a negation or an aggregate, from its relation."""
+        """Infer and store the types of variables that are local to a negation or aggregate, from its relation."""
         for number, (relation, _) in enumerate(grouped_relations(self.reading.body)):
             for term, type_ in zip(terms_of(relation), self.columns(relation), strict=True):
                 if not isinstance(term, Variable) or term.anonymous or type_ is None:

@@ -41,7 +41,7 @@ class Checked(NamedTuple):
 
     @property
     def entries(self) -> tuple[Entry, ...]:
-        """Return the entries that `add` would register, for other libraries with the same registered patterns."""
+        """Return the entries of the new patterns, which `Library.take` can register in a copy of the library."""
         return tuple(self.analysis.entries[one.qualified_name] for one in self.analysis.new_patterns)
 
 
@@ -71,7 +71,7 @@ class Library:
 
     @property
     def patterns(self) -> tuple[Pattern, ...]:
-        """Return the registered patterns, in the order of registration."""
+        """Return the registered patterns as they were added, in the order of registration."""
         return tuple(entry.written or entry.pattern for entry in self._entries.values())
 
     def names(self) -> tuple[str, ...]:
@@ -87,11 +87,11 @@ class Library:
         return problems
 
     def resolved(self, data: Data) -> Data:
-        """Return the same definition with its function calls resolved to the declared functions."""
+        """Return the same definition, in which calls refer to the functions that `declare` has declared."""
         return resolved(data, self.functions) if self.functions else data
 
     def check(self, *patterns: Pattern) -> list[Diagnostic]:
-        """Return all errors and warnings of adding these patterns, in the order of their text."""
+        """Return all errors and warnings of adding these patterns, in the order of their text. Nothing is added."""
         return list(self.checked(*patterns).problems)
 
     def add(self, *patterns: Pattern) -> None:
@@ -108,9 +108,9 @@ class Library:
         self._checked = None
 
     def with_sound(self, *patterns: Pattern) -> Library:
-        """Return a copy of the library extended by all given patterns without errors.
+        """Return a copy of the library with the given patterns added, except patterns with errors and their callers.
 
-        The names of the other patterns are unknown names of the copy.
+        The names of the other patterns become unknown names of the copy.
         """
         twin = copy(self)
         new = {
@@ -124,13 +124,13 @@ class Library:
         return twin
 
     def take(self, entries: Iterable[Entry]) -> None:
-        """Register patterns that have been checked already."""
+        """Register entries of patterns that have been checked already. An entry replaces a pattern of the same name."""
         self._entries = {**self._entries, **{entry.pattern.qualified_name: entry for entry in entries}}
         self._names = Names([entry.pattern for entry in self._entries.values()])
         self._checked = None
 
     def update(self, grown: Library) -> None:
-        """Replace the contents by the contents of a copy of this library that has been extended."""
+        """Replace the contents of this library by the contents of `grown`, a copy of it that has been extended."""
         self._entries, self._names = grown._entries, grown._names
         self.functions, self.unknown = grown.functions, grown.unknown
         self._generated.update(grown._generated)
@@ -145,7 +145,7 @@ class Library:
         self._checked = None
 
     def called(self, qualified_name: str) -> tuple[str, ...]:
-        """Return the qualified names of the patterns that a registered pattern calls.
+        """Return the qualified names of the patterns that a pattern calls, or that define derived features it reads.
 
         Raises:
             InvalidArgument: no pattern has this name.
@@ -162,7 +162,7 @@ class Library:
         return self._definitions[1]
 
     def checked(self, *patterns: Pattern) -> Checked:
-        """Return the analysis and diagnostics of new patterns. The result of the last call is cached."""
+        """Return the analysis and diagnostics of new patterns. The last result is cached until the library changes."""
         last = self._checked
         if (
             last is None
@@ -180,7 +180,7 @@ class Library:
         return last
 
     def resolve(self, name: str, package: str = "") -> Pattern | None:
-        """Return the pattern that a name denotes in a package, or None if no pattern or several patterns are possible.
+        """Return the pattern that a name denotes in a package, or None if no pattern or several patterns match.
 
         The order is: a pattern of the package, a qualified name, a simple name that only one visible pattern has.
         """
@@ -227,7 +227,7 @@ class Library:
         return self._entry(qualified_name).inputs
 
     def may_hold(self, qualified_name: str, body: Body) -> Callable[[Relation], bool]:
-        """Return a test that is True if the types in a body allow a tuple of a negated or aggregated relation.
+        """Return the method `BodyTypes.may_hold` of one body of a registered pattern.
 
         Raises:
             InvalidArgument: no pattern has this name.
@@ -236,7 +236,7 @@ class Library:
         return entry.bodies[entry.pattern.bodies.index(body)].may_hold
 
     def lowered(self, qualified_name: str) -> LoweredPattern:
-        """Return the lowered form of a pattern. Its calls may name generated patterns, which this method also accepts.
+        """Return the lowered form of a registered or generated pattern. Its calls may name generated patterns.
 
         Raises:
             InvalidArgument: no pattern has this name.
@@ -290,7 +290,7 @@ class Library:
         return BodyTypes(reading, pattern.parameters, self.metamodel, callee).types
 
     def _generate(self, wanted: ResolvedPath | AttributeType | Feature) -> str:
-        """Register a pattern for a path or for the values of a type, and return its name. Equal input has one name.
+        """Return the name of the generated pattern for a path or for the values of a type. Register it if it is new.
 
         For a derived feature return the name of the pattern that defines it, or "".
         """
@@ -315,7 +315,7 @@ class Library:
         return name
 
     def _made(self, pattern: Pattern, *types: StaticType) -> Entry:
-        """Return the entry of a generated pattern, which calls no other pattern."""
+        """Return the entry of a generated pattern, which calls no other pattern. `types` are its parameter types."""
         bodies = (
             BodyTypes(
                 Reading(body, pattern.parameters), pattern.parameters, self.metamodel, lambda name: None

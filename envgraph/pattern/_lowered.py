@@ -85,8 +85,8 @@ class AggregateAtom:
     """The goal that `result` is the aggregate over the tuples of `relation` that agree with the variables of the body.
 
     Attributes:
-        local: variables that are free inside; distinct tuples of the relation are aggregated.
-        column: the local variable marked by `#`; None for count.
+        local: variables that occur only inside the aggregate. Each tuple of the relation is counted once.
+        column: the local variable marked by `#`, whose values are aggregated; None for count.
     """
 
     function: Literal["count", "sum", "min", "max", "avg"]
@@ -181,12 +181,12 @@ class LoweredPattern:
 
 
 def is_relation(goal: Goal) -> TypeGuard[RelationAtom]:
-    """Return True if the goal is satisfied by the tuples of one relation."""
+    """Return True if the goal is an atom of a relation: a class, attribute, link, call or closure, without negation."""
     return isinstance(goal, InstanceAtom | AttributeAtom | LinkAtom | CallAtom | ClosureAtom)
 
 
 def arguments(relation: RelationAtom) -> tuple[int, ...]:
-    """Return the variables of a relation, in the order of its columns."""
+    """Return the variables of a relation atom, in the order of its columns."""
     match relation:
         case InstanceAtom(_, variable):
             return (variable,)
@@ -199,7 +199,7 @@ def arguments(relation: RelationAtom) -> tuple[int, ...]:
 
 
 def inputs(goal: Goal) -> tuple[int, ...]:
-    """Return the variables that must have a value before the goal can be evaluated. Relations need none."""
+    """Return the variables that must have a value before the goal can be evaluated: () for an atom of a relation."""
     match goal:
         case Condition(_, reads) | Valuation(_, reads):
             return tuple(variable for _, variable in reads)
@@ -214,7 +214,7 @@ def inputs(goal: Goal) -> tuple[int, ...]:
 
 
 def outputs(goal: Goal) -> tuple[int, ...]:
-    """Return the variables to which the goal can give a value."""
+    """Return the variables to which the goal can give a value: () for conditions, negations and inequalities."""
     match goal:
         case Valuation() | AggregateAtom():
             return (goal.result,)

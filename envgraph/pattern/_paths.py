@@ -33,7 +33,7 @@ class ResolvedPath:
 
 @dataclass(frozen=True, slots=True)
 class BrokenPath:
-    """The place of an error in a path: class `cls` lacks `features[position]`, or that step follows an attribute."""
+    """An error in a path: class `cls` lacks the feature at `position`, or the feature before it is an `attribute`."""
 
     position: int
     cls: str
@@ -46,7 +46,7 @@ def target_type(feature: Feature) -> StaticType:
 
 
 def resolve_path(cls: str, features: tuple[str, ...], metamodel: Metamodel) -> ResolvedPath | BrokenPath:
-    """Look up every step of a path that starts at a known class.
+    """Look up every step of a path that starts at a known class. Return a `BrokenPath` at the first step with an error.
 
     Features are looked up on the static type. A feature of a subclass has to be written on the subclass.
     """
@@ -83,8 +83,8 @@ def closure_target(
 ) -> StaticType | None:
     """Return the type of the targets of a closure whose steps lead from `source` to `target`.
 
-    `*` also relates an object to itself, so its targets may have the source type. None if both types have no common
-    supertype.
+    It is `target`, except for `*`, which also relates an object to itself. Then it is a common supertype of both types,
+    or None if no common supertype exists.
     """
     if closure is not Closure.STAR:
         return target

@@ -27,7 +27,7 @@ class Closure(StrEnum):
 
 @dataclass(frozen=True, slots=True)
 class Hash:
-    """The mark `#` or `#name` of the column that sum, min, max and avg aggregate. The name is a comment for readers."""
+    """The mark `#` or `#name` of the column that sum, min, max and avg aggregate. The name is only for readers."""
 
     span: Span | None = field(default=None, compare=False, repr=False)
     name: str | None = field(default=None, compare=False, repr=False)
@@ -55,7 +55,7 @@ Term = Variable | Constant | EnumLiteral | Evaluation | Aggregate | Hash
 
 @dataclass(frozen=True, slots=True)
 class TypeConstraint:
-    """A constraint `Type(term)`: the term is an instance of a class or its subclasses, or a value of an enum.
+    """A constraint `Type(term)`: the term is an instance of a class or a subclass, or a value of a data type or enum.
 
     `exact` excludes subclasses. It has no syntax in texts; derived rules use it.
     """

@@ -207,13 +207,13 @@ class Rule(InPackage):
 
 @dataclass(frozen=True, slots=True)
 class Call:
-    """A step `name(arguments)` of a unit: a call of a rule or unit.
+    """A step `name(arguments)` of a unit, which applies a rule or calls a unit.
 
     Attributes:
-        every: True for `all rule;` and `top 3 rule by ..;`: each match of a snapshot, checked again before its
-            application.
-        first: True for `first rule;`: the first match instead of a randomly sampled one.
-        limit: the number of `top`, with `every` and `by`; else None.
+        every: True for `all rule;` and `top 3 rule by ..;`: the rule is applied to each match of a snapshot that is
+            still a match when its turn comes.
+        first: True for `first rule;`: the first match is used instead of a randomly sampled one.
+        limit: the number after `top`; else None.
         by: the expression that orders the matches of a snapshot, largest value first. It may use variables of the rule
             and of the unit.
         where: conditions on a match, over the same variables.
@@ -240,7 +240,7 @@ class Sequence:
 
 @dataclass(frozen=True, slots=True)
 class Choice:
-    """A step `a | { b; c; }`: one applicable alternative is chosen, by priority, then at random by weight.
+    """A step `a | { b; c; }`: one applicable alternative of the highest priority is sampled by weight.
 
     Blocks have priority 0 and weight 1.
     """
@@ -316,7 +316,7 @@ Step = Call | Sequence | Choice | Alap | Repeat | Try | If | Atomic
 
 @dataclass(frozen=True, slots=True)
 class Unit(InPackage):
-    """A control program over rules. A unit can be used wherever a rule can be named."""
+    """A control program over rules. A unit can be called wherever a rule can be called."""
 
     name: str
     parameters: tuple[Parameter, ...]

@@ -104,14 +104,14 @@ class Binary:
         return opening + repr(first) + "".join(f", right={link.right!r})" for link in links)
 
     def _down(self) -> tuple[Expression, list[Binary]]:
-        """Return the leftmost operand, and the expressions above it from the inside out."""
+        """Return the leftmost operand of nested left sides, and the expressions from the innermost to this one."""
         links = [self]
         while isinstance(links[-1].left, Binary):
             links.append(links[-1].left)
         return links[-1].left, links[::-1]
 
     def chain(self) -> tuple[Expression, list[Binary]]:
-        """Return the first operand of a chain such as `a + b - c`, and the expressions for `+ b` and `- c`.
+        """Return the first operand of a chain such as `a + b - c`, and the expressions that end with `+ b` and `- c`.
 
         A chain consists of operators of equal precedence without brackets. A comparison is a chain of one expression.
         """

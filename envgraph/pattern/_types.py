@@ -65,7 +65,7 @@ def type_hint(name: str, metamodel: Metamodel) -> str | None:
 
 
 def data_type_hint(name: str) -> str | None:
-    """Return a hint with the name here for a data type of Java or EMF, or None for other names.
+    """Return a hint with the name of the data type that corresponds to a type of Java or EMF, or None for other names.
 
     >>> data_type_hint("double"), data_type_hint("EInt"), data_type_hint("Date")
     ('write `float`', 'write `int`', None)
@@ -75,7 +75,7 @@ def data_type_hint(name: str) -> str | None:
 
 
 def _any_object_hint(metamodel: Metamodel) -> str:
-    """Return a hint for `EObject`, Ecore's class of all objects, which metamodels here do not have."""
+    """Return a hint for the type name `EObject`, Ecore's superclass of all classes, which does not exist here."""
     tops = [cls.name for cls in metamodel.class_list if not cls.supertypes]
     if len(tops) == 1:
         return f"write `{tops[0]}`: all classes extend it"
@@ -85,7 +85,7 @@ def _any_object_hint(metamodel: Metamodel) -> str:
 
 
 def type_text(type_: StaticType) -> str:
-    """Return the text of a type as in a file."""
+    """Return the name of a type as it is written in files."""
     return type_.cls if isinstance(type_, ObjectType) else type_name(type_)
 
 
@@ -141,7 +141,10 @@ def assignable(type_: StaticType, target: StaticType, metamodel: Metamodel) -> b
 
 
 def may_fit(type_: StaticType, target: StaticType, metamodel: Metamodel) -> bool:
-    """Return True if some value of a type is assignable. An object of a superclass may be an instance of the class."""
+    """Return True if at least one value of `type_` may be stored where `target` is expected.
+
+    For two classes this is the case if they have common instances.
+    """
     if isinstance(type_, ObjectType) and isinstance(target, ObjectType):
         return metamodel.overlap(type_.cls, target.cls)
     return assignable(type_, target, metamodel)
@@ -183,12 +186,12 @@ def meet(one: StaticType, other: StaticType, metamodel: Metamodel) -> StaticType
 
 
 def common_subclasses(one: str, other: str, metamodel: Metamodel) -> list[str]:
-    """Return the names of the concrete classes that are subclasses of both classes."""
+    """Return the names of the concrete classes whose objects are instances of both classes."""
     return [name for name in metamodel.concrete(one) if metamodel.is_a(name, other)]
 
 
 def joins(types: Sequence[StaticType], metamodel: Metamodel) -> list[StaticType]:
-    """Return the least common supertypes of types: usually one, [] if no common supertype exists."""
+    """Return the least common supertypes of types: usually one, several after multiple inheritance, [] if none."""
     first = types[0]
     if not isinstance(first, ObjectType):
         return [first] if all(type_ == first for type_ in types) else []
@@ -211,7 +214,7 @@ def literal_fits(value: Value, type_: StaticType) -> bool:
 
 
 def coerced(value: Value, type_: StaticType | None) -> Value:
-    """Return the constant as it is stored. An int is converted to a float if the type is float."""
+    """Return a value as it is stored in a place of a type: an int is converted to a float if the type is float."""
     return float(value) if type_ is Scalar.FLOAT and isinstance(value, int) else value
 
 
@@ -232,7 +235,7 @@ def wrong_type(expression: Expression, type_: StaticType, expected: StaticType) 
 
 
 def enum_hint(written: str, enum: EnumType) -> str | None:
-    """Return a hint that writes a string as the enum literal with a similar name, or None."""
+    """Return a hint to write the enum literal whose name is similar to `written`, or None if no name is similar."""
     near = did_you_mean(written, enum.literals)
     return near.replace("`", f"`{enum.name}::", 1) if near else None
 

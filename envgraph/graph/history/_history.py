@@ -292,10 +292,7 @@ class History:
     # --- versions
 
     def version(self) -> Version | None:
-        """Return the version of the current state.
-
-        Return None if there are uncommitted changes, a savepoint is open, or no version is in use.
-        """
+        """Return the version of the current state, or None if the state is not committed or a savepoint is open."""
         self._mended()
         if self._stack:
             return None

@@ -159,10 +159,7 @@ class VersionTree:
         return None if self.current is None or self.changed else self._handle(self.current)
 
     def commit(self) -> Version:
-        """Create a version of the current state, or return the last version if nothing has changed since.
-
-        The store records changes from now on, and the journal is empty afterwards.
-        """
+        """Create a version of the current state and empty the journal. Without changes return the last version."""
         store = self._store
         before = self.current
         if before is not None and not self.changed:

@@ -98,10 +98,7 @@ def _object(model: Model, node: int) -> dict[str, Any]:
 
 
 def _orders(model: Model, relation: Relation) -> Iterator[dict[str, Any]]:
-    """Yield the entries of "orders" for one relation, one for each node whose sources have an order of their own.
-
-    That is an order other than the order in which reading the objects would add the sources.
-    """
+    """Yield the "orders" entries of a relation: nodes whose sources would get another order by reading the objects."""
     if relation.flipped:
         return
     read: dict[int, list[int]] = {}

@@ -79,10 +79,7 @@ class _Writer:
             yield "</xmi:XMI>"
 
     def _tree(self, root: int, head: str, depth: int) -> Iterator[str]:
-        """Yield the lines of an object and everything that it contains.
-
-        `head` is added to the first tag, and `depth` is its indentation level. A stack replaces recursion.
-        """
+        """Yield the lines of an object and everything that it contains. `head` is added to the first tag."""
         tag = self._qualified(self.model.graph.class_of(root))
         waiting: list[tuple[int, str, str, int]] = [(root, tag, head, depth)]
         while waiting:
@@ -169,10 +166,9 @@ class _Writer:
         return "/".join([root, *reversed(steps)])
 
     def _identifiers(self, nodes: Sequence[int]) -> Mapping[int, str]:
-        """Return the texts by which references name objects without a usable name: the values of their `iD` attributes.
+        """Return by object the value of its `iD` attribute, by which references name the object.
 
-        Objects are skipped if the value is omitted as the default, or if its text is not unique or not a valid
-        identifier.
+        Objects whose value is omitted as the default, is not unique, or is not a valid identifier are left out.
         """
         found: dict[int, str] = {}
         for cls, features in self._features.items():
@@ -231,10 +227,7 @@ def usual_value(attribute: Attribute) -> Value | None:
 
 
 def _prefixes(wanted: Mapping[str, str]) -> dict[str, str]:
-    """Return distinct XML prefixes for packages, given by path.
-
-    A wanted prefix is used if it is valid. Underscores are appended to a prefix that is in use.
-    """
+    """Return distinct XML prefixes for packages: the wanted one if valid, else `model`, with `_` until unused."""
     found: dict[str, str] = {}
     for path, prefix in wanted.items():
         plain = (

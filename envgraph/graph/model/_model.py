@@ -143,8 +143,6 @@ class Model:
     def loading(self) -> AbstractContextManager[None]:
         """Return a context manager for building a model without a journal. Views are recomputed at its end.
 
-        The changes cannot be undone, even after an exception.
-
         Raises:
             TransactionError: a savepoint is open or a version is in use, or a savepoint is requested inside the block.
         """
@@ -152,10 +150,7 @@ class Model:
 
     @property
     def version(self) -> Version | None:
-        """Return the version of the current state.
-
-        None if there are uncommitted changes, a savepoint is open, or no version is in use.
-        """
+        """Return the version of the current state, or None if the state is not committed or a savepoint is open."""
         return self.graph.history.version()
 
     def commit(self) -> Version:

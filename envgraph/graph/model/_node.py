@@ -277,11 +277,7 @@ class ValueList(_HeldList[Value], MutableSequence[Value]):
 
 
 def assign_features(node: Node, features: Mapping[str, object]) -> None:
-    """Set several features of an object, given by name.
-
-    Raises:
-        TypeMismatch: the class of the object has no feature with a given name.
-    """
+    """Set several features of an object, given by name. Raise TypeMismatch for an unknown name."""
     for name, value in features.items():
         _write(node, _feature(node, name, TypeMismatch), value)
 

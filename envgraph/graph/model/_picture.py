@@ -141,11 +141,7 @@ def _widest_fan(edges: Iterable[PictureEdge]) -> int:
 
 
 def _marks(model: Model, marked: Marked) -> dict[int, list[str]]:
-    """Return the objects to highlight, each with the names of the variables bound to it in the given matches.
-
-    Raises:
-        InvalidArgument: an item is not a node or a match, or is an object of another model.
-    """
+    """Return the objects to highlight, each with the names of the variables bound to it in the given matches."""
     found: dict[int, list[str]] = {}
 
     def add(item: object, name: str | None) -> None:
@@ -172,10 +168,7 @@ def _marks(model: Model, marked: Marked) -> dict[int, list[str]]:
 
 
 def _classes(metamodel: Metamodel, names: Iterable[str] | None) -> tuple[bool, ...]:
-    """Return True for each class index whose objects are drawn. A last entry, False, is for deleted objects (index -1).
-
-    If `names` is None, all classes are drawn.
-    """
+    """Return for each class index True if its objects are drawn. The last item is False, for the index -1."""
     if names is None:
         return (*(True for _ in metamodel.class_list), False)
     wanted = _texts(names, "classes")
@@ -251,10 +244,7 @@ class _View:
         return sorted(node for node, _ in zip(near, range(limit), strict=False)), total
 
     def _nearest(self, first: Sequence[int], distance: int | None) -> Iterator[int]:
-        """Yield visible objects in breadth-first order from `first`.
-
-        Without a distance, yield all others afterwards.
-        """
+        """Yield drawn objects breadth-first from `first`, and then all others if there is no maximal distance."""
         seen = dict.fromkeys(node for node in first if self._visible(node))
         level = list(seen)
         depth = 0

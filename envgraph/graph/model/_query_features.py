@@ -26,10 +26,7 @@ class Defined(NamedTuple):
 
 
 def first_with(graph: Graph, feature: Feature) -> int | None:
-    """Return the first object that has a target of `feature`, or a value other than the initial one. None if none has.
-
-    Objects are searched class by class.
-    """
+    """Return the first object that has a target of `feature`, or a value other than the initial one, or None."""
     columns = graph.store.values if isinstance(feature, Attribute) else graph.store.forward
     usual = (feature.initial,) if isinstance(feature, Attribute) else ()
     held = ((node, columns[feature.index][node]) for node in graph.store.nodes())

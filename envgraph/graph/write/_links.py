@@ -61,8 +61,6 @@ def add_target(graph: Graph, source: int, reference: Reference, target: int) -> 
 def insert_target(graph: Graph, source: int, reference: Reference, index: int, target: int) -> None:
     """Link a target and move it to `index`, with the meaning of `list.insert`. A target linked already is only moved.
 
-    The write is a transaction, unless the model is loading.
-
     Raises:
         TypeMismatch, RuleError: as `link`.
     """

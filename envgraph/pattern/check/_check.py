@@ -201,7 +201,7 @@ class _PatternCheck:
 
 
 def _definition(pattern: Pattern, analysis: Analysis) -> Iterator[Diagnostic]:
-    """Check that the feature that a pattern defines is derived, has the pattern's types, and no other definition."""
+    """Report a pattern that cannot define the feature in its annotation, for example because it is not derived."""
     defines, entry = defining(pattern), analysis.entries[pattern.qualified_name]
     if defines is None or not entry.types or None in entry.types:
         return
@@ -245,7 +245,7 @@ def _definition(pattern: Pattern, analysis: Analysis) -> Iterator[Diagnostic]:
 
 
 def _in_all_bodies(problems: Sequence[Diagnostic], bodies: int) -> Iterator[Diagnostic]:
-    """Yield the problems, but report only once a parameter that is unreferenced in all bodies."""
+    """Yield the problems. Report a parameter that is unreferenced in all bodies once, instead of once in each body."""
     missed = Counter(one.span for one in problems if one.code == "unreferenced-parameter" and one.span)
     told: set[Span] = set()
     for one in problems:
@@ -309,7 +309,7 @@ class _BodyCheck:
         return found
 
     def without_declaration(self, name: str) -> StaticType | None:
-        """Return the type of a parameter as inferred from the body without the parameter's own declaration."""
+        """Return the type that the body gives a parameter if the declared type of the parameter is ignored, or None."""
         parameters = tuple(
             Parameter(p.name, None if p.name == name else p.type, p.direction)
             for p in self._pattern.parameters
@@ -336,7 +336,7 @@ class _BodyCheck:
         return sound
 
     def _starts_unknown(self, relation: Relation) -> bool:
-        """Return True if the source of a path, or the called pattern, is unknown because of an error elsewhere."""
+        """Return True if an error elsewhere leaves the source of a path, or the called pattern, unknown."""
         match relation:
             case PathConstraint("", _, Variable(name)) if self.types.of_term(relation.source) is None:
                 return name in self._tainted
@@ -386,7 +386,7 @@ class _BodyCheck:
     def _untyped_paths(
         self, expression: Expression, scope: Mapping[str, StaticType | None]
     ) -> Iterator[Diagnostic]:
-        """Yield an error for each path that starts at a variable without a type."""
+        """Yield an error for each path that starts at a variable of unknown type, and taint the variable."""
         for occurrence in variables_read(expression):
             variable = occurrence.variable
             if occurrence.use is Use.READ or variable.name not in self.types.reading.occurrences:
@@ -403,7 +403,7 @@ class _BodyCheck:
                 yield Diagnostic("untyped-source", message, where, hint, subject=(variable.name,))
 
     def _taint_results(self, owner: object) -> None:
-        """Taint (exclude from further reports) all variables compared with an eval or aggregate that has an error."""
+        """Taint (exclude from reports) the variables compared with `owner`, an eval or aggregate with an error."""
         for constraint in self._body.constraints:
             if isinstance(constraint, Comparison):
                 for term, other in ((constraint.left, constraint.right), (constraint.right, constraint.left)):

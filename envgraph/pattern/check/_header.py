@@ -35,7 +35,7 @@ _SEVERITIES: Final = ("error", "warning", "info")
 
 
 def too_long(body: Body) -> bool:
-    """Return True if a body has too many constraints to be planned in seconds. Inequalities are not counted."""
+    """Return True if a body has more than `MOST_STEPS` constraints and path steps. Inequalities are not counted."""
     steps = 0
     for constraint in body.constraints:
         relation = constraint.relation if isinstance(constraint, Negation) else constraint
@@ -47,7 +47,7 @@ def too_long(body: Body) -> bool:
 
 
 def check_duplicates(patterns: Sequence[Pattern], known: Mapping[str, Pattern]) -> Iterator[Diagnostic]:
-    """Report patterns with the same qualified name."""
+    """Report patterns whose qualified name an earlier pattern or a known pattern has."""
     named = ((one.qualified_name, one.span) for one in patterns)
     first = {name: one.span for name, one in known.items()}
     return defined_twice(named, "pattern `{}` is defined twice", first=first)

@@ -48,12 +48,12 @@ class _Partition:
 class Partitions:
     """The connected parts of the variables of a body.
 
-    Variables equal to constants and variables quantified inside a negation or an aggregate are excluded. An eval or
-    aggregate determines its result, so it connects the result with its sources if the sources are connected already.
+    Variables equal to constants and variables local to a negation or an aggregate are excluded. An eval or aggregate
+    determines its result, so it connects the result with its sources if the sources are connected already.
 
     Attributes:
-        strict: parts connected by constraints of any kind.
-        loose: parts connected by constraints that enumerate values.
+        strict: the parts if constraints of all kinds connect variables.
+        loose: the parts if only constraints that enumerate values connect variables, so no filters.
     """
 
     def __init__(self, reading: Reading, pattern: Pattern) -> None:
@@ -99,7 +99,7 @@ class Partitions:
                     waiting.append((result, sources))
 
     def parts(self, partition: _Partition) -> list[list[str]]:
-        """Return the parts that a search has to combine. Parts that only contain `in` parameters are excluded."""
+        """Return the parts that a search has to combine, which excludes parts that only contain `in` parameters."""
         return [part for part in partition.parts() if not set(part) <= set(self._given)]
 
     def _tie(self, names: Sequence[str]) -> None:
@@ -126,7 +126,7 @@ class Partitions:
 
 
 def equations(expression: Expression) -> Iterator[tuple[Expression, Expression]]:
-    """Yield the conjuncts `a == b` of a check between variables or paths, which connect their variables like a join."""
+    """Yield the sides of the conjuncts `a == b` of a check, of variables or paths, which connect them like a join."""
     if isinstance(expression, Binary) and expression.operator == "&&":
         for part in children(expression):
             yield from equations(part)
@@ -137,7 +137,7 @@ def equations(expression: Expression) -> Iterator[tuple[Expression, Expression]]
 
 
 def _constants(reading: Reading) -> set[str]:
-    """Return the variables with a fixed value: equal to a constant, or computed from fixed values only."""
+    """Return the variables with a fixed value: equal to a literal, or computed only from such variables."""
     equal = [
         (reading.root(term.name), other)
         for constraint in reading.body.constraints
@@ -153,7 +153,7 @@ def _constants(reading: Reading) -> set[str]:
 
 
 def _fixed(term: Term, reading: Reading, fixed: Collection[str]) -> bool:
-    """Return True if a term has a fixed value: a literal, an eval of fixed values, or an aggregate over all tuples."""
+    """Return True if a term is a literal, an eval of variables in `fixed`, or an aggregate over all tuples."""
     if isinstance(term, Evaluation):
         return all(reading.root(name) in fixed for name in names_read(term.expression))
     if isinstance(term, Aggregate):
@@ -169,7 +169,7 @@ def _fixed(term: Term, reading: Reading, fixed: Collection[str]) -> bool:
 
 
 def check_connected(reading: Reading, pattern: Pattern, few: Collection[str]) -> Iterator[Diagnostic]:
-    """Warn if the body is a Cartesian product, or if only filters connect its parts.
+    """Warn if the body is a Cartesian product, or if its parts are connected only by constraints that filter.
 
     Args:
         reading: the body.

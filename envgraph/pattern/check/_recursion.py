@@ -31,10 +31,12 @@ _MOST_SHOWN: Final = 20
 
 
 def check_recursion(patterns: Sequence[Pattern], entries: Mapping[str, Entry]) -> Iterator[Diagnostic]:
-    """Report recursion without a meaning (error), and recursion that VIATRA's default engine gets wrong (warning).
+    """Report recursive patterns, at most one diagnostic for each group of patterns that call each other.
 
-    A cycle through a negation or an aggregate has no least fixed point. A cycle through a closure has one, but the
-    closure cannot be separated from the pattern that it follows. Each cycle of patterns gives one diagnostic.
+    A cycle through a negation or an aggregate is an error, because it has no least fixed point. A cycle through a
+    closure is an error, because the closure cannot be separated from the pattern that it follows. Other cycles get a
+    warning, because VIATRA's default engine computes them wrongly (not with `@SafeRecursion`), or they have no base
+    case.
     """
     defined = definitions(entries)
     edges = [edge for pattern in patterns for edge in _edges(pattern, entries, defined)]
@@ -76,7 +78,10 @@ def _edges(pattern: Pattern, entries: Mapping[str, Entry], defined: Mapping[Feat
 def _without_base(
     patterns: Sequence[Pattern], entries: Mapping[str, Entry], component: Mapping[str, int]
 ) -> set[str]:
-    """Return the patterns whose bodies all need a match of a pattern of the same cycle that has no base case either."""
+    """Return the patterns that can never match, because every body needs a match of a pattern of the same kind.
+
+    Only calls within a cycle of patterns count; `component` has the number of each pattern's cycle.
+    """
     missing: dict[tuple[str, int], int] = {}
     waiting: dict[str, list[tuple[str, int]]] = {}
     for pattern in patterns:
@@ -105,7 +110,7 @@ def _without_base(
 def _way(
     start: str, goal: str, onward: Mapping[str, Sequence[_Edge]], component: Mapping[str, int]
 ) -> list[_Edge]:
-    """Return a shortest path of calls from one pattern to another pattern of its component."""
+    """Return the calls of a shortest path from one pattern to another of its component, [] if they are equal."""
 
     def inside(name: str) -> list[str]:
         return [edge.callee for edge in onward[name] if component.get(edge.callee) == component[start]]

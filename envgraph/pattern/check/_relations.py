@@ -1,4 +1,4 @@
-"""Check single relations: names, the number and kind of arguments, closures."""
+"""Check single relations: their names, the number and kind of their arguments, and their closures and aggregates."""
 
 from __future__ import annotations
 
@@ -39,7 +39,7 @@ _ONCE: Final = {"count": "counted", "sum": "added", "avg": "taken"}
 
 @dataclass(frozen=True, slots=True)
 class Place:
-    """A relation of a body and its context.
+    """A relation of a body, and where it occurs.
 
     Attributes:
         group: its number among the negated and aggregated relations of the body; None for a positive relation.
@@ -52,7 +52,7 @@ class Place:
 
 
 class RelationCheck:
-    """The check of the relations of one body. If a relation has an error, its types are not used for further checks.
+    """The check of the relations of one body.
 
     Args:
         pattern: the pattern.
@@ -261,7 +261,7 @@ class RelationCheck:
     def _step_types(
         self, relation: PathConstraint | PatternCall
     ) -> tuple[StaticType | None, StaticType | None]:
-        """Return the types of both ends of one step of a closure, None where unknown."""
+        """Return the source type and the target type of one step of a closure, None where unknown."""
         if isinstance(relation, PathConstraint):
             path = self._types.path(relation)
             return (path.source, path.target) if path else (None, None)
@@ -301,7 +301,7 @@ class RelationCheck:
 
 
 def _branches(path: ResolvedPath) -> list[str]:
-    """Return the classes of the targets of all many-valued steps before the last one."""
+    """Return the target classes of the many-valued steps of a path, without the last step, each once."""
     steps = (step for step in path.steps[:-1] if isinstance(step, Reference) and step.many)
     return list(dict.fromkeys(step.target for step in steps))
 

@@ -54,7 +54,7 @@ class TypeCheck:
         self._tainted = {self._reading.root(name) for name in tainted if name in self._reading.occurrences}
 
     def conflicts(self) -> Iterator[Diagnostic]:
-        """Report variables that need two types at once. Only the first contradiction of each variable is reported."""
+        """Report variables that need two incompatible types, but only the first contradiction of each variable."""
         first: dict[str, Fact] = {}
         met: dict[str, StaticType] = {}
         contradicted = set(self._tainted)
@@ -108,7 +108,7 @@ class TypeCheck:
         return Diagnostic("type-conflict", message, fact.span, hint, notes=notes)
 
     def _link(self, one: Term, other: Variable) -> Comparison | None:
-        """Return the comparison `==` that unites two different variables, or None."""
+        """Return the comparison `==` that unites two variables of different names, `one` and `other`, or None."""
         if isinstance(one, Variable) and one.name != other.name:
             for constraint in self._reading.body.constraints:
                 if isinstance(constraint, Comparison) and constraint.operator == "==":
@@ -118,7 +118,7 @@ class TypeCheck:
         return None
 
     def ambiguous(self, name: str) -> list[StaticType]:
-        """Return the classes that a variable must have together, if no single class implies them all; else []."""
+        """Return the classes that a variable must have, if its inferred class does not imply them all; else []."""
         found: list[StaticType] = []
         root = self._reading.root(name)
         for fact in self._types.facts:
@@ -132,7 +132,10 @@ class TypeCheck:
         return found
 
     def arguments(self, place: Place) -> Iterator[Diagnostic]:
-        """Report literals of the wrong type in a relation, and arguments that a negation or aggregate never matches."""
+        """Report literals, evals and aggregates of a wrong type as arguments of a relation.
+
+        For a negated or aggregated relation also warn about arguments of a type that it never matches.
+        """
         for term, type_ in zip(terms_of(place.relation), self._types.columns(place.relation), strict=True):
             span = term.span or place.relation.span
             if isinstance(term, Constant | EnumLiteral):
@@ -168,7 +171,7 @@ class TypeCheck:
     def literal(
         self, term: Constant | EnumLiteral, type_: StaticType | None, span: Span | None
     ) -> Iterator[Diagnostic]:
-        """Report a literal that does not fit the expected type. `type_` is None if unknown because of another error."""
+        """Report a literal that does not fit the expected type. If that is None (unknown), check only its enum."""
         if isinstance(term, EnumLiteral):
             yield from self._enum_literal(term, type_, span)
             return
@@ -197,7 +200,7 @@ class TypeCheck:
             yield Diagnostic("wrong-enum", message, term.enum_span or span, value_hint(type_))
 
     def comparison(self, comparison: Comparison) -> Iterator[Diagnostic]:
-        """Report sides of a comparison with different types."""
+        """Report comparisons of values whose types cannot be equal, and wrong enum literals in comparisons."""
         left, right = comparison.left, comparison.right
         if isinstance(left, Constant) and isinstance(right, Constant):
             yield from self._constants(left, right, comparison)
@@ -266,7 +269,7 @@ def _names(comparison: Comparison) -> set[str]:
 
 
 def shared_classes(types: list[StaticType], body_types: BodyTypes) -> list[str]:
-    """Return the names of the concrete classes that are subclasses of all the types, for hints."""
+    """Return the names of the concrete classes whose objects are instances of all classes among `types`."""
     classes = [type_.cls for type_ in types if isinstance(type_, ObjectType)]
     shared = common_subclasses(classes[0], classes[0], body_types.metamodel)
     return [name for name in shared if all(body_types.metamodel.is_a(name, cls) for cls in classes)]

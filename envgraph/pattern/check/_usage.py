@@ -54,7 +54,7 @@ class UsageCheck:
         self._once: list[str] | None = None
 
     def problems(self, *, errors: bool) -> Iterator[Diagnostic]:
-        """Report errors and warnings about variables. A variable with an error gets no warning.
+        """Report errors and warnings about the variables of the body. A variable with an error gets no warning.
 
         Args:
             errors: True if other errors exist, which may concern a variable that seems to be used once.
@@ -98,7 +98,10 @@ class UsageCheck:
                 yield Diagnostic("unreferenced-parameter", message, span, hint, notes=notes, subject=(name,))
 
     def _mistyped(self, name: str) -> tuple[str | None, tuple[Note, ...]]:
-        """Return a hint and notes about a once-used local variable with a name similar to an unreferenced parameter."""
+        """Return a hint and a note about a local variable, used once, with a name similar to an unreferenced parameter.
+
+        Taint this variable, so that it gets no other report. Without a similar name return None and ().
+        """
         if self._once is None:
             self._once = [
                 n
@@ -187,7 +190,7 @@ class UsageCheck:
         )
 
     def _has_positive(self, group: list[str]) -> bool:
-        """Return True if a constraint other than a data type binds one of the variables."""
+        """Return True if one of the variables has a use that binds it, other than a type constraint of a data type."""
         uses = [o.use for member in group for o in self._reading.occurrences[member]]
         types = [
             relation
@@ -229,7 +232,7 @@ class UsageCheck:
         return "bind it with a path, a `find` or `==`"
 
     def _literal_hint(self, name: str, type_: StaticType | None) -> str | None:
-        """Return a hint for a name that is also a literal of an enum, or None."""
+        """Return a hint to write `Enum::name` if a variable has the name of a literal of a fitting enum, or None."""
         if name in self._parameters and self._parameters[name].type is not None:
             return None
         enums = self._types.metamodel.enum_types if type_ is None else (type_,)
@@ -258,7 +261,7 @@ class UsageCheck:
             yield _warning("used-once", f"`{name}` is referenced only once", places[0].variable.span, hint)
 
     def inputs(self, place: Place) -> Iterator[Diagnostic]:
-        """Report arguments that the called pattern cannot enumerate and that nothing in the body binds."""
+        """Report `_`, `#` and local variables as arguments of `in` parameters, which must be bound."""
         relation = place.relation
         for position in inputs_of(relation, self._types):
             term = terms_of(relation)[position]
@@ -307,14 +310,14 @@ class UsageCheck:
 
 
 def quantified_variable(variable: Variable) -> Diagnostic:
-    """Return the warning about a variable that occurs in only one negation or aggregate."""
+    """Return the warning that a variable occurs in only one negation or aggregate, and is local to it."""
     message = f"`{variable.name}` is used only here, so it is quantified inside the call"
     hint = f"start its name with `_` (`_{variable.name}`) if that is meant"
     return _warning("quantified-variable", message, variable.span, hint)
 
 
 def mistyped(variable: Variable, known: Iterable[str]) -> Iterator[Diagnostic]:
-    """Yield a warning about a variable that occurs once, if its name is similar to a known name.
+    """Yield a warning for a variable that occurs once, if its name is similar to a name in `known`. Else yield nothing.
 
     Names that differ only in digits do not count as similar.
     """
@@ -331,7 +334,7 @@ def _without_digits(name: str) -> str:
 
 
 def unreferenced(name: str, where: str = "") -> str:
-    """Return the message about a parameter that a body, or all bodies, do not mention."""
+    """Return the message that a parameter is never referenced. `where` names the body; "" means all bodies."""
     return f"parameter `{name}` is never referenced{where}"
 
 

@@ -144,7 +144,7 @@ class _Writer:
     def _arithmetic(self, first: Expression, links: list[Binary]) -> code.Expression:
         """Emit nested operations for a chain such as `a + b - c`, or one call of a helper if the chain is long.
 
-        Python's own parser could not read deeply nested code.
+        Python's own parser could not read deeply nested code. Set `fallible` if the code can raise an error.
         """
         tree, rights = self.write(first), [self.write(link.right) for link in links]
         if len(links) > LONGEST_NESTED:
@@ -162,14 +162,14 @@ class _Writer:
         return tree
 
     def type_of(self, node: Expression) -> StaticType | None:
-        """Return the type of an expression, or None if unknown. The type of an enum literal is string, as its value."""
+        """Return the type of an expression, or None if unknown. It is string for an enum literal, as its value."""
         if isinstance(node, EnumLiteral):
             return Scalar.STRING
         return ExpressionChecker(self._types, _EMPTY, True).type_of(node)
 
 
 def _inline(operator: str, left: StaticType | None, right: StaticType | None) -> bool:
-    """Return True if Python's operator has exactly our semantics: for two ints, or for `+` of two strings."""
+    """Return True if Python's operator computes the same as ours: for two ints, and for `+` of two strings."""
     if left is Scalar.INT and right is Scalar.INT:
         return True
     return operator == "+" and Scalar.STRING in (left, right) and _textual(left) and _textual(right)

@@ -67,7 +67,7 @@ def evaluate(
 
 
 def computes(expression: Expression) -> bool:
-    """Return True if the value may be a newly computed int or string, whose size must be limited."""
+    """Return True if the value may be a newly computed int or string, whose size `bounded` has to limit."""
     match expression:
         case Binary():
             return expression.operator in ("+", "-", "*", "/", "%")

@@ -162,7 +162,7 @@ class ExpressionChecker:
         return f"use {attribute}; objects are compared by `==` and `!=` outside of check and eval"
 
     def literal(self, node: EnumLiteral, expected: StaticType | None) -> StaticType | None:
-        """Return the enum of a literal, or None after reporting. `::literal` belongs to the expected enum."""
+        """Return the enum of a literal, or None after reporting an error. `::literal` belongs to the expected enum."""
         enum: EnumType | None
         if node.enum is not None:
             enum = self.metamodel.enums.get(node.enum)
@@ -238,13 +238,13 @@ class ExpressionChecker:
     def operand(
         self, node: Expression, what: str, wanted: str, expected: StaticType | None = None
     ) -> StaticType | None:
-        """Return the type of an operand. Report an operand that is not of the wanted kind, and return None."""
+        """Return the type of an operand of `what`. If it is not of the wanted kind, report this and return None."""
         return self._of_kind(node, self.type_of(node, expected), what, wanted)
 
     def _of_kind(
         self, node: Expression, type_: StaticType | None, what: str, wanted: str
     ) -> StaticType | None:
-        """Return the type of an operand if it is of the wanted kind, else report and return None."""
+        """Return the given type of an operand if it is of the wanted kind, else report the operand and return None."""
         if _is_none(node):
             advice = "`none` can be compared with a path: `x.f == none`"
             self.report("operand-type", f"`{what}` does not take `none`", node, advice)
@@ -394,7 +394,7 @@ class ExpressionChecker:
     def _optional(
         self, node: Conditional, branch: Expression, expected: StaticType | None
     ) -> StaticType | None:
-        """Return the type of `test ? x : none`, which a rule may assign. In a query report an error and return None."""
+        """Return the type of `test ? x : none`, which only a rule may assign. In a query report this, return None."""
         if not self.bare_objects:
             self.report(
                 "operand-type",
@@ -431,7 +431,7 @@ _KINDS: Final[Mapping[str, tuple[str, tuple[StaticType, ...]]]] = {
 
 
 def is_method(node: Navigation, owner: StaticType | None) -> bool:
-    """Return True if `text.length` or `n.intValue` calls a function of one value, written without brackets."""
+    """Return True if a path such as `text.length` calls a function of one parameter, for `text` of type `owner`."""
     function = FUNCTIONS.get(node.feature)
     if function is None or len(function.parameters) != 1 or owner is None or isinstance(owner, ObjectType):
         return False
@@ -443,7 +443,7 @@ def _is_none(node: Expression) -> bool:
 
 
 def _is_bare_literal(node: Expression) -> bool:
-    """Return True if the expression is `::literal`, whose enum depends on the context."""
+    """Return True if the expression is an enum literal without its enum: `::literal`."""
     return isinstance(node, EnumLiteral) and node.enum is None
 
 

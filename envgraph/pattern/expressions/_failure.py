@@ -1,4 +1,4 @@
-"""Find the cause of a missing value of an expression after its evaluation has failed."""
+"""Find the subexpression because of which an expression has no value, after its evaluation has failed."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ def explained(
     span: Span | None,
     advice: str,
 ) -> EvaluationError:
-    """Return an error with the span of the subexpression that has no value, and a hint.
+    """Return a copy of an error with the span of the subexpression that has no value, and with a hint.
 
     Args:
         error: the error that the evaluation raised.
@@ -62,7 +62,7 @@ def cause(
 ) -> Expression | None:
     """Return the smallest subexpression without a value whose operands have values, or None if all is evaluated.
 
-    The expression is evaluated again, for messages only.
+    The expression is evaluated again, which is only for messages.
 
     >>> from envgraph.pattern import Binary, Constant
     >>> cause(Binary("+", Constant(1), Binary("/", Constant(2), Constant(0))), {}).operator
@@ -98,7 +98,7 @@ def _cause(node: Expression, values: Mapping[str, Any], read: Reader | None) -> 
 
 
 def _cause_in_chain(node: Binary, values: Mapping[str, Any], read: Reader | None) -> Expression:
-    """Return the failing subexpression of a chain of operators, without recursion along its left sides."""
+    """Return the part because of which a chain (`a + b - c`) has no value, without recursion along its left sides."""
     first, links = node.chain()
     if _fails(first, values, read):
         return _cause(first, values, read)

@@ -32,7 +32,7 @@ OF_JAVA: Final[Mapping[str, str]] = {
 
 
 def call_type(checker: ExpressionChecker, node: FunctionCall) -> StaticType | None:
-    """Return the type of a function call, or None if unknown. Errors of the call are reported."""
+    """Return the type of a function call, or None if unknown. Report errors of the call to the checker."""
     if node.declaration is not None:
         return _declared(checker, node, node.declaration)
     function = FUNCTIONS.get(node.function) if node.owner is None else None
@@ -83,7 +83,7 @@ def _declaring(checker: ExpressionChecker, node: FunctionCall) -> str:
 def _declared(
     checker: ExpressionChecker, node: FunctionCall, function: DeclaredFunction
 ) -> StaticType | None:
-    """Return the result type of a call of a declared function. Check the arguments against the declared types."""
+    """Check a call of a declared function. Return its result type, or None if the declaration has errors."""
     if function.result is None:
         for argument in node.arguments:
             checker.type_of(argument)

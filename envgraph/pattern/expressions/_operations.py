@@ -52,7 +52,7 @@ def bounded(value: Any) -> Any:
 
 
 def finite(value: float) -> float:
-    """Return a float that is finite.
+    """Return the number unchanged if it is finite.
 
     Raises:
         EvaluationError: the number is infinite or NaN.
@@ -63,7 +63,7 @@ def finite(value: float) -> float:
 
 
 def add(left: Value, right: Value) -> Value:
-    """Return `left + right`: a concatenation if one side is a string, else a finite sum."""
+    """Return a concatenation if one side is a string, else the sum. Raise `EvaluationError` if it is not finite."""
     if isinstance(left, str) or isinstance(right, str):
         return text(left) + text(right)
     try:
@@ -74,7 +74,7 @@ def add(left: Value, right: Value) -> Value:
 
 
 def _exact(operation: Callable[[Any, Any], Number]) -> Callable[[Number, Number], Number]:
-    """Return an arithmetic operation that raises `EvaluationError` if the result is not finite."""
+    """Return the operation with a check: it raises `EvaluationError` if its result is not finite."""
 
     def computed(left: Number, right: Number) -> Number:
         try:
@@ -125,7 +125,7 @@ def divide(left: Number, right: Number) -> Number:
 
 
 def remainder(left: Number, right: Number) -> Number:
-    """Return `left % right` with the sign of the left side, as in Java.
+    """Return the remainder of `left / right`, with the sign of `left` as in Java.
 
     >>> remainder(-7, 2), remainder(7, -2)
     (-1, 1)
@@ -138,7 +138,7 @@ def remainder(left: Number, right: Number) -> Number:
 
 
 def _guarded(function: Callable[..., Any], *arguments: Any) -> Any:
-    """Call a function of the standard library, and convert its exceptions to `EvaluationError`."""
+    """Call a function of the standard library. Raise `EvaluationError` if it fails or its result is not finite."""
     try:
         result = function(*arguments)
     except (ValueError, OverflowError, ZeroDivisionError) as error:
@@ -155,7 +155,7 @@ def _largest(*numbers: Number) -> Number:
 
 
 def _promoted(chosen: Number, numbers: tuple[Number, ...]) -> Number:
-    """Return the chosen number, as a float if any number is a float. So the type does not depend on the choice."""
+    """Return `chosen`, as a float if any number is a float, so that the type does not depend on the choice."""
     return _guarded(float, chosen) if any(isinstance(n, float) for n in numbers) else chosen
 
 
@@ -216,7 +216,7 @@ class Function:
         return count >= least and (self.variadic or count <= len(self.parameters))
 
     def parameter(self, position: int) -> Kind:
-        """Return the kind of the argument at a position."""
+        """Return the kind of the argument at a position. The last parameter also covers all later positions."""
         return self.parameters[min(position, len(self.parameters) - 1)]
 
     @property

@@ -25,7 +25,7 @@ Classes = Mapping[int, frozenset[str]]
 
 
 def implied_classes(goals: Iterable[Goal], metamodel: Metamodel, types_of: Types) -> Classes:
-    """Return for each variable the classes that its relations imply. Class tests among the goals are ignored."""
+    """Return for each variable the classes that relations imply, not class tests: for example a feature's owner."""
     found: dict[int, set[str]] = {}
     for goal in goals:
         for variable, type_ in _facts(goal, metamodel, types_of):
@@ -35,7 +35,7 @@ def implied_classes(goals: Iterable[Goal], metamodel: Metamodel, types_of: Types
 
 
 def is_implied(goal: Goal, goals: Iterable[Goal], known: Classes, metamodel: Metamodel) -> bool:
-    """Return True if a goal is a class test that other goals or known classes imply.
+    """Return True if a goal is a class test that other goals or known classes imply. Exact tests are not implied.
 
     Args:
         goal: one of `goals`.

@@ -120,7 +120,10 @@ class BodyLowering:
     # --- terms
 
     def _slot(self, term: Term, expected: StaticType | None, group: int | None = None) -> int:
-        """Return the slot of an argument. A constant gets a fixed slot, an eval or aggregate a computed slot."""
+        """Return the slot of an argument: the variable's own, else a new slot.
+
+        A literal fixes the new slot, and goals compute an eval or aggregate. `group` is not used.
+        """
         match term:
             case Variable():
                 if term.anonymous:
@@ -167,7 +170,7 @@ class BodyLowering:
         return self._slot(left, expected), self._slot(right, expected)
 
     def _comparable(self, left: Term, right: Term) -> StaticType | None:
-        """Return the type at which both sides are compared. A number literal takes the type of the other side."""
+        """Return the type of the left side, or of the right side if the left side is a literal or has no known type."""
         one, other = self._types.of_term(left), self._types.of_term(right)
         if isinstance(left, Constant) or one is None:
             return other or one
@@ -207,9 +210,9 @@ class BodyLowering:
         return signature.pattern.qualified_name
 
     def _steps(self, path: ResolvedPath, source: int, target: int) -> Iterator[Goal]:
-        """Yield one atom for each step of a path, with new variables between steps.
+        """Yield one goal for each step of a path, with new variables between steps.
 
-        The class of the source is tested first if the first step does not imply it.
+        First yield a test of the source's class if the first step does not imply it.
         """
         if not self._metamodel.is_a(path.steps[0].owner, path.cls):
             yield InstanceAtom(path.cls, source)
@@ -255,8 +258,8 @@ class BodyLowering:
     def _group(self, relation: Relation) -> tuple[RelationAtom, frozenset[int], int | None] | None:
         """Return a negated or aggregated relation as one atom, its local variables, and the variable marked by `#`.
 
-        None if the type of an argument rules out every tuple, so that the group is empty. The test is needed for
-        correctness: object 3 and the number 3 look the same to a matcher.
+        Return None if the type of an argument rules out every tuple. The test is needed for correctness, because object
+        3 and the number 3 are the same value for a matcher.
         """
         number = self._groups
         self._groups += 1
@@ -292,7 +295,7 @@ class BodyLowering:
                 return self._single_path(self._path(relation), slots[0], slots[1], slots[0] in local)
 
     def _single_path(self, path: ResolvedPath, source: int, target: int, free: bool) -> RelationAtom:
-        """Return a path as one atom: a link or attribute if sufficient, else a call of a generated pattern.
+        """Return a path as one atom: one step as a link or attribute if sufficient, else a call of a generated pattern.
 
         Args:
             path: the path.
@@ -310,7 +313,7 @@ class BodyLowering:
     # --- expressions
 
     def _index_functions(self, buckets: Sequence[Sequence[Goal]]) -> None:
-        """Record the variable that holds the value of each single-valued feature of each object variable."""
+        """Record which variable holds the value of a single-valued feature of an object variable, for `_follow`."""
         for bucket in buckets:
             for atom in bucket:
                 if isinstance(atom, AttributeAtom):
@@ -319,9 +322,9 @@ class BodyLowering:
                     self._targets.setdefault((self.slots.root(atom.source), atom.reference), atom.target)
 
     def _check(self, expression: Expression) -> None:
-        """Lower a check to goals. The operands of `&&` become separate goals.
+        """Lower a check to goals. Each operand of `&&` becomes a goal of its own.
 
-        Tests with `none` and equations of variables become goals without an expression.
+        Tests with `none`, and equations that `_as_equation` accepts, become goals without an expression.
         """
         if isinstance(expression, Binary) and expression.operator == "&&":
             for part in children(expression):
@@ -340,7 +343,7 @@ class BodyLowering:
             self._bucket.append(Condition(lifted, reads))
 
     def _as_equation(self, expression: Expression) -> bool:
-        """Replace `a == b` by united slots or a fixed slot if the types allow it, and return True if replaced.
+        """Replace `a == b` by united slots or a fixed slot, if the types allow it. Return True if it was replaced.
 
         Plans can use united and fixed slots as join or index keys.
         """
@@ -397,7 +400,7 @@ class BodyLowering:
                 return with_children(expression, [self._lift(child) for child in children(expression)])
 
     def _follow(self, navigation: Navigation) -> int:
-        """Return the variable at the end of a path. Steps without a variable get a new one and an atom."""
+        """Return the variable at the end of a path. Steps without a variable get a new variable and a goal."""
         base, features = base_of(navigation)
         current = self._base(base)
         for name in features:
@@ -411,7 +414,7 @@ class BodyLowering:
         return current
 
     def _base(self, expression: Expression) -> int:
-        """Return the variable at the start of a path. For `(test ? x.f : x.g).h` it is a computed variable."""
+        """Return the variable at the start of a path. If this is an expression, add goals that compute its value."""
         if isinstance(expression, Variable):
             return self.slots.named(expression.name, self._types.of(expression.name))
         type_ = ExpressionChecker(self._types.types, self._metamodel, False).type_of(expression)
@@ -427,7 +430,7 @@ class BodyLowering:
         return feature
 
     def _tested_path(self, navigation: Navigation) -> tuple[RelationAtom, int]:
-        """Return a path of a `none` test as one atom, and the local variable at its end."""
+        """Return the path of a `none` test as one atom, and the new local variable at its end."""
         base, features = base_of(navigation)
         source = self._base(base)
         owner = self.slots.type(source)
@@ -445,7 +448,7 @@ class BodyLowering:
             self._follow(navigation)
 
     def _count_targets(self, navigation: Navigation) -> int:
-        """Return a variable with the number of targets of a path, for a `none` test inside a larger expression."""
+        """Add a goal that counts the values of a path, for a `none` test in a larger expression. Return its result."""
         atom, target = self._tested_path(navigation)
         result = self.slots.fresh(Scalar.INT)
         self._bucket.append(AggregateAtom("count", atom, frozenset((target,)), result))
@@ -457,7 +460,7 @@ def _absence(relation: RelationAtom, local: frozenset[int]) -> Absence:
 
 
 def reads_of(expression: Expression) -> tuple[tuple[str, int], ...]:
-    """Return the slots that an expression over slots reads, each once with its name, in the order of the text."""
+    """Return the names (slot numbers as text) and the slots that a lowered expression reads, each pair once."""
     if isinstance(expression, Variable):
         return ((expression.name, int(expression.name)),)
     return tuple(dict.fromkeys(read for child in children(expression) for read in reads_of(child)))

@@ -30,7 +30,7 @@ from envgraph.pattern.lowering._slots import Slots, Unsatisfiable
 def lower_body(
     parameters: Sequence[Parameter], body_types: BodyTypes, generate: Generate, types_of: Types
 ) -> Conjunction | None:
-    """Return the normal form of a checked body, or None if no model can satisfy it."""
+    """Return the lowered form of a checked body, or None if no model can satisfy the body."""
     try:
         lowering = BodyLowering(parameters, body_types, generate)
         return _Normaliser(lowering.slots, parameters, body_types.metamodel, types_of).body(lowering.goals)
@@ -39,7 +39,7 @@ def lower_body(
 
 
 class _Normaliser:
-    """The renumbering of the slots of one body to the final numbers of variables."""
+    """A renumbering of the slots of one body to final numbers, which also removes implied and repeated goals."""
 
     def __init__(
         self, slots: Slots, parameters: Sequence[Parameter], metamodel: Metamodel, types_of: Types
@@ -89,9 +89,9 @@ class _Normaliser:
                 yield InstanceAtom(parameter.type, self._slots.root(number)), parameter.span
 
     def _resolved(self, goal: Goal) -> Iterator[Goal]:
-        """Yield the goal with united variables replaced by their representative.
+        """Yield the goal with united variables replaced by their representative, or nothing if the goal always holds.
 
-        An inequality of two different constants is dropped.
+        The goal always holds if it is an inequality of two different constants.
 
         Raises:
             Unsatisfiable: an inequality of a variable with itself, or of equal constants.
@@ -106,14 +106,14 @@ class _Normaliser:
         yield _named(renumbered(goal, self._roots), {root: str(root) for root in self._roots.values()})
 
     def _order(self, goals: Iterable[Goal]) -> list[int]:
-        """Return the slots in their final order: the parameters, then the other variables of goals by first mention."""
+        """Return the slots in their final order: the parameters, then the other variables of goals by number."""
         count = len(self._parameters)
         slots = {slot for goal in goals for slot in mentioned(goal)}
         return [*range(count), *sorted(slot for slot in slots if slot >= count)]
 
 
 def _named(goal: Goal, names: Sequence[str] | Mapping[int, str]) -> Goal:
-    """Return the goal with its expression over the names that `names` has for the numbers of its variables."""
+    """Return the goal with the variables of its expression renamed: `names` has the new name for each number."""
     if not isinstance(goal, Condition | Valuation):
         return goal
     expression = _spelled(goal.expression, {name: names[number] for name, number in goal.reads})

@@ -9,7 +9,7 @@ from envgraph.pattern._types import coerced, meet
 
 
 class Unsatisfiable(Exception):
-    """An exception raised if no model can satisfy a body, which is then omitted."""
+    """Raised if no model can satisfy a body. The lowering then omits the body."""
 
 
 @dataclass(slots=True)
@@ -19,7 +19,7 @@ class _Slot:
 
 
 class Slots:
-    """Numbered variables (slots). Slots can be united with each other and fixed to a value.
+    """Numbered variables (slots) of one body. Slots can be united with each other and fixed to a value.
 
     Numbers are assigned in the order of first mention, parameters first. The representative of a united group is the
     slot with the lowest number, so it is a parameter if the group has one.
@@ -33,7 +33,7 @@ class Slots:
         self._values: dict[int, Value] = {}
 
     def fresh(self, type_: StaticType | None, name: str | None = None) -> int:
-        """Create a slot and return its number."""
+        """Create a slot and return its number. `type_` is None if the type is unknown."""
         self._slots.append(_Slot(name, type_))
         number = len(self._slots) - 1
         self._parent.append(number)
@@ -42,17 +42,17 @@ class Slots:
         return number
 
     def named(self, name: str, type_: StaticType | None) -> int:
-        """Return the slot with a name. The slot is created at its first mention."""
+        """Return the slot of a named variable. Create it with this type at the first call."""
         return self._by_name[name] if name in self._by_name else self.fresh(type_, name)
 
     def root(self, number: int) -> int:
-        """Return the representative of the group that contains a slot."""
+        """Return the representative of the slots united with a slot, or the slot itself if it is not united."""
         while self._parent[number] != number:
             number = self._parent[number]
         return number
 
     def unite(self, one: int, other: int) -> None:
-        """Unite the groups of two slots.
+        """Unite two slots, and the slots that each is united with.
 
         Raises:
             Unsatisfiable: they are fixed to different values, or no value has both types.
