@@ -97,7 +97,7 @@ class DeclaredFunction:
             raise
         except Exception as error:
             message = f"{self._shown(given)} raised {type(error).__name__}: {error}"
-            raise FunctionError(message, self.name, span, "return a value for all arguments") from error
+            raise FunctionError(message, self.name, span, "correct the Python function") from error
         assert self.result is not None, "an expression with an error is not evaluated"
         if isinstance(result, float):  # floats of NumPy have a class of their own
             result = float(result)

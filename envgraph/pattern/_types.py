@@ -228,7 +228,7 @@ def wrong_type(expression: Expression, type_: StaticType, expected: StaticType) 
     ):
         hint = enum_hint(expression.value, expected)
     elif expected is Scalar.INT and type_ is Scalar.FLOAT:
-        hint = "`round`, `floor` or `toInt` make an int of it"
+        hint = "convert it with `round`, `floor` or `toInt`"
     hint = hint or value_hint(expected, None if isinstance(expression, Constant) else type_)
     message = f"expected `{type_text(expected)}`, found `{type_text(type_)}`"
     return Diagnostic("wrong-type", message, expression.span, hint)

@@ -151,7 +151,7 @@ def _decoded(text: str, file: str) -> Any:
     raise LoadError([problem])
 
 
-_ID = "name the id of an object of this file"
+_ID = 'write the id of an object in "objects"'
 _LITERAL = "write a literal of the enum as a text"
 _VALUES = {
     Scalar.INT: "write a whole number",
@@ -369,7 +369,7 @@ class _Reader:
         if not same or sorted(sources) != sorted(column[node]):
             message = f"expected the ids {sorted(column[node])} in some order"
             self._problem(
-                path, "bad-order", message, "list each object that has this link to the object, once"
+                path, "bad-order", message, "list each object with a link of this reference to the node, once"
             )
             return
         column[node] = self.model.graph.store.grouped(sources)
@@ -379,7 +379,7 @@ class _Reader:
             self._problem(path, "bad-id", f"expected an int from 0, not {value!r}", "write a whole number")
         elif value > self._largest:
             # Columns are as long as the largest id, so a wrong digit must not use up the memory.
-            message = f"id {value} is too large for the number of objects"
+            message = f"id {value} is too large: at most {self._largest} is allowed here"
             self._problem(path, "bad-id", message, "number the objects from 0")
         else:
             return True

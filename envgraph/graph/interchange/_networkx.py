@@ -32,7 +32,7 @@ def to_networkx(model: Model) -> nx.MultiDiGraph:
     for attribute in model.metamodel.attributes:
         if attribute.name in (_CLASS, _NAME):
             raise InvalidArgument(
-                f"attribute `{attribute}` has a name that every node uses in networkx: rename it"
+                f"attribute `{attribute}` has the name of a node attribute that `to_networkx` sets itself: rename it"
             )
     graph = nx.MultiDiGraph(name=model.name, metamodel=model.metamodel.name)
     for node in model.graph.store.nodes():
@@ -93,7 +93,7 @@ def _ids(graph: nx.MultiDiGraph) -> dict[Hashable, int]:
 def _add_node(model: Model, label: Hashable, node: int, attributes: dict[str, object]) -> None:
     cls = attributes.get(_CLASS)
     if not isinstance(cls, str):
-        raise InvalidArgument(f"node {label!r} has no class: set the node attribute {_CLASS!r}")
+        raise InvalidArgument(f"node {label!r}: {_CLASS!r} must be the name of a class, not {cls!r}")
     name = attributes.get(_NAME)
     if name is not None and not isinstance(name, str):
         raise InvalidArgument(f"node {label!r} has the name {name!r}, which is not a string")

@@ -202,7 +202,7 @@ class _Writer:
     def _checked(self, text: str, node: int) -> str:
         if _FORBIDDEN.search(text):
             raise InvalidArgument(
-                f"{self.model.graph.describe(node)} has a string that XML cannot hold: {text!r}"
+                f"{self.model.graph.describe(node)} has a string with a character that XML does not allow: {text!r}"
             )
         return text
 

@@ -163,7 +163,7 @@ def _marks(model: Model, marked: Marked) -> dict[int, list[str]]:
         elif isinstance(item, Node):
             add(item, None)
         else:
-            raise InvalidArgument(f"a node or a match can be highlighted, not {item!r}")
+            raise InvalidArgument(f"`highlight` and `around` take nodes and matches, not {item!r}")
     return found
 
 
@@ -321,7 +321,7 @@ class _Objects:
             for name in position:
                 if not any(_is_number(feature) for feature in metamodel.attributes if feature.name == name):
                     numbers = [feature.name for feature in metamodel.attributes if _is_number(feature)]
-                    raise InvalidArgument(_unknown("attribute with numbers", name, numbers))
+                    raise InvalidArgument(_unknown("numeric attribute", name, numbers))
 
     def node(self, model: Model, id: int) -> PictureNode:
         """Return the box that is drawn for an object."""

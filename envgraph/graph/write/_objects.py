@@ -78,7 +78,7 @@ def delete(graph: Graph, node: int, semantics: Semantics = "dpo") -> None:
         RuleError: reason "dangling"; `details` has a line for each dangling link.
     """
     if semantics not in ("dpo", "spo"):
-        raise InvalidArgument(f'semantics is "dpo" or "spo", not {semantics!r}')
+        raise InvalidArgument(f'`semantics` is {semantics!r}, but must be "dpo" or "spo"')
     check_alive(graph, node)
     store, layout = graph.store, graph.layout
     tree = contained_tree(store, layout, node)

@@ -65,7 +65,7 @@ def lacks(graph: Graph, node: int, feature: Feature) -> EnvgraphError:
         return missing(graph, node)
     if feature in graph.defined:
         text = f"`{feature}` is read-only: query `{graph.defined[feature].query}` defines its values"
-        return TypeMismatch(text, "change what the query reads")
+        return TypeMismatch(text, "change the data that the query reads")
     return TypeMismatch(
         f"`{graph.class_of(node)}` has no feature `{feature.name}`; only `{feature.owner}` has it"
     )

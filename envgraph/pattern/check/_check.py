@@ -229,7 +229,7 @@ def _definition(pattern: Pattern, analysis: Analysis) -> Iterator[Diagnostic]:
         message, hint = f"`{feature}` is not derived", "mark it `@derived` in the metamodel"
     elif isinstance(feature, Reference) and (feature.opposite or feature.containment):
         message = f"`{feature}` has an opposite or contains objects: a query cannot define it"
-        hint = "define a reference without opposite and containment"
+        hint = "define a reference that has no opposite and is no containment"
     elif not assignable(value, type_, metamodel):
         message = f"`{feature}` leads to `{type_text(type_)}`, not to `{type_text(value)}`"
         hint = f"declare `{pattern.parameters[1].name} : {type_text(type_)}`"
@@ -238,7 +238,7 @@ def _definition(pattern: Pattern, analysis: Analysis) -> Iterator[Diagnostic]:
         notes = (Note("the first one is here", others[0].pattern.span),)
     elif early:
         message = f"`{early[0].qualified_name}` was added before, and reads `{feature}`"
-        hint = "add the query that defines a feature before what reads it, or together with it"
+        hint = f"add both patterns together, or first the pattern that defines `{feature}`"
     else:
         return
     yield Diagnostic("query-feature", message, span, hint, notes=notes)

@@ -71,7 +71,7 @@ def check_header(pattern: Pattern, metamodel: Metamodel) -> Iterator[Diagnostic]
             yield Diagnostic("empty-body", "a body needs a constraint", body.span or pattern.span, hint)
         elif too_long(body):
             message = f"the body has more than {MOST_STEPS} constraints and steps of paths"
-            hint = "move a part of it into another pattern, and call that with `find`"
+            hint = "move a part of it into another pattern, and call that pattern with `find`"
             yield Diagnostic("body-too-long", message, body.span or pattern.span, hint)
 
 
@@ -88,7 +88,7 @@ def _parameters(pattern: Pattern, metamodel: Metamodel) -> Iterator[Diagnostic]:
             message = f"parameter `{parameter.name}` is declared twice"
             yield Diagnostic("duplicate-parameter", message, span, "choose another name", notes=(note,))
         elif parameter.name.startswith("_"):
-            message = f"parameter `{parameter.name}` has the name of a single-use variable"
+            message = f"parameter `{parameter.name}` starts with `_`, which marks single-use variables"
             hint = f"call it `{parameter.name.lstrip('_') or 'x'}`"
             yield Diagnostic("parameter-name", message, span, hint)
         first.setdefault(parameter.name, parameter.span)
@@ -140,7 +140,7 @@ def _constraint(annotation: Annotation, pattern: Pattern) -> Iterator[Diagnostic
             yield from _parameter_names(value, span, pattern)
         elif key == "severity" and value not in _SEVERITIES:
             message = f"unknown severity `{value}`"
-            hint = f"one of {', '.join(f'`{severity}`' for severity in _SEVERITIES)}"
+            hint = f"write one of {', '.join(f'`{severity}`' for severity in _SEVERITIES)}"
             yield Diagnostic("annotation-argument", message, span, hint)
 
 

@@ -181,13 +181,13 @@ def check_connected(reading: Reading, pattern: Pattern, few: Collection[str]) ->
     parts = partitions.parts(partitions.strict)
     if len(parts) > 1:
         message = f"the constraints fall into unconnected parts: {_listed(parts)}"
-        hint = "connect the parts: every match of one is combined with every match of the others"
+        hint = "link the parts by a path or `find`: every match of one is combined with every match of the others"
         yield Diagnostic("cartesian-product", message, span, hint, Severity.WARNING)
         return
     parts = [part for part in partitions.parts(partitions.loose) if not set(part).issubset(few)]
     if len(parts) > 1:
         message = f"only filters connect the parts: {_listed(parts)}"
-        hint = "connect the parts with a relation: `!=`, `neg`, check and aggregates only filter all combinations"
+        hint = "link the parts by a path or `find`, because `!=`, `neg`, check and aggregates only filter"
         yield Diagnostic("loose-connection", message, span, hint, Severity.WARNING)
 
 

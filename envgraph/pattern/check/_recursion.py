@@ -140,7 +140,7 @@ def _path(cycle: Sequence[_Edge]) -> str:
 def _diagnostic(edge: _Edge, cycle: Sequence[_Edge]) -> Diagnostic:
     span, path = edge.span, _path(cycle)
     if edge.monotone:
-        hint = "add `@SafeRecursion` if this is intended"
+        hint = "annotate the pattern with `@SafeRecursion` if this is intended"
         return Diagnostic("recursive-pattern", f"recursive pattern: {path}", span, hint, Severity.WARNING)
     if edge.word in ("+", "*"):
         hint = "write the recursion with plain calls, or use the closure of another pattern"

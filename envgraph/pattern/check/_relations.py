@@ -92,10 +92,10 @@ class RelationCheck:
             yield self._unknown_type(constraint.type, span)
         elif place.group is not None and not isinstance(type_, ObjectType):
             what = "aggregated" if place.aggregate else "negated"
-            message = f"`{constraint.type}` is a data type, whose values cannot be {what}"
-            hint = "name a class, or count the objects that have the value"
+            message = f"`{constraint.type}` is a data type, which cannot be {what}"
+            hint = "write a class, or a path to the value: `Class.feature(object, value)`"
             if not place.aggregate:
-                hint = "name a class, or compare the value in `check(..)`"
+                hint = "write a class, or compare the value in `check(..)`"
             yield Diagnostic("data-type-group", message, span, hint)
 
     def _unknown_type(self, name: str, span: Span | None) -> Diagnostic:
@@ -140,7 +140,7 @@ class RelationCheck:
         span = path.source.span or path.span
         if type_ is not None:
             message = f"`{name}` is {with_article(type_text(type_))}, which has no features"
-            return Diagnostic("unknown-feature", message, span, "a path starts at an object")
+            return Diagnostic("unknown-feature", message, span, "start the path at an object")
         hint = f"write `{name} : Class`"
         message = f"the class of `{name}` is unknown"
         return Diagnostic("untyped-source", message, span, hint, subject=(name,))
@@ -186,7 +186,7 @@ class RelationCheck:
         wanted, given = len(callee.parameters), len(call.arguments)
         if call.closure is not Closure.ONCE and wanted != 2:
             message = f"`{call.pattern}{call.closure}` needs a pattern of two parameters, `{callee.name}` has {wanted}"
-            hint = f"apply `{call.closure}` to a pattern of two parameters that calls it"
+            hint = f"apply `{call.closure}` to a pattern of two parameters that calls `{callee.name}`"
             yield Diagnostic("closure-not-binary", message, call.span, hint)
         elif wanted != given:
             parameters = ", ".join(parameter.name for parameter in callee.parameters)
@@ -216,10 +216,10 @@ class RelationCheck:
         elif not marks:
             message = f"`{aggregate.function}` needs a column"
             yield Diagnostic(
-                "missing-hash", message, aggregate.span or place.relation.span, "mark one with `#`"
+                "missing-hash", message, aggregate.span or place.relation.span, "mark one argument with `#`"
             )
         elif len(marks) > 1:
-            message = f"`{aggregate.function}` aggregates one column"
+            message = f"`{aggregate.function}` aggregates one column, but several are marked with `#`"
             yield Diagnostic("second-hash", message, marks[1].span or place.relation.span, "write `_`")
         elif marks[0].name in self._reading.occurrences:
             message = f"`#{marks[0].name}` is a column of the aggregate, and `{marks[0].name}` a variable outside of it"
@@ -233,7 +233,7 @@ class RelationCheck:
             return
         if place.group is not None:
             what = "an aggregate" if place.aggregate else "`neg`"
-            hint = "move the closure into another pattern, and call that"
+            hint = "move the closure into another pattern, and call that pattern here"
             yield Diagnostic(
                 "closure-in-group", f"a closure cannot be used under {what}", relation.span, hint
             )

@@ -29,9 +29,9 @@ from envgraph.pattern.check._relations import Place
 from envgraph.pattern.expressions._expressions import ExpressionChecker
 
 _EMPTY: Final = {
-    "": "the negation always holds: leave it out",
-    "count": "the count is always 0",
-    "sum": "the sum is always 0",
+    "": "correct the argument: the negation always holds now",
+    "count": "correct the argument: the count is always 0 now",
+    "sum": "correct the argument: the sum is always 0 now",
 }
 
 
@@ -83,7 +83,7 @@ class TypeCheck:
         hint = None
         if {type_, fact.type} == {Scalar.INT, Scalar.FLOAT}:
             hint = (
-                "an int variable and a float variable are never the same; `eval(toFloat(..))` makes a float"
+                "convert the int with `eval(toFloat(..))`: an int variable is never equal to a float variable"
             )
             if earlier.origin == "declaration" and fact.origin == "value":
                 hint = f"write `{name} : {type_text(fact.type)}`"
@@ -165,7 +165,7 @@ class TypeCheck:
         wanted, found = with_article(type_text(type_)), with_article(type_text(actual))
         message = f"{relation_text(place.relation)} takes {wanted} here, so {found} never matches"
         function = place.aggregate.function if place.aggregate else ""
-        hint = _EMPTY.get(function, f"`{function}` of no values has no result, so the body has no match")
+        hint = _EMPTY.get(function, f"correct the argument: `{function}` of no values has no result")
         yield Diagnostic("never-matches", message, span, hint, Severity.WARNING)
 
     def literal(

@@ -107,7 +107,7 @@ class _Writer:
         match node:
             case Variable():
                 if node.name not in self._names:
-                    raise InvalidArgument(f"no source for variable `{node.name}`")
+                    raise InvalidArgument(f"`names` has no code for variable `{node.name}`")
                 return self._names[node.name]
             case Constant():
                 return code.NONE if node.value is None else self._literal(node.value)

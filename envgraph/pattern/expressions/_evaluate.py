@@ -112,7 +112,7 @@ def raw_value(node: Expression, values: Mapping[str, Any], read: Reader | None) 
     match node:
         case Variable():
             if node.name not in values:
-                raise InvalidArgument(f"no value for variable `{node.name}`")
+                raise InvalidArgument(f"`values` has no value for variable `{node.name}`")
             return values[node.name]
         case Constant():
             return node.value
@@ -123,7 +123,7 @@ def raw_value(node: Expression, values: Mapping[str, Any], read: Reader | None) 
             if isinstance(owner, str):  # `text.length`: a string is not an object, because objects are ints
                 return FUNCTIONS[node.feature].implementation(owner)
             if read is None:
-                raise InvalidArgument(f"no model to read `{node.feature}` from")
+                raise InvalidArgument(f"pass `read`: the expression reads `{node.feature}`")
             return None if owner is None else read(owner, node.feature)
         case Unary():
             operand = _present(node.operand, values, read)

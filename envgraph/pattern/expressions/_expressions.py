@@ -246,7 +246,7 @@ class ExpressionChecker:
     ) -> StaticType | None:
         """Return the given type of an operand if it is of the wanted kind, else report the operand and return None."""
         if _is_none(node):
-            advice = "`none` can be compared with a path: `x.f == none`"
+            advice = "compare `none` only with a path: `x.f == none`"
             self.report("operand-type", f"`{what}` does not take `none`", node, advice)
             return None
         what_it_takes, types = _KINDS.get(wanted, ("data", ()))
@@ -305,7 +305,7 @@ class ExpressionChecker:
         for side, type_ in ((node.left, left), (node.right, right)):
             if type_ is not None and type_ not in NUMBERS:
                 message = f"`+` adds numbers or strings, not `{type_text(type_)}`"
-                hint = "`toString(..)` makes a string of a value"
+                hint = "convert it to a string with `toString(..)`"
                 if isinstance(type_, ObjectType):
                     hint = f"use an attribute of `{type_.cls}`"
                 self.report("operand-type", message, side, hint)
@@ -400,7 +400,7 @@ class ExpressionChecker:
                 "operand-type",
                 "`none` is no value in a query",
                 node,
-                "test the condition in a separate check",
+                "write the condition as a separate check: `check(..)`",
             )
             return None
         return self.type_of(branch, expected)
@@ -415,7 +415,7 @@ class ExpressionChecker:
             "operand-type",
             f"`{then.cls}` and `{otherwise.cls}` have no common superclass",
             node,
-            "read an attribute of each instead",
+            "read an attribute in both branches: `.. ? x.f : y.f`",
         )
         return None
 

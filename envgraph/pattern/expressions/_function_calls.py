@@ -20,7 +20,7 @@ if TYPE_CHECKING:
 OF_JAVA: Final[Mapping[str, str]] = {
     "equalsIgnoreCase": "write `toLower(a) == toLower(b)`",
     "compareTo": "write `a < b`, `a == b` or `a > b`",
-    "matches": "there are no regular expressions, but `startsWith`, `endsWith`, `contains` and `indexOf`",
+    "matches": "write `startsWith`, `endsWith`, `contains` or `indexOf`: there are no regular expressions",
     "valueOf": "write `toInt(x)`, `toFloat(x)` or `toString(x)`",
     "parseInt": "write `toInt(x)`",
     "charAt": "write `substring(text, i, i + 1)`",

@@ -31,7 +31,7 @@ def text(value: Value) -> str:
     return value if isinstance(value, str) else repr(value)
 
 
-_SMALLER: Final = "an `int` has at most 64 bits: ask for smaller numbers, or calculate with a `float`"
+_SMALLER: Final = "use smaller numbers, or calculate with a `float`: an `int` has at most 64 bits"
 
 
 def bounded(value: Any) -> Any:

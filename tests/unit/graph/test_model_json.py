@@ -139,7 +139,7 @@ DOG = {"id": 1, "class": "Dog"}
         (document({**PERSON, "id": True}), ["`objects[0].id`: expected an int from 0, not True"]),
         (
             document({**PERSON, "id": 10**12}),
-            ["`objects[0].id`: id 1000000000000 is too large for the number of objects"],
+            ["`objects[0].id`: id 1000000000000 is too large: at most 1001000 is allowed here"],
         ),
         (document(PERSON, PERSON), ["`objects[1].id`: two objects have the id 0"]),
         (document({"id": 0}), ["`objects[0].class`: expected the name of a class, not None"]),
@@ -205,7 +205,10 @@ DOG = {"id": 1, "class": "Dog"}
         ),
         (document(PERSON, next_id=0), ["`next_id`: 0 is not greater than all ids of objects"]),
         (document(PERSON, next_id="1"), ["`next_id`: expected an int from 0, not '1'"]),
-        (document(next_id=10**12), ["`next_id`: id 1000000000000 is too large for the number of objects"]),
+        (
+            document(next_id=10**12),
+            ["`next_id`: id 1000000000000 is too large: at most 1000000 is allowed here"],
+        ),
         (document(orders=3), ["`orders`: expected a list"]),
         (document(orders=[3]), ["`orders[0]`: expected an object in braces"]),
         (

@@ -65,7 +65,7 @@ def test_labels_of_any_kind_are_numbered_in_their_order():
         ([], InvalidArgument, "MultiDiGraph"),
         (nx.DiGraph(), InvalidArgument, "MultiDiGraph"),
         (nx.MultiGraph(), InvalidArgument, "MultiDiGraph"),
-        (graph(("a", {})), InvalidArgument, "node 'a' has no class"),
+        (graph(("a", {})), InvalidArgument, "node 'a': 'class' must be the name of a class, not None"),
         (graph(("a", {"class": "Dgo"})), TypeMismatch, "node 'a': unknown class `Dgo`; did you mean `Dog`?"),
         (graph((1, {"class": "Dog", "object_name": 3})), InvalidArgument, "the name 3, which is not a string"),
         (
@@ -99,5 +99,5 @@ def test_what_does_not_fit_is_refused(made, error, text):
 
 def test_attributes_that_clash_with_the_format_are_refused():
     metamodel = Metamodel("m", [Class("A", features=(Attribute("class", Scalar.INT),))])
-    with pytest.raises(InvalidArgument, match=r"`A.class` has a name that every node uses"):
+    with pytest.raises(InvalidArgument, match=r"`A.class` has the name of a node attribute"):
         to_networkx(Model(metamodel))

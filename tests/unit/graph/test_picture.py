@@ -101,9 +101,9 @@ def test_classes_references_and_attributes_can_be_chosen():
         ({"layout": "grid"}, "the layouts are dot, neato"),
         ({"limit": -1}, "`limit` is -1, but must be 0 or more"),
         ({"distance": -1}, "`distance` is -1, but must be 0 or more"),
-        ({"position": ("x", "collected")}, "no attribute with numbers `collected`"),
-        ({"highlight": ["t00"]}, "a node or a match can be highlighted, not 't00'"),
-        ({"around": 3}, "a node or a match can be highlighted, not 3"),
+        ({"position": ("x", "collected")}, "no numeric attribute `collected`"),
+        ({"highlight": ["t00"]}, "`highlight` and `around` take nodes and matches, not 't00'"),
+        ({"around": 3}, "`highlight` and `around` take nodes and matches, not 3"),
     ],
 )
 def test_wrong_options_are_refused(options, message):

@@ -32,7 +32,7 @@ LARGE = 9223372036854775807
         ("a.prev.n", "a.prev.n", "write `check a.prev.n != none;` on the left side"),
         ("a.n == 0 ? a.prev.n : 1", "a.n == 0 ? a.prev.n : 1", ""),
         ("1 + a.prev.n", "a.prev.n", "write `check a.prev.n != none;` on the left side"),
-        (f"{LARGE} - a.n + 1", f"{LARGE} - a.n + 1", "an `int` has at most 64 bits"),
+        (f"{LARGE} - a.n + 1", f"{LARGE} - a.n + 1", "use smaller numbers"),
         ("1 + 1 + 1 + 1 + 1 + 1 + 1 + 1 / a.n", "1 / a.n", "write `check a.n != 0;` on the left side"),
     ],
 )
@@ -59,7 +59,7 @@ def test_what_is_added_shows_the_action() -> None:
     with pytest.raises(EvaluationError) as caught:
         made.apply("r", a=1)
     assert caught.value.span is not None and caught.value.span.text == f"set a.n += {LARGE}"
-    assert (caught.value.hint or "").startswith("an `int` has at most 64 bits")
+    assert (caught.value.hint or "").endswith("an `int` has at most 64 bits")
 
 
 @pytest.mark.parametrize(

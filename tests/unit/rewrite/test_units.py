@@ -579,7 +579,7 @@ MISTAKES = [
         "unit u(k : float) { repeat k { up; } }",
         "wrong-type",
         "k",
-        "`round`, `floor` or `toInt` make an int of it",
+        "convert it with `round`, `floor` or `toInt`",
     ),
     ("unit u { repeat 1..k { up; } }", "unknown-variable", "k", "no variable is known here"),
     (
