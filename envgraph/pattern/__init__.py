@@ -1,4 +1,4 @@
-"""Queries and rules as frozen data, independent of any text: their checks, types and normal form."""
+"""Queries and rules as frozen data, independent of any text: their checks, types and lowered form."""
 
 from typing import TYPE_CHECKING
 

@@ -135,9 +135,9 @@ def defining(pattern: Pattern) -> tuple[str, Span | None] | None:
 
 
 def defined_feature(pattern: Pattern, source: StaticType | None, metamodel: Metamodel) -> Feature | None:
-    """Return the feature that a pattern with two parameters is annotated to define for `source`, the first one's type.
+    """Return the feature that a pattern's annotation defines for the class `source`, or None.
 
-    Return None if there is no annotation, or the class `source` has no such feature.
+    `source` is the type of the first of two parameters. The class must have a feature of that name.
     """
     found = defining(pattern)
     if found is None or len(pattern.parameters) != 2 or not isinstance(source, ObjectType):
@@ -198,7 +198,7 @@ class Entry:
 
     @property
     def signature(self) -> Signature:
-        """Return the types and inputs that callers use."""
+        """Return the pattern with the types and inputs of its parameters, which callers use."""
         return Signature(self.pattern, self.types, self.inputs)
 
     @property
@@ -301,7 +301,7 @@ class Analysis:
         return found
 
     def _keep_types(self) -> None:
-        """Store the inferred types, defined features and derived reads, and make types refer to final signatures."""
+        """Store the inferred types, defined features and derived reads. Types then use final signatures of callees."""
         for name in self._short:
             pattern = self._new[name]
             bodies = tuple(self.body_types(pattern, body) for body in pattern.bodies)

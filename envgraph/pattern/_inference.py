@@ -165,7 +165,7 @@ class BodyTypes:
         return types
 
     def aggregate_type(self, aggregate: Aggregate) -> StaticType | None:
-        """Return the type of the result of an aggregate, or None if unknown."""
+        """Return the type of an aggregate's result, for sum, min and max the column's type. None if unknown."""
         if aggregate.function == "count":
             return Scalar.INT
         if aggregate.function == "avg":

@@ -2,7 +2,7 @@
 
 Variables are numbered within a body: first the parameters in their order, then local variables. Paths are split into
 single steps. Nested terms have variables of their own. Variables that are equal to each other are one variable. Every
-class and feature is resolved, and every parameter type is an atom.
+class and feature is resolved. The declared class of a parameter is a goal, unless other goals imply it.
 """
 
 from __future__ import annotations
@@ -167,7 +167,7 @@ class Conjunction:
 
 @dataclass(frozen=True, slots=True)
 class LoweredPattern:
-    """A resolved pattern. Its matches are the union over the bodies, projected to the parameters.
+    """A resolved pattern. Its matches are the matches of all its bodies, restricted to the parameters.
 
     Attributes:
         inputs: numbers of the `in` parameters that the pattern does not enumerate, so that callers must bind them.
@@ -241,7 +241,7 @@ def mentioned(goal: Goal) -> tuple[int, ...]:
 
 
 def renumbered(goal: Goal, numbers: Mapping[int, int]) -> Goal:
-    """Return a copy of the goal with each variable replaced by its number in `numbers`."""
+    """Return a copy of the goal in which each variable, given by its number, is replaced by `numbers[variable]`."""
 
     def reads(pairs: tuple[tuple[str, int], ...]) -> tuple[tuple[str, int], ...]:
         return tuple((name, numbers[number]) for name, number in pairs)
@@ -271,7 +271,7 @@ def renumbered(goal: Goal, numbers: Mapping[int, int]) -> Goal:
 
 
 def renumbered_relation(relation: RelationAtom, numbers: Mapping[int, int]) -> RelationAtom:
-    """Return a copy of the relation with each variable replaced by its number in `numbers`."""
+    """Return a copy of the relation in which each variable, given by its number, is replaced by `numbers[variable]`."""
     match relation:
         case InstanceAtom():
             return replace(relation, variable=numbers[relation.variable])

@@ -87,7 +87,7 @@ class DeleteEdge:
 
 @dataclass(frozen=True, slots=True)
 class Set:
-    """An action `set object.feature = value`; `+=` and `-=` add to and subtract or remove from the current values."""
+    """An action `set object.feature = value`. `+=` adds to the current value or values, `-=` subtracts or removes."""
 
     object: Variable
     feature: str
@@ -120,7 +120,7 @@ class Move:
 
 @dataclass(frozen=True, slots=True)
 class Merge:
-    """An action `merge kept <- absorbed`: links of the absorbed object are moved to the kept object."""
+    """An action `merge kept <- absorbed`: links of the absorbed object are moved to the kept one, and it is deleted."""
 
     kept: Variable
     absorbed: Variable
@@ -129,7 +129,7 @@ class Merge:
 
 @dataclass(frozen=True, slots=True)
 class Redirect:
-    """An action `redirect a -ref-> b to c`: the edge gets another target."""
+    """An action `redirect a -ref-> b to c`, which replaces the link from `a` to `b` by a link from `a` to `c`."""
 
     edge: Edge
     target: Variable
@@ -232,7 +232,7 @@ class Call:
 
 @dataclass(frozen=True, slots=True)
 class Sequence:
-    """The steps `a; b; c;`, in order."""
+    """The steps `a; b; c;`, in order. A step that fails ends them, and earlier changes stay."""
 
     steps: tuple[Step, ...]
     span: Span | None = field(default=None, compare=False, repr=False)
@@ -240,7 +240,7 @@ class Sequence:
 
 @dataclass(frozen=True, slots=True)
 class Choice:
-    """A step `a | { b; c; }`: one applicable alternative of the highest priority is sampled by weight.
+    """A step `a | { b; c; }`: alternatives are tried until one succeeds, by priority, then in random order by weight.
 
     Blocks have priority 0 and weight 1.
     """
@@ -251,7 +251,7 @@ class Choice:
 
 @dataclass(frozen=True, slots=True)
 class Alap:
-    """A loop `alap { .. }`, repeated as long as possible."""
+    """A loop `alap { .. }`, repeated as long as its body succeeds and applies a rule."""
 
     body: Step
     span: Span | None = field(default=None, compare=False, repr=False)
@@ -305,7 +305,7 @@ class If:
 
 @dataclass(frozen=True, slots=True)
 class Atomic:
-    """A step `atomic { .. }`, which is applied completely or not at all."""
+    """A step `atomic { .. }`: if something inside fails, the step fails, and all its changes are undone."""
 
     body: Step
     span: Span | None = field(default=None, compare=False, repr=False)

@@ -225,7 +225,7 @@ class VersionTree:
         ) = (inverse, back, not vertex.upwards, False, reduced, end, None)
 
     def take_back(self) -> None:
-        """Complete the recovery from an interrupted reversal of a segment: redo the part that was undone."""
+        """Redo the undone part of a segment whose reversal was interrupted by an exception."""
         if self.turning is not None:
             length, backwards, inverse = self.turning
             self.inverse, self.turning = inverse[: length - length_hint(backwards)], None

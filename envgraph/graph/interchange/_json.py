@@ -98,7 +98,7 @@ def _object(model: Model, node: int) -> dict[str, Any]:
 
 
 def _orders(model: Model, relation: Relation) -> Iterator[dict[str, Any]]:
-    """Yield the "orders" entries of a relation: nodes whose sources would get another order by reading the objects."""
+    """Yield "orders" entries for the nodes whose sources would be in another order after reading the objects."""
     if relation.flipped:
         return
     read: dict[int, list[int]] = {}

@@ -143,11 +143,11 @@ class _Writer:
         return (one for one in self._features[self.model.graph.class_of(node)] if isinstance(one, Attribute))
 
     def _is_nil(self, node: int, attribute: Attribute) -> bool:
-        """Return True if an attribute is unset but the tag must say so, because omission means the default."""
+        """Return True if the tag must say that an attribute is unset, because omission would mean the default."""
         return not self.model.graph.values(node, attribute) and usual_value(attribute) is not None
 
     def _implied(self, feature: Feature) -> bool:
-        """Return True if the nesting of tags implies the feature, because it is the link to the container."""
+        """Return True if the nesting of tags implies the feature, because the feature is the link to the container."""
         return isinstance(feature, Reference) and self.model.graph.store.relations[feature.index].contained
 
     def _named(self, node: int) -> str:

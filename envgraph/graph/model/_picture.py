@@ -136,7 +136,7 @@ def as_svg(model: Model) -> str | None:
 
 
 def _widest_fan(edges: Iterable[PictureEdge]) -> int:
-    """Return the largest number of lines at one object."""
+    """Return the largest number of lines that end at one object, 0 without lines."""
     return max(Counter(end for edge in edges for end in (edge.source, edge.target)).values(), default=0)
 
 

@@ -310,12 +310,12 @@ class Store:
 
     @_mended
     def move_target(self, relation: Relation, source: int, target: int, index: int) -> None:
-        """Move a target of a source object to another index among its targets."""
+        """Move a target of a source object to another index among its targets, and journal the change."""
         self.move_end(relation.forward, source, target, index)
         self.revision += 1
 
     def _connector(self, relation: Relation) -> Callable[[int, int], object]:
-        """Return the function that adds a missing link of one reference and notifies followers."""
+        """Return the function `connect(source, target)`, which adds a missing link and notifies followers."""
         store, record, symmetric, flipped = self, self.journal.extend, relation.symmetric, relation.flipped
         forward, backward, crowd = relation.forward, relation.backward, self.crowd
         code, (first_salts, second_salts) = relation.code, self.salts

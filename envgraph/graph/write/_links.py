@@ -15,7 +15,7 @@ if TYPE_CHECKING:
 
 
 def link(graph: Graph, source: int, reference: Reference, target: int) -> bool:
-    """Add a link, which its opposite reference shares. Return False if the link exists already.
+    """Add a link of a reference and of its opposite. Return False if the link exists already.
 
     If an object is linked into a container, it is first removed from its old container.
 
@@ -97,7 +97,7 @@ def _house(graph: Graph, relation: Relation, container: int, node: int) -> bool:
 
 
 def unlink(graph: Graph, source: int, reference: Reference, target: int) -> bool:
-    """Remove a link and its opposite. Return False if the link does not exist."""
+    """Remove a link of a reference and of its opposite. Return False if the link does not exist."""
     relation = graph.store.relations[reference.index]
     if target not in relation.forward[source]:
         return False

@@ -164,7 +164,7 @@ def _retype(
     dropped: Sequence[int],
     gained: Sequence[tuple[int, Value | Values]],
 ) -> None:
-    """Change the class of an object, and remove or add what this changes. Steps that are done already are skipped."""
+    """Change the class, links and values of an object as `retype` says. Steps that are done already are skipped."""
     store = graph.store
     for relation, source, target in lost:
         if target in relation.forward[source]:

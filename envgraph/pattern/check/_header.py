@@ -54,7 +54,7 @@ def check_duplicates(patterns: Sequence[Pattern], known: Mapping[str, Pattern]) 
 
 
 def check_header(pattern: Pattern, metamodel: Metamodel) -> Iterator[Diagnostic]:
-    """Report problems of the parameters, the annotations and the number of bodies."""
+    """Report problems of the parameters and annotations, and missing, empty or too long bodies."""
     yield from _parameters(pattern, metamodel)
     for annotation in pattern.annotations:
         yield from _annotation(annotation, pattern)

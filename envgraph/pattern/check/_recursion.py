@@ -78,9 +78,9 @@ def _edges(pattern: Pattern, entries: Mapping[str, Entry], defined: Mapping[Feat
 def _without_base(
     patterns: Sequence[Pattern], entries: Mapping[str, Entry], component: Mapping[str, int]
 ) -> set[str]:
-    """Return the patterns that can never match, because every body needs a match of a pattern of the same kind.
+    """Return the patterns that can never match, because all their bodies need matches of patterns that never match.
 
-    Only calls within a cycle of patterns count; `component` has the number of each pattern's cycle.
+    `component` has for each pattern the number of its cycle; only calls within a cycle count.
     """
     missing: dict[tuple[str, int], int] = {}
     waiting: dict[str, list[tuple[str, int]]] = {}

@@ -307,7 +307,7 @@ def _branches(path: ResolvedPath) -> list[str]:
 
 
 def _counted_once(path: ResolvedPath, function: str) -> str:
-    """Return the message that an aggregate over a path counts each element once, although the path branches."""
+    """Return the message that an aggregate takes equal elements once, although a path reaches them repeatedly."""
     last = path.steps[-1]
     if isinstance(last, Reference):
         return f"a `{last.target}` that `{path}` reaches in several ways is {_ONCE[function]} only once"

@@ -71,7 +71,7 @@ class UsageCheck:
                 yield from self._local(name)
 
     def _own_input(self) -> Iterator[Diagnostic]:
-        """Report variables that are computed from themselves, `x == eval(.. x ..)`."""
+        """Report, and taint, variables that are computed from themselves, as in `x == eval(.. x ..)`."""
         for constraint in self._reading.body.constraints:
             if not isinstance(constraint, Comparison) or constraint.operator != "==":
                 continue
@@ -278,7 +278,7 @@ class UsageCheck:
         return isinstance(term, Hash)
 
     def comparison(self, comparison: Comparison) -> Iterator[Diagnostic]:
-        """Report `_`, `#` and `none` as a side of a comparison."""
+        """Report `#` and `none` as sides of a comparison, and `_` if nothing gives it a value to compare."""
         sides = (comparison.left, comparison.right)
         both = all(isinstance(term, Variable) and term.anonymous for term in sides)
         for term in sides[:1] if both else sides:

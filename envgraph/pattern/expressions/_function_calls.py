@@ -65,7 +65,7 @@ def _unknown_function(checker: ExpressionChecker, node: FunctionCall) -> None:
 
 
 def _declaring(checker: ExpressionChecker, node: FunctionCall) -> str:
-    """Return a hint that shows how to declare the called function."""
+    """Return a hint that shows how to declare the called function, or what to pass instead of an object."""
     known, parameters = len(checker.problems), []
     for number, argument in enumerate(node.arguments):
         type_ = checker.type_of(argument)

@@ -324,7 +324,7 @@ class BodyLowering:
     def _check(self, expression: Expression) -> None:
         """Lower a check to goals. Each operand of `&&` becomes a goal of its own.
 
-        Tests with `none`, and equations that `_as_equation` accepts, become goals without an expression.
+        Tests with `none` become goals without an expression, and equations may unite or fix slots instead.
         """
         if isinstance(expression, Binary) and expression.operator == "&&":
             for part in children(expression):
@@ -448,7 +448,7 @@ class BodyLowering:
             self._follow(navigation)
 
     def _count_targets(self, navigation: Navigation) -> int:
-        """Add a goal that counts the values of a path, for a `none` test in a larger expression. Return its result."""
+        """Add a goal that counts the values of a path, for a `none` test in an expression. Return its result slot."""
         atom, target = self._tested_path(navigation)
         result = self.slots.fresh(Scalar.INT)
         self._bucket.append(AggregateAtom("count", atom, frozenset((target,)), result))

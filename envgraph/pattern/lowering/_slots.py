@@ -83,7 +83,7 @@ class Slots:
             raise Unsatisfiable
 
     def value(self, number: int) -> Value | None:
-        """Return the value to which a slot is fixed, or None."""
+        """Return the value to which a slot is fixed, as its type stores it, or None if the slot is not fixed."""
         root = self.root(number)
         return coerced(self._values[root], self._slots[root].type) if root in self._values else None
 
