@@ -160,7 +160,7 @@ def derived_reads(types: BodyTypes) -> Iterator[Read]:
 def expression_reads(
     expression: Expression, scope: Mapping[str, StaticType | None], metamodel: Metamodel, word: str = ""
 ) -> Iterator[Read]:
-    """Yield a `Read` for each derived feature that an expression reads, with `word` (in a `none` test "neg")."""
+    """Yield a `Read` for each derived feature in an expression, with the context `word`, or "neg" in a `none` test."""
     if isinstance(expression, Navigation):
         start, features = base_of(expression)
         type_ = scope.get(start.name) if isinstance(start, Variable) else None

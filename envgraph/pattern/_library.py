@@ -87,7 +87,7 @@ class Library:
         return problems
 
     def resolved(self, data: Data) -> Data:
-        """Return the same definition, in which calls refer to the functions that `declare` has declared."""
+        """Return the same definition, in which function calls refer to the functions that `declare` has declared."""
         return resolved(data, self.functions) if self.functions else data
 
     def check(self, *patterns: Pattern) -> list[Diagnostic]:
@@ -227,7 +227,7 @@ class Library:
         return self._entry(qualified_name).inputs
 
     def may_hold(self, qualified_name: str, body: Body) -> Callable[[Relation], bool]:
-        """Return the method `BodyTypes.may_hold` of one body of a registered pattern.
+        """Return the method `BodyTypes.may_hold` of the given body of a registered pattern.
 
         Raises:
             InvalidArgument: no pattern has this name.

@@ -152,7 +152,7 @@ class RightSide:
 
 @dataclass(frozen=True, slots=True)
 class Modification:
-    """A right-hand side `modify { .. }`: only the actions change the graph."""
+    """A right-hand side `modify { .. }`, whose actions are the only changes of the graph."""
 
     actions: tuple[Action, ...]
     span: Span | None = field(default=None, compare=False, repr=False)

@@ -227,7 +227,7 @@ def usual_value(attribute: Attribute) -> Value | None:
 
 
 def _prefixes(wanted: Mapping[str, str]) -> dict[str, str]:
-    """Return distinct XML prefixes for packages: the wanted one if valid, else `model`, with `_` until unused."""
+    """Return distinct XML prefixes of packages: a valid wanted prefix or `model`, lengthened by `_` if it is in use."""
     found: dict[str, str] = {}
     for path, prefix in wanted.items():
         plain = (

@@ -63,11 +63,11 @@ class Node:
         return self.model.metamodel.is_a(self.cls, cls)
 
     def delete(self, semantics: Literal["dpo", "spo"] = "dpo") -> None:
-        """Delete the object and everything that it contains; see `Graph.delete`."""
+        """Delete the object and everything that it contains. "dpo" refuses dangling links, "spo" deletes them too."""
         self.model.graph.delete(self.id, semantics)
 
     def retype(self, cls: str, lossy: bool = False) -> None:
-        """Make the object an instance of another class; see `Graph.retype`."""
+        """Make the object an instance of another class. `lossy` removes links that it forbids; see `Graph.retype`."""
         self.model.graph.retype(self.id, cls, lossy)
 
     def __getattr__(self, name: str) -> Any:

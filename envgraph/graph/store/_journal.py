@@ -96,7 +96,7 @@ class IndexedSet(list[Item]):
         self.position[item] = index
 
     def where(self, item: Item) -> int:
-        """Return the index of an element of the set. If its recorded position is outdated, update all positions."""
+        """Return the index of an element of the set. If its recorded position is far off, update all positions."""
         index = self.position[item]
         if index < len(self) and self[index] == item:
             return index

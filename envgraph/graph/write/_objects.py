@@ -70,11 +70,12 @@ def delete(graph: Graph, node: int, semantics: Semantics = "dpo") -> None:
 
     Args:
         node: the object.
-        semantics: "dpo" (double pushout) refuses if links would be left dangling. These are links between a deleted
-            object and a remaining object, except the link from the container, and links from the object to itself.
+        semantics: "dpo" (double pushout) refuses if links would be left dangling. These are the links between a deleted
+            object and a remaining object (except the link from the container), and the links from the object to itself.
             "spo" (single pushout) deletes these links too.
 
     Raises:
+        InvalidArgument: no object has this id.
         RuleError: reason "dangling"; `details` has a line for each dangling link.
     """
     if semantics not in ("dpo", "spo"):

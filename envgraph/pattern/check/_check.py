@@ -264,8 +264,8 @@ def _in_all_bodies(problems: Sequence[Diagnostic], bodies: int) -> Iterator[Diag
 class _BodyCheck:
     """The check of one body.
 
-    A variable involved in an error is tainted: further problems about it are not reported, because they may be
-    consequences.
+    A variable involved in an error is tainted: other problems of the variable are not reported, because they may be
+    consequences of the error.
 
     Attributes:
         types: the types of its variables.

@@ -143,7 +143,7 @@ class UsageCheck:
             )
 
     def _without_values(self) -> Iterator[Diagnostic]:
-        """Warn about variables that only their type enumerates, if no attribute has values of that type."""
+        """Warn about variables that only their type enumerates, if no attribute of the metamodel has that type."""
         metamodel = self._types.metamodel
         for name, type_ in bound_by_type(self._types, self._pattern.parameters):
             if name not in self._tainted and all(one.type != type_ for one in metamodel.attributes):

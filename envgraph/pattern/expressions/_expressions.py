@@ -109,7 +109,7 @@ class ExpressionChecker:
     def report(
         self, code: str, message: str, node: Expression, hint: str | None = None, *subject: str
     ) -> None:
-        """Report a diagnostic at a part of the expression."""
+        """Add a diagnostic at a part of the expression to `problems`."""
         self.problems.append(Diagnostic(code, message, node.span, hint, subject=subject))
 
     def type_of(self, node: Expression, expected: StaticType | None = None) -> StaticType | None:
@@ -194,7 +194,7 @@ class ExpressionChecker:
         )
 
     def at(self, code: str, message: str, span: Span | None, hint: str | None) -> None:
-        """Report a diagnostic at a span."""
+        """Add a diagnostic at a span to `problems`."""
         self.problems.append(Diagnostic(code, message, span, hint))
 
     def _navigation(self, node: Navigation) -> StaticType | None:

@@ -414,7 +414,7 @@ class BodyLowering:
         return current
 
     def _base(self, expression: Expression) -> int:
-        """Return the variable at the start of a path. If this is an expression, add goals that compute its value."""
+        """Return the variable at the start of a path. If the start is an expression, add goals that compute it."""
         if isinstance(expression, Variable):
             return self.slots.named(expression.name, self._types.of(expression.name))
         type_ = ExpressionChecker(self._types.types, self._metamodel, False).type_of(expression)

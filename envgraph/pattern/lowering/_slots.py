@@ -92,7 +92,7 @@ class Slots:
         return self._slots[self.root(number)].type
 
     def name(self, number: int) -> str | None:
-        """Return the name of a slot in the text, or None."""
+        """Return the name that the variable of a slot has in the text, or None."""
         return self._slots[number].name
 
     def __len__(self) -> int:
