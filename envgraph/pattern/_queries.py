@@ -1,6 +1,6 @@
 """Graph queries as frozen data: patterns, bodies, constraints.
 
-Names of classes, features and patterns are plain strings; `check_patterns` reports unknown names.
+Names of classes, features and patterns are strings; `check_patterns` reports unknown names.
 """
 
 from __future__ import annotations
