@@ -17,14 +17,16 @@ class Relation:
     """The storage of one reference. The two references of an opposite pair share their columns in swapped roles.
 
     Attributes:
-        fact: the reference that facts about these links name (see `LinkFact`).
+        fact: the reference under which facts about these links are known (see `LinkFact`).
         flipped: True if `fact` is the opposite, so that facts swap source and target.
         symmetric: True if the reference is its own opposite. `forward` and `backward` are then one column.
         forward, backward: for each source its targets, and for each target its sources.
-        source_ok, target_ok: for each class index, True if its objects may be sources or targets. The last entry is
-            False, because the class index -1 of a missing object selects it.
+        source_ok: for each class index, True if its objects may be sources. The last entry is False, because the class
+            index -1 of a missing object selects it.
+        target_ok: as `source_ok`, for targets.
         upper, opposite_upper: the maximal number of links of a source and of a target.
-        containment, contained: True if the source contains the target, or the target contains the source.
+        containment: True if the source contains the target.
+        contained: True if the target contains the source.
         plain: True if single-valued and no containment, and if setting a target is never refused.
         code: the number of the reference in the hash.
         added, removing: the callbacks of followers, or None, see `Follower`. Arguments are the ends of the fact.
