@@ -160,9 +160,7 @@ CHANGES: dict[str, Callable[[Node], object]] = {
 @pytest.mark.parametrize("change", CHANGES)
 def test_writing_is_refused(engine: Engine, change: str) -> None:
     before = model_to_json(engine.model)
-    with pytest.raises(
-        TypeMismatch, match=r"is read-only: query `.*` defines its values; change the data"
-    ):
+    with pytest.raises(TypeMismatch, match=r"is read-only: query `.*` defines its values; change the data"):
         CHANGES[change](engine.model["a"])
     assert model_to_json(engine.model) == before
     engine.model.check_integrity()
