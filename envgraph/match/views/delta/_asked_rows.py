@@ -24,7 +24,7 @@ def calls(body: Conjunction, names: Collection[str]) -> list[CallAtom]:
 
 
 def passed_on(definitions: Definitions, positions: Sequence[int], place: str) -> Wanted | None:
-    """Return definitions of restricted patterns `place/p`: rows of `p` whose values at the positions are in a view.
+    """Return definitions of patterns `place/p` with only the rows of `p` whose values at the positions are in a view.
 
     The view `place/asked` contains the values that the caller allows. Return None unless every recursive call passes on
     its caller's values at the positions unchanged.
@@ -47,7 +47,7 @@ def passed_on(definitions: Definitions, positions: Sequence[int], place: str) ->
 
 
 def led_to(definitions: Definitions, position: int, place: str) -> Wanted | None:
-    """Return definitions of the same restricted rows if recursive calls change the value at a position.
+    """Return definitions as `passed_on` does, but for recursive calls that change the value at the one position.
 
     The view `place/led` pairs each allowed value with itself and with the values that recursive calls reach from it.
     Return None unless there is one pattern, each recursive call changes only the value at the position, and no other
@@ -76,7 +76,7 @@ def led_to(definitions: Definitions, position: int, place: str) -> Wanted | None
 
 
 def doubled(definitions: Definitions) -> tuple[Conjunction, CallAtom, CallAtom] | None:
-    """Return the only recursive body and its two calls in order, if it is exactly `p(a, m), p(m, b)`; else None."""
+    """Return the only recursive body and its two calls, if its goals are exactly `p(a, m), p(m, b)`; else None."""
     (_, bodies), *others = definitions.items()
     own = [body for body in bodies if calls(body, definitions)]
     found = [] if others or len(own) != 1 else calls(own[0], definitions)

@@ -1,7 +1,7 @@
 """Analyse the bodies of views.
 
-A body of a view is a conjunction over facts of the model and relations of other operators. Each negation has a single
-relation, each aggregate reads a relation of its own, and variables whose existence alone matters are not counted.
+A body of a view is a conjunction over facts of the model and relations of other operators. Each negation contains a
+single relation, each aggregate reads one relation, and variables of which only the existence matters are not counted.
 """
 
 from __future__ import annotations
@@ -29,23 +29,23 @@ from envgraph.pattern import (
 
 
 def negated(goal: Absence) -> RelationAtom:
-    """Return the single relation of a negation."""
+    """Return the only relation inside a negation."""
     ((relation,),) = goal.alternatives
     assert isinstance(relation, RelationAtom)
     return relation
 
 
 def free_inside(goal: Absence | AggregateAtom) -> tuple[int, ...]:
-    """Return the variables that only have values inside a negation or aggregate."""
+    """Return the variables of a negation or aggregate that do not get their values outside."""
     outer = set(inputs(goal))
     relation = negated(goal) if isinstance(goal, Absence) else goal.relation
     return tuple(v for v in arguments(relation) if v not in outer)
 
 
 def existential(conjunction: Conjunction) -> frozenset[int]:
-    """Return the variables at an end of a link, or the value of an attribute goal, that occur nowhere else.
+    """Return the variables for which a match needs only some value: an end of a link, or an attribute's value.
 
-    The number of such links does not matter for a match, only that at least one exists.
+    Such a variable occurs nowhere else, but the other end or the owner does. The number of such links does not matter.
     """
     uses = Counter(v for goal in conjunction.goals for v in set(variables(goal)))
     known = {*conjunction.parameters, *(number for number, _ in conjunction.constants)}
@@ -68,7 +68,7 @@ def existential(conjunction: Conjunction) -> frozenset[int]:
 
 
 def component(goals: Sequence[Goal], starts: Iterable[int], fixed: frozenset[int]) -> list[Goal]:
-    """Return the goals connected with some variables, directly or through other variables without a fixed value."""
+    """Return the goals that mention some variables, and goals connected with these by variables that are not fixed."""
     reached = set(starts)
     chosen: dict[int, Goal] = {}
     size = -1
@@ -83,7 +83,7 @@ def component(goals: Sequence[Goal], starts: Iterable[int], fixed: frozenset[int
 
 
 def link_of(step: Sequence[Conjunction]) -> tuple[int, bool] | None:
-    """Return a step pattern's reference index, and True for swapped ends, if it is a single link; else None."""
+    """Return a reference index, and True if a step pattern's only goal is a link with swapped ends; None if no link."""
     goal = _only_goal(step)
     if not (isinstance(goal, LinkAtom) and isinstance(goal.reference, Reference)):
         return None
@@ -94,7 +94,7 @@ def link_of(step: Sequence[Conjunction]) -> tuple[int, bool] | None:
 
 
 def closure_of(relation: RelationAtom, bodies: Bodies) -> ClosureAtom | None:
-    """Return the closure if a called pattern consists only of one closure; else None."""
+    """Return the closure, with the caller's variables, if a relation calls a pattern of only a closure; else None."""
     called = bodies.called(relation.pattern) if isinstance(relation, CallAtom) else None
     goal = _only_goal(called) if called else None
     if not (isinstance(relation, CallAtom) and called and isinstance(goal, ClosureAtom)):
@@ -107,7 +107,7 @@ def closure_of(relation: RelationAtom, bodies: Bodies) -> ClosureAtom | None:
 
 
 def _only_goal(bodies: Sequence[Conjunction]) -> Goal | None:
-    """Return the single goal of the single body, if it has no constants; else None."""
+    """Return the goal if there is only one body, with only one goal and no constants; else None."""
     if len(bodies) != 1 or len(bodies[0].goals) != 1 or bodies[0].constants:
         return None
     return bodies[0].goals[0]

@@ -1,8 +1,9 @@
 """Generate the functions that build a view and update it (incremental maintenance).
 
 The delta function of an occurrence starts at a changed tuple and finds the derivations with the tuple there. The tuple
-is present while the function runs. All occurrences of its relation in the body are numbered, positive, negated and
-aggregated alike: occurrences before this one see the relation with the tuple, later ones without.
+is present while the function runs. The occurrences of its relation in the body have an order, whether they are
+positive, negated or aggregated. Earlier occurrences see the relation with the tuple, later ones without, so each
+derivation is found only once.
 """
 
 from __future__ import annotations
@@ -47,8 +48,8 @@ class Delta:
         occurrence: the occurrence of the tuple.
         later: the later occurrences of the relation, which must not see the tuple.
         symmetric: True if the tuple is a link that counts in both directions, both of which change at once.
-        own: the positions of the view's rows by which the rows lost with a tuple are found in the view itself; None if
-            a search finds them.
+        own: the positions of the tuple's values in the view's rows, if an index by them finds the rows lost with a
+            tuple; None if a search finds them.
         queued: True if derivations are queued until the view is processed, because other operators read the view.
     """
 
@@ -68,7 +69,7 @@ SINKS: Final = {True: "derive", False: "underive"}
 
 
 def delta_source(planner: ViewPlanner, delta: Delta, coming: bool) -> Source:
-    """Return the source of a delta function, which takes the values of the tuple.
+    """Return the source of a delta function: it takes the values of a tuple, and adds or removes derivations.
 
     Args:
         planner: orders the other goals.
@@ -89,7 +90,7 @@ def tuple_names(occurrence: Occurrence) -> list[code.Local]:
 
 
 def write_delta(planner: ViewPlanner, module: Module, block: code.Block, delta: Delta, coming: bool) -> None:
-    """Emit the body of a delta function: see `delta_source`."""
+    """Emit the body of a delta function, as described at `delta_source`, into `block`."""
     conjunction, occurrence = delta.conjunction, delta.occurrence
     names = tuple_names(occurrence)
     goal = conjunction.goals[occurrence.goal]
@@ -116,7 +117,7 @@ def write_delta(planner: ViewPlanner, module: Module, block: code.Block, delta: 
 
 
 def delta_plan(planner: ViewPlanner, delta: Delta) -> Plan:
-    """Return the plan of the other goals, given the tuple; cached.
+    """Return the plan for all goals of a delta's body but the one of the tuple, whose variables are bound; cached.
 
     Raises:
         Unplannable: a variable cannot be enumerated.
@@ -135,9 +136,9 @@ def delta_plan(planner: ViewPlanner, delta: Delta) -> Plan:
 
 
 def own_positions(planner: ViewPlanner, delta: Delta) -> tuple[int, ...] | None:
-    """Return the row positions with the tuple's values, if an index of the view is cheaper than a search; else None.
+    """Return the positions of the tuple's values in the view's rows, if an index is cheaper than a search; else None.
 
-    For a view whose rows have one derivation each, and which is always up to date.
+    Only for a view that is updated at once, and whose rows have one derivation each.
     """
     heads = delta.conjunction.parameters
     columns = [v for v in delta.occurrence.columns if v is not None]
@@ -155,7 +156,7 @@ def own_positions(planner: ViewPlanner, delta: Delta) -> tuple[int, ...] | None:
 def _write_lookup(
     planner: ViewPlanner, module: Module, block: code.Block, delta: Delta, own: tuple[int, ...]
 ) -> None:
-    """Emit code that looks up the rows with the tuple's values in the view, and deletes them."""
+    """Emit code that finds the view's rows with the tuple's values by an index, and removes their only derivation."""
     occurrence = delta.occurrence
     names = tuple_names(occurrence)
     translation = DeltaTranslation(planner, module, block, delta, names)
@@ -215,14 +216,14 @@ _WAITING: Final = code.Name("")
 
 
 def view_sink(module: Module, delta: Delta, adding: bool) -> Sink:
-    """Return the sink that adds or removes a derivation of the view."""
+    """Return the sink that, for each solution, adds a derivation to the delta's view or removes one (`adding`)."""
     heads = delta.conjunction.parameters
     each = lambda names: (changed(module, delta, adding, row(heads, names)),)  # noqa: E731
     return Sink(heads, (), each, (), size=_WAITING if adding else code.Constant(0))
 
 
 def changed(module: Module, delta: Delta, adding: bool, row_: code.Expression) -> code.Do:
-    """Return code that adds or removes a derivation of a row, at once or by the view's queue."""
+    """Return code that adds or removes a derivation of a row; it queues the change if other operators read the view."""
     if delta.queued:
         return code.Do(
             code.call(module.name(Held("queue", delta.name)), code.tuple_of(row_, code.Constant(adding)))
@@ -265,7 +266,7 @@ class DeltaTranslation(Translation):
         module: receives symbols and functions.
         block: receives the code.
         delta: the body, and the occurrence of the tuple.
-        tuple_: the values of the tuple.
+        tuple_: the local variables with the values of the tuple.
     """
 
     _shares = False
@@ -287,7 +288,7 @@ class DeltaTranslation(Translation):
         self._later = {id(goals[each.goal]): each for each in delta.later}
 
     def run(self, plan: Plan, sink: Sink, given: Mapping[int, code.Expression]) -> None:
-        """Emit code for a plan and the sink.
+        """Emit code that binds the tuple's values, executes a plan, and runs the sink for each derivation.
 
         Args:
             plan: the plan of the other goals.
@@ -311,7 +312,7 @@ class DeltaTranslation(Translation):
         block.back_to(place)
 
     def _size(self, sink: Sink) -> code.Expression:
-        """Return code for the number of matches so far; if derivations are added, for the view's number of rows."""
+        """Return code for the number of matches so far; for a sink that adds derivations, of rows in the view."""
         return (
             code.call(self._module.name(Held("size", self._delta.name)))
             if sink.size == _WAITING
@@ -324,7 +325,10 @@ class DeltaTranslation(Translation):
     # --- the relation without the tuple
 
     def _here(self, columns: Sequence[int | None]) -> code.Expression:
-        """Return a test that the tuple agrees with the bound columns of an occurrence."""
+        """Return a test that the changed tuple agrees with the bound variables of an occurrence's columns.
+
+        A symmetric link may agree in either direction.
+        """
         straight = self._agrees(columns, self._tuple)
         if not self._delta.symmetric:
             return straight
@@ -332,7 +336,7 @@ class DeltaTranslation(Translation):
         return straight if straight == crossed else code.Operation("or", (straight, crossed))
 
     def _agrees(self, columns: Sequence[int | None], tuple_: Sequence[code.Local]) -> code.Expression:
-        """Return a test that a tuple agrees with the bound columns of an occurrence, in one direction."""
+        """Return a test that a tuple agrees with the bound variables in an occurrence's columns, in one direction."""
         asked = (
             (self._bindings.source(v), each) for v, each in zip(columns, tuple_, strict=True) if v is not None
         )
@@ -355,7 +359,7 @@ class DeltaTranslation(Translation):
         self._exclude(step.goal)
 
     def _exclude(self, goal: Goal) -> None:
-        """Emit a test that skips the changed tuple if the goal's occurrence must not see it."""
+        """Emit a test that skips the changed tuple if the occurrence of the goal must not see it; else nothing."""
         place = self._later.get(id(goal))
         if place is None:
             return
@@ -385,7 +389,7 @@ class DeltaTranslation(Translation):
         return code.FALSE if here == code.TRUE else code.Operation("and", (found, code.inverse(here)))
 
     def _number_without(self, goal: LinkAtom, place: Occurrence) -> code.Expression:
-        """Return code for the number of links of a goal without the changed tuple."""
+        """Return code for the number of links at the bound end of a goal, without the changed tuple."""
         here = self._here(place.columns)
         return code.Operation(
             "-", (length(self._relations.ends(goal)), code.Constant(1) if here == code.TRUE else here)
@@ -405,7 +409,7 @@ class DeltaTranslation(Translation):
         return code.TRUE if here == code.TRUE else code.Operation("or", (found, here))
 
     def _holds(self, relation: RelationAtom) -> code.Expression:
-        """Return a test that a relation contains a tuple."""
+        """Return a test that a relation contains the bound values; for an unbound attribute value, that it exists."""
         match relation:
             case InstanceAtom():
                 return self._relations.is_instance(relation)
@@ -426,17 +430,17 @@ class DeltaTranslation(Translation):
                 return self._relations.closure(relation)
 
     def alone(self, occurrence: Occurrence, names: Sequence[code.Local]) -> None:
-        """Emit a test that the tuple is the only one of its group, if it belongs to a group."""
+        """Emit a test that the tuple is the only link at its bound end, if the other end only needs to exist."""
         if isinstance(occurrence.relation, LinkAtom) and None in occurrence.columns:
             self._block.test(code.equal(self.number(occurrence, names, 0), code.Constant(1)))
 
     def number(self, occurrence: Occurrence, names: Sequence[code.Local], less: int) -> code.Expression:
-        """Return code for the number of tuples in the tuple's group, minus `less` (0, or 1 for the tuple itself)."""
+        """Return code for the number of links at the tuple's bound end, minus `less` (1 to leave out the tuple)."""
         size = length(self._group(occurrence, names))
         return code.Operation("-", (size, code.Constant(1))) if less else size
 
     def _group(self, occurrence: Occurrence, names: Sequence[code.Local]) -> code.Expression:
-        """Return code for the ends of the links in the tuple's group."""
+        """Return code for the collection of nodes or values that are linked with the tuple's bound end."""
         relation = occurrence.relation
         assert isinstance(relation, LinkAtom)
         if occurrence.columns[0] is not None:
@@ -473,5 +477,5 @@ class DeltaTranslation(Translation):
 
 
 def _more(number: code.Expression) -> code.Operation:
-    """Return a test that a number is positive."""
+    """Return the test `number > 0`."""
     return code.Operation(">", (number, code.Constant(0)))

@@ -66,10 +66,9 @@ def fused_source(planner: ViewPlanner, deltas: Sequence[Delta], coming: bool) ->
     """Return the source of a function that executes several delta functions one after the other.
 
     Each delta function is a nest of loops and conditions around one change, whose effect no nest reads. So two nests
-    with
-    the same outer loop can share this loop: changes of different views, additions to one view, and deletions from one
-    view may be reordered. But a view may lose a row that it has gained in another pass of the loop. So additions and
-    deletions of one view are never put into the same loop.
+    with the same outer loop can share this loop: changes of different views, additions to one view, and deletions from
+    one view may be reordered. But a view may lose a row that it has gained in another pass of the loop. So additions
+    and deletions of one view are never put into the same loop.
 
     Args:
         planner: orders goals.
@@ -96,7 +95,10 @@ def fused_source(planner: ViewPlanner, deltas: Sequence[Delta], coming: bool) ->
 
 
 def insert(groups: list[Group], nest: Body, change: Change) -> None:
-    """Add a nest to the groups: inside a branch with the same beginning, but after all opposite changes of its view."""
+    """Add a nest of loops and tests to the groups, inside a branch with the same beginning if possible.
+
+    It is executed after all opposite changes of its view, as before.
+    """
     count = next(index for index, statement in enumerate(nest) if not isinstance(statement, Assign))
     assignments, (first, *behind) = nest[:count], nest[count:]
     heads, inside = _opened(first)
@@ -113,7 +115,7 @@ def insert(groups: list[Group], nest: Body, change: Change) -> None:
 
 
 def _opened(statement: Statement) -> tuple[Body, Body]:
-    """Return the head of a statement, and the statements inside it."""
+    """Return a statement without its body, and the statements in the body; directly nested conditions count as one."""
     match statement:
         case For(target, iterable, inside):
             return (For(target, iterable, ()),), inside
@@ -127,7 +129,10 @@ def _opened(statement: Statement) -> tuple[Body, Body]:
 
 
 def _alike(groups: Sequence[Group], assignments: Body, heads: Body, change: Change) -> Branch | None:
-    """Return the last branch with this head; None if it, or a later branch, conflicts with the change."""
+    """Return the last branch with this head after these assignments, to put a nest with this change into it.
+
+    Return None if there is none, if a later branch changes the same view, or if the branch changes it the opposite way.
+    """
     view, adding = change
     for group in reversed(groups):
         for branch in reversed(group.branches):
@@ -151,7 +156,7 @@ def merged(groups: Sequence[Group]) -> Body:
 
 
 def _closed(heads: Body, inside: Body) -> Body:
-    """Return the statements with these heads, with other statements inside or, after an assignment, behind."""
+    """Return the statements with these heads around other statements; after an assignment, the others follow it."""
     for head in reversed(heads):
         match head:
             case For(target, iterable):

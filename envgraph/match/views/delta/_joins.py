@@ -1,4 +1,4 @@
-"""Joins by attribute value: where a search would test many objects for a value, a view of the values is used."""
+"""Joins by attribute value: where a search would test many objects for a value, the body calls a view of all values."""
 
 from __future__ import annotations
 
@@ -34,7 +34,7 @@ DIFFERENT: Final = 8
 
 
 def joined_by_value(store: Store, planner: ViewPlanner, body: Conjunction) -> frozenset[int]:
-    """Return the indices of the attributes by which a body would test many objects for a known value.
+    """Return the indices of the attributes by which the search of a body would test many objects for a known value.
 
     Args:
         store: the store, whose values are sampled.
@@ -63,7 +63,7 @@ def joined_by_value(store: Store, planner: ViewPlanner, body: Conjunction) -> fr
 
 
 def with_values(body: Conjunction, attributes: frozenset[int]) -> Conjunction:
-    """Return the body with goals of these attributes replaced by calls of the views of their values."""
+    """Return the body in which goals of these attributes (given by index) call the views of objects and values."""
     goals = tuple(
         CallAtom(values_of(held[0]), held[1:])
         if (held := held_value(goal)) and held[0].index in attributes
@@ -79,7 +79,7 @@ def values_of(attribute: Attribute) -> str:
 
 
 def all_values(goal: Goal) -> Conjunction:
-    """Return the body of the view of a goal's attribute: objects and their values."""
+    """Return the body of the view of a goal's attribute, which contains each object with its value."""
     held = held_value(goal)
     assert isinstance(goal, AttributeAtom | LinkAtom) and held
     types = (ObjectType(held[0].owner), held[0].type)
@@ -87,7 +87,7 @@ def all_values(goal: Goal) -> Conjunction:
 
 
 def _met_elsewhere(body: Conjunction, goal: Goal) -> bool:
-    """Return True if another goal may bind the value of an attribute goal."""
+    """Return True if the value of an attribute goal occurs in another goal that may bind it, not only compare it."""
     held = held_value(goal)
     return held is not None and any(
         held[2] in variables(other)
@@ -97,7 +97,7 @@ def _met_elsewhere(body: Conjunction, goal: Goal) -> bool:
 
 
 def _telling(store: Store, metamodel: Metamodel, attribute: Attribute) -> bool:
-    """Return True if a sample of the objects has many different values of an attribute."""
+    """Return True if the sampled objects have at least `DIFFERENT` different values of an attribute."""
     column = store.values[attribute.index]
     different: set[Value | Values] = set()  # only its size is used
     for cls, extent in zip(metamodel.class_list, store.extents, strict=True):
@@ -108,7 +108,7 @@ def _telling(store: Store, metamodel: Metamodel, attribute: Attribute) -> bool:
 
 
 def _searches(body: Conjunction) -> Iterator[tuple[set[int], list[int]]]:
-    """Yield the searches of a body, for all matches and for each delta: the bound variables, and the goals to solve."""
+    """Yield the bound variables and the goal numbers to solve, for the search of all matches and for each delta."""
     everything = list(range(len(body.goals)))
     yield set(), everything
     for place in occurrences(body):
@@ -120,7 +120,7 @@ def _searches(body: Conjunction) -> Iterator[tuple[set[int], list[int]]]:
 
 
 def _told_apart(plan: Plan, known: set[int]) -> Iterator[int]:
-    """Yield the attributes by which objects of a long loop are tested for a value known before the loop."""
+    """Yield the indices of attributes by which objects of a long loop are tested for a value known before the loop."""
     rows, before = 1.0, set(known)
     looped: dict[int, set[int]] = {}
     for step in plan.steps:

@@ -25,13 +25,13 @@ class Role(Enum):
     """The effect of a tuple at an occurrence on the derivations of the body."""
 
     EACH = "each"
-    """Each tuple gives derivations of its own."""
+    """Each tuple takes part in derivations of its own."""
     SOME = "some"
-    """It only matters if at least one tuple of the group exists."""
+    """Only the existence of a tuple in its group matters, not their number."""
     NONE = "none"
-    """No tuple may exist (negation)."""
+    """A derivation needs that no tuple exists (negation)."""
     NUMBER = "number"
-    """The number of tuples is the value of a variable."""
+    """The number of tuples in the group is the value of a variable."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -80,7 +80,7 @@ def occurrences(conjunction: Conjunction) -> list[Occurrence]:
 
 
 def group_of(goal: AggregateAtom) -> tuple[int, ...]:
-    """Return the variables whose values distinguish the groups of an aggregate."""
+    """Return the variables whose values distinguish the groups of an aggregate, each once."""
     return tuple(dict.fromkeys(inputs(goal)))
 
 

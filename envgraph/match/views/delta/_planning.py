@@ -44,10 +44,10 @@ class Held(Protocol):
         """Return the number of matches of a view."""
 
     def matching(self, view: str, positions: tuple[int, ...]) -> float:
-        """Return the average number of matches of a view for one combination of values at some positions."""
+        """Return how many matches of a view share their values at some positions, on average."""
 
     def reached(self, closure: str) -> tuple[bool, float, float]:
-        """Return for a closure: True if followed from the source, number of starts, and nodes reached per start."""
+        """Return for a closure: True if starts are sources, the number of starts, and the nodes reached per start."""
 
 
 class ViewPlanner:
@@ -70,7 +70,7 @@ class ViewPlanner:
         raise AssertionError(key)
 
     def plan(self, conjunction: Conjunction, goals: Sequence[Goal], bound: frozenset[int]) -> Plan:
-        """Return a plan for some goals that binds all variables, except where only existence matters.
+        """Return a plan for some goals that binds all their variables, except those of which only existence matters.
 
         Raises:
             Unplannable: a variable cannot be enumerated.
@@ -82,7 +82,7 @@ class ViewPlanner:
         return ViewSearch(self, conjunction, bound | fixed, frozenset(wanted)).plan(goals)
 
     def repeats(self, bodies: Sequence[Conjunction]) -> bool:
-        """Return True if a row may have several derivations."""
+        """Return True if a row of a view with these bodies may have several derivations."""
         for body in bodies:
             known = {*body.parameters, *(number for number, _ in body.constants)}
             counted = {v for goal in body.goals for v in variables(goal)} - existential(body)
@@ -92,10 +92,10 @@ class ViewPlanner:
         return not disjoint(self.library.metamodel, positions, bodies)
 
     def orders(self, bodies: Sequence[Conjunction]) -> bool:
-        """Return True if a pattern has very many rows because of a comparison such as `x < y`.
+        """Return True if a pattern is estimated to have very many rows, and compares values as in `x < y`.
 
         Such comparisons relate nearly all pairs of objects. An ordered index finds the existence or number of rows
-        without listing them. So goals that negate or count such a pattern are recomputed after every change.
+        without listing them. So views that negate or count such a pattern are recomputed after every change.
         """
         for body in bodies:
             if any(map(_is_ordering, body.goals)):
@@ -106,7 +106,7 @@ class ViewPlanner:
 
 
 def _is_ordering(goal: Goal) -> bool:
-    """Return True if a goal compares two values by their order."""
+    """Return True if a goal compares values of two or more variables by `<`, `<=`, `>` or `>=`."""
     expression = goal.expression if isinstance(goal, Condition) and len(goal.reads) > 1 else None
     return isinstance(expression, Binary) and expression.operator in ("<", "<=", ">", ">=")
 
@@ -171,9 +171,9 @@ class ViewOptions(Options):
                 yield option
 
     def _extents(self, goals: Sequence[Goal], bound: Bound, uses: Counter[int]) -> Iterator[Option]:
-        """Yield for each object variable of an unsolved fact a loop over the smallest class that the fact requires.
+        """Yield, for each unbound object variable of a fact, a loop over the smallest class that the fact requires.
 
-        Variables that occur only in views must be found in views, whose rows may contain objects already deleted.
+        Variables that occur only in calls of views get no loop, because the rows of views may contain deleted objects.
         """
         classes: dict[int, list[InstanceAtom]] = {}
         for goal in goals:
@@ -187,13 +187,13 @@ class ViewOptions(Options):
 
 
 def _from_value(goal: Goal, bound: Bound) -> bool:
-    """Return True if objects would have to be found by their attribute value: no index of them follows the changes."""
+    """Return True if a goal needs a lookup of objects by attribute value. Views have none, as no such index is kept."""
     held = held_value(goal)
     return held is not None and held[1] not in bound
 
 
 def _classes(goal: Goal) -> Sequence[InstanceAtom]:
-    """Return class tests for the objects of a fact, as required by its attribute or reference."""
+    """Return the class tests that a fact implies for its objects by its attribute or reference; () for other goals."""
     match goal:
         case InstanceAtom():
             return [goal]
@@ -215,6 +215,6 @@ class ViewSearch(Search):
     counts_abandoned = True  # each occurrence has a plan of its own: none may take long
 
     def _enter(self, draft: Draft, loop: Option) -> None:
-        """Append a loop to a draft. Other class tests of its object remain, since each may need another treatment."""
+        """Append a loop to a draft, and remove its goal. Other class tests of its object remain in the plan."""
         draft.add(loop)
         self._drop(draft, [loop.goal], loop.binds)

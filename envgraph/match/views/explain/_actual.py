@@ -69,7 +69,7 @@ def actual_rows(
 
 
 def _source(planner: ViewPlanner, delta: Delta) -> Source:
-    """Return the source of the delta function with a call of `note` after each step."""
+    """Return the source of a function that runs a delta's plan without changes, and calls `note` after each step."""
     module, block = Module(), Block()
     occurrence = delta.occurrence
     names = tuple_names(occurrence)
@@ -108,7 +108,7 @@ def tuples_of(delta: Delta, store: Store, operators: Mapping[str, Operator]) -> 
 
 
 def _rows_of(operator: Operator) -> Iterator[tuple[Any, ...]]:
-    """Yield the tuples of an operator."""
+    """Yield the tuples of an operator; nothing if the operator does not store them."""
     match operator:
         case Rows() if operator.listed:
             yield from operator.rows

@@ -30,7 +30,8 @@ def explain_views(
 ) -> str:
     """Return as text the operators of a watched pattern in processing order, and the pattern's delta functions.
 
-    Row numbers are for one inserted tuple: the estimate, and the average over present tuples.
+    Each step shows two numbers of partial matches of one inserted tuple: the estimate, and the average of present
+    tuples.
 
     Args:
         operators: the operators that the pattern needs; the last one holds its matches.
@@ -48,7 +49,7 @@ def explain_views(
 
 
 def _operator(operator: Operator) -> str:
-    """Return one line about an operator."""
+    """Return one line about an operator: its name, its kind and its size."""
     size = f"{operator.size():.0f}"
     match operator:
         case View(counts=None):

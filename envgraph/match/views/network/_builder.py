@@ -109,7 +109,10 @@ class NetworkBuilder:
         self._products: dict[str, bool] = {}
 
     def view(self, pattern: str) -> Rows:
-        """Return the operator with the matches of a pattern, created if necessary; recomputed if it has no deltas."""
+        """Return the operator with the matches of a pattern; create it and the operators that it reads if necessary.
+
+        If delta functions are impossible, it is an `Evaluated` operator, which recomputes its rows after every change.
+        """
         known = self.operators.get(pattern)
         if known is not None:
             assert isinstance(known, Rows)
@@ -132,14 +135,14 @@ class NetworkBuilder:
             return found
 
     def recursive(self, pattern: str) -> Member | None:
-        """Return the operator of a recursive pattern; None if it has no delta functions."""
+        """Create the operators of a recursive component. Return the pattern's; None if it has no delta functions."""
         try:
             return self._members(self._definitions(pattern))[pattern]
         except NotIncremental:
             return None
 
     def _enter(self, operator: Entered) -> Entered:
-        """Add an operator to the network, compute its relation, and return it."""
+        """Add an operator to the network, compute its relation without journalling, and return it."""
         self.operators[operator.name] = operator
         if isinstance(operator, ClosureOperator) and self.most < inf:
             operator.check_pairs(self.most)
@@ -147,7 +150,7 @@ class NetworkBuilder:
         return operator
 
     def _define(self, name: str, bodies: Iterable[Conjunction]) -> View:
-        """Create a view of some bodies, and return it."""
+        """Create a view of some bodies, add it and missing operators that it reads to the network, and return it."""
         prepared = [self._prepared(name, number, body) for number, body in enumerate(bodies)]
         view = View(name, self.store, counted=self._planner.repeats(prepared))
         try:
@@ -162,7 +165,11 @@ class NetworkBuilder:
         return self._enter(view)
 
     def _definitions(self, pattern: str) -> Definitions:
-        """Return the bodies of all patterns in the recursive component of a pattern."""
+        """Return the bodies of all patterns in the recursive component of a pattern.
+
+        A body `p(a, m), p(m, b)` is rewritten to call a new view of the non-recursive bodies in place of one recursive
+        call.
+        """
         names = self._together(pattern)
         if len(names) < len(self.calls.component(pattern)):
             raise NotIncremental
@@ -177,7 +184,7 @@ class NetworkBuilder:
         return definitions
 
     def _members(self, definitions: Definitions) -> dict[str, Member]:
-        """Create the operators of a recursive component, and return its views by pattern."""
+        """Create the operators and delta functions of a recursive component, and return its views by pattern."""
         component = frozenset(definitions)
         members = {name: self._enter(Member(name, self.store, component)) for name in definitions}
         self._open |= component
@@ -209,20 +216,20 @@ class NetworkBuilder:
         return members
 
     def _together(self, pattern: str) -> list[str]:
-        """Return the patterns of the recursive component, or the pattern alone, if they can be enumerated."""
+        """Return the patterns of the recursive component, or the pattern alone, without patterns that need inputs."""
         component = self.calls.component(pattern) or {pattern}
         names = [name for name in self.library.names() if name in component] or [pattern]
         return [name for name in names if not self.library.inputs(name)]
 
     def _prepared(self, name: str, number: int, body: Conjunction) -> Conjunction:
-        """Return a body over relations of the network. Missing relations are created."""
+        """Return a body rewritten to read only the model and operators of the network; create missing operators."""
         if len(body.goals) > MOST_GOALS:
             raise NotIncremental
         body = self._with_apart(body, f"{name}/{number}/apart")
         return self._with_values(replace(body, goals=tuple(self._goals(body, f"{name}/{number}"))))
 
     def _with_values(self, body: Conjunction) -> Conjunction:
-        """Return the body with joins by attribute value rewritten to calls of views of these values."""
+        """Return the body in which joins by attribute value call views of objects and values; create missing views."""
         attributes = joined_by_value(self.store, self._planner, body)
         for goal in body.goals:
             held = held_value(goal)
@@ -233,7 +240,7 @@ class NetworkBuilder:
         return with_values(body, attributes) if attributes else body
 
     def _with_apart(self, body: Conjunction, place: str) -> Conjunction:
-        """Return the body with groups of goals that share no variable with a parameter replaced by views.
+        """Return the body with each group of connected goals that mentions no parameter replaced by a call of a view.
 
         Only the existence of a solution of such a group matters; its solutions would multiply the derivations of each
         match.
@@ -259,7 +266,7 @@ class NetworkBuilder:
         return replace(body, goals=tuple(found))
 
     def _goals(self, body: Conjunction, name: str) -> list[Goal]:
-        """Return the goals as relations of the network; relations that restrict others are created first."""
+        """Return the goals rewritten to read operators; create missing operators, first those that restrict others."""
 
         def turn(number: int) -> int:
             """Return the priority of a goal; goals with lower numbers are prepared earlier."""
@@ -285,13 +292,13 @@ class NetworkBuilder:
         return list(body.goals)
 
     def _is_made(self, goal: RelationAtom) -> bool:
-        """Return True if a relation can be read as it is: its operator exists, or the body cannot restrict it."""
+        """Return True if a body may read a relation unrestricted: it is not recursive, or its operator exists."""
         if isinstance(goal, CallAtom):
             return goal.pattern in self.operators or not self.calls.recursive(goal.pattern)
         return not isinstance(goal, ClosureAtom) or isinstance(self.operators.get(goal.step), ClosureOperator)
 
     def _restricting(self, body: Conjunction, heads: Iterable[int]) -> list[Goal]:
-        """Return the goals that restrict some variables: existing relations connected with them, and tests."""
+        """Return the goals that restrict the variables `heads`: relations connected with them, and tests."""
         fixed = frozenset(dict(body.constants))
         near = component([each for each in self._linked(body.goals) if self._is_made(each)], heads, fixed)
         known = fixed.union(*map(variables, near))
@@ -299,7 +306,7 @@ class NetworkBuilder:
         return [*near, *(each for each in tests if near and known.issuperset(variables(each)))]
 
     def _restricted(self, body: Conjunction, goal: CallAtom) -> tuple[int, ...]:
-        """Return the argument positions of a call that the rest of the body restricts."""
+        """Return the argument positions of a call that have a constant, or that the rest of the body restricts."""
         fixed = dict(body.constants)
         return tuple(p for p, v in enumerate(goal.arguments) if v in fixed or self._restricting(body, [v]))
 
@@ -308,7 +315,7 @@ class NetworkBuilder:
 
         `not { y -next-> z : N; }` is a pattern over `x` and `y` if `z` must differ from an outer `x`: a product of all
         `x` with all `y`. Its view holds only the `x` and `y` that other goals of the body allow, without columns for
-        local variables. The view of a recursive pattern holds only rows with the values allowed at one position.
+        `local` variables. The view of a recursive pattern holds only rows with the values allowed at one position.
         """
         definitions: Definitions = {}
         places = self._restricted(body, goal)
@@ -343,7 +350,7 @@ class NetworkBuilder:
         return replace(goal, pattern=asked.name.removesuffix("asked") + goal.pattern)
 
     def _with_few(self, body: Conjunction, place: str) -> list[Conjunction]:
-        """Return bodies that together have the rows of a body, but read only a few values of one variable.
+        """Return bodies with the same rows as a body that read only a few values of one variable; else only the body.
 
         The variable occurs in other goals only in comparisons by `!=` with `n` other variables. These exclude at most
         `n` of its values, so the first `n + 1` values of each group suffice.
@@ -372,7 +379,7 @@ class NetworkBuilder:
         return [replace(body, goals=(each, *others)) for each in values]
 
     def _is_product(self, pattern: str) -> bool:
-        """Return True if relations leave some parameters of a pattern unconnected or without a value."""
+        """Return True if a pattern without operator has a body in which relations do not connect all parameters."""
         if pattern in self.operators or self.calls.recursive(pattern):
             return False
         if pattern not in self._products:
@@ -380,19 +387,23 @@ class NetworkBuilder:
         return self._products[pattern]
 
     def _is_linked(self, body: Conjunction) -> bool:
-        """Return True if relations connect all parameters of a body with each other."""
+        """Return True if relations connect all parameters of a body that have no constant value with each other."""
         fixed, heads = frozenset(dict(body.constants)), body.parameters
         linked = component(self._linked(body.goals), heads[:1], fixed)
         return fixed.union(*map(variables, linked)).issuperset(heads)
 
     def _linked(self, goals: Iterable[Goal]) -> list[RelationAtom]:
-        """Return the relations among goals, without calls of products (see `_is_product`) and unfinished patterns."""
+        """Return the relations among goals, without calls of products (see `_is_product`) or of unfinished patterns."""
         calls = {each.pattern for each in goals if isinstance(each, CallAtom)}
         apart = {name for name in calls if name in self._open or self._is_product(name)}
         return [g for g in goals if is_relation(g) and not (isinstance(g, CallAtom) and g.pattern in apart)]
 
     def _usable(self, pattern: str) -> Rows:
-        """Return the operator of a pattern; raise `NotIncremental` if it is under construction or needs inputs."""
+        """Return the operator of a pattern; create it if it is missing.
+
+        Raises:
+            NotIncremental: the pattern is under construction or needs inputs.
+        """
         if pattern in self._open:
             raise NotIncremental
         known = self.operators.get(pattern)
@@ -403,7 +414,7 @@ class NetworkBuilder:
         return self.view(pattern)
 
     def _absence(self, body: Conjunction, goal: Absence, place: str) -> Goal:
-        """Return a negation of one relation of the network; raise `NotIncremental` if there is none."""
+        """Return a negation rewritten to test one relation of the network; raise `NotIncremental` if impossible."""
         if isinstance(call := negated(goal), CallAtom):
             if call.pattern not in self.operators and self._planner.orders(self._bodies.of(call.pattern)):
                 raise NotIncremental
@@ -425,7 +436,7 @@ class NetworkBuilder:
         return replace(goal, alternatives=((CallAtom(projected.name, outer),),), outer=outer)
 
     def _aggregate(self, body: Conjunction, goal: AggregateAtom, place: str) -> Goal:
-        """Return an aggregate whose value an operator holds for each group, or a count of links."""
+        """Return an aggregate that reads its value from an operator, created if necessary, or a count of links."""
         relation = goal.relation
         local = set(free_inside(goal))
         called = arguments(relation)
@@ -468,7 +479,7 @@ class NetworkBuilder:
     def _number_reached(
         self, body: Conjunction, goal: AggregateAtom, reached: ClosureAtom, place: str
     ) -> Goal:
-        """Return a count of the nodes that a closure reaches, for only the starts that the rest of the body allows."""
+        """Return a count that reads the sizes of a new closure, whose starts are restricted by the rest of the body."""
         forward = reached.target in goal.local
         closure = self._closure(body, reached, place, forward)
         assert isinstance(closure, ClosureAtom)
@@ -484,7 +495,7 @@ class NetworkBuilder:
     def _closure(
         self, body: Conjunction, goal: ClosureAtom, place: str, direction: bool | None = None
     ) -> ClosureAtom | CallAtom:
-        """Return a closure from the starts that the rest of the body allows, or a call of the view of nodes on cycles.
+        """Return a call of a new closure from the starts that the rest of the body allows, or of a view of cycle nodes.
 
         Args:
             body, goal: the body, and its closure.
@@ -514,7 +525,7 @@ class NetworkBuilder:
         return replace(goal, step=name)
 
     def _steps(self, name: str, step: str, forward: bool) -> Steps:
-        """Return the edges that a closure operator follows, and record the relation that they come from."""
+        """Return the edges that a closure operator follows, and set in `edges` the relation that they come from."""
         link = link_of(self._bodies.of(step))
         self.edges[name] = (("link", link[0]), link[1]) if link else (("rows", step), False)
         if link:
@@ -524,7 +535,7 @@ class NetworkBuilder:
         return Steps(rows.group((near,), 1 - near).table, rows.group((1 - near,), near).table)
 
     def _discard(self, *names: str) -> None:
-        """Remove operators by name."""
+        """Remove operators by name, with their definitions."""
         for name in names:
             del self.operators[name]
             self.definitions.pop(name, None)
@@ -532,7 +543,7 @@ class NetworkBuilder:
     def _starts(
         self, body: Conjunction, goal: ClosureAtom, forward: bool, place: str
     ) -> tuple[bool, View] | None:
-        """Return the direction and a new view of the allowed starts of a closure; None if that has no deltas."""
+        """Create the view of allowed starts of a closure; return the direction and the view, or None without deltas."""
         way = 1 if forward else -1
         start = goal.source if forward else goal.target
         others = tuple(each for each in body.goals if not isinstance(each, ClosureAtom))

@@ -1,4 +1,4 @@
-"""Compute all rows of a recursive pattern on demand with a view network that is not kept up to date."""
+"""Compute all rows of a recursive pattern on demand, with a view network that is recomputed after model changes."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ if TYPE_CHECKING:
 
 
 def whole_pattern(program: Program, pattern: str) -> Callable[[], list[Row]] | None:
-    """Return a function that lists all rows of a recursive pattern in ascending order; None if it has no deltas.
+    """Return a function that lists all rows of a recursive pattern in ascending order; None without delta functions.
 
     The rows are cached until the model changes. The list must not be changed.
     """

@@ -23,13 +23,13 @@ from envgraph.pattern import Library
 
 
 class Network:
-    """A network of operators, each placed after the operators that it reads.
+    """A view network: operators in an order in which each comes after the operators that it reads.
 
     Args:
         store: the store of the model.
         library: the patterns.
         calls: their call graph.
-        build: creates functions of source; gets the values of symbols from `held`.
+        build: creates a function from source; gets the values of symbols from `held`.
         evaluate: returns a function that lists all rows of a pattern on demand.
 
     Attributes:
@@ -49,7 +49,7 @@ class Network:
         self.definitions = self._builder.definitions
 
     def view(self, pattern: str) -> Rows:
-        """Return the operator with the matches of a pattern; create it if necessary."""
+        """Return the operator with the matches of a pattern, created if necessary, and mark it as read (`asked`)."""
         view = self._builder.view(pattern)
         view.asked = True
         return view
@@ -64,13 +64,13 @@ class Network:
         return max(inf if isinstance(operator, Evaluated) else operator.size() for operator in each)
 
     def recursive(self, pattern: str) -> Member | None:
-        """Return the operator of a recursive pattern; None if the pattern has no delta functions."""
+        """Create and return the operator of a recursive pattern; None if the pattern has no delta functions."""
         return self._builder.recursive(pattern)
 
     # --- sizes for planning
 
     def rows(self, view: str) -> float:
-        """Return the number of matches of a view, at least 0.5; before its creation the number of objects."""
+        """Return the number of matches of a view, at least 0.5; before its creation the number of all objects."""
         operator = self.operators.get(view)
         return max(operator.size() if operator else self._objects(), 0.5)
 
@@ -79,7 +79,10 @@ class Network:
         return float(sum(map(len, self._store.extents)))
 
     def matching(self, view: str, positions: tuple[int, ...]) -> float:
-        """Return the average number of matches of a view for one combination of values at some positions."""
+        """Return how many matches of a view share their values at some positions, on average, but at least 0.5.
+
+        The average is of a sample. Before the creation of the view return 1.
+        """
         operator = self.operators.get(view)
         if operator is None:
             return 1.0
@@ -89,7 +92,10 @@ class Network:
         return max(sample / keys, 0.5) if keys else 0.5
 
     def reached(self, closure: str) -> tuple[bool, float, float]:
-        """Return for a closure: True if followed from the source, number of starts, and nodes reached per start."""
+        """Return for a closure: True if starts are sources, the number of starts, and the nodes reached per start.
+
+        Before its creation return True, the number of objects in the model, and 1.
+        """
         operator = self.operators.get(closure)
         if operator is None:
             return True, self._objects(), 1.0
@@ -100,7 +106,7 @@ class Network:
     # --- updates
 
     def settle(self) -> None:
-        """Process all operators with pending changes, each once, in the order of the network."""
+        """Process all operators with pending changes in network order. Do nothing if the model is unchanged."""
         if self._settled == self._store.revision:
             return
         for operator in self.wiring.turns:
@@ -109,13 +115,13 @@ class Network:
         self._settled = self._store.revision
 
     def forget(self) -> None:
-        """Discard all pending changes, because the stored state is already correct."""
+        """Discard all pending changes, and treat all operators as up to date with the model."""
         for operator in self.wiring.turns:
             operator.forget()
         self._settled = self._store.revision
 
     def rolled_back(self) -> None:
-        """Discard all pending changes after a rollback: the journal has already restored the state of the operators."""
+        """Discard all pending changes after a rollback, because the journal has already restored the operators."""
         if self._settled != self._store.revision - 1:
             self.forget()
             return
@@ -124,21 +130,21 @@ class Network:
         self._settled = self._store.revision
 
     def refill(self) -> None:
-        """Recompute all operators without recording the changes in the journal."""
+        """Discard all pending changes, and recompute all operators without journalling."""
         self.forget()
         for operator in self.operators.values():
             fill_unrecorded(operator)
         self._settled = self._store.revision
 
     def recount(self) -> None:
-        """Recompute all operators, and record the differences in the journal."""
+        """Discard all pending changes, recompute all operators, and journal the differences."""
         self.forget()
         for operator in self.operators.values():
             operator.fill()
         self.forget()
 
     def held(self, symbol: Held) -> object:
-        """Return the value of a symbol in generated source: a data structure or method of an operator."""
+        """Return the part of an operator that a symbol in generated source refers to: a data structure or method."""
         operator = self.operators[symbol.name]
         if isinstance(operator, Rows) and symbol.what in ("position", "rows", "group"):
             operator.asked = True
@@ -173,7 +179,7 @@ class Network:
 
         Args:
             pattern: qualified name.
-            build: creates functions of source; its second argument returns the values of symbols.
+            build: creates a function from source; its second argument is a function that returns the values of symbols.
         """
         needed = reached([pattern], self._builder.made_of)
         operators = [operator for name, operator in self.operators.items() if name in needed]

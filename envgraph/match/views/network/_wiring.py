@@ -32,14 +32,14 @@ class Wiring:
 
     Attributes:
         deltas: the definitions of the delta functions.
-        turns: the operators that are processed in order; the other views are updated at once.
+        turns: the operators that the network processes in order; delta functions update the other views at once.
         evaluated: the operators among them that are recomputed when the store's revision has changed.
 
     Args:
         store: notifies of changes.
         builder: the operators.
         planner: orders goals.
-        build: creates functions of source.
+        build: creates a function from source.
     """
 
     def __init__(self, store: Store, builder: NetworkBuilder, planner: ViewPlanner, build: Build) -> None:
@@ -56,7 +56,7 @@ class Wiring:
         self._queued: set[str] = set()
 
     def connect(self) -> None:
-        """Create the functions of all operators, and subscribe them to the store."""
+        """Create the functions of all operators, replacing earlier ones, and subscribe them to the store."""
         self.deltas.clear()
         self._consumers.clear()
         self._classes.clear()
@@ -95,7 +95,7 @@ class Wiring:
             operator.make(self._arity(operator))
 
     def _only_followed(self, view: View) -> bool:
-        """Return True if only closures read a view: they need only its groups."""
+        """Return True if only closures read a view, so that it needs to store only its groups."""
         return bool(view.groups) and not view.asked and all(item is not None for _, item in view.groups)
 
     def _arity(self, operator: Operator) -> int:
@@ -112,7 +112,7 @@ class Wiring:
                 return len(self._builder.library.parameter_types(operator.name))
 
     def _subscribe(self, operator: Operator) -> None:
-        """Register an aggregate or closure operator as a consumer of the relations that it reads."""
+        """Register an aggregate or closure operator as a consumer of the relations it reads. Do nothing for others."""
         match operator:
             case Fold():
                 self._listen(("rows", operator.source.name), operator.hooks)
@@ -127,7 +127,7 @@ class Wiring:
                 self._listen(key, (gain, lose))
 
     def _deltas(self) -> list[tuple[Key, Delta]]:
-        """Return the deltas of all occurrences by relation. Class tests are collected apart: see `_affected`."""
+        """Return each occurrence in a body as a delta with its relation. Add class tests to `_classes` instead."""
         found: list[tuple[Key, Delta]] = []
         for name, definition in self._builder.definitions.items():
             for number, body in enumerate(definition.bodies):
@@ -150,13 +150,13 @@ class Wiring:
         return found
 
     def _inside(self, definition: Definition, key: Key) -> bool:
-        """Return True if a relation belongs to the recursive component of the view, which spreads its own rows."""
+        """Return True if a relation belongs to the view's own recursive component, which updates its rows by itself."""
         return (
             isinstance(definition.view, Member) and key[0] == "rows" and key[1] in definition.view.component
         )
 
     def _with_own(self, delta: Delta, view: View | Member) -> Delta:
-        """Return the delta with an index of the view on its own rows, if this is cheaper than a search."""
+        """Return the delta; if an index of the view finds lost rows faster than a search, create it and set `own`."""
         if isinstance(view, Member) or view.counts is not None:
             return delta
         own = own_positions(self._planner, delta)
@@ -165,7 +165,7 @@ class Wiring:
         return replace(delta, own=own)
 
     def _delta(self, deltas: Sequence[Delta], coming: bool) -> Hook:
-        """Return one function for several deltas of the same change."""
+        """Generate one function for several deltas of one relation, for insertions if `coming`, else for deletions."""
         try:
             hook: Hook = self._build(fused_source(self._planner, deltas, coming))
         except Unplannable as reason:
@@ -173,15 +173,18 @@ class Wiring:
         return hook
 
     def _both(self, delta: Delta) -> Consumer:
-        """Return the functions of a delta for insertion and deletion."""
+        """Generate the functions of a delta for insertion and deletion."""
         return self._delta([delta], True), self._delta([delta], False)
 
     def _listen(self, key: Key, consumer: Consumer | Delta) -> None:
-        """Register a consumer of a relation."""
+        """Add a consumer of a relation: a pair of functions, or a delta whose functions are generated later."""
         self._consumers.setdefault(key, []).append(consumer)
 
     def _fan(self, key: Key, arity: int, symmetric: bool = False) -> Consumer | tuple[None, None]:
-        """Return one function for insertions and one for deletions that call all consumers; None without consumers."""
+        """Return one function for insertions and one for deletions that call all consumers; None without consumers.
+
+        If `symmetric`, they call the consumers for both directions of a link.
+        """
         consumers = self._consumers.get(key)
         if not consumers:
             return None, None
@@ -195,7 +198,7 @@ class Wiring:
         )
 
     def _hooks(self, consumers: Sequence[Consumer | Delta], coming: bool) -> list[Hook]:
-        """Return the functions of consumers; consecutive deltas share one function."""
+        """Return the consumers' functions for insertion or deletion (`coming`); adjacent deltas share a function."""
         found: list[Hook] = []
         for is_delta, run in groupby(consumers, lambda each: isinstance(each, Delta)):
             if is_delta:
@@ -205,7 +208,7 @@ class Wiring:
         return found
 
     def hang(self) -> None:
-        """Subscribe all functions to the store."""
+        """Subscribe all functions to the store, for changes of links, attribute values and objects."""
         store = self.store
         for relation in store.relations:
             key = ("link", relation.fact.index)
@@ -215,9 +218,9 @@ class Wiring:
         self._hang_classes()
 
     def _hang_classes(self) -> None:
-        """Subscribe the functions for creation, deletion and retyping of objects. All are created now.
+        """Create all functions for creation, deletion and retyping of objects, and subscribe them.
 
-        A function created later could need an index without history, which a rollback could not restore.
+        They are not created later, when needed: they could then need a new index, which a rollback could not restore.
         """
         store, metamodel = self.store, self._builder.library.metamodel
         kinds = [self._kind(index) for index in range(len(metamodel.class_list))]
@@ -236,7 +239,7 @@ class Wiring:
         store.retyping = lambda old, new: retypings[kinds[old], kinds[new]]
 
     def unhang(self) -> None:
-        """Remove all functions from the store."""
+        """Remove all functions from the store, so that the network is no longer notified."""
         store = self.store
         for relation in store.relations:
             relation.added = relation.removing = None
@@ -248,7 +251,7 @@ class Wiring:
     # --- classes: creating or deleting an object changes the relation of every class that it is an instance of
 
     def _kind(self, cls: int) -> Kind:
-        """Return the class atoms that hold for the direct instances of a class, given by its index."""
+        """Return the class atoms in view bodies that hold for the direct instances of the class with this index."""
         metamodel = self._builder.library.metamodel
         name = metamodel.class_list[cls].name
         atoms = {
@@ -261,14 +264,17 @@ class Wiring:
         )
 
     def _class_hooks(self, change: Kind) -> tuple[Hook | None, Hook | None]:
-        """Return the functions to call before class atoms cease to hold for an object, and after they begin to hold."""
+        """Return the functions to call before class atoms cease to hold for an object, and after they begin to hold.
+
+        Both are None if no body contains one of these atoms.
+        """
         consumers = self._affected(change)
         if not consumers:
             return None, None
         return _fan([each[1] for each in reversed(consumers)], 1), _fan([each[0] for each in consumers], 1)
 
     def _affected(self, change: Kind) -> list[Consumer]:
-        """Return the delta functions of all class tests in the bodies that these atoms satisfy."""
+        """Return the functions of all class tests in bodies that are among these atoms; generate missing ones."""
         found: list[Consumer] = []
         for view, number, body, members in self._classes:
             places = [p for p in members if (_class(p).cls, _class(p).exact) in change]
@@ -301,13 +307,13 @@ def _key(place: Occurrence) -> Key | None:
 
 
 def _class(place: Occurrence) -> InstanceAtom:
-    """Return the class test of an occurrence."""
+    """Return the class test of an occurrence; no other relation is allowed."""
     assert isinstance(place.relation, InstanceAtom)
     return place.relation
 
 
 def _fan(hooks: Sequence[Hook], arity: int) -> Hook:
-    """Return one generated function that calls several functions with its arguments."""
+    """Return a generated function that calls several functions with its arguments. A single hook is returned itself."""
     if len(hooks) == 1:
         return hooks[0]
     values = tuple(Local(f"a{number}") for number in range(arity))
@@ -318,7 +324,7 @@ def _fan(hooks: Sequence[Hook], arity: int) -> Hook:
 
 
 def _crossed(hook: Hook) -> Hook:
-    """Return the function with source and target swapped."""
+    """Return a function that calls `hook` with source and target swapped."""
     return lambda source, target: hook(target, source)
 
 

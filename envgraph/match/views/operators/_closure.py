@@ -46,7 +46,7 @@ class Steps:
         self._after = after
 
     def nodes(self) -> Sequence[Any]:
-        """Return all nodes with successors; nodes without any may be among them."""
+        """Return all nodes that have successors, and perhaps nodes without successors."""
         return list(self._after) if isinstance(self._after, dict) else range(len(self._after))
 
     def has(self, node: Any, other: Any) -> bool:
@@ -62,7 +62,7 @@ class ClosureOperator(Operator):
         store: the store of the model.
         starts: the requested starts, a unary relation.
         steps: the edges, in the direction in which they are followed.
-        forward: True if starts are sources; False if they are targets.
+        forward: True if starts are sources; False if they are targets, from which edges are followed backwards.
         reflexive: True for `*`.
     """
 
@@ -96,32 +96,32 @@ class ClosureOperator(Operator):
         return float(sum(len(self.reached[start]) for (start,) in self.begun))
 
     def group_table(self, positions: tuple[int, ...]) -> Mapping[Any, Collection[Any]]:
-        """Return the nodes reached from each start, for counting."""
+        """Return the nodes reached from each start, to be counted. `positions` must be the position of the start."""
         assert positions == ((0,) if self.forward else (1,))
         return self.reached
 
     # --- notifications
 
     def ask(self, start: Any) -> None:
-        """Record that a start is requested."""
+        """Queue the addition of a start; `process` will search for the nodes that it reaches."""
         self._asked[start] = self._asked.get(start, 0) + 1
 
     def unask(self, start: Any) -> None:
-        """Record that a start is no longer requested."""
+        """Queue the removal of a start; `process` will delete its pairs."""
         self._asked[start] = self._asked.get(start, 0) - 1
 
     def gain(self, source: Any, target: Any) -> None:
-        """Record an inserted edge."""
+        """Queue an inserted edge for `process`."""
         self._gained.append((source, target) if self.forward else (target, source))
 
     def lose(self, source: Any, target: Any) -> None:
-        """Record a deleted edge."""
+        """Queue a deleted edge for `process`."""
         self._lost.append((source, target) if self.forward else (target, source))
 
     # --- queries
 
     def pairs(self) -> Iterator[tuple[Any, Any]]:
-        """Yield all pairs of a source and a target."""
+        """Yield all pairs of a source and a target that it reaches."""
         for (start,) in self.begun:
             for other in self.reached[start]:
                 yield (start, other) if self.forward else (other, start)
@@ -156,7 +156,7 @@ class ClosureOperator(Operator):
             self._replace(start, old, new, _difference(old, new))
 
     def _follow(self, lost: list[Step], gained: list[Step]) -> None:
-        """Update the reached nodes of all starts after edges were deleted and inserted."""
+        """Update the reached nodes of all starts after edges were deleted and inserted, and call the consumers."""
         anew: list[Any] = []
         patches: list[Patch] = []
         changes: list[tuple[Any, Reached]] = []
@@ -191,7 +191,7 @@ class ClosureOperator(Operator):
             self._change(changes)
 
     def _change(self, changes: list[tuple[Any, Reached]]) -> None:
-        """Replace the reached nodes of starts."""
+        """Replace the reached nodes of each given start by new ones, journal this, and call the consumers."""
         differences: dict[tuple[int, int], Difference] = {}
         for start, new in changes:
             old = self.reached[start]
@@ -202,11 +202,11 @@ class ClosureOperator(Operator):
             self._replace(start, old, new, differences[pair])
 
     def _cut(self, start: Any, old: Reached, lost: list[Step]) -> tuple[Reached, Reached] | None:
-        """Return the nodes no longer reached after edges were deleted, and nodes with their new parents in the tree.
+        """Return the nodes that deleted edges cut from the tree of a start, and the nodes that other edges reattach.
 
-        Return None if only a new search can decide. Only nodes below a deleted tree edge are checked. Another edge from
-        the rest of the tree reattaches a node (Even and Shiloach, An On-Line Edge-Deletion Problem, 1981, without
-        levels).
+        Reattached nodes are mapped to their new parents. Return None if a node's parent is unknown, so that only a new
+        search can decide. Only nodes below a deleted tree edge are checked (Even and Shiloach, An On-Line Edge-Deletion
+        Problem, 1981, without levels).
         """
         cut: Reached = {}
         for node, other in lost:
@@ -248,7 +248,7 @@ class ClosureOperator(Operator):
         return cut, reattached
 
     def _come(self, start: Any, old: Reached, cut: Reached, gained: list[Step]) -> Reached:
-        """Return the nodes newly reached by inserted edges, with their parents; cut nodes may be among them."""
+        """Return the nodes that inserted edges connect with a start, with their parents; some may be in `cut`."""
         come: Reached = {}
         following, growing = self._steps.next, True
         while growing:
@@ -268,12 +268,12 @@ class ClosureOperator(Operator):
         return come
 
     def _round(self, start: Any, come: Reached) -> bool:
-        """Return True if an edge leads from one of these nodes back to the start."""
+        """Return True if an edge leads back to the start from one of the nodes in `come`, which are newly reached."""
         following = self._steps.next
         return any(start in following(node) for node in come)
 
     def _apply(self, start: Any, cut: Reached, reattached: Reached, come: Reached) -> None:
-        """Change the tree of a start, and call the consumers.
+        """Remove `cut` from the tree of a start, add `reattached` and `come` with their parents; call the consumers.
 
         A tree is copied once after each savepoint or version, then changed in place. Undoing restores the old tree.
         """
@@ -301,7 +301,7 @@ class ClosureOperator(Operator):
             self._notify(self.added, start, fresh)
 
     def _concerned(self, lost: list[Step], gained: list[Step]) -> Collection[Any]:
-        """Return at least the starts that reached the source of a changed edge; all starts if these are many."""
+        """Return all starts from which a changed edge is or was reached; perhaps others, too, or simply all starts."""
         before, most = self._steps.before, len(self.begun) // PART
         if len(self.begun) > FEW:
             gone: dict[Any, list[Any]] = {}
@@ -321,13 +321,13 @@ class ClosureOperator(Operator):
         return [start for (start,) in self.begun]
 
     def _solve(self, starts: Sequence[Any]) -> dict[Any, Reached]:
-        """Return the nodes that each start reaches, by new searches."""
+        """Search from each of some starts, and return the reached nodes by start."""
         if len(starts) > FEW:
             return reachable_sets(starts, self._steps.next, self.reflexive)
         return {start: self._reach(start) for start in starts}
 
     def _reach(self, start: Any) -> Reached:
-        """Return the search tree of one start."""
+        """Search from one start, and return the reached nodes with their parents in the search tree."""
         seen = Tree({start: None} if self.reflexive else ())
         following, todo = self._steps.next, [start]
         for node in todo:
@@ -338,7 +338,7 @@ class ClosureOperator(Operator):
         return seen
 
     def _replace(self, start: Any, old: Reached, new: Reached, difference: Difference) -> None:
-        """Replace the reached nodes of one start, record the change, and call the consumers."""
+        """Replace the reached nodes of one start, journal this, and call the consumers with the `difference`."""
         gone, come = difference
         if self.removing is not None:
             self._notify(self.removing, start, gone)
@@ -350,7 +350,7 @@ class ClosureOperator(Operator):
             self._notify(self.added, start, come)
 
     def _notify(self, hook: Any, start: Any, others: Iterable[Any]) -> None:
-        """Call a consumer with the pair of the start and each of some nodes."""
+        """Call a hook once for each of some other nodes, with the start and this node in the order source, target."""
         for other in others:
             if self.forward:
                 hook(start, other)
@@ -358,7 +358,7 @@ class ClosureOperator(Operator):
                 hook(other, start)
 
     def check_pairs(self, most: float) -> None:
-        """Raise an `EvaluationError` as soon as more than `most` pairs are found."""
+        """Search from all starts, and raise an `EvaluationError` if more than `most` pairs are found."""
         for (start,) in self.starts.rows:
             most -= len(self._reach(start))
             if most < 0:
@@ -379,7 +379,7 @@ class ClosureOperator(Operator):
             assert all(self._is_connected(node, start, reached) for node in reached), self.name
 
     def _is_connected(self, node: Any, start: Any, reached: Reached) -> bool:
-        """Return True if all edges on the recorded path from the start to a node still exist."""
+        """Return True if all recorded edges on the tree path from the start to a node still exist."""
         passed = {node}
         while True:
             by = reached[node]
@@ -396,10 +396,7 @@ class ClosureOperator(Operator):
 
 
 class CircleOperator(Rows):
-    """The nodes on cycles: the nodes of strongly connected components with at least one inner edge.
-
-    A node is on a cycle if one or more edges lead from it back to itself.
-    """
+    """The nodes on cycles, from which one or more edges lead back to the node itself."""
 
     def __init__(self, name: str, store: Store, steps: Steps) -> None:
         super().__init__(name, store)
@@ -414,7 +411,7 @@ class CircleOperator(Rows):
         self._changed.clear()
 
     def gain(self, source: Any, target: Any) -> None:
-        """Record an inserted or deleted edge."""
+        """Queue an inserted or deleted edge for `process`."""
         self._changed[source, target] = None
 
     lose = gain
@@ -428,7 +425,7 @@ class CircleOperator(Rows):
                 (self.appear if is_on else self.vanish)(row)
 
     def _may_change(self, source: Any, target: Any) -> bool:
-        """Return True if an inserted or deleted edge may create or break cycles."""
+        """Return True if the past insertion or deletion of an edge may have created or broken cycles."""
         if self._steps.has(source, target):
             return self._reaches(target, source)
         on = self.rows.position
@@ -443,13 +440,13 @@ class CircleOperator(Rows):
         return any(one in behind or other in ahead for one, other in both)
 
     def _classified(self, starts: Sequence[Any]) -> Iterator[tuple[Row, bool]]:
-        """Yield the row of each node that the starts reach, and True if the node is on a cycle."""
+        """Yield the row of each start and of each node that a start reaches, and True if the node is on a cycle."""
         for nodes, exits in components(starts, self._steps.next):
             is_on = len(nodes) > 1 or nodes[0] in exits
             yield from (((node,), is_on) for node in nodes)
 
     def circles(self) -> list[Row]:
-        """Return the rows of all nodes on cycles, by a new search of the whole graph."""
+        """Search the whole graph, and return the rows of all nodes on cycles."""
         return [row for row, is_on in self._classified(self._steps.nodes()) if is_on]
 
     def fill(self) -> None:
@@ -457,7 +454,7 @@ class CircleOperator(Rows):
 
 
 def _nodes_from(known: dict[Any, None], following: Callable[[Any], Iterable[Any]]) -> Iterator[Any]:
-    """Yield the known nodes, then all nodes reachable from them, nearest first; add these to `known`."""
+    """Yield the nodes in `known`, then all nodes reachable from them, nearest first; add the latter to `known`."""
     todo = list(known)
     for node in todo:
         yield node

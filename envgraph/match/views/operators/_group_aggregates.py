@@ -40,7 +40,7 @@ class Values(dict[Row, Any]):
 
 
 class Fold(Operator):
-    """The value of an aggregate for each group of a relation; a missing group has the value of an empty group.
+    """An operator with the value of an aggregate for each group of a relation. A missing group has the value of no row.
 
     Args:
         name: unique in the network.
@@ -77,15 +77,15 @@ class Fold(Operator):
 
     @property
     def hooks(self) -> tuple[Hook, Hook]:
-        """Return the functions to call for an inserted tuple and for a deleted tuple of the source."""
+        """Return the hook to call for an inserted tuple of the source, and the hook for a deleted tuple."""
         return (self._touch, self._touch) if self.column is None else (self._changed(1), self._changed(-1))
 
     def _touch(self, *row: Any) -> None:
-        """Record that the group of a tuple has changed."""
+        """Mark the group of a tuple as changed, so that `process` recomputes its value."""
         self._dirty[tuple([row[position] for position in self.group])] = []
 
     def _changed(self, number: int) -> Callable[..., None]:
-        """Return a function that records one more (1) or one less (-1) of the value in a tuple's aggregated column."""
+        """Return a hook that queues one more (`number` is 1) or one less (-1) of a tuple's value in its group."""
         group, column, dirty = self.group, self.column, self._dirty
         assert column is not None
 
@@ -116,24 +116,24 @@ class Fold(Operator):
                 self.added(*key, new)
 
     def _put(self, table: dict[Row, Any], key: Row, old: Any, new: Any) -> None:
-        """Set a dict entry, and record the change."""
+        """Set the entry of a key in a dict to the value `new`, and journal the value `old`."""
         if self.store.recording:
             self.store.journal.extend((table, key, old, SET))
         table[key] = new
 
     def _rows(self, key: Row) -> Collection[Row]:
-        """Return the tuples of a group."""
+        """Return the tuples of a group; an empty tuple if there are none."""
         return self._table.get(key[0] if self._bare else key, ())
 
     def _computed(self, key: Row) -> Any:
-        """Return the value of a group, computed from all of its tuples."""
+        """Compute the value of a group from all of its tuples."""
         rows, column = self._rows(key), self.column
         if column is None:
             return len(rows)
         return aggregate(self.function, [row[column] for row in rows])
 
     def _followed(self, key: Row, changes: Sequence[Change]) -> Any:
-        """Return the value of a group after changes in the aggregated column, by update if the group is large."""
+        """Return the new value of a group: recomputed or, for a group that is or was large, by a running aggregate."""
         assert self.column is not None
         running, rows = self._running.get(key), self._rows(key)
         if running is None and len(rows) <= LARGE:
@@ -165,7 +165,7 @@ class Fold(Operator):
 
 
 class Nth(Fold):
-    """The last value of row `number` (from 0) of each group; a group with fewer rows has no value."""
+    """An operator with the last value of row `number` (from 0) of each group; None for a group with fewer rows."""
 
     def __init__(self, name: str, source: Rows, group: tuple[int, ...], number: int) -> None:
         super().__init__(name, source, group, "min", None)

@@ -1,6 +1,7 @@
-"""Operators of a view network. Each holds one relation, and updates it when the network processes the operator.
+"""Operators of a view network. Each stores one relation, and updates it when the network processes the operator.
 
-While the functions of its consumers run, a changed tuple is present: it is inserted before they run, and deleted after.
+The consumers of an operator are the operators that read it; it calls their hooks for each changed tuple. The tuple is
+present while the hooks run: it is inserted before, and deleted after.
 """
 
 from __future__ import annotations
@@ -18,12 +19,12 @@ Hook = Callable[..., object]
 
 
 class Operator(ABC):
-    """An operator of a view network: holds one relation.
+    """A node of a view network: it stores one relation, a set of tuples that other operators (its consumers) read.
 
     Attributes:
         name: unique in the network.
-        added: called after the insertion of a tuple; None without consumers.
-        removing: called before the deletion of a tuple; None without consumers.
+        added: called with the values of a tuple after its insertion; None without consumers.
+        removing: called with the values of a tuple before its deletion; None without consumers.
     """
 
     def __init__(self, name: str, store: Store) -> None:
@@ -35,19 +36,22 @@ class Operator(ABC):
     @property
     @abstractmethod
     def pending(self) -> bool:
-        """Return True if there are changes to process."""
+        """Return True if changes wait for `process`."""
 
     @abstractmethod
     def process(self) -> None:
-        """Process the pending changes. All relations that the operator reads must be up to date."""
+        """Apply the pending changes to the relation, and call the hooks of the consumers.
+
+        All relations that the operator reads must be up to date.
+        """
 
     @abstractmethod
     def forget(self) -> None:
-        """Discard the pending changes."""
+        """Discard the pending changes without applying them."""
 
     @abstractmethod
     def fill(self) -> None:
-        """Compute the whole relation from the relations it reads, without calling consumers."""
+        """Recompute the whole relation from the relations that the operator reads, without calling consumers."""
 
     @abstractmethod
     def size(self) -> float:
@@ -59,8 +63,8 @@ class Rows(Operator):
 
     Attributes:
         rows: the tuples.
-        groups: the tuples by their values at some positions, for the consumers that need them.
-        listed: False if only groups are stored, because nothing else is read.
+        groups: the groups of tuples that consumers read, by key positions and item position.
+        listed: False if only the groups are stored, because consumers read nothing else.
         asked: True if a consumer other than a closure reads the rows or groups.
     """
 
@@ -77,17 +81,22 @@ class Rows(Operator):
         return float(len(self.rows))
 
     def group_table(self, positions: tuple[int, ...]) -> Mapping[Any, Collection[Any]]:
-        """Return the tuples grouped by their values at some positions, for an aggregate."""
+        """Return the tuples grouped by their values at some positions, and mark the operator as `asked`."""
         self.asked = True
         return self.group(positions).table
 
     def unlist(self) -> None:
-        """Store only the groups from now on."""
+        """Delete the stored rows, and store only the groups from now on."""
         self.listed = False
         self.rows.replace([])
 
     def group(self, positions: tuple[int, ...], item: int | None = None) -> Groups:
-        """Return the groups by the values at some positions, created at first use. Items: rows, or values at `item`."""
+        """Return the tuples grouped by their values at `positions`; create the groups at the first call.
+
+        Args:
+            positions: the positions of the key.
+            item: the position of the value that the groups contain of each tuple; None for the whole tuple.
+        """
         key = (positions, item)
         if key not in self.groups:
             groups = self.groups[key] = Groups(self.store, positions, item)
@@ -95,7 +104,7 @@ class Rows(Operator):
         return self.groups[key]
 
     def appear(self, row: Row) -> None:
-        """Insert a tuple, then call the consumers."""
+        """Insert a tuple into the rows and groups, then call the consumers."""
         self.rows.appear(row)
         for groups in self.groups.values():
             groups.add(row)
@@ -103,7 +112,7 @@ class Rows(Operator):
             self.added(*row)
 
     def vanish(self, row: Row) -> None:
-        """Call the consumers, then delete a tuple."""
+        """Call the consumers, then delete a tuple from the groups and rows."""
         if self.removing is not None:
             self.removing(*row)
         for groups in self.groups.values():
@@ -111,13 +120,13 @@ class Rows(Operator):
         self.rows.vanish(row)
 
     def hold(self, row: Row) -> None:
-        """Insert a tuple without calling consumers."""
+        """Insert a tuple into the rows and groups without calling consumers."""
         self.rows.appear(row)
         for groups in self.groups.values():
             groups.add(row)
 
     def set_rows(self, rows: Sequence[Row]) -> None:
-        """Replace all tuples without calling consumers."""
+        """Replace all tuples in the rows and groups without calling consumers."""
         self.rows.replace(rows if self.listed else [])
         for groups in self.groups.values():
             groups.fill(rows)
@@ -144,7 +153,7 @@ class View(Rows):
         counts: the support count (number of derivations) of each tuple; None if no tuple has several.
         queue: pending derivations, flat: a tuple, then True if it is inserted, False if deleted.
         list_derivations: lists the tuples of all derivations, with repetitions.
-        derive, underive: add or remove one derivation of a tuple.
+        derive, underive: add or remove one derivation of a tuple; insert or delete the tuple if it is the only one.
         work: processes the whole queue with `derive` and `underive`.
     """
 
@@ -165,7 +174,7 @@ class View(Rows):
         self.queue.clear()
 
     def make(self, arity: int) -> None:
-        """Generate the update functions for the present consumers and groups.
+        """Generate `derive`, `underive` and `work` for the present consumers and groups, in place of earlier functions.
 
         Args:
             arity: the number of values in a row.
@@ -187,7 +196,7 @@ class View(Rows):
         self.set_rows(list(counts))
 
     def check_derivations(self) -> None:
-        """Assert that tuples and support counts equal those of a new computation."""
+        """Assert that no change is pending, and that tuples and support counts equal those of a new computation."""
         assert not self.queue
         found = self.list_derivations()
         self.check(found)
@@ -201,14 +210,14 @@ class View(Rows):
 
 
 def fill_unrecorded(operator: Operator) -> None:
-    """Compute a new relation without recording it in the journal, since no earlier state needs it."""
+    """Recompute the relation of an operator without journalling, so a rollback does not restore its former tuples."""
     with unrecorded(operator.store):
         operator.fill()
 
 
 @contextmanager
 def unrecorded(store: Store) -> Iterator[None]:
-    """Disable the journal in a block: its changes cannot be undone."""
+    """Turn off the journal of a store in a `with` block. A rollback does not undo the changes of the block."""
     recording, store.recording = store.recording, False
     try:
         yield

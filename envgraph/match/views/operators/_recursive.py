@@ -24,10 +24,10 @@ class Member(Rows):
     Attributes:
         component: names of the patterns of the component.
         queue: pending derivations, flat: a row, then True if it is inserted, False if deleted.
-        spread: queue the component's derivations from an inserted row.
-        retract: queue the component's derivations from a row that will be deleted.
-        derivable: return True if a row has a derivation from the present rows.
-        list_base: list the rows derived without other rows of the component.
+        spread: functions that queue the derivations of rows of the component from an inserted row of this pattern.
+        retract: functions that queue the derivations, to be removed, from a row that will be deleted.
+        derivable: functions that return True if a row has a derivation from the present rows.
+        list_base: functions that list the rows derived without rows of the component.
     """
 
     def __init__(self, name: str, store: Store, component: frozenset[str]) -> None:
@@ -50,7 +50,7 @@ class Member(Rows):
         self.queue.clear()
 
     def fill(self) -> None:
-        """Remove all rows: the component fills its members together."""
+        """Remove all rows, because the component computes the rows of all its patterns together."""
         self.set_rows([])
 
 
@@ -84,7 +84,7 @@ class Component(Operator):
         self._spread([*gained, *self._take_out(lost)] if lost else gained, doubtful=bool(lost))
 
     def _collect(self) -> tuple[list[tuple[Member, Row]], list[tuple[Member, Row]]]:
-        """Empty the queues of all members. Return rows with a new derivation, and rows with a lost derivation."""
+        """Empty the queues of all views. Return the rows with a new derivation, and the rows with a lost derivation."""
         gained: list[tuple[Member, Row]] = []
         lost: list[tuple[Member, Row]] = []
         for member in self.members:
@@ -120,12 +120,15 @@ class Component(Operator):
         doubtful: bool,
         come: Callable[[Member, Row], None] = Rows.appear,
     ) -> None:
-        """Insert rows and all rows derived from them (semi-naive). If `doubtful`, insert given rows only if derivable.
+        """Insert the given rows that are missing, and all rows derived from them (semi-naive evaluation).
 
         Args:
-            found: the rows to insert.
-            doubtful: True if the given rows were deleted and must be rederived.
-            come: inserts a row.
+            found: the rows to insert, each with its view; derived rows are appended to this list.
+            doubtful: True if a given row is only inserted if it has a derivation, since it may have lost its last.
+            come: inserts a row into its view.
+
+        Raises:
+            EvaluationError: a pattern would have more rows than the limit.
         """
         sure = len(found) if doubtful else 0
         coming: set[tuple[Member, Row]] = set()  # used only for membership tests

@@ -1,4 +1,4 @@
-"""Sums and extremes of changing values: each change takes time independent of the group size. Rollbacks are exact."""
+"""Sums and extremes updated by each change of a value, in time independent of the group size. Rollbacks are exact."""
 
 from __future__ import annotations
 
@@ -40,7 +40,7 @@ class Totals:
         self._state = {None: _added(NOTHING, [(value, 1) for value in values])}  # a dict for the undo log
 
     def follow(self, changes: Sequence[Change]) -> None:
-        """Apply changes to the sums."""
+        """Update the sums by changes of the numbers of occurrences of values, and journal the old sums."""
         old = self._state[None]
         if self._store.recording:
             self._store.journal.extend((self._state, None, old, SET))
@@ -48,7 +48,10 @@ class Totals:
 
     @property
     def knows(self) -> bool:
-        """Return True if the sums determine the value; False for ints mixed with floats, since each int is rounded."""
+        """Return True if `value` is exact. Otherwise the caller must compute the aggregate from all values.
+
+        It is not exact for ints mixed with floats, for infinite or NaN floats, and for the mean of very large ints.
+        """
         number, floats, odd, _, _ = self._state[None]
         if not floats:
             return not odd or self._function == "sum"
@@ -63,12 +66,12 @@ class Totals:
         return total if self._function == "sum" or total is None else total / number
 
     def check(self, values: Sequence[Number]) -> None:
-        """Assert that the running sums equal the sums of these values."""
+        """Assert that the running sums are the sums of these values."""
         assert self._state[None] == _added(NOTHING, [(value, 1) for value in values])
 
 
 def _added(sums: Sums, changes: Sequence[Change]) -> Sums:
-    """Return the sums after some changes."""
+    """Return the sums after changes of the numbers of occurrences of some values."""
     number, floats, odd, whole, parts = sums
     for value, times in changes:
         number += times
@@ -97,7 +100,7 @@ class Extremes:
     """A running minimum or maximum of values.
 
     The heap contains every present value, and values that are no longer present; the latter are removed when they reach
-    the top. A removal is recorded if a rollback could restore the value, so that it is inserted again.
+    the top. A removal is journalled, because a rollback may restore the value, which must then be inserted again.
 
     Args:
         store: the store whose journal records changes.
@@ -119,7 +122,7 @@ class Extremes:
     knows = True
 
     def follow(self, changes: Sequence[Change]) -> None:
-        """Apply changes to the numbers of occurrences."""
+        """Update the numbers of occurrences of some values, journal this, and insert new values into the heap."""
         counts, store = self._counts, self._store
         for value, times in changes:
             old = counts[value]
@@ -132,7 +135,7 @@ class Extremes:
             self._shrink()
 
     def value(self) -> Number:
-        """Return the minimum or the maximum."""
+        """Return the minimum or maximum of the present values, and remove absent values from the top of the heap."""
         heap, counts, sign = self._heap, self._counts, self._sign
         while not counts[sign * heap[0]]:
             self._let_go(heap[0])
@@ -146,14 +149,14 @@ class Extremes:
             self._held.add(entry)  # last: after an interruption a repeated entry does no harm
 
     def _let_go(self, entry: Number) -> None:
-        """Record that an entry will leave the heap, and forget its value."""
+        """Journal that the caller removes an entry from the heap, and delete the count of its value."""
         if self._store.recording:
             self._store.journal.extend((self, entry, None, EXCHANGE))
         self._held.discard(entry)
         self._counts.pop(self._sign * entry, None)
 
     def _shrink(self) -> None:
-        """Remove the values without occurrences from the heap."""
+        """Remove all values without occurrences from the heap and the counts."""
         for value in [value for value, number in self._counts.items() if not number]:
             if self._sign * value in self._held:
                 self._let_go(self._sign * value)

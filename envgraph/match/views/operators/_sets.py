@@ -1,4 +1,7 @@
-"""The row set of a view with its indexes. Changes are journalled: rollbacks and checkouts restore the rows exactly."""
+"""The stored rows of operators: row sets, groups and indexes of rows, and logs of changes.
+
+Row sets and groups journal their changes, so rollbacks and checkouts restore them exactly.
+"""
 
 from __future__ import annotations
 
@@ -23,7 +26,7 @@ class Log(list[Any]):
         self._shortest = 0
 
     def shorten(self) -> None:
-        """Remove changes that cancel out, if the log has grown enough."""
+        """Replace the log by its net changes, deletions first, if it has more than doubled since the last time."""
         if len(self) > 2 * self._shortest + LONG:
             appeared, disappeared = net(self)
             gone = [part for row in disappeared for part in (row, False)]
@@ -37,11 +40,11 @@ class Log(list[Any]):
 class Index:
     """An index of rows by their values at some positions.
 
-    The index has no history of its own: all insertions and deletions of the `MatchSet`, also by rollbacks and
-    checkouts, update it.
+    The index is not journalled. Its `MatchSet` updates it at all insertions and deletions, also by rollbacks and
+    checkouts.
 
     Attributes:
-        table: key -> rows, in no meaningful order; keys without rows are left out.
+        table: maps a key to its rows, in no meaningful order; keys without rows are absent.
     """
 
     __slots__ = ("_key", "table")
@@ -53,11 +56,11 @@ class Index:
             self.insert(row)
 
     def insert(self, row: Row) -> None:
-        """Add a row."""
+        """Add a row under its key."""
         self.table.setdefault(self._key(row), {})[row] = None
 
     def delete(self, row: Row) -> None:
-        """Remove a row."""
+        """Remove a row, and its key, too, if no other row has this key."""
         key = self._key(row)
         group = self.table[key]
         del group[row]
@@ -70,8 +73,8 @@ class MatchSet(IndexedSet[Row]):
 
     Attributes:
         store: the store whose journal records the changes.
-        log: all insertions and deletions, for any reason; None if not needed.
-        indexes: indexes by positions, for lookups; emptied after an interruption.
+        log: all insertions and deletions, also those of rollbacks and checkouts; None if no subscriber needs them.
+        indexes: the indexes that lookups have created, by key positions; emptied after an interruption.
     """
 
     __slots__ = ("indexes", "log", "store")
@@ -83,7 +86,7 @@ class MatchSet(IndexedSet[Row]):
         self.indexes: dict[tuple[int, ...], Index] = {}
 
     def appear(self, row: Row) -> None:
-        """Insert a new row, and record the insertion."""
+        """Append a new row, write this to the journal and the log, and update the indexes."""
         if self.log is not None:
             self.log.extend((row, True))
         store = self.store
@@ -95,7 +98,7 @@ class MatchSet(IndexedSet[Row]):
             self.inserted(row)
 
     def vanish(self, row: Row) -> None:
-        """Delete a present row, and record the deletion."""
+        """Delete a row, move the last row to its position, write this to journal and log, and update the indexes."""
         if self.log is not None:
             self.log.extend((row, False))
         index = self.position[row]
@@ -148,7 +151,10 @@ class MatchSet(IndexedSet[Row]):
             self.inserted(item)
 
     def exchange(self, key: None, state: tuple[int, dict[int, Row]]) -> tuple[int, dict[int, Row]]:
-        """Replace the rows by a recorded state, update log and indexes, and return the state that undoes this."""
+        """Set the number of rows and the rows at some positions to a journalled `state`, and update log and indexes.
+
+        Called during undo and redo. Return the state that reverses this call.
+        """
         if self.log is None and not self.indexes:
             return super().exchange(key, state)
         before = self.contents(state)
@@ -168,14 +174,14 @@ class MatchSet(IndexedSet[Row]):
         return before
 
     def replace(self, rows: Sequence[Row]) -> None:
-        """Replace all rows, and record the replacement."""
+        """Replace all rows, write this to the journal and the log, and discard the indexes."""
         if self.store.recording:
             self.store.journal.extend((self, None, (len(self), dict(enumerate(self))), EXCHANGE))
         self.indexes.clear()
         self._become(list(rows), list(self), rows)
 
     def _become(self, rows: list[Row], gone: Sequence[Row], come: Sequence[Row]) -> None:
-        """Set the rows, and log the deleted rows (`gone`) and inserted rows (`come`)."""
+        """Set the rows and their positions. Append the deleted rows (`gone`) and inserted rows (`come`) to the log."""
         if self.log is not None:
             log = type(self.log)()
             list.extend(log, self.log)
@@ -187,7 +193,7 @@ class MatchSet(IndexedSet[Row]):
         super().reindex()
 
     def reindex(self) -> None:
-        """Recompute the positions, discard the indexes, and drop the last log entry if its change did not happen."""
+        """Recompute the positions, and discard the indexes. Remove the last log entry if its change did not happen."""
         self.indexes.clear()
         super().reindex()
         log = self.log
@@ -196,7 +202,7 @@ class MatchSet(IndexedSet[Row]):
 
 
 class Table(dict[Any, "tuple[Any, ...] | IndexedSet[Any]"]):
-    """Groups by key; a missing key has an empty group."""
+    """A dict from keys to groups of items. A missing key has an empty tuple, which is not inserted."""
 
     __slots__ = ()
 
@@ -208,8 +214,8 @@ class Groups:
     """The rows of a relation, or their values at one position, grouped by their values at other positions.
 
     Attributes:
-        table: key -> items, as a tuple or a crowded `IndexedSet`; empty groups stay as empty tuples. The key is a bare
-            value for one position, else a tuple.
+        table: maps a key to its items: a tuple, or an `IndexedSet` for many. A group that becomes empty stays as an
+            empty tuple. The key is a bare value for one position, else a tuple.
 
     Args:
         store: the store of the model.
@@ -227,15 +233,15 @@ class Groups:
         self.key = key_of(positions)
 
     def add(self, row: Row) -> None:
-        """Add a row to the group of its key, and record the change."""
+        """Add a row, or its value at `item`, to the group of its key, and journal the change."""
         self.store.add_end(self.table, self.key(row), row if self.item is None else row[self.item])
 
     def drop(self, row: Row) -> None:
-        """Remove a row from the group of its key, and record the change."""
+        """Remove a row, or its value at `item`, from the group of its key, and journal the change."""
         self.store.drop_end(self.table, self.key(row), row if self.item is None else row[self.item])
 
     def fill(self, rows: Sequence[Row]) -> None:
-        """Replace the contents by these rows."""
+        """Replace all groups by the groups of these rows, and journal the changes."""
         table: dict[Any, list[Any]] = {}
         key, item = self.key, self.item
         for row in rows:
@@ -248,7 +254,7 @@ class Groups:
         )
 
     def check(self, rows: Sequence[Row]) -> None:
-        """Assert that exactly these rows are in the table, each under its key."""
+        """Assert that the groups contain exactly these rows, each once and under its key."""
         assert sum(map(len, self.table.values())) == len(rows)
         for row in rows:
             assert (row if self.item is None else row[self.item]) in self.table[self.key(row)]
@@ -258,7 +264,10 @@ class Groups:
 
 
 def become(store: Store, table: dict[Any, Any], values: dict[Any, Any], nothing: Any) -> None:
-    """Change the contents of a dict, and record the changes. `nothing` is the value that stands for a missing key."""
+    """Set the contents of a dict to `values`, and journal the changes if the journal is on.
+
+    With the journal on, keys that are not in `values` remain, with the value `nothing`, which means a missing key.
+    """
     if not store.recording:
         table.clear()
         table.update(values)
@@ -284,7 +293,7 @@ def key_of(positions: tuple[int, ...]) -> Callable[[Row], Any]:
 
 
 def net(log: Sequence[Any]) -> tuple[list[Row], list[Row]]:
-    """Return the net inserted and net deleted rows of a log, in the order in which each row first occurs."""
+    """Return the rows that a log inserts on balance, and those that it deletes on balance, in the order of the log."""
     balance: dict[Row, int] = {}
     entries = iter(log)
     for row, came in zip(entries, entries, strict=True):

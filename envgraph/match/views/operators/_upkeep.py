@@ -1,7 +1,7 @@
-"""Generate the functions that update a view: its rows, support counts, groups, the journal and its consumers.
+"""Generate the functions that update a view: they change rows, support counts and groups, and call consumers.
 
-Each form of a view gets its own code, without unnecessary parts. The undo entry is written before each change, so
-that an interruption leaves only the last entry in doubt.
+Each form of a view gets its own code, without unnecessary parts. The undo entry is written to the journal before each
+change, so that an interruption leaves only the last entry in doubt.
 """
 
 from __future__ import annotations
@@ -22,7 +22,7 @@ Change = Callable[[tuple[Any, ...]], None]
 def changes(
     rows: Rows, counts: dict[Any, int] | None, arity: int
 ) -> tuple[Change, Change, Callable[[], None]]:
-    """Return the functions that add a derivation of a row, remove a derivation, and process the queue of both.
+    """Generate three functions of a view: to add a derivation of a row, to remove one, and to process the queue.
 
     Args:
         rows: the operator, with its groups and consumers.
@@ -54,10 +54,11 @@ Shape = tuple[tuple[tuple[int, ...], int | None], ...]
 
 @dataclass(frozen=True, slots=True)
 class Form:
-    """The form of a view, on which the code of its update functions depends.
+    """The properties of a view on which the code of its update functions depends.
 
     Attributes:
-        shape: for each group the positions of its key, and the position of its items (None for whole rows).
+        shape: for each grouping of the rows the positions of its key, and the position of its items (None for whole
+            rows).
         counted: True if support counts are kept.
         listed: True if the rows are stored.
         added, removing: True if there are consumers of insertions, and of deletions.
@@ -110,7 +111,7 @@ def _tree(form: Form) -> code.Function:
 
 
 def _gain(form: Form, leave: code.Statement) -> code.Body:
-    """Return the code that adds a derivation of a row. `leave` ends the processing of the row."""
+    """Return the code that adds a derivation of a row. If the row was already present, it ends with `leave`."""
     found: list[code.Statement] = []
     if form.counted:
         found += [
@@ -146,7 +147,7 @@ def _gain(form: Form, leave: code.Statement) -> code.Body:
 
 
 def _lose(form: Form, leave: code.Statement) -> code.Body:
-    """Return the code that removes a derivation of a row. `leave` ends the processing of the row."""
+    """Return the code that removes a derivation of a row. If the row has other derivations, it ends with `leave`."""
     found: list[code.Statement] = []
     if form.counted:
         counted = code.Index(_COUNTS, _ROW)
@@ -189,14 +190,14 @@ def _lose(form: Form, leave: code.Statement) -> code.Body:
 
 
 def _recorded(container: code.Name, key: code.Expression, old: code.Expression, opcode: int) -> code.If:
-    """Return code that writes the undo entry of a change to the journal."""
+    """Return code that writes an undo entry (container, key, old value, opcode) if the journal is on."""
     return code.If(
         _RECORDING, (code.Do(code.call("record", code.tuple_of(container, key, old, code.Constant(opcode)))),)
     )
 
 
 def _deleted(entry: code.Index) -> code.Do:
-    """Return code that deletes a dict entry."""
+    """Return code that deletes the dict entry of a row."""
     return code.Do(code.Text(f"del {code.expression_text(entry)}", reads=(_ROW,)))
 
 
@@ -209,12 +210,12 @@ def _logged(coming: bool) -> code.If:
 
 
 def _group(number: int) -> tuple[code.Local, code.Local, code.Name]:
-    """Return the local variables for a group's key and present items, and the name of the group table."""
+    """Return, for one grouping of the rows, the local variables for its key and present items, and its table's name."""
     return code.Local(f"key{number}"), code.Local(f"old{number}"), code.Name(f"table{number}")
 
 
 def _looked_up(number: int, positions: tuple[int, ...]) -> code.Body:
-    """Return code that computes the key of the row in a group, and looks up the present items."""
+    """Return code that computes the key of the row in one grouping, and looks up the present items of this key."""
     key, old, table = _group(number)
     values = tuple(map(_item, positions))
     return code.Assign(key, values[0] if len(values) == 1 else code.Tuple(values)), code.Assign(
@@ -223,10 +224,10 @@ def _looked_up(number: int, positions: tuple[int, ...]) -> code.Body:
 
 
 def _is_tuple(old: code.Local) -> code.Operation:
-    """Return code that tests if the items of a group are a tuple."""
+    """Return code that tests if the items of a group are a tuple, not an `IndexedSet`."""
     return code.Operation("is", (code.call("type", old), code.Name("tuple")))
 
 
 def _item(item: int | None) -> code.Expression:
-    """Return code for the value of the row at a position; None for the whole row."""
+    """Return code for the value of the row at a position, or for the whole row if `item` is None."""
     return _ROW if item is None else code.Index(_ROW, code.Constant(item))

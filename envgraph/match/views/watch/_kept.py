@@ -40,15 +40,14 @@ class KeptViews:
         views: the views of the watched patterns.
         partly: lookups in views with some bound values.
         listeners: the subscriptions.
-        too_large: patterns whose views were too large for `aside`.
+        too_large: patterns that `watch_briefly` could not watch as `aside`, because operators had too many rows.
         user: weak reference to the user of the matcher; None if unknown. If the user no longer exists, the views are
             discarded when another matcher of the model watches patterns.
 
     Invariants: while `_broken` is None and no load is under way, the network is notified of every change. Else
-        `_broken` is
-    the smallest number of open savepoints since the interruption: a rollback to fewer savepoints restores the views.
-    The views and the journal agree. A recomputation is journalled (if `_countable`), so a rollback undoes it and then
-    the interrupted change. While `_spoilt` is True, a version may contain broken views.
+    `_broken` is the smallest number of open savepoints since the interruption: a rollback to fewer savepoints restores
+    the views. The views and the journal agree. A recomputation is journalled (if `_countable`), so a rollback undoes it
+    and then the interrupted change. While `_spoilt` is True, a version may contain broken views.
     """
 
     def __init__(self, model: Model, library: Library, demand: CompiledMatcher) -> None:
@@ -84,11 +83,11 @@ class KeptViews:
 
     @property
     def lasting(self) -> Mapping[str, Rows]:
-        """Return the views that a user has requested, without temporary views of loops."""
+        """Return the views that a user has requested; none while loops have temporary views."""
         return self.views if self._brief is None else {}
 
     def current(self, pattern: str) -> Rows | None:
-        """Return the updated view of a pattern; None if the pattern is not watched or its view cannot be used."""
+        """Return the updated view of a pattern; None if unwatched or unusable. Rebuild all views that are outgrown."""
         if pattern not in self.views or not self.up_to_date():
             return None
         if self.model.graph.store.next_id > self._outgrown:
@@ -98,8 +97,9 @@ class KeptViews:
     def watch_briefly(self, patterns: Sequence[str], aside: Sequence[str], most: int) -> bool:
         """Make temporary views inside a transaction, until `give_up`; return True if this was possible.
 
-        A rollback to a state before the call discards the views. If the same patterns had temporary views, these keep
-        the order of their rows.
+        They replace earlier temporary views; if these were of the same patterns, their order of rows is kept. Return
+        False if a user watches patterns, another matcher has views, or a view cannot be computed. A rollback to a state
+        before the call discards the views.
 
         Args:
             patterns: patterns whose rows are listed in the order of their views.
@@ -128,16 +128,16 @@ class KeptViews:
         return False
 
     def aside(self, pattern: str) -> Rows | None:
-        """Return the `aside` view of a pattern (see `watch_briefly`); None if there is none or it is out of date."""
+        """Return the updated view of an `aside` pattern of `watch_briefly`; None if there is none or it is unusable."""
         return self._aside.get(pattern) if self._aside and self.up_to_date() else None
 
     def give_up(self) -> None:
-        """Discard temporary views."""
+        """Discard all views if they are temporary."""
         if self._brief is not None:
             self.leave()
 
     def leave(self) -> None:
-        """Discard all views, and unsubscribe from the store."""
+        """Discard all views, temporary or not, and unsubscribe from the store."""
         followers = self.model.graph.store.followers
         if any(follower is self for follower in followers):
             followers[:] = [follower for follower in followers if follower is not self]
@@ -150,7 +150,7 @@ class KeptViews:
         self._brief = None
 
     def rival(self) -> KeptViews | None:
-        """Return the views of another matcher of the model, if there are any; else None."""
+        """Return the `KeptViews` of another matcher that follows the model; None if there is none."""
         for other in self.model.graph.store.followers:
             if isinstance(other, KeptViews) and other is not self:
                 return other
@@ -177,9 +177,10 @@ class KeptViews:
         rival.leave()
 
     def make(self, patterns: Iterable[str], most: float = inf) -> None:
-        """Build a network for these patterns, planned for the present sizes; closures may have at most `most` pairs.
+        """Replace the views by a new network for these patterns; its closures may have at most `most` pairs.
 
-        Append the differences between broken views and their new rows to the logs.
+        If views were broken, append the differences to the new rows to the logs. After an exception the old views are
+        broken.
         """
         self._be_alone()
         store, old, known = self.model.graph.store, self.network, self.views
@@ -211,7 +212,7 @@ class KeptViews:
     # --- the interface of `Follower`
 
     def settle(self) -> None:
-        """Update all views before a savepoint or version is created."""
+        """Update all views before a savepoint or version is created; recompute broken and outgrown views."""
         if self._broken is None:
             self._bring_up()
             self.plan_anew()  # not later: the order of rows must not change after a savepoint
@@ -220,7 +221,7 @@ class KeptViews:
             self._spoilt |= not self._broken
 
     def _bring_up(self) -> None:
-        """Process all pending changes. If this fails, mark the store as interrupted."""
+        """Process all pending changes, except during a load. After an exception mark the store as interrupted."""
         if self._suspended:
             return
         try:
@@ -234,13 +235,13 @@ class KeptViews:
             raise
 
     def _break(self) -> None:
-        """Mark the views as broken, and unsubscribe them."""
+        """Mark the views as broken since the present number of savepoints, and unsubscribe them."""
         depth = self.model.graph.history.depth
         self._broken = depth if self._broken is None else min(self._broken, depth)
         self.network.wiring.unhang()
 
     def interrupted(self) -> None:
-        """Mark the views as broken, after a change or an update has been interrupted."""
+        """Mark the views as broken, after a change or an update has been interrupted; discard views in `aside`."""
         self.partly.forget()
         self._aside = {}
         if not self.views:
@@ -254,7 +255,7 @@ class KeptViews:
         self._break()
 
     def up_to_date(self) -> bool:
-        """Update all views. Return True if they can be used."""
+        """Repair interrupted changes, and update or recompute all views. Return True if the views can be used."""
         store = self.model.graph.store
         if store.interrupted:
             store.interrupted.repair()
@@ -290,7 +291,10 @@ class KeptViews:
             raise
 
     def rolled_back(self) -> None:
-        """Update the bookkeeping after a rollback; the journal has restored the views."""
+        """Discard pending changes after a rollback, because the journal has restored the views.
+
+        Temporary views made after the restored state are discarded. Broken views that it restores are subscribed again.
+        """
         if self._brief is not None and self.model.graph.history.depth < self._brief:
             self.leave()
             return
@@ -304,18 +308,21 @@ class KeptViews:
                 view.rows.log.shorten()
 
     def _hear_again(self) -> None:
-        """Subscribe restored views again."""
+        """Subscribe restored views to the store again, and mark them as intact."""
         self.network.wiring.hang()
         self._broken, self._countable = None, False
 
     def released(self) -> None:
-        """Notify subscribers at the end of the outermost transaction."""
+        """Discard temporary views and notify subscribers, at the end of the outermost transaction."""
         self.give_up()
         if self.listeners.subscriptions:
             self.listeners.deliver()
 
     def checked_out(self) -> None:
-        """Notify subscribers of the differences after the checkout of another version."""
+        """Discard pending changes and temporary views after a checkout, and notify subscribers of the differences.
+
+        Broken views are subscribed again, but do nothing if a version may contain them.
+        """
         self.give_up()
         if self._broken is not None:
             if self._spoilt:
@@ -326,12 +333,12 @@ class KeptViews:
             self.listeners.tell(restored=True)
 
     def suspend(self) -> None:
-        """Stop following the model while it is loaded; patterns are searched until then."""
+        """Unsubscribe the views while the model is loaded; patterns are searched until the end of the load."""
         self._suspended, self._aside = True, {}
         self.network.wiring.unhang()
 
     def loaded(self) -> None:
-        """Rebuild the views after a load."""
+        """Rebuild the views after a load, if their values can be computed."""
         self._suspended = False
         if self.views:
             self._break()
@@ -340,7 +347,7 @@ class KeptViews:
 
 
 def _continued(old: MatchSet, new: MatchSet, broken: bool) -> Log | None:
-    """Return a log for new rows that replace old ones, with the differences if the old view was broken; else None."""
+    """Return the log for rows that replace old ones, with differences if the old view was broken; None if no log."""
     if old.log is None:
         return None
     log = BoundedLog()

@@ -23,7 +23,7 @@ MOST_ROUNDS: Final = 1_000
 
 
 class BoundedLog(Log):
-    """A log of row changes that is shortened when it has doubled: edits outside of transactions have no limit."""
+    """A log of row changes that is shortened when it has doubled, since edits outside of transactions have no limit."""
 
     __slots__ = ("_most",)
 
@@ -32,7 +32,7 @@ class BoundedLog(Log):
         self._most = 2 * LONG
 
     def extend(self, parts: Iterable[Any]) -> None:
-        """Append entries to the log, flat: a row, then True if it was inserted or False if it was deleted."""
+        """Append entries: a row, then True if it was inserted, else False. First shorten the log if it has doubled."""
         if len(self) > self._most:  # first, since an interruption leaves only the last entry in doubt
             self.shorten()
             self._most = 2 * (len(self) + LONG)
@@ -51,10 +51,11 @@ class Subscription:
 
 
 class Listeners:
-    """The subscriptions to net changes of watched patterns; true if there are any.
+    """The subscriptions to net changes of watched patterns; `bool()` is True if there are any.
 
-    Subscribers are notified at the end of the outermost transaction, at a commit, and by `deliver`. Changes that were
-    rolled back are not reported. Inserted matches have the order of the view, deleted matches ascending order.
+    Subscribers are notified at the end of the outermost transaction, at a commit, after a checkout, and by `deliver`.
+    Changes that were rolled back are not reported. Inserted matches have the order of the view, deleted matches
+    ascending order.
 
     Attributes:
         subscriptions: in the order of notification.
@@ -76,7 +77,7 @@ class Listeners:
         return tuple(dict.fromkeys(each.pattern for each in self.subscriptions))
 
     def add(self, subscription: Subscription) -> Subscription:
-        """Add a subscription, and return it; its pattern must be watched."""
+        """Add and return a subscription to a watched pattern. Earlier changes are reported to other subscribers."""
         self._kept.up_to_date()  # changes before the subscription are not reported
         rows = self._kept.views[subscription.pattern].rows
         if rows.log is None:
@@ -87,7 +88,7 @@ class Listeners:
         return subscription
 
     def remove(self, subscription: Subscription) -> None:
-        """Remove a subscription. Do nothing if it is already removed."""
+        """Remove a subscription, and pending changes that no other needs. Do nothing if it is already removed."""
         self.subscriptions = [each for each in self.subscriptions if each is not subscription]
         if not any(each.pattern == subscription.pattern for each in self.subscriptions):
             view = self._kept.views.get(subscription.pattern)
@@ -98,7 +99,7 @@ class Listeners:
         """Update the views, and notify the subscribers of the net changes since the last notification.
 
         If callbacks raise exceptions, the first one is raised after all callbacks have run; a `KeyboardInterrupt` has
-        priority.
+        priority. Do nothing if the views cannot be updated.
         """
         if self._kept.up_to_date():
             if not self.notifying:
@@ -106,7 +107,14 @@ class Listeners:
             self.tell(restored=False)
 
     def tell(self, restored: bool) -> None:
-        """Notify subscribers in rounds until no change is left. `restored`: the first round follows a checkout."""
+        """Notify subscribers in rounds until no change is left. Do nothing while callbacks run.
+
+        Args:
+            restored: True if the first round follows a checkout.
+
+        Raises:
+            EvaluationError: callbacks have changed the model in all of very many rounds.
+        """
         if self.notifying:
             return
         self.notifying = True
@@ -127,7 +135,7 @@ class Listeners:
             self.notifying = False
 
     def _notify_all(self) -> None:
-        """Run the collected callbacks with their net changes. Raise the first exception after all have run."""
+        """Run and remove the collected callbacks. Raise the first exception after all callbacks have run."""
         first: BaseException | None = None
         while self._news:
             _, call, appeared, disappeared = self._news[0]
@@ -169,7 +177,7 @@ class Listeners:
 
     @guarded
     def muted(self) -> Iterator[None]:
-        """Suppress notifications in a block. At its end the state of the model must be the same as at its start."""
+        """Do not record changes for subscribers in a `with` block, which must end in the state in which it starts."""
         self._kept.settle()
         logs = {pattern: view.rows.log for pattern, view in self._kept.views.items()}
         try:

@@ -22,16 +22,15 @@ SORTED: Final = 16
 class Loops:
     """The running loops of units, and the patterns that are watched for their duration. Loops may be nested.
 
-    Listing the matches of a pattern in each round takes time quadratic in their number. A view avoids this, but takes
-    time to make. It is made after listing rows has taken as long. From then on rows are listed in the order of the
-    view.
+    Listing the matches of a pattern in each round (iteration) takes time quadratic in their number. A view avoids this,
+    but takes time to make. It is made after listing rows has taken as long. From then on rows are listed in the order
+    of the view.
 
     Searches with few results may also take that long. From their views, the rows are sorted into the order of the
     search, so results do not depend on when a view is made.
 
     A view made inside a transaction cannot be rolled back to a state before it was made. So it is made when a round
-    begins,
-    and discarded when that loop ends: rollbacks in between only undo later changes.
+    begins, and discarded when that loop ends: rollbacks in between only undo later changes.
 
     Args:
         kept: makes the views.
@@ -39,7 +38,7 @@ class Loops:
 
     Attributes:
         depth: the number of running loops.
-        due: True if `turn` has work to do.
+        due: True if `turn` may have views to make.
         orders: for each search function the key that sorts rows into its order; None if there is no such key.
     """
 
@@ -57,11 +56,11 @@ class Loops:
         self.orders: dict[Callable[[], list[Row]], Callable[[Row], list[int]] | None] = {}
 
     def begin(self) -> None:
-        """Record that a loop begins."""
+        """Enter a loop: add 1 to the number of running loops."""
         self.depth += 1
 
     def turn(self) -> None:
-        """Begin a round of the innermost loop: make views that pay off, unless an outer loop owns views."""
+        """Begin a round of the innermost loop: make views that pay off, unless an outer loop has made views."""
         if self._owner in (0, self.depth) or (self._wanted and not self._made[0]):
             costly = {name: depth for name, depth in self._costly.items() if name not in self._wanted}
             made = [*self._wanted], [name for name, depth in costly.items() if depth >= self.depth]
@@ -72,11 +71,11 @@ class Loops:
                     self._owner = self.depth
 
     def end(self) -> None:
-        """Record that the innermost loop has ended."""
+        """Leave the innermost loop, and discard the views made in it."""
         self.back_to(self.depth - 1)
 
     def back_to(self, depth: int) -> None:
-        """Leave all loops but the outermost `depth`, after they have ended or an exception has left them."""
+        """Leave all loops but the outermost `depth`, and discard the views made in the loops that are left."""
         if self._owner > depth:
             self._owner = 0
             self._made = [], []
@@ -94,7 +93,7 @@ class Loops:
             self.due = False
 
     def rows(self, pattern: str, search: Callable[[], list[Row]]) -> list[Row]:
-        """Return the rows of a search in its order, from a view if there is one."""
+        """Return the rows of a search in its own order, perhaps from a temporary view; count the listed rows."""
         view, key = self._kept.aside(pattern), self.orders[search]
 
         def few(number: int) -> bool:
@@ -112,7 +111,7 @@ class Loops:
         return rows
 
     def _is_costly(self, pattern: str) -> bool:
-        """Count a search. Return True if the searches so far have cost as much as a view, and no view is due yet."""
+        """Count a search. Return True if a view is now worth its cost and allowed, but not yet due in this loop."""
         number = self._searches[pattern] = self._searches.get(pattern, 0) + 1
         if self._costly.get(pattern, 0) >= self.depth or number * len(self._kept.model) <= LONG:
             return False
@@ -121,7 +120,7 @@ class Loops:
         return dear and pattern not in self._kept.too_large and self._watchable(pattern)
 
     def listed(self, pattern: str, rows: int) -> None:
-        """Count the matches that a search of a pattern has listed, and decide once if a view is worth its cost."""
+        """Count matches that searches of a pattern have listed. At a limit decide if the pattern is worth a view."""
         seen = self._listed[pattern] = self._listed.get(pattern, 0) + rows
         if seen > LONG:
             self._listed[pattern] = -inf  # so that this is decided only once
@@ -130,18 +129,18 @@ class Loops:
                 self.due = True
 
     def sought(self, pattern: str) -> None:
-        """Count a search for the first match of a pattern as if it had listed all objects."""
+        """Count a search for a first match as if it had listed all objects; not if it needs recursion or a closure."""
         if not self._demand.calls.of(pattern).searches:
             self.listed(pattern, len(self._kept.model))
 
     def _worth_watching(self, pattern: str) -> bool:
-        """Return True if a pattern can be watched and has few enough matches."""
+        """Return True if loops may watch a pattern and it has few enough matches."""
         free = (FREE,) * len(self._demand.library.parameter_types(pattern))
         most = SPREAD * len(self._kept.model)
         return self._watchable(pattern) and self._demand.count(pattern, free) <= most
 
     def _watchable(self, pattern: str) -> bool:
-        """Return True if a pattern can be watched: it has no `search` strategy, no inputs, and no recursion."""
+        """Return True if loops may watch a pattern: it is no `search` pattern, has no inputs, and no recursion."""
         calls, library = self._demand.calls, self._demand.library
         asked = library.get(pattern).strategy == "search" or library.inputs(pattern)
         return not asked and not any(map(calls.recursive, reached([pattern], calls.called)))

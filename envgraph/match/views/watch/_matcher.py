@@ -50,7 +50,7 @@ class ViewMatcher(Matcher):
 
     @property
     def watched(self) -> tuple[str, ...]:
-        """Return the names of the watched patterns, in the order of the requests."""
+        """Return the names of the watched patterns, in the order of the requests; first watch postponed ones."""
         if self._wanted:
             self._watch_wanted()
         return tuple(self.kept.lasting)
@@ -87,7 +87,7 @@ class ViewMatcher(Matcher):
         self._wanted.update((name, None) for name in possible if calls.of(name).nesting <= MOST_NESTED)
 
     def _watch_wanted(self) -> None:
-        """Watch the patterns of `watch_later`, if this is possible now."""
+        """Watch the patterns of `watch_later`, if no savepoint or version is open and no other matcher has views."""
         if self.model.graph.history.idle and self.kept.rival() is None:
             wanted, self._wanted = self._wanted, {}
             self.watch(*wanted)
@@ -137,13 +137,13 @@ class ViewMatcher(Matcher):
     # --- the interface of `Matcher`
 
     def _current(self, pattern: str) -> Rows | None:
-        """Return the updated view of a pattern; None if the pattern is not watched."""
+        """Return the updated view of a pattern; None without a usable view. First watch patterns of `watch_later`."""
         if self._wanted:
             self._watch_wanted()
         return self.kept.current(pattern)
 
     def rows(self, pattern: str, arguments: tuple[object, ...]) -> Sequence[Row]:
-        """Return all matches that agree with the arguments."""
+        """Return all matches whose values equal the arguments that are not `FREE`."""
         view = self._current(pattern)
         if view is None:
             return self.demand.rows(pattern, arguments)
@@ -155,7 +155,7 @@ class ViewMatcher(Matcher):
         return [] if known is None else list(self._partly.rows(pattern, view, positions, known))
 
     def first(self, pattern: str, arguments: tuple[object, ...]) -> Row | None:
-        """Return the first match of `rows`, or None."""
+        """Return the first match that `rows` would return, or None if there is none."""
         view = self._current(pattern)
         if view is None:
             return self.demand.first(pattern, arguments)
@@ -167,28 +167,31 @@ class ViewMatcher(Matcher):
         return None if known is None else self._partly.first(pattern, view, positions, known)
 
     def exists(self, pattern: str, arguments: tuple[object, ...]) -> bool:
-        """Return True if at least one match agrees with the arguments."""
+        """Return True if `rows` would return at least one match."""
         view = self._current(pattern)
         if view is None:
             return self.demand.exists(pattern, arguments)
         return self._number(pattern, view, arguments) > 0
 
     def count(self, pattern: str, arguments: tuple[object, ...]) -> int:
-        """Return the number of matches that agree with the arguments."""
+        """Return the number of matches that `rows` would return."""
         view = self._current(pattern)
         if view is None:
             return self.demand.count(pattern, arguments)
         return self._number(pattern, view, arguments)
 
     def _number(self, pattern: str, view: Rows, arguments: tuple[object, ...]) -> int:
-        """Return the number of rows of a view that agree with the arguments."""
+        """Return the number of rows of a view whose values equal the arguments that are not `FREE`."""
         positions, known = self._known(pattern, arguments)
         if not positions:
             return len(view.rows)
         return 0 if known is None else self._partly.count(pattern, view, positions, known)
 
     def _known(self, pattern: str, arguments: tuple[object, ...]) -> tuple[tuple[int, ...], Any]:
-        """Return the bound positions, and the key of their values (None if there are none or an object is deleted)."""
+        """Check the arguments. Return the positions that are not `FREE`, and the key of their values for a lookup.
+
+        The key is None if all are `FREE`, or if an object is deleted.
+        """
         types = self.library.parameter_types(pattern)
         if arguments.count(FREE) == len(arguments) == len(types):
             return (), None
@@ -197,7 +200,10 @@ class ViewMatcher(Matcher):
         return positions, None if checked is None else key_of(positions)(checked)
 
     def prepare(self, pattern: str, bound: tuple[int, ...]) -> Callable[..., list[Row]]:
-        """Return a function like `rows` for fixed bound positions; it checks no arguments, see `Matcher.prepare`."""
+        """Return a function that takes values for the bound positions (ascending) and returns all matches with them.
+
+        The function does not check the values. It reads the view of a watched pattern if this is faster than a search.
+        """
         search = self._search(pattern) if not bound else self.demand.prepare(pattern, bound)
         if not bound:
             return lambda: (
@@ -216,7 +222,10 @@ class ViewMatcher(Matcher):
         return rows
 
     def seeker(self, pattern: str, bound: tuple[int, ...]) -> Callable[..., Iterator[Row]]:
-        """Return a function like `prepare` that yields the matches; those of unwatched patterns are found on demand."""
+        """Return a function that takes values for the bound positions and yields all matches with them.
+
+        It reads the view of a watched pattern; otherwise it searches for each match only when the caller asks for it.
+        """
         seek = self.demand.seeker(pattern, bound)
         if bound and not self._partly.possible(pattern, bound):
             return seek
@@ -232,17 +241,17 @@ class ViewMatcher(Matcher):
         return rows
 
     def _listed(self, pattern: str, search: Callable[[], list[Row]]) -> list[Row]:
-        """Return the rows of a search; inside a loop perhaps from a temporary view."""
+        """Return the rows of a search; inside a loop count them, and perhaps read them from a temporary view."""
         return self.loops.rows(pattern, search) if self.loops.depth else search()
 
     def _search(self, pattern: str) -> Callable[[], list[Row]]:
-        """Return the function that lists all matches of a pattern by a search."""
+        """Return the function that lists all matches of a pattern by a search, and note its order in `loops.orders`."""
         search = self.demand.prepare(pattern, ())
         self.loops.orders[search] = self.demand.order(pattern)
         return search
 
     def lister(self, pattern: str) -> Callable[[], Sequence[Row]]:
-        """Return a function that returns all matches; for a watched pattern it returns the list of the view itself."""
+        """Return a function that returns all matches; of a watched pattern the view's own list, not to be modified."""
         search = self._search(pattern)
 
         def rows() -> Sequence[Row]:
@@ -272,7 +281,7 @@ class ViewMatcher(Matcher):
         return self.demand.why_not(pattern, given)
 
     def analyze(self) -> None:
-        """Measure the sizes of the model, for plans made from now on: see `CompiledMatcher.analyze`."""
+        """Measure the sizes of the model for plans made from now on, and rebuild the views if no savepoint is open."""
         self.demand.analyze()
         self._partly.forget()
         if self.kept.views and self.model.graph.history.idle and self.kept.up_to_date():

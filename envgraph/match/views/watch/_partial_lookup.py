@@ -50,7 +50,7 @@ class PartialLookup:
         return self._cost(pattern, positions) >= EXPENSIVE or self._demand.calls.of(pattern).searches
 
     def rows(self, pattern: str, view: Rows, positions: Positions, wanted: Any) -> Sequence[Row]:
-        """Return the rows in order. The sequence must not be modified or stored.
+        """Return the rows that have the wanted values at the positions. The sequence must not be modified or stored.
 
         Args:
             pattern: qualified name; a lookup in its view is worthwhile.
@@ -65,7 +65,7 @@ class PartialLookup:
         return sorted(found, key=view.rows.position.__getitem__) if len(found) > 1 else tuple(found)
 
     def first(self, pattern: str, view: Rows, positions: Positions, wanted: Any) -> Row | None:
-        """Return the first row of `rows`, or None."""
+        """Return the first row that `rows` would return, or None if there is none."""
         groups = view.groups.get((positions, None))
         if groups is not None:
             return next(iter(groups.table[wanted]), None)
@@ -73,7 +73,7 @@ class PartialLookup:
         return min(found, key=view.rows.position.__getitem__, default=None)
 
     def count(self, pattern: str, view: Rows, positions: Positions, wanted: Any) -> int:
-        """Return the number of `rows`, for any view."""
+        """Return the number of rows that have the wanted values, also if a lookup is not worthwhile."""
         groups = view.groups.get((positions, None))
         found = self._found(pattern, view, positions, wanted) if groups is None else groups.table[wanted]
         return len(found)
@@ -87,7 +87,7 @@ class PartialLookup:
         return cost
 
     def _found(self, pattern: str, view: Rows, positions: Positions, wanted: Any) -> Collection[Row]:
-        """Return the rows in any order, by the cheapest of index, search and scan."""
+        """Return the rows in any order by index, search or scan; create the index when the others have cost enough."""
         rows, place = view.rows, (pattern, positions)
         index = rows.indexes.get(positions)
         if index is not None:
