@@ -14,7 +14,7 @@ MOST_LEVELS: Final = 38
 
 
 class Place(NamedTuple):
-    """A position in a `Block`: how many loops and tests are open."""
+    """A position in a `Block`: the numbers of open loops and tests, of open loops, and of levels of indentation."""
 
     heads: int
     loops: int
@@ -45,11 +45,11 @@ class Block:
         self._bodies[-1] += statements
 
     def test(self, test: Expression) -> None:
-        """Open an `if` test: statements added from now on are inside it."""
+        """Open an `if` test. Statements that are added until `back_to` closes the test are inside it."""
         self.tests.append((test, None))
 
     def loop(self, target: Local | Tuple, iterable: Expression) -> None:
-        """Open a `for` loop: statements added from now on are inside it."""
+        """Open a `for` loop. Statements that are added until `back_to` closes the loop are inside it."""
         self._enter()
         self._begin(target, iterable)
         self.loops += 1
@@ -70,7 +70,7 @@ class Block:
         return Place(len(self._open), self.loops, self._levels)
 
     def back_to(self, place: Place) -> None:
-        """Close all loops and tests that were opened after `place` was read."""
+        """Close all loops and tests that were opened after `place` was read; tests without statements are dropped."""
         self.tests = []
         while len(self._open) > place.heads:
             (target, value), origin = self._open.pop(), self._origins.pop()

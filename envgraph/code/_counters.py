@@ -1,4 +1,4 @@
-"""Insert calls into generated functions that count how often each place in them is reached."""
+"""Insert calls into generated functions that count how often each statement in them is reached."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ Counter = Callable[[object], Call | None]
 
 
 def with_counters(function: Function, counter: Counter) -> Function:
-    """Return a copy of the function with counting calls.
+    """Return a copy of the function, and of functions in it, with counting calls.
 
     A call is inserted after each test that holds, at the start of each loop iteration, and after each assignment.
     `counter` returns the call for the origin of the statement, or None to insert none.

@@ -19,7 +19,8 @@ def define(definitions: Body, file: str, names: dict[str, Any]) -> dict[str, Any
     Args:
         definitions: the functions to define.
         file: the file name shown in tracebacks.
-        names: the namespace: the values that the definitions may use. The functions are added to it.
+        names: the namespace: the values that the definitions may use. The functions and the origins of their lines are
+            added to it.
 
     Returns:
         `names`.

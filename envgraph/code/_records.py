@@ -29,7 +29,7 @@ class _Unset:
 
 
 def _made(cls: type, frozen: bool, eq: bool, slots: bool) -> type:
-    """Return the class as a data class; methods that the class itself defines are not replaced."""
+    """Return a data class made from a class. Methods that the class itself defines are not replaced."""
     # If a class defines `__eq__` alone, Python sets its `__hash__` to None: that is no method of its own.
     own = {name for name, method in cls.__dict__.items() if method is not None}
     cls = dataclasses.dataclass(init=False, repr=False, eq=False, slots=slots)(cls)  # noqa: TID251
@@ -105,7 +105,7 @@ def _comparisons(fields: tuple[Field[Any], ...], frozen: bool) -> dict[str, Any]
 
 
 def _refusals(names: list[str]) -> dict[str, Any]:
-    """Return methods of a frozen class: setting or deleting a field raises, but copying and pickling work."""
+    """Return methods of a frozen class: two refuse to set and delete fields, two make copying and pickling possible."""
 
     def __setattr__(self: Any, name: str, value: object) -> None:
         raise FrozenInstanceError(f"cannot assign to field {name!r}")

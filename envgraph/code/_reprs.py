@@ -1,4 +1,4 @@
-"""Shorten reprs to two lines of a terminal."""
+"""Limit reprs to 199 characters, two lines of a terminal."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ _PART: Final = 40
 
 
 def short_repr(cls: type[T]) -> type[T]:
-    """Limit the reprs of a class to 199 characters without control characters, and return the class.
+    """Replace the `__repr__` of a class so that reprs have at most 199 characters, all printable, and return the class.
 
     Shorter reprs do not change. Longer reprs are cut. A longer repr of a data class first replaces its long fields by
     their types or sizes. `dataclass` applies this decorator to all data classes.
@@ -40,7 +40,7 @@ def short_repr(cls: type[T]) -> type[T]:
 
 
 def _part(value: object) -> str:
-    """Return a short repr of a field's value; of a nested data class only the type and the name."""
+    """Return a short repr of a field's value; of a data class type and name, of a collection of objects its size."""
     if is_dataclass(value):
         name = getattr(value, "name", None)
         return f"{type(value).__name__}({repr(name[:_PART]) if isinstance(name, str) else '...'})"

@@ -50,7 +50,7 @@ def inverse(test: Expression) -> Expression:
 
 
 def joined(operator: str, operands: Sequence[Expression], empty: int) -> Expression:
-    """Return the operands joined by an operator; a single operand alone, or the constant `empty` for none."""
+    """Return the operands joined by an operator; a single operand itself, and the constant `empty` without operands."""
     if len(operands) < 2:
         return operands[0] if operands else Constant(empty)
     return Operation(operator, tuple(operands))

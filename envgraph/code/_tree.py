@@ -112,7 +112,7 @@ class Mapping:
 
 @dataclass(frozen=True, slots=True)
 class Each:
-    """A list comprehension with an optional filter; a generator expression, evaluated lazily, if `late` is True."""
+    """A list comprehension with an optional filter, or a generator expression if `late` is True (evaluated lazily)."""
 
     value: Expression
     target: Local
@@ -131,7 +131,7 @@ class Lambda:
 
 @dataclass(frozen=True, slots=True)
 class Text:
-    """Literal Python source text of an expression that no pass needs to analyse; never text from users.
+    """Python source text of an expression, put into the code as it is; never text from users.
 
     Attributes:
         text: an atomic expression, or one in parentheses.

@@ -129,7 +129,7 @@ def too_many_errors(span: Span | None, rest: str = "the rest of the file is not 
 def defined_twice(
     named: Iterable[tuple[str, Span | None]],
     message: str,
-    hint: str = "choose another name, or leave one out",
+    hint: str = "rename or delete one of the two definitions",
     first: Mapping[str, Span | None] | None = None,
 ) -> Iterator[Diagnostic]:
     """Yield an error for each repeated definition of a name, with a note at its first definition.

@@ -37,7 +37,7 @@ class EnvgraphError(Exception):
 
 
 class DiagnosticError(EnvgraphError):
-    """An error that consists of one or more diagnostics: as text in `str()`, as data in `diagnostics`."""
+    """An error that consists of one or more diagnostics. `str()` returns them as text, `diagnostics` as data."""
 
     def __init__(self, diagnostics: Sequence[Diagnostic]) -> None:
         self.diagnostics = tuple(diagnostics)
@@ -49,7 +49,7 @@ class DiagnosticError(EnvgraphError):
 
 
 class LoadError(DiagnosticError):
-    """An error that reports all problems of a file, and of its imports, that cannot be loaded."""
+    """An error raised if a file cannot be loaded. It reports all problems of the file and of its imports."""
 
     @classmethod
     def of(cls, code: str, message: str, span: Span | None = None, hint: str | None = None) -> LoadError:
@@ -115,7 +115,7 @@ class RuleError(_PlacedError):
         self.details = tuple(details)
 
     def everywhere(self, where: str) -> RuleError:
-        """Return a copy whose message adds that the rule is refused at all places that `where` describes."""
+        """Return a copy of the error whose message adds where else the rule is refused, as described by `where`."""
         message = f"{self.message}; it is refused at {where}"
         return _rule_error(message, self.rule, self.reason, self.details, self.span, self.hint)
 

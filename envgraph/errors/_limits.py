@@ -1,4 +1,4 @@
-"""Limit the sizes that a file may ask for; the variable `ENVGRAPH_LIMITS` raises all limits."""
+"""Limit the sizes that a file may ask for. The environment variable `ENVGRAPH_LIMITS` raises all limits."""
 
 from __future__ import annotations
 
@@ -23,9 +23,9 @@ MOST_STEPS: Final = 1_000_000_000
 
 
 def limit(usual: int) -> int:
-    """Return a limit: the default `usual` times the factor in the environment variable `ENVGRAPH_LIMITS`.
+    """Return a limit: the default `usual` times the factor in the environment variable `ENVGRAPH_LIMITS`, at least 1.
 
-    One factor raises all limits, also in worker processes. A message about a limit ends with `RAISE_LIMIT`.
+    One factor changes all limits, also in worker processes. A message about a limit ends with `RAISE_LIMIT`.
 
     Raises:
         InvalidArgument: the variable is not a number above 0 and at most a million.
@@ -36,13 +36,15 @@ def limit(usual: int) -> int:
     text = os.environ.get(_VARIABLE, "1")
     factor = parse_float(text)
     if factor is None or not 0 < factor <= 1_000_000:
-        message = f"the environment variable {_VARIABLE} is `{text[:20]}`, but must be a number"
-        raise InvalidArgument(message, "set it to a number above 0 and at most 1,000,000, such as 10")
+        message = (
+            f"the variable {_VARIABLE} is `{text[:20]}`, but must be a number above 0 and at most 1,000,000"
+        )
+        raise InvalidArgument(message, "set it to a number such as 10, or unset it")
     return max(int(usual * factor), 1)
 
 
 def parse_within(text: str, low: int, most: int) -> int:
-    """Parse a whole number from `low` to the limit `most`, which `ENVGRAPH_LIMITS` can raise.
+    """Parse a whole number from `low` to the limit `most` (times the factor in `ENVGRAPH_LIMITS`).
 
     Raises:
         InvalidArgument: the text is not a whole number in this range.

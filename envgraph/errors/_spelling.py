@@ -1,4 +1,4 @@
-"""Compare definitions exactly as they are written."""
+"""Compare definitions exactly, including the types of their values."""
 
 from __future__ import annotations
 
@@ -6,7 +6,9 @@ from dataclasses import fields, is_dataclass
 
 
 def spelling(item: object) -> tuple[object, ...]:
-    """Return a tuple of all types and values of a definition. Unlike `==`, it distinguishes `1` from `1.0`.
+    """Return a key of a definition, equal only for definitions with the same types and values: `1` differs from `1.0`.
+
+    Data class fields with `repr=False` are skipped.
 
     >>> spelling((1, "a")) == spelling((1.0, "a"))
     False

@@ -40,7 +40,7 @@ def plural(count: int, word: str) -> str:
 
 
 def did_you_mean(name: str, known: Iterable[str]) -> str | None:
-    """Return a hint that names the known name most similar to `name`, or None if no known name is similar.
+    """Return a hint with the known name most similar to `name`, or None if no known name is similar.
 
     >>> did_you_mean("metods", ["methods", "fields"])
     'did you mean `methods`?'
@@ -86,7 +86,7 @@ def _latin(name: str) -> str:
 
 
 def listed(names: Iterable[str]) -> str:
-    """Return sorted names in backquotes, separated by commas; if there are more than six, only the first five.
+    """Return sorted names in backquotes, each once, separated by commas; of more than six only the first five.
 
     >>> listed("b") + "; " + listed("gfedcba")
     '`b`; `a`, `b`, `c`, `d`, `e` and 2 more'
@@ -107,7 +107,9 @@ def quoted(names: Iterable[object]) -> str:
 
 
 def name_hint(name: str, known: Iterable[str]) -> str | None:
-    """Return a hint for an unknown name: a similar known name, else all known names; None if `known` is empty.
+    """Return a hint for an unknown name: a similar known name, else a list of the known names; None if there are none.
+
+    The list omits names that begin with `_` or contain `#`.
 
     >>> name_hint("methds", ["methods", "fields"]), name_hint("Zed", ["methods", "fields"])
     ('did you mean `methods`?', 'there are `fields`, `methods`')

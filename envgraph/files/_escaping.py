@@ -20,10 +20,10 @@ if TYPE_CHECKING:
 
 
 def jinja_environment(loader: jinja2.BaseLoader, ending: str) -> jinja2.sandbox.SandboxedEnvironment:
-    """Return a Jinja2 environment that escapes all values for files with the given suffix, such as `.py`.
+    """Return a sandboxed Jinja2 environment that escapes all values for files with a suffix (`ending`), such as `.py`.
 
     Results of the suffix's own filters, of macros and of `safe` are not escaped. For unknown suffixes nothing is
-    escaped.
+    escaped. Undefined variables raise an error.
     """
     from jinja2 import StrictUndefined, pass_context
     from jinja2.sandbox import SandboxedEnvironment
@@ -46,19 +46,19 @@ def jinja_environment(loader: jinja2.BaseLoader, ending: str) -> jinja2.sandbox.
 
 
 def markdown(text: object) -> str:
-    """Return a text as one line of Markdown without any markup, which is also safe in a table cell."""
+    """Escape a text so that Markdown shows it literally, on one line, also in a table cell."""
     return re.sub(r"([\\`*_|<>\[\]&~#])", r"\\\1", visible(str(text)))
 
 
 def _python(value: object) -> str:
-    """Return a value as a Python literal; strings are in double quotes, and double quotes inside them are escaped."""
+    """Return a value as a Python literal. A string is put in double quotes, and unprintable characters are escaped."""
     if not isinstance(value, str):
         return repr(value)
     return '"' + visible(value.replace("\\", r"\\")).replace('"', r"\"") + '"'
 
 
 def _json(value: object) -> str:
-    """Return a value as JSON that is also valid in TOML and in a script element of HTML."""
+    """Format a value as JSON that is also valid in TOML and in a script element of HTML."""
     return _escaped(r"[^\w -~]|[<>&']", json.dumps(value, ensure_ascii=False, default=list))
 
 

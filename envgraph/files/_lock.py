@@ -16,7 +16,7 @@ from envgraph.files._replace import lock_file
 
 @contextmanager
 def write_lock(path: Path) -> Iterator[None]:
-    """Hold an exclusive write lock on a file, or on files with a common name, during the block.
+    """Hold an exclusive write lock on a path during the block. The path may stand for several files.
 
     Readers need no lock.
 
@@ -38,7 +38,13 @@ def write_lock(path: Path) -> Iterator[None]:
 
 
 def _open_locked(lock: Path, path: Path) -> int | None:
-    """Open and lock a lock file, and return its descriptor; None if the file system does not allow it."""
+    """Create or open a lock file, lock it, write this process into it, and return its descriptor; None if impossible.
+
+    Log a warning if the file names a process that died.
+
+    Raises:
+        InvalidArgument: the lock is held, or `lock` is a link or a directory.
+    """
     if os.path.lexists(lock) and (lock.is_symlink() or not lock.is_file()):
         raise InvalidArgument(f"{path} cannot be locked, because {lock} is not a file", f"remove {lock}")
     try:

@@ -36,7 +36,7 @@ class _Work:
     counted: tuple[list[str], int] = ([], 0)
 
     def begun(self, what: str) -> int:
-        """Return how many times in a row, with this one, `counting` began with the same texts."""
+        """Note that `counting` begins with a text, and return how many times in a row it began with the same texts."""
         key = [*self.texts, what]
         self.counted = key, self.counted[1] + 1 if key == self.counted[0] else 1
         return self.counted[1]
@@ -73,7 +73,7 @@ def telling(show: Show | None = None) -> Iterator[Tell]:
 
 @contextmanager
 def counting(what: str) -> Iterator[Callable[[int, int], None]]:
-    """Yield a function that shows the progress text `what: count`, with a number of outcomes unless it is 0.
+    """Yield a function of a count and a number of outcomes that shows the text `what: count`, and outcomes above 0.
 
     If the same counter begins again, as for the next model, the text also shows the number of the model.
     """
@@ -108,7 +108,7 @@ def _write_over(text: str) -> None:
 
 @dataclass(slots=True)
 class _Seldom:
-    """A writer of progress lines that skips texts: each line waits twice the time of the line before."""
+    """A writer of progress lines that skips texts until twice the time of the last written line has passed."""
 
     begun: float
     due: float = FIRST_LINE

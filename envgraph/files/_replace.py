@@ -30,17 +30,19 @@ def replace_file(path: Path, content: str | bytes) -> None:
 
 
 def check_free(folder: Path) -> None:
-    """Raise InvalidArgument if the folder is not empty, or is not a folder; a missing folder is allowed."""
+    """Raise InvalidArgument unless the folder is empty or missing."""
     if folder.exists() and (not folder.is_dir() or any(folder.iterdir())):
-        raise InvalidArgument(f"{folder} exists already", "choose another folder, or remove this one")
+        raise InvalidArgument(
+            f"{folder} exists already and is not an empty folder", "choose another folder, or remove this one"
+        )
 
 
 @contextmanager
 def replacing(path: Path, *, overwrite: bool = True) -> Iterator[Path]:
     """Yield an empty draft file to write. It replaces the file after the block, but is deleted after an exception.
 
-    The draft is locked during the block. The next replacement of the same file deletes unlocked drafts, which killed
-    processes have left.
+    For a pipe or a device the path itself is yielded. The draft is locked during the block. The next replacement of the
+    same file deletes unlocked drafts, which killed processes have left.
 
     Raises:
         FileExistsError: the file exists, and `overwrite` is False.
@@ -95,9 +97,9 @@ def _prefix(target: Path) -> str:
 
 @contextmanager
 def _draft(target: Path) -> Iterator[tuple[Path, int]]:
-    """Create a locked draft beside the target, and yield its path and descriptor.
+    """Create a locked draft with the target's permissions beside it, and yield its path and descriptor.
 
-    At the end delete it if it still exists.
+    First delete unlocked drafts of the target. At the end delete the draft if it still exists.
     """
     prefix = _prefix(target)
     _remove_stale(target.parent, re.compile(re.escape(prefix) + "[0-9a-f]{8}"))

@@ -27,7 +27,7 @@ def cls(name, *features, **more):
             [cls("A"), cls("A")],
             "duplicate-definition",
             "`A` is defined twice",
-            "choose another name, or leave one out",
+            "rename or delete one of the two definitions",
         ),
         ([cls("A", supertypes=("B",)), cls("C")], "unknown-class", "unknown class `B`", "there is `C`"),
         (
@@ -52,7 +52,7 @@ def cls(name, *features, **more):
             [cls("A", Attribute("x", INT), Reference("x", "A"))],
             "duplicate-definition",
             "`A.x` is defined twice",
-            "choose another name, or leave one out",
+            "rename or delete one of the two definitions",
         ),
         (
             [cls("A", Attribute("x", INT)), cls("B", Attribute("x", INT), supertypes=("A",))],

@@ -100,7 +100,9 @@ class ViewMatcher(Matcher):
         """
         for pattern in patterns:
             if pattern in self.listeners.patterns:
-                raise InvalidArgument(f"`{pattern}` has listeners: remove them before `unwatch`")
+                raise InvalidArgument(
+                    f"`{pattern}` has listeners or event rules: remove them before `unwatch`"
+                )
         for pattern in patterns:
             self.kept.views.pop(pattern, None)
             self._wanted.pop(pattern, None)
@@ -125,12 +127,14 @@ class ViewMatcher(Matcher):
     def _check_watchable(self, pattern: str) -> None:
         """Raise an `InvalidArgument` or `EvaluationError` if a pattern cannot be watched."""
         if self.library.get(pattern).strategy == "search":
-            raise InvalidArgument(f"`{pattern}` is a `search` pattern and cannot be watched: remove `search`")
+            raise InvalidArgument(
+                f"`{pattern}` is a `search` pattern and cannot be watched: remove `search` from its definition"
+            )
         inputs = self.library.inputs(pattern)
         if inputs:
             name = self.library.get(pattern).parameters[inputs[0]].name
             raise InvalidArgument(
-                f"`{pattern}` cannot be watched: its parameter `{name}` always needs a value"
+                f"`{pattern}` cannot be watched: its parameter `{name}` always needs a value; query it instead"
             )
         check_nesting(self.demand.calls, pattern)
 
