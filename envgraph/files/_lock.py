@@ -40,10 +40,8 @@ def write_lock(path: Path) -> Iterator[None]:
 def _open_locked(lock: Path, path: Path) -> int | None:
     """Create or open a lock file, lock it, write this process into it, and return its descriptor; None if impossible.
 
-    Log a warning if the file names a process that died.
-
-    Raises:
-        InvalidArgument: the lock is held, or `lock` is a link or a directory.
+    Log a warning if the file names a process that died. Raise `InvalidArgument` if the lock is held or `lock` is no
+    file.
     """
     if os.path.lexists(lock) and (lock.is_symlink() or not lock.is_file()):
         raise InvalidArgument(f"{path} cannot be locked, because {lock} is not a file", f"remove {lock}")

@@ -396,7 +396,7 @@ class DeltaTranslation(Translation):
         )
 
     def _absent(self, goal: Absence, place: Occurrence | None) -> code.Expression:
-        """Return code for a negation, without the changed tuple if its occurrence must not see it."""
+        """Return a test of a negation, which ignores the changed tuple if the occurrence must not see it."""
         relation = negated(goal)
         if isinstance(relation, LinkAtom) and free_inside(goal):
             if place is None:
@@ -430,7 +430,7 @@ class DeltaTranslation(Translation):
                 return self._relations.closure(relation)
 
     def alone(self, occurrence: Occurrence, names: Sequence[code.Local]) -> None:
-        """Emit a test that the tuple is the only link at its bound end, if the other end only needs to exist."""
+        """If a link's other end only needs to exist, emit a test that the tuple is the only link at its bound end."""
         if isinstance(occurrence.relation, LinkAtom) and None in occurrence.columns:
             self._block.test(code.equal(self.number(occurrence, names, 0), code.Constant(1)))
 

@@ -1,6 +1,6 @@
 """Fuse all delta functions of the same change into one function.
 
-Common beginnings are executed once: the six occurrences of one relation in a chain loop over the same neighbours.
+Common beginnings are executed only once. For example, six occurrences of a relation may loop over the same neighbours.
 """
 
 from __future__ import annotations
@@ -95,10 +95,7 @@ def fused_source(planner: ViewPlanner, deltas: Sequence[Delta], coming: bool) ->
 
 
 def insert(groups: list[Group], nest: Body, change: Change) -> None:
-    """Add a nest of loops and tests to the groups, inside a branch with the same beginning if possible.
-
-    It is executed after all opposite changes of its view, as before.
-    """
+    """Add a nest of loops and tests to the groups, if possible inside a branch that begins with the same statements."""
     count = next(index for index, statement in enumerate(nest) if not isinstance(statement, Assign))
     assignments, (first, *behind) = nest[:count], nest[count:]
     heads, inside = _opened(first)

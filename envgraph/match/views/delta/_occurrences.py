@@ -1,4 +1,4 @@
-"""The occurrences of relations in a body: a changed tuple may create or remove derivations at each occurrence."""
+"""The occurrences of relations in a body. A tuple that changes at an occurrence may create or remove derivations."""
 
 from __future__ import annotations
 
@@ -52,7 +52,7 @@ class Occurrence:
 
 
 def occurrences(conjunction: Conjunction) -> list[Occurrence]:
-    """Return all occurrences of relations in a body, in the order of its goals."""
+    """Return all occurrences of relations in a body, in the order of its goals. Tests and computed values have none."""
     loose = existential(conjunction)
     found: list[Occurrence] = []
     for number, goal in enumerate(conjunction.goals):

@@ -70,7 +70,7 @@ class ViewPlanner:
         raise AssertionError(key)
 
     def plan(self, conjunction: Conjunction, goals: Sequence[Goal], bound: frozenset[int]) -> Plan:
-        """Return a plan for some goals that binds all their variables, except those of which only existence matters.
+        """Return a plan for goals, given the `bound` variables; it binds all others but those that only need to exist.
 
         Raises:
             Unplannable: a variable cannot be enumerated.
@@ -95,7 +95,7 @@ class ViewPlanner:
         """Return True if a pattern is estimated to have very many rows, and compares values as in `x < y`.
 
         Such comparisons relate nearly all pairs of objects. An ordered index finds the existence or number of rows
-        without listing them. So views that negate or count such a pattern are recomputed after every change.
+        without listing them. So patterns with negations or counts of such a pattern are recomputed after every change.
         """
         for body in bodies:
             if any(map(_is_ordering, body.goals)):
@@ -187,7 +187,7 @@ class ViewOptions(Options):
 
 
 def _from_value(goal: Goal, bound: Bound) -> bool:
-    """Return True if a goal needs a lookup of objects by attribute value. Views have none, as no such index is kept."""
+    """Return True if a goal would need a lookup of objects by attribute value, which views do not have."""
     held = held_value(goal)
     return held is not None and held[1] not in bound
 
@@ -215,6 +215,6 @@ class ViewSearch(Search):
     counts_abandoned = True  # each occurrence has a plan of its own: none may take long
 
     def _enter(self, draft: Draft, loop: Option) -> None:
-        """Append a loop to a draft, and remove its goal. Other class tests of its object remain in the plan."""
+        """Append a loop to a draft plan, and remove its goal. Other class tests of its object remain to be tested."""
         draft.add(loop)
         self._drop(draft, [loop.goal], loop.binds)

@@ -168,7 +168,7 @@ class NetworkBuilder:
         """Return the bodies of all patterns in the recursive component of a pattern.
 
         A body `p(a, m), p(m, b)` is rewritten to call a new view of the non-recursive bodies in place of one recursive
-        call.
+        call. Raise `NotIncremental` if a pattern needs inputs.
         """
         names = self._together(pattern)
         if len(names) < len(self.calls.component(pattern)):
@@ -399,11 +399,7 @@ class NetworkBuilder:
         return [g for g in goals if is_relation(g) and not (isinstance(g, CallAtom) and g.pattern in apart)]
 
     def _usable(self, pattern: str) -> Rows:
-        """Return the operator of a pattern; create it if it is missing.
-
-        Raises:
-            NotIncremental: the pattern is under construction or needs inputs.
-        """
+        """Return the operator of a pattern, created if missing; raise `NotIncremental` if unfinished or with inputs."""
         if pattern in self._open:
             raise NotIncremental
         known = self.operators.get(pattern)
@@ -414,7 +410,7 @@ class NetworkBuilder:
         return self.view(pattern)
 
     def _absence(self, body: Conjunction, goal: Absence, place: str) -> Goal:
-        """Return a negation rewritten to test one relation of the network; raise `NotIncremental` if impossible."""
+        """Return a negation that tests one relation, created if necessary; raise `NotIncremental` if impossible."""
         if isinstance(call := negated(goal), CallAtom):
             if call.pattern not in self.operators and self._planner.orders(self._bodies.of(call.pattern)):
                 raise NotIncremental
@@ -436,7 +432,10 @@ class NetworkBuilder:
         return replace(goal, alternatives=((CallAtom(projected.name, outer),),), outer=outer)
 
     def _aggregate(self, body: Conjunction, goal: AggregateAtom, place: str) -> Goal:
-        """Return an aggregate that reads its value from an operator, created if necessary, or a count of links."""
+        """Return an aggregate that reads its value from an operator, created if necessary, or a count of links.
+
+        Raise `NotIncremental` if the operator cannot be updated by changes, or may have very many rows.
+        """
         relation = goal.relation
         local = set(free_inside(goal))
         called = arguments(relation)

@@ -96,7 +96,7 @@ class ClosureOperator(Operator):
         return float(sum(len(self.reached[start]) for (start,) in self.begun))
 
     def group_table(self, positions: tuple[int, ...]) -> Mapping[Any, Collection[Any]]:
-        """Return the nodes reached from each start, to be counted. `positions` must be the position of the start."""
+        """Return for each start the nodes that it reaches. `positions` must be the position of the start."""
         assert positions == ((0,) if self.forward else (1,))
         return self.reached
 
@@ -268,7 +268,7 @@ class ClosureOperator(Operator):
         return come
 
     def _round(self, start: Any, come: Reached) -> bool:
-        """Return True if an edge leads back to the start from one of the nodes in `come`, which are newly reached."""
+        """Return True if an edge leads from one of the newly reached nodes (`come`) back to the start."""
         following = self._steps.next
         return any(start in following(node) for node in come)
 
@@ -301,7 +301,7 @@ class ClosureOperator(Operator):
             self._notify(self.added, start, fresh)
 
     def _concerned(self, lost: list[Step], gained: list[Step]) -> Collection[Any]:
-        """Return all starts from which a changed edge is or was reached; perhaps others, too, or simply all starts."""
+        """Return the starts that may have reached a changed edge; all starts if a search for them takes too long."""
         before, most = self._steps.before, len(self.begun) // PART
         if len(self.begun) > FEW:
             gone: dict[Any, list[Any]] = {}
@@ -321,7 +321,7 @@ class ClosureOperator(Operator):
         return [start for (start,) in self.begun]
 
     def _solve(self, starts: Sequence[Any]) -> dict[Any, Reached]:
-        """Search from each of some starts, and return the reached nodes by start."""
+        """Search anew from each of some starts, and return the nodes that it reaches, by start."""
         if len(starts) > FEW:
             return reachable_sets(starts, self._steps.next, self.reflexive)
         return {start: self._reach(start) for start in starts}
@@ -338,7 +338,7 @@ class ClosureOperator(Operator):
         return seen
 
     def _replace(self, start: Any, old: Reached, new: Reached, difference: Difference) -> None:
-        """Replace the reached nodes of one start, journal this, and call the consumers with the `difference`."""
+        """Replace the reached nodes of one start, journal this, and call the consumers for removed and added nodes."""
         gone, come = difference
         if self.removing is not None:
             self._notify(self.removing, start, gone)
@@ -440,7 +440,7 @@ class CircleOperator(Rows):
         return any(one in behind or other in ahead for one, other in both)
 
     def _classified(self, starts: Sequence[Any]) -> Iterator[tuple[Row, bool]]:
-        """Yield the row of each start and of each node that a start reaches, and True if the node is on a cycle."""
+        """Yield the row of each start and of each node that a start reaches, and True if it is on a cycle, else False."""
         for nodes, exits in components(starts, self._steps.next):
             is_on = len(nodes) > 1 or nodes[0] in exits
             yield from (((node,), is_on) for node in nodes)

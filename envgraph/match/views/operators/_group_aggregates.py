@@ -40,7 +40,7 @@ class Values(dict[Row, Any]):
 
 
 class Fold(Operator):
-    """An operator with the value of an aggregate for each group of a relation. A missing group has the value of no row.
+    """An operator that stores an aggregate for each group of a relation. A missing group has the value of an empty one.
 
     Args:
         name: unique in the network.
@@ -85,7 +85,7 @@ class Fold(Operator):
         self._dirty[tuple([row[position] for position in self.group])] = []
 
     def _changed(self, number: int) -> Callable[..., None]:
-        """Return a hook that queues one more (`number` is 1) or one less (-1) of a tuple's value in its group."""
+        """Return a hook that queues, for a tuple's group, that its value occurs once more (`number`: 1) or less (-1)."""
         group, column, dirty = self.group, self.column, self._dirty
         assert column is not None
 

@@ -91,12 +91,7 @@ class Rows(Operator):
         self.rows.replace([])
 
     def group(self, positions: tuple[int, ...], item: int | None = None) -> Groups:
-        """Return the tuples grouped by their values at `positions`; create the groups at the first call.
-
-        Args:
-            positions: the positions of the key.
-            item: the position of the value that the groups contain of each tuple; None for the whole tuple.
-        """
+        """Return groups of the tuples, or of their values at `item`, by the values at `positions`; create them once."""
         key = (positions, item)
         if key not in self.groups:
             groups = self.groups[key] = Groups(self.store, positions, item)
@@ -153,7 +148,7 @@ class View(Rows):
         counts: the support count (number of derivations) of each tuple; None if no tuple has several.
         queue: pending derivations, flat: a tuple, then True if it is inserted, False if deleted.
         list_derivations: lists the tuples of all derivations, with repetitions.
-        derive, underive: add or remove one derivation of a tuple; insert or delete the tuple if it is the only one.
+        derive, underive: add or remove one derivation of a tuple; with the first or last one insert or delete it.
         work: processes the whole queue with `derive` and `underive`.
     """
 

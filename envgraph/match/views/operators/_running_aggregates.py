@@ -1,4 +1,4 @@
-"""Sums and extremes updated by each change of a value, in time independent of the group size. Rollbacks are exact."""
+"""Sums and extremes that each change of a value updates, without a new computation over all. Rollbacks are exact."""
 
 from __future__ import annotations
 
@@ -143,7 +143,7 @@ class Extremes:
         return sign * heap[0]
 
     def exchange(self, entry: Number, _: None) -> None:
-        """Push an entry unless the heap contains it. The journal undoes a removal by this call."""
+        """Push an entry onto the heap unless it is present. The journal calls this to undo a removal."""
         if entry not in self._held:
             heappush(self._heap, entry)
             self._held.add(entry)  # last: after an interruption a repeated entry does no harm

@@ -1,7 +1,4 @@
-"""The stored rows of operators: row sets, groups and indexes of rows, and logs of changes.
-
-Row sets and groups journal their changes, so rollbacks and checkouts restore them exactly.
-"""
+"""The stored rows of operators: row sets, groups, indexes and logs. Rollbacks and checkouts restore sets and groups."""
 
 from __future__ import annotations
 
@@ -26,7 +23,7 @@ class Log(list[Any]):
         self._shortest = 0
 
     def shorten(self) -> None:
-        """Replace the log by its net changes, deletions first, if it has more than doubled since the last time."""
+        """Replace the log by its net changes, deletions first, if it has more than doubled since it was shortened."""
         if len(self) > 2 * self._shortest + LONG:
             appeared, disappeared = net(self)
             gone = [part for row in disappeared for part in (row, False)]

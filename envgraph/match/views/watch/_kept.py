@@ -235,7 +235,7 @@ class KeptViews:
             raise
 
     def _break(self) -> None:
-        """Mark the views as broken since the present number of savepoints, and unsubscribe them."""
+        """Mark the views as broken, with the number of open savepoints, and unsubscribe them from the store."""
         depth = self.model.graph.history.depth
         self._broken = depth if self._broken is None else min(self._broken, depth)
         self.network.wiring.unhang()
@@ -321,7 +321,7 @@ class KeptViews:
     def checked_out(self) -> None:
         """Discard pending changes and temporary views after a checkout, and notify subscribers of the differences.
 
-        Broken views are subscribed again, but do nothing if a version may contain them.
+        If views were broken, subscribe them again; but do nothing if a version may contain broken views.
         """
         self.give_up()
         if self._broken is not None:

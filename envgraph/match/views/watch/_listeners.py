@@ -109,11 +109,8 @@ class Listeners:
     def tell(self, restored: bool) -> None:
         """Notify subscribers in rounds until no change is left. Do nothing while callbacks run.
 
-        Args:
-            restored: True if the first round follows a checkout.
-
-        Raises:
-            EvaluationError: callbacks have changed the model in all of very many rounds.
+        If `restored`, the first round follows a checkout. Raise an `EvaluationError` if rounds find changes again and
+        again.
         """
         if self.notifying:
             return

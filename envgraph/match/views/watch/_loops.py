@@ -111,7 +111,7 @@ class Loops:
         return rows
 
     def _is_costly(self, pattern: str) -> bool:
-        """Count a search. Return True if a view is now worth its cost and allowed, but not yet due in this loop."""
+        """Count a search. Return True if a view is now worth its cost and allowed, and not already due."""
         number = self._searches[pattern] = self._searches.get(pattern, 0) + 1
         if self._costly.get(pattern, 0) >= self.depth or number * len(self._kept.model) <= LONG:
             return False

@@ -100,9 +100,7 @@ class ViewMatcher(Matcher):
         """
         for pattern in patterns:
             if pattern in self.listeners.patterns:
-                raise InvalidArgument(
-                    f"`{pattern}` has listeners or event rules: remove them before `unwatch`"
-                )
+                raise InvalidArgument(f"`{pattern}` has listeners or event rules: remove them first")
         for pattern in patterns:
             self.kept.views.pop(pattern, None)
             self._wanted.pop(pattern, None)
@@ -127,9 +125,7 @@ class ViewMatcher(Matcher):
     def _check_watchable(self, pattern: str) -> None:
         """Raise an `InvalidArgument` or `EvaluationError` if a pattern cannot be watched."""
         if self.library.get(pattern).strategy == "search":
-            raise InvalidArgument(
-                f"`{pattern}` is a `search` pattern and cannot be watched: remove `search` from its definition"
-            )
+            raise InvalidArgument(f"`{pattern}` cannot be watched: remove `search` from its definition")
         inputs = self.library.inputs(pattern)
         if inputs:
             name = self.library.get(pattern).parameters[inputs[0]].name
@@ -192,10 +188,7 @@ class ViewMatcher(Matcher):
         return 0 if known is None else self._partly.count(pattern, view, positions, known)
 
     def _known(self, pattern: str, arguments: tuple[object, ...]) -> tuple[tuple[int, ...], Any]:
-        """Check the arguments. Return the positions that are not `FREE`, and the key of their values for a lookup.
-
-        The key is None if all are `FREE`, or if an object is deleted.
-        """
+        """Check arguments. Return the positions that are not `FREE`, and their key; None if an object is deleted."""
         types = self.library.parameter_types(pattern)
         if arguments.count(FREE) == len(arguments) == len(types):
             return (), None
