@@ -1,4 +1,4 @@
-"""Nodes of the syntax tree of generated code. Nodes compare equal if they do the same, whatever their origins are."""
+"""Nodes of the syntax tree of generated code. Nodes are equal if they have equal types and fields, except origins."""
 
 from __future__ import annotations
 

@@ -44,7 +44,7 @@ class DiagnosticError(EnvgraphError):
         super().__init__("\n\n".join(str(diagnostic) for diagnostic in self.diagnostics))
 
     def __reduce__(self) -> tuple[Callable[..., EnvgraphError], tuple[object, ...]]:
-        """Pickle the error with its diagnostics, since worker processes send errors back."""
+        """Return the class and the diagnostics to pickle the error, so that a worker process can send it back."""
         return type(self), (self.diagnostics,)
 
 
@@ -129,7 +129,7 @@ class RuleError(_PlacedError):
         return str(found[0]) if found else "\n  ".join([self.message, *self.details]) + self._advice
 
     def __reduce__(self) -> tuple[Callable[..., EnvgraphError], tuple[object, ...]]:
-        """Pickle the error with all its fields, since worker processes send errors back."""
+        """Return the function and all fields to pickle the error, so that a worker process can send it back."""
         return _rule_error, (self.message, self.rule, self.reason, self.details, self.span, self.hint)
 
 
@@ -147,7 +147,7 @@ class TransactionError(EnvgraphError):
 
 
 class EvaluationError(_PlacedError):
-    """An error raised for an expression without a value: division by zero, overflow, or an exhausted step limit.
+    """An error raised if a computation fails while it runs, for example by division by zero, overflow, or at a limit.
 
     Attributes:
         message: what is wrong, in one line.
@@ -176,7 +176,7 @@ class EvaluationError(_PlacedError):
         return str(found[0]) if found else self.message + self._advice
 
     def __reduce__(self) -> tuple[Callable[..., EnvgraphError], tuple[object, ...]]:
-        """Pickle the error with all its fields, since worker processes send errors back."""
+        """Return the class and all fields to pickle the error, so that a worker process can send it back."""
         return EvaluationError, (self.message, self.span, self.hint, self.notes)
 
 
@@ -209,7 +209,7 @@ class FunctionError(_PlacedError):
         return str(found[0]) if found else self.message + self._advice
 
     def __reduce__(self) -> tuple[Callable[..., EnvgraphError], tuple[object, ...]]:
-        """Pickle the error with all its fields, since worker processes send errors back."""
+        """Return the class and all fields to pickle the error, so that a worker process can send it back."""
         return FunctionError, (self.message, self.function, self.span, self.hint)
 
 
@@ -218,7 +218,7 @@ class InvalidArgument(EnvgraphError, ValueError):
 
 
 def check_known(name: object, known: Collection[str], message: str) -> None:
-    """Raise `InvalidArgument` with `message` if `name` is not one of `known`; its hint lists the known names.
+    """Raise `InvalidArgument` with `message` if `name` is not in `known`; the hint is a similar name or all names.
 
     >>> check_known("full", ("full", "direct"), "unknown kind `full`")
     >>> check_known("fast", ("full", "direct"), "unknown kind `fast`")

@@ -1,4 +1,4 @@
-"""Limit the sizes that a file may ask for. The environment variable `ENVGRAPH_LIMITS` raises all limits."""
+"""Limit the sizes that a file may ask for. The environment variable `ENVGRAPH_LIMITS` multiplies all limits."""
 
 from __future__ import annotations
 

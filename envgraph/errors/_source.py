@@ -111,7 +111,7 @@ def _columns(char: str) -> int:
 
 
 def _clipped(text: str, column: int, width: int) -> tuple[str, int, int]:
-    """Return a long line cut to the surroundings of a span, and the column and width of the span in the cut line."""
+    """Return a line, cut to the surroundings of a span if it is long, and the span's column and width in the result."""
     if len(text) <= _LONGEST:
         return text, column, width
     start = max(0, column - 1 - _LONGEST // 3)

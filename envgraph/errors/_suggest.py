@@ -86,7 +86,7 @@ def _latin(name: str) -> str:
 
 
 def listed(names: Iterable[str]) -> str:
-    """Return sorted names in backquotes, each once, separated by commas; of more than six only the first five.
+    """Return sorted names in backquotes, each once, separated by commas; of more than six only five and a count.
 
     >>> listed("b") + "; " + listed("gfedcba")
     '`b`; `a`, `b`, `c`, `d`, `e` and 2 more'

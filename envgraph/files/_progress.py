@@ -108,7 +108,7 @@ def _write_over(text: str) -> None:
 
 @dataclass(slots=True)
 class _Seldom:
-    """A writer of progress lines that skips texts until twice the time of the last written line has passed."""
+    """A writer of progress lines to standard error: one after 5 s, then one whenever the elapsed time has doubled."""
 
     begun: float
     due: float = FIRST_LINE

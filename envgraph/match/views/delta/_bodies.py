@@ -83,7 +83,7 @@ def component(goals: Sequence[Goal], starts: Iterable[int], fixed: frozenset[int
 
 
 def link_of(step: Sequence[Conjunction]) -> tuple[int, bool] | None:
-    """Return a reference index, and True if a step pattern's only goal is a link with swapped ends; None if no link."""
+    """Return the reference index of a step pattern that is one link, and True if its ends are swapped; else None."""
     goal = _only_goal(step)
     if not (isinstance(goal, LinkAtom) and isinstance(goal.reference, Reference)):
         return None

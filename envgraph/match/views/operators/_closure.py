@@ -440,7 +440,7 @@ class CircleOperator(Rows):
         return any(one in behind or other in ahead for one, other in both)
 
     def _classified(self, starts: Sequence[Any]) -> Iterator[tuple[Row, bool]]:
-        """Yield the row of each start and of each node that a start reaches, and True if it is on a cycle, else False."""
+        """Yield the row of each start and each node that a start reaches, and True if it is on a cycle, else False."""
         for nodes, exits in components(starts, self._steps.next):
             is_on = len(nodes) > 1 or nodes[0] in exits
             yield from (((node,), is_on) for node in nodes)

@@ -85,7 +85,7 @@ class Fold(Operator):
         self._dirty[tuple([row[position] for position in self.group])] = []
 
     def _changed(self, number: int) -> Callable[..., None]:
-        """Return a hook that queues, for a tuple's group, that its value occurs once more (`number`: 1) or less (-1)."""
+        """Return a hook that queues, for a tuple's group, one more (`number` 1) or one less (-1) of its value."""
         group, column, dirty = self.group, self.column, self._dirty
         assert column is not None
 
