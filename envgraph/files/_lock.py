@@ -1,4 +1,4 @@
-"""Lock files for writing: a second process that wants to write the same file is refused."""
+"""Lock files for writing. A second process that wants to write the same file gets an error."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ from envgraph.files._replace import lock_file
 
 @contextmanager
 def write_lock(path: Path) -> Iterator[None]:
-    """Hold an exclusive write lock on a path during the block. The path may stand for several files.
+    """Hold an exclusive write lock on a path during the block. The path may be the common name of several files.
 
     Readers need no lock.
 

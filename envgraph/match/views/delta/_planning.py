@@ -1,4 +1,4 @@
-"""Plan the searches of views: sizes are measured, and calls read the stored rows of other views."""
+"""Plan the searches of views. Sizes are measured in the model, and calls read the stored rows of other views."""
 
 from __future__ import annotations
 
@@ -38,7 +38,7 @@ benchmark `growth`."""
 
 
 class Held(Protocol):
-    """The interface to the sizes of views and closures."""
+    """The interface to the present sizes of views and closures, for cost estimates."""
 
     def rows(self, view: str) -> float:
         """Return the number of matches of a view."""
@@ -66,7 +66,7 @@ class ViewPlanner:
         self.plans: dict[tuple[str, int, int], Plan] = {}
 
     def view(self, key: ViewKey) -> ViewPlan:
-        """Raise an error: calls of views need no plan, because they read stored rows."""
+        """Raise an `AssertionError`, because calls of views read stored rows and need no plan."""
         raise AssertionError(key)
 
     def plan(self, conjunction: Conjunction, goals: Sequence[Goal], bound: frozenset[int]) -> Plan:

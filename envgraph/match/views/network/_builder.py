@@ -80,7 +80,7 @@ class NetworkBuilder:
         definitions: the definitions of the views.
         edges: for each closure the relation that it follows, and True if source and target are swapped.
         spreading: the delta functions between rows of a recursive component.
-        most: the largest number of pairs that a new closure may have.
+        most: the largest number of pairs of a new closure; more raise an `EvaluationError`.
 
     Args:
         store: the store of the model.
@@ -379,7 +379,7 @@ class NetworkBuilder:
         return [replace(body, goals=(each, *others)) for each in values]
 
     def _is_product(self, pattern: str) -> bool:
-        """Return True if a pattern without operator has a body in which relations do not connect all parameters."""
+        """Return True if relations leave parameters unconnected in a non-recursive pattern without an operator."""
         if pattern in self.operators or self.calls.recursive(pattern):
             return False
         if pattern not in self._products:

@@ -1,4 +1,4 @@
-"""Subscribe the delta functions of a network to the store and to each other."""
+"""Generate the delta functions of a network, and subscribe them to the store and to the operators."""
 
 from __future__ import annotations
 

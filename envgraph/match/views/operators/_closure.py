@@ -1,4 +1,4 @@
-"""Transitive closure from selected starts: the nodes reached from each start that the rest of a body needs."""
+"""Transitive closure from selected starts: operators with the nodes that each start reaches, or the nodes on cycles."""
 
 from __future__ import annotations
 
@@ -55,7 +55,7 @@ class Steps:
 
 
 class ClosureOperator(Operator):
-    """The nodes reached from each start by one or more edges; with `reflexive` also the start itself.
+    """An operator with the nodes reached from each start by one or more edges; if `reflexive`, also the start itself.
 
     Args:
         name: unique in the network.
@@ -371,7 +371,7 @@ class ClosureOperator(Operator):
         self.begun.replace(starts)
 
     def check(self) -> None:
-        """Assert that the reached nodes equal those of a new search, and that all tree edges exist."""
+        """Assert that starts and reached nodes equal those of a new search, and that all tree edges exist."""
         assert set(self.begun) == set(self.starts.rows), self.name
         for (start,) in self.begun:
             reached = self.reached[start]
@@ -396,7 +396,7 @@ class ClosureOperator(Operator):
 
 
 class CircleOperator(Rows):
-    """The nodes on cycles, from which one or more edges lead back to the node itself."""
+    """An operator with the nodes on cycles: nodes from which one or more edges lead back to the node itself."""
 
     def __init__(self, name: str, store: Store, steps: Steps) -> None:
         super().__init__(name, store)

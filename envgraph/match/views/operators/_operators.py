@@ -221,12 +221,12 @@ def unrecorded(store: Store) -> Iterator[None]:
 
 
 def _unmade(*_: object) -> None:
-    """Raise an error: the update functions do not exist yet."""
+    """Raise an `AssertionError`, because the update functions of the view do not exist yet."""
     raise AssertionError("the view is not connected yet")
 
 
 class Evaluated(Rows):
-    """The rows of a pattern that is evaluated again after every change, for patterns without delta functions.
+    """An operator for a pattern without delta functions, which is evaluated again after every change of the model.
 
     Args:
         name: the name of the pattern.

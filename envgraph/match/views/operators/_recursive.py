@@ -19,13 +19,13 @@ MOST_ROWS: Final = 1_000_000
 
 
 class Member(Rows):
-    """The rows of one pattern of a recursive component.
+    """An operator with the rows of one pattern of a recursive component.
 
     Attributes:
         component: names of the patterns of the component.
         queue: pending derivations, flat: a row, then True if it is inserted, False if deleted.
         spread: functions that queue the derivations of rows of the component from an inserted row of this pattern.
-        retract: functions that queue the derivations, to be removed, from a row that will be deleted.
+        retract: functions that queue the same derivations for removal, from a row that will be deleted.
         derivable: functions that return True if a row has a derivation from the present rows.
         list_base: functions that list the rows derived without rows of the component.
     """

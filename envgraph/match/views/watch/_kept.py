@@ -269,7 +269,7 @@ class KeptViews:
         return True
 
     def _mended(self) -> bool:
-        """Recompute broken views, or rebuild them if no earlier state can be restored. Return True on success."""
+        """Recompute broken views, or rebuild them if no savepoint or version is open. Return True on success."""
         model = self.model
         assert self._broken is not None
         try:

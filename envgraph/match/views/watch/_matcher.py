@@ -72,7 +72,7 @@ class ViewMatcher(Matcher):
         if not self.model.graph.history.idle:
             raise TransactionError(
                 f"cannot begin to watch `{new[0]}` inside a transaction or while a version exists: "
-                "call `watch` before the first commit"
+                "call `watch` before the transaction and before the first commit"
             )
         self.kept.up_to_date()
         self.kept.make((*self.kept.views, *new))

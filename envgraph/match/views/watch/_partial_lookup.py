@@ -36,7 +36,7 @@ class PartialLookup:
         self._spent: dict[tuple[str, Positions], float] = {}
 
     def forget(self) -> None:
-        """Discard the cached costs, because views or estimates have changed."""
+        """Discard the cached costs of lookups, because views or estimates have changed."""
         self._costs.clear()
         self._spent.clear()
 
@@ -46,7 +46,7 @@ class PartialLookup:
         return held or self._cost(pattern, positions) >= EXPENSIVE
 
     def possible(self, pattern: str, positions: Positions) -> bool:
-        """Return True if `worthwhile` may return True for some view of the pattern."""
+        """Return True if a lookup by these positions in a view of the pattern may be faster than a search."""
         return self._cost(pattern, positions) >= EXPENSIVE or self._demand.calls.of(pattern).searches
 
     def rows(self, pattern: str, view: Rows, positions: Positions, wanted: Any) -> Sequence[Row]:
