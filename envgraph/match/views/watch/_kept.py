@@ -87,7 +87,10 @@ class KeptViews:
         return self.views if self._brief is None else {}
 
     def current(self, pattern: str) -> Rows | None:
-        """Return the updated view of a pattern; None if unwatched or unusable. Rebuild all views that are outgrown."""
+        """Return the updated view of a pattern; None if the pattern is not watched or its view cannot be used.
+
+        If the model has outgrown the plans of the views, all views are rebuilt first.
+        """
         if pattern not in self.views or not self.up_to_date():
             return None
         if self.model.graph.store.next_id > self._outgrown:
