@@ -208,5 +208,5 @@ def Unit(
 
 
 def _said(data: _Data) -> _Data:
-    """Return a copy with the annotations and the doc comment that its text would have."""
+    """Return a copy as it would be read from its own text: fields such as `weight` also have annotations. No span."""
     return replace(data, annotations=annotations_of(data), doc=plain_doc(data.doc), span=None)

@@ -43,7 +43,7 @@ class _Frame:
         language: the language of the definition.
         before, after: the text in front of the part and behind it.
         fills: the fields of the definition that the part may set; the first is the field that the part is for.
-        ends: tokens that may end the part; after any other token `;` is appended. Empty: nothing is appended.
+        ends: a `;` is appended to the part unless its last token is one of these. Empty: nothing is appended.
     """
 
     language: str
@@ -77,11 +77,13 @@ _FRAMES: Final = {
 
 
 class Parts:
-    """A reader for the parts of one definition, given as texts or data; it collects the diagnostics of the texts.
+    """A reader for the parts of one definition, given as texts or data.
+
+    Errors in a text are recorded for `finish`, and the part is then empty. Wrong data raises InvalidArgument at once.
 
     Args:
         kind: "pattern", "rule" or "unit".
-        name: the name of the definition, for messages.
+        name: the name of the definition.
     """
 
     def __init__(self, kind: str, name: str) -> None:
@@ -93,7 +95,7 @@ class Parts:
         self._problems: list[Diagnostic] = []
 
     def finish(self) -> None:
-        """Raise an error if any of the texts read so far has errors.
+        """Raise an error if any of the texts read so far has errors; otherwise do nothing.
 
         Raises:
             LoadError: contains all errors.
@@ -103,20 +105,23 @@ class Parts:
     # --- texts and data
 
     def marks(self, given: str | Iterable[Annotation]) -> Any:
-        """Return an otherwise empty definition with the given annotations."""
+        """Return a definition that has only the given annotations.
+
+        If they are a text, its doc comment, and fields such as the weight that the annotations state, are set too.
+        """
         if isinstance(given, str):
             return self._read("annotations", given)
         found = self._items("annotations", given, Annotation, "annotations")
         return replace(self._read("annotations", ""), annotations=found)
 
     def parameters(self, given: str | Iterable[Parameter]) -> Any:
-        """Return the parameters of the definition."""
+        """Return the parameters of the definition, from the text between its parentheses or from data."""
         if isinstance(given, str):
             return self._field("parameters", given)
         return self._items("parameters", given, Parameter, "parameters")
 
     def bodies(self, given: str | Body | Iterable[str | Body | Constraint]) -> tuple[Body, ...]:
-        """Return the bodies of a pattern: one for constraints, else one for each text or `Body`."""
+        """Return the bodies of a pattern: one with the given constraints, or else one for each text or `Body`."""
         wanted = "constraints, or several texts or bodies"
         items = self._items("body", given, str | Body | Constraint, wanted)
         conditions = [item for item in items if isinstance(item, Constraint)]
@@ -127,7 +132,7 @@ class Parts:
         return tuple(self._field("body", one)[0] if isinstance(one, str) else one for one in items)
 
     def left(self, given: str | LeftSide | Iterable[Node | Edge | Constraint]) -> Any:
-        """Return the left-hand side of a rule, from an `lhs` text or from data."""
+        """Return the left-hand side of a rule; given data also gets a node for each end of an edge that lacks one."""
         if isinstance(given, str):
             return self._field("lhs", given)
         if not isinstance(given, LeftSide):
@@ -136,7 +141,7 @@ class Parts:
         return left_again(given)
 
     def right(self, given: str | RightSide | Iterable[Node | Edge | Action]) -> Any:
-        """Return the right-hand side of a rule, from an `rhs` text or from data."""
+        """Return the right-hand side of a rule; given data also gets a node for each end of an edge that lacks one."""
         if isinstance(given, str):
             return self._field("rhs", given)
         if not isinstance(given, RightSide):
@@ -145,7 +150,7 @@ class Parts:
         return right_again(given)
 
     def modification(self, given: str | Modification | Iterable[Action] | None) -> Any:
-        """Return the changes of a rule, from a `modify` text or from data; None if there are none."""
+        """Return the changes of a rule, with each `Create` divided into chains of arrows; None if None is given."""
         if isinstance(given, str):
             return self._field("modify", given)
         if not (given is None or isinstance(given, Modification)):
@@ -153,19 +158,19 @@ class Parts:
         return right_again(given)
 
     def blocks(self, given: str | Iterable[Block]) -> Any:
-        """Return the nested conditions and nested rules of a rule."""
+        """Return the nested conditions and nested rules of a rule, from a text or from data."""
         if isinstance(given, str):
             return self._field("blocks", given)
         return tuple(map(block_again, self._items("blocks", given, Block, "blocks")))
 
     def steps(self, given: str | Step | Iterable[str | Step]) -> Steps:
-        """Return the body of a unit as one flat sequence of steps."""
+        """Return the body of a unit: one flat sequence of all steps in the given texts and steps."""
         items = self._items("body", given, str | Step, "steps")
         found = (self._field("body", one) if isinstance(one, str) else steps_again(one) for one in items)
         return Steps(tuple(step for one in found for step in one.steps))
 
     def _items(self, part: str, given: Any, kinds: Any, wanted: str) -> tuple[Any, ...]:
-        """Return a single item or an iterable as a tuple.
+        """Return the given item, or the items of the given iterable, as a tuple; `wanted` describes them in messages.
 
         Raises:
             InvalidArgument: an item is not of the allowed kinds.
@@ -180,13 +185,13 @@ class Parts:
     # --- texts
 
     def _field(self, part: str, text: str) -> Any:
-        """Parse the text of a part, and return the field of the definition that the part is for."""
+        """Parse the text of a part, and return the field that the part is for; after errors the field is empty."""
         return getattr(self._read(part, text), self._frames[part].fills[0])
 
     def _read(self, part: str, text: str) -> Any:
-        """Parse the text of a part inside its frame, and return a definition that contains nothing else.
+        """Parse the text of a part inside its template, and return a definition that contains nothing else.
 
-        If the text has errors, they are recorded, and the returned definition has an empty part.
+        After errors, which are recorded, the definition is empty. Text that sets fields of other parts is an error too.
         """
         frame = self._frames[part]
         own = Source(f"{part} of {self._name}", text)
@@ -213,7 +218,7 @@ class Parts:
 
 
 def _graph(items: Sequence[Any]) -> tuple[tuple[Any, ...], tuple[Any, ...], tuple[Any, ...]]:
-    """Split items into nodes, edges and the remaining items."""
+    """Return three tuples: the nodes, the edges, and the remaining items."""
     nodes = tuple(one for one in items if isinstance(one, Node))
     edges = tuple(one for one in items if isinstance(one, Edge))
     return nodes, edges, tuple(one for one in items if not isinstance(one, Node | Edge))
@@ -227,9 +232,9 @@ _SIDES: Final = ("lhs", "rhs", "modify")
 
 
 def _misplaced(part: str, source: Source, lexemes: Sequence[Lexeme], *, several: bool) -> Diagnostic | None:
-    """Return a diagnostic for text that does not belong in a part, or None.
+    """Return a diagnostic for text that does not belong in a part, or None; `several` is True for patterns.
 
-    It finds mistakes for which the parser would report a confusing error, since it sees the frame around the part.
+    The parser would report these mistakes confusingly, because it also sees the template around the part.
     """
 
     def problem(lexeme: Lexeme, message: str, hint: str | None) -> Diagnostic:
@@ -271,12 +276,12 @@ def _closes_last(words: Sequence[str]) -> bool:
 
 
 def _word(lexeme: Lexeme) -> str:
-    """Return a punctuation sign or an unescaped word, which may be a keyword; "" for any other token."""
+    """Return the text of a sign or of a word without `^`, which may be a keyword; "" for any other lexeme."""
     return lexeme.value if lexeme.kind in ("NAME", "punctuation") and not lexeme.escaped else ""
 
 
 def _but_last_separators(problems: Sequence[Diagnostic], lexemes: Sequence[Lexeme]) -> tuple[Diagnostic, ...]:
-    """Return the problems except for a missing `;` before a `}`, which the parser has inserted itself."""
+    """Return the problems without those about a missing `;` before a `}`, because a part may lack this `;`."""
     starts = [lexeme.start for lexeme in lexemes]
 
     def follows(problem: Diagnostic) -> str:
@@ -288,7 +293,7 @@ def _but_last_separators(problems: Sequence[Diagnostic], lexemes: Sequence[Lexem
 
 
 def _of_the_part(problems: Sequence[Diagnostic], length: int) -> Sequence[Diagnostic]:
-    """Return the problems inside the part; if all are behind the part, only the first problem."""
+    """Return the problems in the first `length` characters, the part's own text; if it has none, the first problem."""
     inside = [one for one in problems if one.span is None or one.span.start < length]
     return inside or problems[:1]
 

@@ -32,7 +32,7 @@ _EFFECTS: Final = frozenset({"reward", "other", "apply", "end", "each_object", "
 
 
 def _assignment(layout: Layout, part: Part) -> Document:
-    """Return the document of `name = value`; a value that does not fit on the line is moved to lines of its own."""
+    """Return the layout document of `name = value`; a chain of operators that does not fit starts on a new line."""
     value = next((one for one in part.parts(*CHAINS)), None)
     if value is None:
         return layout.plain(part)
@@ -63,7 +63,7 @@ def _graph(layout: Layout, part: Part) -> Document:
 
 
 def _alternatives(layout: Layout, part: Part) -> Document:
-    """Return the layout document of `a | b`, broken before each `|`; with blocks it is laid out like `try`."""
+    """Return the layout document of `a | b`, broken before each `|`; its blocks are all on one line or all on more."""
     if any(isinstance(item, Part) and item.kind == "block" for item in part.items):
         return _nested(layout, part)
     found: list[Document] = []

@@ -196,7 +196,7 @@ class _Printer:
 
 
 def fits(rest: Sequence[Command], first: Command, room: int) -> bool:
-    """Return True if `first`, and `rest` up to its next line break, fit into the remaining `room` columns."""
+    """Return True if `first`, and the commands `rest` behind it up to a line break, fit into `room` columns."""
     waiting = [first]
     after = len(rest)
     while room >= 0:
@@ -268,9 +268,9 @@ class _Row:
     marks: list[Mark] = field(default_factory=list)
 
     def kind(self, comments: bool) -> tuple[str, int] | None:
-        """Return the kind and indentation that a neighbouring line must share to be aligned with this line, or None.
+        """Return the kind and indentation that neighbouring lines must share to be aligned with this line, or None.
 
-        If `comments` is True, only the marks of trailing comments count, else all others.
+        If `comments` is True, only marks of trailing comments count, and indentation does not; else all other marks.
         """
         found = [mark.kind for mark in self.marks if (mark.kind == COMMENT) is comments]
         if not found:
@@ -312,7 +312,7 @@ def _columns(rows: list[_Row], *, comments: bool) -> list[_Row]:
 
 
 def _align(rows: list[_Row], kind: str) -> None:
-    """Align lines in columns, unless the author has not aligned them, or a line would become too long."""
+    """Align lines at their marks of a kind, if the author wrote more blanks than usual and no line becomes too long."""
     places = [[i for i, mark in enumerate(row.marks) if mark.kind == kind] for row in rows]
     marks = [[row.marks[place] for place in found] for row, found in zip(rows, places, strict=True)]
     if len(rows) < 2 or not any(mark.spaces > mark.usual for found in marks for mark in found):

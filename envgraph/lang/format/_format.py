@@ -63,7 +63,7 @@ def language_of(name: str) -> str | None:
 
 
 def _lines(tokens: Tokens, definitions: list[Part]) -> list[str]:
-    """Return the lines of all definitions.
+    """Return the lines of all definitions and of the comments behind them.
 
     An empty line is inserted after each definition of several lines, and before it if the previous definition is of
     another kind.

@@ -52,7 +52,7 @@ class Layout:
 
         Args:
             index: the position of the token.
-            wanted: the document to put there, such as a possible line break; by default the usual blank or nothing.
+            wanted: the document to put there, such as a possible line break; None means the usual blank or nothing.
         """
         if not index:
             return NOTHING
@@ -265,7 +265,7 @@ class Layout:
         return level_of(self.tokens.words[operator])
 
     def _conditional(self, part: Part) -> Document:
-        """Return the layout document of `a ? b : c ? d : e`, which may be broken before each `:`."""
+        """Return the layout document of `a ? b : c ? d : e`, which may be broken before each `?` and `:`."""
         found: list[Document] = []
         item: Item = part
         while isinstance(item, Part) and item.kind == "conditional":

@@ -159,9 +159,9 @@ def _separators_first(tokens: Tokens) -> None:
 
 
 def _part(root: Tree[Token], starts: list[int], end: int, found: Tokens) -> Part:
-    """Return the root part for a syntax tree, and record which part owns each token in `found`.
+    """Return the root part for a syntax tree; record in `found` which part owns each token, and bracketed checks.
 
-    The function is not recursive, since a long sum is a very deep tree.
+    `starts` are the offsets of the `end` tokens. The function is not recursive, since a long sum is a very deep tree.
     """
     whole = Part(str(root.data), [], 0, end - 1)
     waiting = [(root, whole)]

@@ -56,14 +56,14 @@ def read_ecore(
     *,
     allow_unresolved: bool = False,
 ) -> MetamodelFile:
-    """Return the metamodel of one or more `.ecore` files, with all diagnostics.
+    """Return the metamodel of one or more `.ecore` files with all diagnostics; after errors, the metamodel is None.
 
     The package of the first file is the metamodel's own package; packages of the other files are nested in it. If
     classes or enums of several packages have the same name, they are named `package::Name`.
 
     Args:
         documents: the files, at least one.
-        doubles: by the names of further files: the document that defines the same package.
+        doubles: by the name of a file that repeats the package of one of the documents: this document, which is used.
         allow_unresolved: if True, features whose types are in missing files are left out with a warning.
     """
     joint = Joint(allow_unresolved=allow_unresolved)
@@ -148,7 +148,10 @@ def _built(
 
 
 def _qualifiers(packages: Sequence[tuple[str, Element]]) -> dict[str, str]:
-    """Return by package path the word before `::`: the package's name, or its prefix if the name is in use."""
+    """Return by package path the unique word that is written before `::`.
+
+    The word is the package's name, prefix or path, whichever is first an unused identifier; else `package` with `_`.
+    """
     found: dict[str, str] = {}
     taken: set[str] = set()
     for path, one in packages:
@@ -166,7 +169,7 @@ class _Reader(Tags):
     """A reader of one `.ecore` file that builds its packages, enums, classes and features."""
 
     def begin_metamodel(self, root: Element) -> str:
-        """Return the name of the outermost package, and record its position."""
+        """Return the name of the outermost package, and record its position; report a missing name, and make one."""
         if "name" in root.attributes:
             self.span = self.at(root, "name")
         return name_of(self, root, "package")
@@ -296,7 +299,7 @@ class _Reader(Tags):
         return found
 
     def _type_name(self, target: Target) -> str | None:
-        """Return the name of an attribute's data type in a written file; None for an enum or a type parameter."""
+        """Return the data type of an attribute as `.ecore` files name it; None for an enum or a type parameter."""
         if target.data is None:
             return self.joint.data_types.get(target.element) if target.element else None
         document, _, path = target.span.text.rpartition("#")
@@ -304,9 +307,9 @@ class _Reader(Tags):
         return path.rpartition("/")[2] if own else f"{XML_TYPES}#{path}"
 
     def _without_values(self, element: Element) -> str | None:
-        """Return why files hold no values of a feature: see `without_values`, or "transient" if both opposites are.
+        """Return why files hold no values of a feature, "derived", "transient" or "eType" (a feature map), or None.
 
-        None means that files may hold values.
+        A reference is transient if its opposite is, too. A derived containment beside a feature map has values.
         """
         word = without_values(element)
         beside = inside(self._owners[element], "eStructuralFeatures")
@@ -371,7 +374,7 @@ class _Reader(Tags):
         return self._with_kept(element, found, {"eType": self._type_name(target)})
 
     def _multiplicity(self, element: Element) -> list[tuple[str, Span]]:
-        """Return `[("multiplicity", span)]` for the bound that a feature states; [] if it states no bound."""
+        """Return `[("multiplicity", span)]` for the upper bound, or else for the lower bound; [] if none is stated."""
         bounds = (one for one in ("upperBound", "lowerBound") if one in element.attributes)
         return [("multiplicity", self.at(element, bound)) for bound in bounds][:1]
 
@@ -416,14 +419,15 @@ class _Reader(Tags):
     def _with_kept(
         self, element: Element, feature: Attribute | Reference, named: Mapping[str, str | None]
     ) -> Feature:
-        """Return the feature with an annotation that preserves the XML attributes only other tools use."""
+        """Return the feature, with an annotation for the XML attributes that only other tools use if there are any."""
         kept = kept_of(element, plain_parts(feature, named.get("eType")), named)
         return replace(feature, annotations=(*feature.annotations, *kept)) if kept else feature
 
     def _opposite(self, element: Element, there: Element) -> tuple[str, Span] | None:
-        """Return the name and span of the opposite reference; None if there is none or it is wrong, which is reported.
+        """Return the name and span of a reference's opposite; None if it has none, or a wrong one, which is reported.
 
-        The check is done here, because a message in terms of `.metamodel` files would not help.
+        It is also None if the opposite is computed or has no values in files. `there` is the class that the reference
+        points to. The check is done here, because a message in terms of `.metamodel` files would not help.
         """
         for target in self._targets(element, "eOpposite"):
             other = target.element

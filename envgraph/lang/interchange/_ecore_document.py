@@ -26,11 +26,11 @@ class EcoreDocument:
     """An `.ecore` file as a tree of XML elements.
 
     Attributes:
-        top: a list of the first element; if that is an `xmi:XMI`, the elements in it.
+        top: the first element of the file; if that is an `xmi:XMI`, the elements in it.
         roots: the packages in `top`.
         packages: the `roots` and all their subpackages.
         root: the first element; None if the text is not XML, then `problem` is the diagnostic.
-        paths: by the text before a `#`: the name of the existing file that it refers to.
+        paths: by the text before a `#`: the name of the existing file that it refers to; filled in by the loader.
         ids: the elements with an `xmi:id`; filled in by `index`.
     """
 
@@ -77,7 +77,7 @@ class EcoreDocument:
         yield from (one.get("name") for one in self.roots)
 
     def mentioned(self) -> dict[str, Span]:
-        """Return the other documents that the file refers to, as written before `#`, with their first spans."""
+        """Return the files that the file refers to, as written before `#`, with their first spans; not libraries."""
         found: dict[str, Span] = {}
         known = {""}
         for element, key, word in self._words():
@@ -98,7 +98,10 @@ class EcoreDocument:
         )
 
     def _words(self) -> Iterator[tuple[Element, str, str]]:
-        """Yield each word that refers to a part of a file, with its element and the name of its attribute."""
+        """Yield (element, XML attribute, word) for each word that refers to a part of a file.
+
+        Features without values are skipped. A type parameter without a bound refers to Ecore's `EObject`.
+        """
         waiting = [*self.roots]
         for element in waiting:
             if without_values(element):
@@ -115,7 +118,7 @@ class EcoreDocument:
     # --- parts ---
 
     def index(self, owners: dict[Element, Element]) -> None:
-        """Record the parent of each element in `owners`, and the elements with an `xmi:id` in `ids`."""
+        """Record the parent of each element in `owners`, and the first element with each `xmi:id` in `ids`."""
         waiting = [self.root] if self.root else []
         for element in waiting:
             key = element.qualified("id", XMI)
@@ -151,7 +154,7 @@ class EcoreDocument:
         return inside[place] if place < len(inside) else None
 
     def parts(self, element: Element) -> Mapping[str, Element]:
-        """Return the named parts of an element, by name."""
+        """Return by name the classifiers, packages, features, literals and type parameters directly in an element."""
         if element not in self._names:
             named = {}
             for child in reversed(element.children):
@@ -165,9 +168,10 @@ _ANY = f"{ECORE}#//EObject"
 
 
 def without_values(element: Element) -> str | None:
-    """Return why files hold no values of a feature: "derived", "transient" or "eType"; None if files may hold values.
+    """Return why files hold no values of a feature, "derived", "transient" or "eType" (a feature map), or None.
 
-    A transient feature may follow from its opposite. A derived XML element or attribute may belong to a feature map.
+    It is None, too, if a query can compute the values, or if a transient feature has an opposite that holds them. A
+    derived XML element or attribute may belong to a feature map.
     """
     attributes = element.attributes
     if is_computed(element):
@@ -180,7 +184,10 @@ def without_values(element: Element) -> str | None:
 
 
 def is_computed(element: Element) -> bool:
-    """Return True if a feature is computed and contains no objects, so that a query can define its values."""
+    """Return True if a query can define a feature's values: it is derived, or volatile and transient without opposite.
+
+    Containments, feature maps and their members, and features of type `EObject` are excluded.
+    """
     attributes = element.attributes
     is_volatile = attributes.get("volatile") == "true" == attributes.get("transient")
     if attributes.get("derived") != "true" and (not is_volatile or "eOpposite" in attributes):
@@ -190,7 +197,7 @@ def is_computed(element: Element) -> bool:
 
 
 def details_of(element: Element, source: str) -> Iterator[tuple[Element, str, str]]:
-    """Yield the details of the annotations with this source: element, key and value."""
+    """Yield the details of an element's annotations with this source, each as XML element, key and value."""
     for annotation in (one for one in element.children if one.name == "eAnnotations"):
         if annotation.attributes.get("source") == source:
             for one in (one for one in annotation.children if one.name == "details"):

@@ -107,7 +107,10 @@ class Names:
         )
 
     def _generic(self, element: Element, tag: str) -> Iterator[Target]:
-        """Yield generic types without their type arguments; a type parameter is replaced by its first bound."""
+        """Yield the targets of generic types without their type arguments, with a warning if there are any.
+
+        A type parameter is replaced by its first bound.
+        """
         for child in inside(element, tag):
             if "eTypeParameter" in child.attributes or child.children:
                 self._erase(
@@ -122,7 +125,10 @@ class Names:
         self.warn("generic-type", message, where, "check the models: more objects are allowed than in Ecore")
 
     def _erased(self, parameter: Target) -> Iterator[Target]:
-        """Yield the upper bound of a type parameter, which may be given through other type parameters."""
+        """Yield the bound of a type parameter, found through other type parameters if necessary; a circle is reported.
+
+        Without a bound, it is Ecore's `EObject`.
+        """
         span, seen = parameter.span, set()
         while parameter.element is not None and parameter.element not in seen:
             seen.add(parameter.element)
@@ -139,7 +145,7 @@ class Names:
         self.error("generic-type", message, span, "give it a class as its bound")
 
     def _targets(self, element: Element, name: str) -> Iterator[Target]:
-        """Yield the targets of an attribute (`#//A ecore:EClass other.ecore#//B`), or of its child tags with `href`."""
+        """Yield the targets of an attribute (`#//A b.ecore#//B`) and of child tags with `href`; report unknown ones."""
         if not element.children and name not in element.attributes:
             return
         words = element.get(name).split()
@@ -180,7 +186,7 @@ class Names:
         return Target(element, None, span, reader)
 
     def _reader_of(self, text: str) -> tuple[Names | None, Element | None]:
-        """Return the reader and the package of the file that `text` refers to; None for each that is unknown."""
+        """Return the reader and the package of the file named `text` ("" for this file), each None if it is unknown."""
         if text not in self._others:
             self._others[text] = self._look_for(text)
         return self._others[text]
@@ -281,7 +287,7 @@ class Names:
             raise Enough
 
     def drop(self, noun: str, rest: str, element: Element) -> None:
-        """Record a part that is not preserved. All parts of the same kind are later reported in one warning."""
+        """Record a part that is not preserved. Parts with the same noun and rest are later reported in one warning."""
         self.joint.dropped.setdefault((noun, rest), []).append(self.places.tag(element.byte))
 
     def warn(self, code: str, message: str, where: Span, hint: str | None = None) -> None:

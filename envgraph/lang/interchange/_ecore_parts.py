@@ -30,7 +30,10 @@ _NAMING = ("xmlns", "name", "eType", "eSuperTypes", "eOpposite", "eKeys")
 
 
 def marks_of(names: Names, element: Element, features: Sequence[Feature]) -> Marks:
-    """Return key, glyph and `frozen` from envgraph's own annotations; without a key, `iD` attributes are the key."""
+    """Return the key, glyph and `frozen` mark of a class from envgraph's own annotations.
+
+    If these state no key, the `iD` attributes among the class's own features are the key.
+    """
     marks = Marks()
     for one, name, value in details_of(element, _OWN):
         match name:
@@ -52,7 +55,10 @@ def marks_of(names: Names, element: Element, features: Sequence[Feature]) -> Mar
 
 
 def annotations_of(names: Names, element: Element) -> tuple[Annotation, ...]:
-    """Return the annotations of a `.metamodel` file that `metamodel_to_ecore` stored in the element."""
+    """Return the annotations of an element in a `.metamodel` file: stored by `metamodel_to_ecore`, or foreign.
+
+    A computed feature gets `@derived`.
+    """
     found = [Annotation("derived")] if is_computed(element) else []
     for one, name, value in details_of(element, _OWN):
         values: tuple[Value, ...] = tuple(value.split())
@@ -68,7 +74,10 @@ def annotations_of(names: Names, element: Element) -> tuple[Annotation, ...]:
 
 
 def notes_of(names: Names, element: Element, *, with_doc: bool = False) -> Iterator[Annotation]:
-    """Yield foreign annotations as `@annotation("source", key = "value")`; documentation only if `with_doc`."""
+    """Yield foreign annotations as `@annotation("source", key = "value")`; documentation only if `with_doc`.
+
+    Other contents of the annotations are recorded as not preserved.
+    """
     for one in inside(element, "eAnnotations"):
         source = one.get("source")
         if "references" in one.attributes:
@@ -121,13 +130,13 @@ def _number(text: str) -> Value:
 
 
 def doc_of(element: Element) -> str | None:
-    """Return the documentation of an element, stored as EMF does, or None."""
+    """Return the documentation in an element's GenModel annotation, or None."""
     docs = (one for one, key, _ in details_of(element, _GENMODEL) if key == "documentation")
     return next((one.attributes.get("value") for one in docs), None)
 
 
 def name_of(names: Names, element: Element, what: str) -> str:
-    """Return the name of an element; if it has none, report this and return a generated name."""
+    """Return the name of an element; if it has none, report this about the `what` and return a generated name."""
     name = element.get("name")
     if not name:
         where = names.places.tag(element.byte)
@@ -137,13 +146,16 @@ def name_of(names: Names, element: Element, what: str) -> str:
 
 
 def called(names: Names, element: Element, what: str) -> str:
-    """Return the name of a class or an enum in the metamodel."""
+    """Return the metamodel's name for a class or enum, such as `Name` or `package::Name`.
+
+    If the element has no name, this is reported, and the name is generated.
+    """
     return name_of(names, element, what) and (names.joint.names[element] or f"unnamed_{element.byte}")
 
 
 @cache
 def _ecore_defaults() -> Mapping[str, tuple[Scalar | EnumType, str, Value | None]]:
-    """Return the type of each bool or int attribute of Ecore's tags, and its default as text and as value."""
+    """Return by name the bool and int attributes of Ecore's tags: type, default as text, and default as value."""
     found = {}
     for cls in ecore_itself().packages[0].children:
         for one in inside(cls, "eStructuralFeatures"):
@@ -155,7 +167,7 @@ def _ecore_defaults() -> Mapping[str, tuple[Scalar | EnumType, str, Value | None
 
 
 def said(names: Names, element: Element, name: str) -> Any:
-    """Return the value of a bool or int XML attribute, or its default in Ecore; report a wrong value."""
+    """Return the value of a bool or int XML attribute; Ecore's default if it is missing, or wrong (then reported)."""
     type_, _, usual = _ecore_defaults()[name]
     text = element.attributes.get(name)
     if text is None:
@@ -182,7 +194,7 @@ def bounds_of(names: Names, element: Element) -> tuple[int, int | None]:
 
 
 def default_of(names: Names, element: Element, name: str, type_: Scalar | EnumType) -> Value | None:
-    """Return the default value of the attribute `name`, or None; report a default of the wrong type."""
+    """Return the default value of the attribute `name`; None if it has none, or a wrong one, which is reported."""
     text = element.attributes.get("defaultValueLiteral")
     if text is None:
         return None
@@ -197,7 +209,7 @@ def default_of(names: Names, element: Element, name: str, type_: Scalar | EnumTy
 
 
 def data_type_of(names: Names, target: Target) -> DataType | None:
-    """Return the data type that the `eType` of an attribute refers to; report any other target, and return None."""
+    """Return the data type or enum that an attribute's `eType` refers to; report any other target, and return None."""
     if target.data is not None:
         return target.data
     if target.element is None:

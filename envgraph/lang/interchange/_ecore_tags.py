@@ -15,7 +15,7 @@ from envgraph.lang.syntax._xml import XMI, XSI, Element
 
 @cache
 def _known_parts(kind: str) -> tuple[Sequence[str], Sequence[str]]:
-    """Return the XML attributes and the child tags that Ecore allows for elements of this Ecore class."""
+    """Return the XML attributes and the child tags that Ecore allows for elements of the Ecore class `kind`."""
     ecore = ecore_itself()
     classes = ecore.parts(ecore.packages[0])
     attributes: list[str] = []
@@ -32,10 +32,10 @@ def _known_parts(kind: str) -> tuple[Sequence[str], Sequence[str]]:
 
 
 class Tags(Names):
-    """A checker of the elements of one file, which records the kind of each."""
+    """A checker of one file that records the Ecore class of each element and reports parts unknown to Ecore."""
 
     def begin(self) -> bool:
-        """Return True if the file is a valid Ecore package; otherwise report the problem."""
+        """Return True if the file is XML with only Ecore packages at the top; otherwise report the problem."""
         root, problem = self.document.root, self.document.problem
         if problem or root is None:
             self.joint.diagnostics.extend([problem] if problem else [])
@@ -44,7 +44,10 @@ class Tags(Names):
         return self._is_package(root)
 
     def enter(self, paths: set[str]) -> None:
-        """Record and check all packages and their contents; later files' packages are nested in the first one."""
+        """Record and check all packages and their contents, and add their paths to `paths`.
+
+        The first file's package has the path ""; later files' packages are nested in it.
+        """
         self.document.index(self._owners)
         for root in self.document.roots:
             path = root.attributes.get("name") or "package" if paths else ""
@@ -110,7 +113,7 @@ class Tags(Names):
             self._check_parts(literal, "EEnumLiteral")
 
     def _kind(self, element: Element, known: Sequence[str], what: str) -> str | None:
-        """Return the Ecore class that the `xsi:type` of an element names; report a wrong one and return None."""
+        """Return the Ecore class that an element's `xsi:type` names; report a class not in `known`, and return None."""
         key = element.qualified("type", XSI, XMI)
         if key is None:
             wrong = next((one for one in element.attributes if one.endswith(":type")), None)
@@ -137,7 +140,7 @@ class Tags(Names):
         return None
 
     def _check_parts(self, element: Element, kind: str) -> None:
-        """Report XML attributes and child tags that Ecore does not define here, since they are probably mistyped."""
+        """Report XML attributes and child tags that Ecore lacks, and record those of other tools as not preserved."""
         attributes, children = _known_parts(kind)
         for key in element.attributes:
             if ":" in key and key.split(":")[0] not in ("xmlns", "xsi") and not key.endswith(":version"):

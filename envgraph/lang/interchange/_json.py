@@ -133,7 +133,7 @@ def _schema_problem(error: ValidationError, spans: Mapping[JsonPath, Span]) -> D
 def model_at(
     value: object, metamodel: Metamodel, spans: Mapping[JsonPath, Span], path: JsonPath, file: str
 ) -> Model:
-    """Return the model of a JSON value that is at `path` in a larger document.
+    """Return the model of a JSON value that is at `path` in a larger document, whose parts have the given spans.
 
     Raises:
         LoadError: the value is not a model of the metamodel; each diagnostic has the position of the wrong part.
@@ -241,7 +241,7 @@ def _json_hint(error: json.JSONDecodeError) -> str | None:
 
 
 def _lone_surrogates(text: str) -> Iterator[re.Match[str]]:
-    """Yield the escapes that are only half of a character, since a text with such an escape cannot be written again."""
+    """Yield the escapes that are only half of a character, because such a text cannot be written again."""
     if _SURROGATE.search(text) is None:
         return
     for found in _ESCAPE.finditer(text):
@@ -260,7 +260,7 @@ def _path(problem: Diagnostic, value: Any) -> JsonPath:
 
 
 def _located(source: Source, wanted: AbstractSet[JsonPath]) -> Mapping[JsonPath, Span]:
-    """Return the spans of the wanted paths; the text behind the last of them is not read."""
+    """Return the spans of the wanted paths; reading stops when all of them are found."""
     spans: dict[JsonPath, Span] = {}
     for path, span in locate(source):
         if path in wanted:

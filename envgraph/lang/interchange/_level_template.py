@@ -55,7 +55,8 @@ class LevelTemplate:
         Args:
             level: the level.
             name: the name of the new model.
-            given: by letter, tile class or tile number of the level: the letter of the grid that it means.
+            given: by letter, tile class or tile number of the level: the letter of the grid that it means. Without an
+                entry, it means the letter that is equal or has this class.
 
         Raises:
             InvalidArgument: a value of `given` is not a letter of the grid.
@@ -69,7 +70,7 @@ class LevelTemplate:
         return self._with(name, level.title, rows)
 
     def place(self, level: Level, text: str, span: Span) -> Span:
-        """Return the span in the level's file for a span in its model's text; the level's span if it is no cell."""
+        """Return the span in the level's file for a span in its model's text; outside of cells, the level's span."""
         tail = len(self.source.text) - (self.rows.end_pos or 0)
         end = len(text) - tail  # behind the quotes that end the rows
         line = text.rfind("\n", 0, end) + 1
@@ -88,7 +89,10 @@ class LevelTemplate:
         return {**classes, **{letter: letter for letter in self.letters}, **given}
 
     def _letter(self, cell: LevelCell, known: Mapping[str, str], problems: dict[str, Diagnostic]) -> str:
-        """Return the letter of a cell; if it has none, record a problem and return a blank."""
+        """Return the letter that a known name of a cell means, the first name first; if none is known, return a blank.
+
+        A cell without a letter adds a problem, once for each kind of cell.
+        """
         for name in cell.names:
             if name in known:
                 return known[name]

@@ -53,9 +53,8 @@ def read_levels(source: Source, letters: Collection[str]) -> tuple[Level, ...]:
     """Return the levels of a file, in order; the suffix of the file determines its format.
 
     `.tmx`, `.tmj` and `.json` are maps of Tiled. In `.des`, each level is between `MAP` and `ENDMAP`. In other files a
-    level
-    is a run of adjacent rows: lines with more than half of their characters in `letters`. Its title is `; name` before
-    it, or `Title: name` behind it.
+    level is a run of adjacent rows: lines with more than half of their characters in `letters`. Its title is `; name`
+    before it, or `Title: name` behind it.
 
     Raises:
         LoadError: the file has no level, the map cannot be read, or a line adjacent to a row is probably a mistyped
@@ -99,7 +98,7 @@ def _lines(source: Source) -> Iterator[_Line]:
 
 
 def _text_levels(source: Source, letters: Collection[str]) -> Iterator[tuple[str, list[_Line]]]:
-    """Yield the title and the rows of each level in a text of letters."""
+    """Yield the title and the rows of each level in a text of letters; raise LoadError for mistyped rows."""
     known = {*letters, *(FLOORS if suffix_of(source.name) in _XSB else (BLANK,))}
     problems = list(_doubtful(source, known, letters))
     if problems:
@@ -122,7 +121,7 @@ def _text_levels(source: Source, letters: Collection[str]) -> Iterator[tuple[str
 
 
 def _doubtful(source: Source, known: Collection[str], letters: Collection[str]) -> Iterator[Diagnostic]:
-    """Yield an error for each line in a level's block that is not a row but starts like one."""
+    """Yield an error for each line next to rows that starts like a row but has too few of the `known` letters."""
     message = "this line is next to a level, but at least half of its characters are not letters of the model"
     hint = (
         f"{_known(letters)}; if it is a row, add `--legend x=LETTER` for a letter `x` of it, and write each cell as a "
@@ -204,7 +203,7 @@ class _Map:
 
 
 def read_tiled(source: Source) -> Level:
-    """Return the level of a Tiled map; a cell without a tile in any layer is blank.
+    """Return the level of a Tiled map; the last layer with a tile counts, and a cell without tiles is blank.
 
     Raises:
         LoadError: the file is not a map, or has unsupported data.

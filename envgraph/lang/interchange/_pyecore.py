@@ -61,7 +61,7 @@ def metamodel_from_pyecore(package: Any, *others: Any) -> Metamodel:
 
 
 def _tell(losses: Iterable[Diagnostic]) -> None:
-    """Log a warning with the first few losses and the number of the remaining ones."""
+    """Log one warning with the messages of the first five losses and the number of the rest; if none, log nothing."""
     said = [one.message for one in losses]
     if said:
         more = f", and {len(said) - _LISTED} more" if len(said) > _LISTED else ""
@@ -154,7 +154,7 @@ def _read(name: str, text: str, packages: Any) -> list[Any]:
 
 
 def _written(roots: list[Any]) -> str:
-    """Return the text that pyecore writes for objects; the objects stay in their own resources."""
+    """Return the XMI text that pyecore writes for objects; afterwards they are in their own resources again."""
     target = _memory("objects.xmi")
     resource = _module("pyecore.resources.xmi").XMIResource(target)
     homes = [root._eresource for root in roots]
@@ -176,7 +176,7 @@ def _packages(package: Any) -> Iterator[Any]:
 
 
 def _with_referenced(packages: Sequence[Any], ecore: Any) -> list[Any]:
-    """Return the outermost packages of the given packages and of all packages that they refer to."""
+    """Return the outermost packages of these packages and of all that they refer to, without libraries not given."""
     found: list[Any] = []
     asked = [_outermost(package) for package in packages]
     open_ = list(asked)
@@ -225,7 +225,7 @@ def _sources(packages: Sequence[Any], ecore: Any) -> Iterator[Source]:
 
 
 def _name_files(tree: Any, files: Sequence[str]) -> None:
-    """Replace the numbers of root packages in references by the names of their files."""
+    """Replace references such as `#/1/A` in an XML tree by `b.ecore#//A`, with the name of file 1 from `files`."""
     for part in tree.iter():
         for attribute in ("eType", "eSuperTypes"):
             if attribute in part.attrib:

@@ -211,7 +211,10 @@ class _Reader:
         again: bool = False,
         known: bool = False,
     ) -> Span | None:
-        """Record the state hash on a line, if it has one, and return its span; None if it is missing or malformed."""
+        """Record the state hash on a line, if it has one, and return its span; None if it is missing or malformed.
+
+        `again` is True for the last line, and `known` if the line before it had this state.
+        """
         span = spans.get(("state",))
         if not again:
             self._states.append(span or spans[()])

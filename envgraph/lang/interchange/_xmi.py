@@ -31,12 +31,12 @@ def read_xmi(
     *,
     allow_unresolved: bool = False,
 ) -> ModelFile:
-    """Return the model of an `.xmi` file, with all diagnostics.
+    """Return the model of an `.xmi` file, or None after errors, with all diagnostics.
 
     Args:
         source: the file.
         metamodel: the metamodel of the objects; None if it could not be loaded: then only the XML syntax is checked.
-        lost: names that may have been lost through errors in other files.
+        lost: names that files with errors may define; they are not reported as unknown.
         fetch: reads another file by its path and the name of the file that refers to it; None if links to other files
             are not allowed.
         allow_unresolved: if True, links to missing objects are left out with a warning.
@@ -63,7 +63,7 @@ def read_xmi(
 
 
 def _read_all(first: Document) -> None:
-    """Read a document and all documents that it refers to, then link all references."""
+    """Read a document and all documents that it refers to, then link all references; stop after too many errors."""
     try:
         linkers = []
         waiting = [first]
@@ -84,7 +84,7 @@ def _read_all(first: Document) -> None:
 
 
 def schema_paths(source: Source) -> list[str]:
-    """Return the paths in the `xsi:schemaLocation` of a file's first tag, where its metamodel may be."""
+    """Return the `.ecore` and `.metamodel` paths, but no URLs, in the `xsi:schemaLocation` of a file's first tag."""
     found: list[str] = []
 
     def start(_: str, attributes: dict[str, str]) -> None:

@@ -1,4 +1,4 @@
-"""Hold the state of reading an `.xmi` file: the model, the documents, and the lookup of objects by their names."""
+"""The state of reading an `.xmi` file: the model, the documents, and the lookup of objects by their names."""
 
 from __future__ import annotations
 
@@ -47,9 +47,11 @@ _QUOTED = re.compile(r"'([^']*)'|\"([^\"]*)\"")
 
 @dataclass(frozen=True, slots=True)
 class Link:
-    """A reference to be linked after all objects have been read; `key` is the XML attribute that holds it.
+    """A reference of the object `node`, to be linked after all objects have been read.
 
     Attributes:
+        text: the names of the targets.
+        byte, key: the byte offset of the tag, and the XML attribute that holds the text.
         place: for an `href` in a containment reference, its index in `Reading.children`; else -1.
     """
 
@@ -95,12 +97,12 @@ class Reading:
     def omit(
         self, noun: str, rest: str, span: Span, hint: str = "no class has this", said: str = "left out"
     ) -> None:
-        """Count a part of the file that the model lacks or changes; `said` names the change, such as "rounded"."""
+        """Count a part that the model lacks or changes; all such parts with the same words give one later warning."""
         count, first = self._omitted.get((said, noun, rest, hint), (0, span))
         self._omitted[said, noun, rest, hint] = count + 1, first
 
     def lose(self, cls: str, feature: str, span: Span, noun: str = "value") -> bool:
-        """Return True if the metamodel has left out a feature, and count the lost value, text or position."""
+        """Return True if the metamodel left out a feature; if so, count the lost `noun` for a later warning."""
         reason = self.metamodel.left_out(cls, feature)
         if reason:
             self.omit(noun, f"of `{cls}.{feature}`", span, f"the feature is not there: {reason}")
@@ -121,7 +123,10 @@ class Reading:
         return self.children[key]
 
     def child(self, node: int, name: str, place: int) -> int | None:
-        """Return the object at an index of a containment reference: `LOST` if it was not read, None if missing."""
+        """Return the object at an index of a containment reference: `LOST` if it was not read, None if missing.
+
+        An `href` is resolved at the first call; if it leads back to itself, it counts as missing.
+        """
         children = self.children[node, name]
         child = children[place] if place < len(children) else None
         if isinstance(child, tuple):
@@ -132,7 +137,7 @@ class Reading:
         return child
 
     def inside(self, node: int, reference: Reference) -> Sequence[int]:
-        """Return the objects in a containment reference, in the order of the text."""
+        """Return the objects that could be read in a containment reference, in the order of the text."""
         listed = self.children.get((node, reference.name))
         if listed is None:
             return self.model.graph.targets(node, reference)
@@ -140,13 +145,13 @@ class Reading:
         return [child for child in found if child is not None and child != LOST]
 
     def enter(self, source: Source) -> Document:
-        """Add a document, and return it."""
+        """Create a document for a source, register it by the source's name, and return it; nothing is read yet."""
         document = Document(self, source)
         self.documents[source.name] = document
         return document
 
     def add(self, diagnostic: Diagnostic) -> None:
-        """Record an error; an unknown name that occurs several times counts as one error.
+        """Record an error. Further uses of an unknown name are recorded, up to a hundred, but do not count as errors.
 
         Raises:
             Stop: the limit of errors is reached.
@@ -186,7 +191,7 @@ class Reading:
 
 
 class Spans(Mapping[int, Span]):
-    """A mapping from the objects to the spans of their tags, computed on demand.
+    """A mapping from the objects to the spans of their tags, which are computed at each access.
 
     The objects of a document have consecutive ids.
     """
@@ -262,7 +267,10 @@ class Document:
         return self.roots[place] if 0 <= place < len(self.roots) else None
 
     def _step(self, node: int | None, step: str) -> int | None:
-        """Return the child for one step of a path: `@feature.3`, `@feature`, `@feature[key='a']`, or a name."""
+        """Return the child for a step: `@feature.3`, `@feature`, `@feature[key='a']` or a name. None if it is missing.
+
+        The result is `LOST` if the child, or its feature, could not be read.
+        """
         if node is None or node == LOST:
             return node
         if not step.startswith("@"):
@@ -282,7 +290,7 @@ class Document:
         return targets[place] if place < len(targets) else None
 
     def _child_named(self, node: int, name: str) -> int | None:
-        """Return the first child with this `name`; `title.1` is the second child named `title`."""
+        """Return the first child with this `name`, or None; `title.1` is the second child named `title`."""
         if node not in self._named:
             known = self._named[node] = {}
             counts: dict[object, int] = {}
@@ -296,7 +304,7 @@ class Document:
         return self._named[node].get(name)
 
     def _child_with(self, node: int, reference: Reference, predicate: str) -> int | None:
-        """Return the first child with these values, written as EMF does for `eKeys`: `ID='a%20b',version='3'`."""
+        """Return the first child with these values, written as EMF does (`ID='a%20b',version='3'`), or None."""
         keys = {name: _QUOTED.findall(text) for name, text in _KEY.findall(predicate)}
         features = [self.reading.metamodel.feature(reference.target, name) for name in keys]
         attributes = tuple(one for one in features if isinstance(one, Attribute))
@@ -360,7 +368,7 @@ class Library(Document):
     """The package of Ecore or of XML Schema as a document; it contains only those types that links refer to."""
 
     def find(self, fragment: str) -> int | None:
-        """Return the data type or class of a fragment such as `//EString`; create it at the first call."""
+        """Return the data type or class of a fragment such as `//EString`, created at the first call, or None."""
         name, model = fragment.rpartition("/")[2], self.model
         classes = ecore_itself().parts(ecore_itself().roots[0])
         if name not in self.ids and (name in (library_types(self.source.name) or ()) or name in classes):

@@ -69,7 +69,7 @@ class Linker:
         return None if known else document
 
     def link(self, spans: Spans) -> None:
-        """Link the targets of all references."""
+        """Link the targets of all references that the document has recorded, each target once, and report mistakes."""
         # A target that is named twice is linked once, as in EMF.
         links = Links(self._model, self._document.report, spans, repeated=False)
         for link in self._document.links:

@@ -61,7 +61,7 @@ class XmlNames:
                     self.elements[uris[cls.package], said.get("name", one.name)] = cls.name, one, head
 
     def head(self, uri: str, tag: str, known: Mapping[str, Feature]) -> str:
-        """Return the name in `known` that a tag may replace by substitution groups; else an unknown name."""
+        """Return the name in `known` that a tag has or may replace by substitution groups, else an unknown name."""
         for _ in range(MOST_NESTED):
             if tag in known or (uri, tag) not in self.elements:
                 break

@@ -63,7 +63,10 @@ class Namespaces:
         self.id_key = next((f"{one}:id" for one in spaces if scope[one] != XSI), None)
 
     def class_named(self, name: str, at: int, key: str | None) -> str | None:
-        """Return the class of a tag or `xsi:type` like `railway:Region`; report an unknown one and return None."""
+        """Return the class of a tag or `xsi:type` like `railway:Region`; if it is unknown or abstract, return None.
+
+        The mistake is reported at the first call: at `key`, the XML attribute, or at the tag itself if `key` is None.
+        """
         if name in self._types:
             return self._types[name]
         found = self._look_up(name, at, key)
@@ -94,7 +97,7 @@ class Namespaces:
     def _home(self, simple: str, package: Package | None, span: Span) -> str | None:
         """Return the class of this name in a package; without a package, the name must belong to exactly one class.
 
-        If there is no such class, report this and return None.
+        If there is no such class, return None, and report this unless a file with errors may define the name.
         """
         metamodel = self._reading.metamodel
         homes = {path: one for path, one in metamodel.named(simple).items() if one in metamodel.classes}

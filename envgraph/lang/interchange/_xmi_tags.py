@@ -68,7 +68,7 @@ class TagReader:
             self._reading.diagnostics.append(problem)
 
     def read(self) -> None:
-        """Create the objects of the document.
+        """Create the objects of the document, and record their references, to be linked later.
 
         Raises:
             Stop: the file is not XML, or has too many mistakes.
@@ -208,7 +208,10 @@ class TagReader:
     def _child(
         self, frame: _Frame, reference: Reference, attributes: dict[str, str], at: int, typed: Reference
     ) -> None:
-        """Open a contained object; its class is its `xsi:type`, else the target of the reference `typed`."""
+        """Create and open a contained object; its class is its `xsi:type`, else the target of the reference `typed`.
+
+        If the class is unknown or not allowed, the tag is skipped, and this is reported.
+        """
         type_, key = self._spaces.type_of(attributes)
         # Use the reference's target, since the tag's own name is a reference and not a class.
         cls = self._spaces.class_named(type_, at, key) if type_ else self._spaces.declared(typed, at)
@@ -228,7 +231,7 @@ class TagReader:
         self._stack.append(_Frame(node, table, frame.node, reference, text=text))
 
     def _other_tag(self, frame: _Frame, table: Table, tag: str, attributes: dict[str, str], at: int) -> None:
-        """Handle a tag that is not a reference: an attribute, another tool's extension, or a reported mistake."""
+        """Handle a tag that is no reference: open an attribute, count a tag of another tool, or report the tag."""
         attribute = table.tags.get(tag)
         if isinstance(attribute, Attribute):
             nil = self._spaces.is_nil(attributes)
@@ -325,7 +328,10 @@ class TagReader:
         self._model.graph.set_value(node, attribute, values)
 
     def _value(self, node: int, attribute: Attribute, text: str, where: Callable[[], Span]) -> Value | None:
-        """Return the value of a text; if the text does not fit the attribute's type, report this and return None."""
+        """Return the value of a text; if the text does not fit the attribute's type, report this and return None.
+
+        The text of a decimal number is kept in the model, and a number that is rounded is counted.
+        """
         value = value_of(text, attribute.type)
         if value is not None:
             if isinstance(value, float) and attribute.is_decimal and (repr(value) != text or attribute.many):
@@ -375,7 +381,7 @@ class TagReader:
             self._model.graph.set_value(frame.node, attribute, value)
 
     def _close_reference(self, frame: _Frame, reference: Reference) -> None:
-        """Record the targets that the text of a tag names, as in `<incoming>Flow_1</incoming>`."""
+        """Record the targets that the text of a tag names, as in `<incoming>Flow_1</incoming>`; report an empty tag."""
         words, at = "".join(frame.text or ()).strip(), frame.parent
         if words:
             self._document.links.append(Link(frame.node, reference, words, at, ""))
@@ -385,7 +391,10 @@ class TagReader:
         self._document.report("wrong-type", message, self._document.places.tag(at), hint)
 
     def _contain(self, frame: _Frame) -> None:
-        """Link a complete object to its container; linking it last avoids walking up a chain of containers."""
+        """Link a complete object to its container, or report that the container has too many objects.
+
+        Linking it last avoids walking up a chain of containers.
+        """
         assert frame.reference is not None
         upper, children = frame.reference.upper, None
         if self._reading.children:
@@ -402,7 +411,7 @@ class TagReader:
             children.append(frame.node)
 
     def _href(self, link: Link) -> None:
-        """Record the link of a tag with an `href`; in a containment reference the object keeps its position."""
+        """Record the link of a tag with `href` or `idref`; in a containment reference it keeps its position."""
         if link.reference.containment:
             children = self._reading.hold(link.node, link.reference, LOST)
             link = replace(link, place=len(children) - 1)

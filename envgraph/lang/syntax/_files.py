@@ -198,7 +198,7 @@ def _refuse(name: str, code: str, message: str, hint: str | None) -> NoReturn:
 
 
 def _inside(files: Files, name: str) -> str | None:
-    """Return a hint that lists the files of a directory which was given in place of a file."""
+    """Return a hint for a directory that was given in place of a file: the names of the files in it."""
     known = [one.rpartition("/")[2] for one in files.entries(name) if "." in one]
     return f"name a file in it: {listed(known)}" if known else "it contains no files"
 

@@ -113,7 +113,7 @@ class Grammar:
 
 
 def build(name: str, path: Path, recovery: tuple[str, ...] = ()) -> Grammar:
-    """Return the grammar in a file; raise Lark's exception if it has conflicts."""
+    """Return the grammar in a file, under the given name; raise Lark's exception if the grammar has conflicts."""
     data = tables(path)
     (start,), (end,) = (data["table"][one].values() for one in ("start_states", "end_states"))
     terminals = [TerminalDef.deserialize(data["memo"][str(one["@"])], {}) for one in data["terminals"]]

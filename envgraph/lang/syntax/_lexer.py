@@ -112,7 +112,7 @@ class LexicalCore:
         self._token = re.compile("|".join([*groups, f"(?P<{PUNCTUATION}>{signs})"] if signs else groups))
 
     def scan(self, source: Source, frame: Frame = NO_FRAME) -> Scan:
-        """Split a text into lexemes; mistakes are returned as diagnostics and never raised."""
+        """Split a text into lexemes, with those of the two texts in `frame` around it; return mistakes, never raise."""
         before, after = (self.scan(Source("", one)).lexemes[:-1] if one else () for one in frame)
         return _Scanner(source, self._token, self.signs, self.keywords).run(before, after)
 
@@ -249,7 +249,10 @@ class _Scanner:
         return _ESCAPE.sub(character, body)
 
     def _unknown(self, start: int) -> int:
-        """Report a character that starts no token, and return the position where scanning continues."""
+        """Report a character that starts no token, and return the position where scanning continues.
+
+        If the meaning is likely, a token is read, such as an unclosed string or the language's sign for a foreign one.
+        """
         text = self._text
         if text.startswith("/*", start):
             self._report(
@@ -332,10 +335,10 @@ class _Scanner:
         return end
 
     def _closed_too_soon(self, start: int) -> int:
-        """Return the start of the first string on this line that lacks its end: in `"S, "#b0"` it is the first one.
+        """Return the start of the string on this line that lacks its closing quote: in `"S, "#b0"` it is the first one.
 
-        Only punctuation may directly follow a string. The errors found on the line since then have the same cause and
-        are removed.
+        A string directly before a word or `#` lacks it, since only punctuation may follow. The errors found behind this
+        start have the same cause and are removed.
         """
         line = self._text.rfind("\n", 0, start) + 1
         for lexeme in reversed(self._scan.lexemes):

@@ -25,7 +25,7 @@ _MOST_PLACES = 10
 
 
 def once_for_each_name(found: Iterable[Diagnostic]) -> list[Diagnostic]:
-    """Report each unknown name once for each file, with a note that lists its other places.
+    """Return the diagnostics, but only one for each unknown name in a file, with a note that lists its other places.
 
     Args:
         found: the diagnostics, file by file, in the order of the text.

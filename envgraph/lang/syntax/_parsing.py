@@ -86,7 +86,10 @@ def parse(language: str, source: Source) -> Parsed:
 
 
 def parse_tokens(grammar: Grammar, source: Source, frame: Frame = NO_FRAME) -> tuple[Parsed, list[Lexeme]]:
-    """Parse a text; return the result, and the lexemes with a `<-` that was read as two signs split in two."""
+    """Parse a text, surrounded by the two texts in `frame`; return the result and the lexemes.
+
+    A `<-` that was read as two signs is two lexemes.
+    """
     scan = grammar.core.scan(source, frame)
     if any(problem.code == "nested-too-deeply" for problem in scan.diagnostics):
         return _nothing(source, scan.diagnostics), scan.lexemes
@@ -114,7 +117,7 @@ def _nothing(source: Source, diagnostics: list[Diagnostic]) -> Parsed:
 
 
 def _unread(source: Source, diagnostics: Iterable[Diagnostic]) -> Iterator[str]:
-    """Yield the names in misspelt tokens, and all names behind an unclosed comment."""
+    """Yield the names in text that was not read: words such as `2x`, and all names behind an unclosed comment."""
     for one in diagnostics:
         if one.span and one.code in _TO_THE_END:
             yield from _NAME.findall(source.text, one.span.start)
@@ -215,12 +218,15 @@ def _run(stack: ParseStack, lexical: list[Diagnostic], mistakes: list[Diagnostic
 
 
 def level_of(operator: str) -> int | None:
-    """Return the precedence of a binary operator, higher binds tighter; None for other signs."""
+    """Return the precedence of a binary operator (higher binds tighter), also of `and` or `=`; None for other signs."""
     return LEVELS.get(MEANT.get(operator, operator))
 
 
 def follows(left: Tree[Token], tree: Tree[Token]) -> bool:
-    """Return True if `left` is the left operand of `tree` and has the same precedence: `a + b` in `a + b - c`."""
+    """Return True if `left`, such as `a + b` in `a + b - c`, is the left operand of `tree` and continues its chain.
+
+    Operators of one precedence form a chain, except comparisons.
+    """
     if left is not tree.children[0] or not left.data.endswith("binary") or not tree.data.endswith("binary"):
         return False
     level, before = level_of(str(tree.children[1])), level_of(str(left.children[1]))

@@ -69,7 +69,10 @@ class Recovery:
         """The indices of keywords before which `}` was inserted once; if that did not help, it is not repeated."""
 
     def recover(self, index: int) -> int | None:
-        """Report the unexpected lexeme, repair or skip text, and return the index to continue at, or None."""
+        """Report the unexpected lexeme, repair or skip text, and return the index to continue at, or None.
+
+        None means that no tree can be built.
+        """
         self._stack.depth = self._lexemes[index].braces
         attempts: tuple[Callable[[int], int | None], ...] = (
             partial(self._mend, self._misplaced),
@@ -92,7 +95,7 @@ class Recovery:
         self.diagnostics.append(too_many_errors(self._stack.span(self._lexemes[index])))
 
     def _mend(self, repairs: Callable[[int], Iterator[Repair]], index: int) -> int | None:
-        """Apply the first repair after which the next lexemes can be parsed.
+        """Apply and report the first repair after which the next lexemes can be parsed.
 
         Return the index of the lexeme to continue at, or None if no repair helps.
         """
@@ -231,7 +234,7 @@ class Recovery:
         yield Repair(index - 1, height, "NAME", lexeme, False, until, told)
 
     def _swallowed(self, index: int) -> int | None:
-        """Handle a keyword that starts the next statement but was read as a name by an unfinished statement before it.
+        """Report a keyword that starts a statement but was read as a name, and skip the unfinished statement before it.
 
         Return the index of the keyword to continue at, or None.
         """

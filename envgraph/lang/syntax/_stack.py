@@ -59,7 +59,7 @@ class ParseStack:
         self.gaps: list[tuple[int, int]] = []
 
     def resolve(self, states: list[int], index: int) -> str | None:
-        """Return the terminal that a lexeme is if the parser has these states; None if the lexeme does not fit."""
+        """Return the terminal as which a parser in these states reads a lexeme; None if the lexeme does not fit."""
         lexeme = self.lexemes[index]
         grammar = self.grammar
         if lexeme.kind == "NAME":
@@ -155,7 +155,7 @@ class ParseStack:
         del self.states[height:], self.values[height - 1 :], self.begins[height - 1 :]
 
     def forget(self, height: int, begin: int, end: int) -> None:
-        """Cut the stack, and record the lexemes from `begin` to `end` (excluded) as skipped text with lost names."""
+        """Cut the stack, and record the lexemes from `begin` to `end` (excluded) as skipped; they hold lost names."""
         self.cut(height)
         if begin >= 0:
             if begin < end:
@@ -177,7 +177,7 @@ class ParseStack:
         return ()
 
     def span(self, lexeme: Lexeme) -> Span:
-        """Return the characters of a lexeme."""
+        """Return the span of a lexeme in the source."""
         return self.source.span(lexeme.start, lexeme.end)
 
     def column(self, lexeme: Lexeme) -> int:

@@ -36,7 +36,7 @@ _BELONGS = {"query": ("pattern",), "rules": ("rule", "unit", "derive")}
 
 
 def _negation(grammar: Grammar, states: list[int], lexemes: Sequence[Lexeme], index: int) -> str | None:
-    """Return a hint for a wrong negation (`not`, or a misplaced `neg`), or None if this is no negation."""
+    """Return a hint for a wrong negation at a lexeme (`not`, or a misplaced `neg`); None if this is no negation."""
     around = range(index - 4, index + 1)
     *before, word = (lexemes[place].value if place >= 0 else "" for place in around)
     keywords, signs = grammar.core.keywords, grammar.core.signs
@@ -199,7 +199,7 @@ class Reports:
         self._lexical = lexical
 
     def unexpected(self, index: int) -> None:
-        """Report a lexeme that is not allowed at its position."""
+        """Report a lexeme that is not allowed at its position, or the misplaced keyword or missing sign before it."""
         lexeme = self._lexemes[index]
         if lexeme.kind == END:
             notes = self._stack.unclosed(index)
@@ -230,7 +230,7 @@ class Reports:
         self.report("unexpected-token", f"unexpected `{shown}`", lexeme, meant)
 
     def foreign(self, index: int) -> Level | None:
-        """Return the level of the current statement if it starts with a misplaced keyword and a word, else None."""
+        """Return where the current statement starts if it is a keyword, read as a name, and another word; else None."""
         level = next(self._stack.levels(), None)
         if level is None or level.begin < 0 or level.begin not in {index - 1, index - 2}:
             return None
@@ -279,7 +279,7 @@ class Reports:
     def report(
         self, code: str, message: str, lexeme: Lexeme, hint: str | None, notes: tuple[Note, ...] = ()
     ) -> None:
-        """Report a mistake, unless a misspelt token explains it."""
+        """Add a diagnostic about a lexeme, unless a misspelt token here or an unclosed text explains the mistake."""
         span = self._stack.span(lexeme)
         # If a misspelt token has been reported here, this mistake is its consequence.
         before = self._source.span(self._stack.previous_end, lexeme.end)

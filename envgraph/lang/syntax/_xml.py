@@ -82,7 +82,7 @@ def _known(encoding: str) -> bool:
 
 
 def decoded(name: str, data: bytes, encoding: str) -> str:
-    """Return the text of a file.
+    """Return the decoded contents of a file.
 
     Raises:
         LoadError: a byte is invalid in the encoding; the diagnostic shows it with the text around it.
@@ -121,7 +121,7 @@ class XmlPlaces:
         self._plain = len(self.data) == len(self.source.text)
 
     def forget(self) -> None:
-        """Free the memory that is only needed while the text is parsed."""
+        """Free the encoded text if it is pure ASCII; otherwise it is still needed to convert byte offsets."""
         if self._plain:
             self.data = b""
 
@@ -147,7 +147,7 @@ class XmlPlaces:
         return self.source.span(start, found.end() if found else start)
 
     def attribute(self, byte: int, name: str, part: str | None = None) -> Span:
-        """Return the span of an attribute's value, or of the word `part` in it; else of the tag."""
+        """Return the span of an attribute's value, or of the word `part` in it; without the attribute, of the tag."""
         found = self._attributes(byte).get(name)
         if found is None:
             return self.tag(byte)

@@ -60,7 +60,7 @@ class _Spelling:
                 self._below.setdefault(above, []).append(cls.name)
 
     def definition(self, one: _Definition) -> _Definition:
-        """Return a pattern or a rule with expressible names and conditions."""
+        """Return a pattern or a rule with expressible names and conditions; a private pattern becomes public."""
         if isinstance(one, Pattern):
             bodies = tuple(self._side(body) for body in one.bodies)
             return replace(one, name=_plain(one.name), bodies=bodies, private=False)

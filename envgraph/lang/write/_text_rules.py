@@ -121,7 +121,7 @@ class _Chains:
 
 
 def chains(nodes: Sequence[Node], edges: Sequence[Edge]) -> list[Chain]:
-    """Return the chains that write a graph."""
+    """Return chains of nodes and arrows that together write all nodes and edges of a graph, in their order."""
     return _Chains(nodes, edges).found
 
 
@@ -194,7 +194,7 @@ class RuleText(TermText):
         return self.chain(Chain([Node(edge.source), Node(edge.target)], [(edge, True)]))
 
     def left(self, left: LeftSide) -> str:
-        """Return the contents of `lhs`, on one line."""
+        """Return the contents of `lhs`, on one line; refuse a node without a name that is used more than once."""
         found = chains(left.nodes, left.edges)
         hidden = [node.name for chain in found for node in chain.vertices if node.name.startswith("#")]
         if len(hidden) > len(set(hidden)):

@@ -92,7 +92,7 @@ class TermText:
     # --- values and expressions
 
     def value(self, value: Value | None) -> str:
-        """Return the text of a number, bool or string; `none` for None."""
+        """Return the text of a number, bool or string; `none` for None. A number that is not finite is refused."""
         match value:
             case None:
                 return "none"
