@@ -88,13 +88,13 @@ def certify(
 
 
 def shortest_plan(tabular: Tabular, outcome: int = 1, *, native: bool | None = None) -> float:
-    """Return the fewest steps after which an episode can end in success; infinite if none can.
+    """Return the fewest steps after which an episode can end in success, or in failure; infinite if none can.
 
-    A stochastic outcome counts as possible.
+    Random outcomes count if their probability is positive.
 
     Args:
         tabular: the environment.
-        outcome: 1 for success, 2 for failure.
+        outcome: how the episode ends: 1 for success, 2 for failure.
         native: True to use numba; None for True if numba is installed. Loading numba takes longer than one search in
             Python.
     """

@@ -15,9 +15,9 @@ def recomputed(tabular: Tabular, *, limit: int = 200, discount: float = 1.0) -> 
     """Return the certificates of a random walk, equal to those of `certify` up to rounding, without its loops.
 
     `certify` follows episodes from their start. This function computes values backward from the last step, in NumPy:
-    p(n, s) = mean over actions of the sum over outcomes of chance x (success + going on x p(n - 1, next)). Returns are
-    computed likewise, and the optimum with the best action in place of the mean. The shortest plan is searched for from
-    success to the start.
+    p(n, s) = mean over actions of the sum over outcomes of chance x (1 for a success, p(n - 1, next) if the episode
+    goes on, else 0). Returns are computed likewise, and the optimum with the best action in place of the mean. The
+    shortest plan is searched for from success to the start.
     """
     chance = tabular.probability
     goes_on = tabular.terminated == 0

@@ -9,9 +9,9 @@ from envgraph.env import Tabular
 
 
 def steps_to_success(tabular: Tabular) -> NDArray[np.int64]:
-    """Return the fewest steps to a success for each state [states]; the number of states plus one if there is no way.
+    """Return int64 [states]: the fewest steps to a success; the number of states plus one if success cannot be reached.
 
-    An outcome counts if it is possible. Breadth-first search backward from success.
+    An outcome counts if it is possible. The method is a breadth-first search backward from success.
     """
     never = tabular.n_states + 1
     possible = tabular.probability > 0.0

@@ -35,7 +35,7 @@ class Evaluation:
 def evaluate(
     q: NDArray[np.float64], tabular: Tabular, episodes: int, limit: int, rng: np.random.Generator
 ) -> Evaluation:
-    """Evaluate the greedy policy, which takes the lowest of equally good actions.
+    """Evaluate the greedy policy of Q-values, which takes the lowest of equally good actions.
 
     In a deterministic environment all episodes from one start are the same. So one episode from each start state is
     followed and weighted with its probability. The result is exact, and neither `episodes` nor `rng` is used.
@@ -81,7 +81,7 @@ def _follow(tabular: Tabular, policy: NDArray[np.intp], limit: int) -> Evaluatio
 def _sample(
     tabular: Tabular, policy: NDArray[np.intp], episodes: int, limit: int, rng: np.random.Generator
 ) -> Evaluation:
-    """Sample all episodes in parallel, one step at a time."""
+    """Return the mean results of sampled episodes, which advance in parallel, one step at a time."""
     states = np.arange(tabular.n_states)
     chances = accumulate(tabular.probability[states, policy])
     starts = np.searchsorted(accumulate(tabular.start_probability), rng.random(episodes), "right")
@@ -134,7 +134,7 @@ def evaluate_policy(
 
 
 def _shares(tabular: Tabular, policy: NDArray[Any] | None) -> NDArray[np.float64]:
-    """Return the probability of each action in each state [states, actions]."""
+    """Return float64 [states, actions], the action probabilities of a policy; a wrong policy raises InvalidArgument."""
     shape = tabular.n_states, tabular.n_actions
     if policy is None:
         return np.full(shape, 1.0 / tabular.n_actions)

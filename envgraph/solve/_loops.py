@@ -8,7 +8,10 @@ computed in this order, so both ways give the same numbers bit for bit.
 
 
 def search(FOLLOWING, CHANCE, ENDED, STARTS, START_CHANCE, actions, width, outcome, STEPS, QUEUE):
-    """Return the fewest steps to an outcome, or 0. Write into `STEPS` the step after which each state is left, or 0."""
+    """Return the fewest steps after which an episode can end with `outcome`, or 0 if it cannot.
+
+    `STEPS`, 0 before, receives for each visited state the number of the step that leaves it. `QUEUE` is space.
+    """
     count, head = 0, 0
     for place in range(len(STARTS)):
         if START_CHANCE[place] > 0.0:
@@ -31,7 +34,10 @@ def search(FOLLOWING, CHANCE, ENDED, STARTS, START_CHANCE, actions, width, outco
 
 
 def settle(FOLLOWING, CHANCE, REWARD, ENDED, actions, width, discount, enough, most, VALUES, NEW):
-    """Do sweeps of value iteration until no value changes by more than `enough`. Return the last change."""
+    """Do at most `most` sweeps of value iteration, until no value changes by more than `enough`.
+
+    Return the greatest change in the last sweep. `VALUES` holds the first and then the last values; `NEW` is space.
+    """
     new, old = NEW, VALUES
     sweeps, change = 0, enough + 1.0
     while sweeps < most and change > enough:
@@ -61,7 +67,11 @@ def settle(FOLLOWING, CHANCE, REWARD, ENDED, actions, width, discount, enough, m
 
 
 def chain(FOLLOWING, CHANCE, REWARD, ENDED, POLICY, actions, width, FIRST, TO, MOVED, SUCCESS, GAIN):
-    """Write the Markov chain of a policy: transitions, and the expected results of a step. Return their number."""
+    """Write the Markov chain of a policy, and return the number of its transitions.
+
+    The transitions of a state, with targets `TO` and probabilities `MOVED`, begin at its entry of `FIRST`. The
+    probability of success and the expected reward of a step in the state are added to `SUCCESS` and `GAIN`.
+    """
     used, place = 0, 0
     for state in range(len(SUCCESS)):
         FIRST[state] = used
@@ -83,7 +93,10 @@ def chain(FOLLOWING, CHANCE, REWARD, ENDED, POLICY, actions, width, FIRST, TO, M
 
 
 def follow(FIRST, TO, MOVED, SUCCESS, GAIN, discount, limit, PRESENT, NEXT):
-    """Return expected successes, discounted rewards and steps of an episode, begun with the distribution `PRESENT`."""
+    """Return the success probability, the expected discounted return and the expected steps of an episode.
+
+    `PRESENT` is the distribution of its first state; it and `NEXT` are overwritten.
+    """
     present, after = PRESENT, NEXT
     success, total, length, factor = 0.0, 0.0, 0.0, 1.0
     for _ in range(limit):

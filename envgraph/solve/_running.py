@@ -17,12 +17,12 @@ CALLED: Final = ("search", "settle", "chain", "follow")
 def run(
     name: str, read: tuple[Any, ...], written: tuple[NDArray[Any], ...], *, native: bool | None = None
 ) -> Any:
-    """Run a loop and return its result. Numbers are the same with and without numba.
+    """Run a function of `_loops`, and return its result, which is the same with and without numba.
 
     Args:
-        name: of the loop.
+        name: the name of the function.
         read: its first arguments, numbers and flat arrays.
-        written: its last arguments, arrays that it changes.
+        written: its last arguments, arrays that it changes in place.
         native: True to compile with numba; None for True if numba is installed.
     """
     if has_numba() if native is None else native:
@@ -36,7 +36,7 @@ def run(
 
 
 def flat(tabular: Tabular) -> tuple[NDArray[Any], NDArray[Any], NDArray[Any], NDArray[Any]]:
-    """Return the next states, probabilities, rewards and ends of a table as arrays with one axis."""
+    """Return the next states, probabilities, rewards and `terminated` of a table as arrays with one axis."""
     return (
         np.ascontiguousarray(tabular.next_state, np.int32).reshape(-1),
         np.ascontiguousarray(tabular.probability, np.float64).reshape(-1),

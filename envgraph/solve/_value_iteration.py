@@ -109,7 +109,10 @@ def optimal_episode(tabular: Tabular, limit: int = 200) -> list[int]:
 def _settled(
     tabular: Tabular, discount: float, enough: float, most: int
 ) -> tuple[NDArray[np.float64], float]:
-    """Return the values after sweeps until none changes by more than `enough`, and the change in the last sweep."""
+    """Return the values after at most `most` sweeps, and the greatest change in the last sweep.
+
+    The sweeps end as soon as no value changes by more than `enough`.
+    """
     values = np.zeros(tabular.n_states)
     read = (*flat(tabular), *tabular.next_state.shape[1:], discount, enough, most)
     change = run("settle", read, (values, np.zeros_like(values)))

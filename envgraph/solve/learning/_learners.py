@@ -57,12 +57,12 @@ class Learners:
         self._episodes = 1 if target.deterministic and len(target.start_states) == 1 else EPISODES
 
     def judge(self, tables: Sequence[Table], streams: NDArray[np.uint64], steps: int) -> Judgement:
-        """Train learners on each of the tables in order, then play the target greedily.
+        """Train learners on each of the tables in order, then play the target greedily, and return the results.
 
         Args:
-            tables: of a curriculum.
-            streams: uint64 [learners, 4], see `envgraph.env.compiled.streams`; not changed.
-            steps: on each table.
+            tables: the environments of a curriculum.
+            streams: uint64 [learners, 4], the random streams, see `envgraph.env.compiled.streams`; not changed.
+            steps: number of steps on each table.
         """
         from envgraph.solve.learning._compiled import learn, run
 
@@ -110,12 +110,12 @@ class ProgramLearners:
         self._settings, self._target = settings, target
 
     def judge(self, places: Sequence[InProgram], streams: NDArray[np.uint64], steps: int) -> Judgement:
-        """Train learners in each of the environments in order, then play the target greedily.
+        """Train learners in each of the environments in order, then play the target greedily, and return the results.
 
         Args:
             places: the environments of a curriculum.
-            streams: as `Learners.judge`.
-            steps: on each of them.
+            streams: uint64 [learners, 4], the random streams, see `envgraph.env.compiled.streams`; not changed.
+            steps: number of steps in each environment.
 
         Raises:
             EvaluationError: an expression has no value in a state, or a rule cannot be applied.

@@ -12,7 +12,7 @@ Q_LEARNING, SARSA, DOUBLE = 0, 1, 3
 
 
 def value_after(row, actions, epsilon, side):
-    """Return the value of the next observation. In double Q-learning one side picks the action, the other rates it."""
+    """Return the value of the next observation; in double Q-learning `side` picks the action, the other rates it."""
     if AGENT == Q_LEARNING:
         return best_of(row, actions)
     if AGENT == DOUBLE:
@@ -111,7 +111,10 @@ def learn(arrays, values, rows, epsilons, factors, limit, points, waiting, curve
 
 
 def play(arrays, values, rows, distance, limit, episodes, scores, successes):
-    """Play episodes of each learner's greedy policy; arguments as for `learn`. Write the fields of `Judgement`."""
+    """Play episodes of each learner's greedy policy, and write the fields of `Judgement` into `scores` and `successes`.
+
+    The other arguments are as for `learn`; `distance` is the number of steps from each state to success.
+    """
     offset, next_state, following, _, terminated, cumulative, starts, start_seen, start_cumulative, shape = (
         arrays
     )

@@ -24,7 +24,7 @@ Waiting = deque[tuple[list[float], int, float]]
 
 
 def run_stage(table: Table, stage: Stage, q: NDArray[np.float64], rng: np.random.Generator) -> StageOutcome:
-    """Train on a table; `q` is changed in place, see `initial_values`."""
+    """Train on a table for a stage; `q` is changed in place, see `initial_values` for its shape."""
     settings, n_actions, known = stage.settings, table.n_actions, table.known
     rate, discount, step_decay, episode_decay, minimum = stage.factors
     ties, sarsa, double = settings.ties == "random", settings.agent == "sarsa", q.shape[1] > n_actions
@@ -84,7 +84,7 @@ def _value_after(
 
 
 def _move(waiting: Waiting, rate: float, discount: float, value: float) -> None:
-    """Update the value of the first waiting step towards the waiting steps' rewards plus a discounted `value`."""
+    """Remove the first waiting step, and update its value towards the waiting rewards plus a discounted `value`."""
     for _, _, reward in reversed(waiting):
         value = reward + discount * value
     row, place, _ = waiting.popleft()

@@ -147,7 +147,7 @@ class LevelTables:
 
 
 def _components(level: Tabular) -> list[list[int]]:
-    """Return for each state the inputs of an environment that stand for the values of its observation's components."""
+    """Return for each state the inputs that are 1: for each component of its observation, the input of its value."""
     shape = level.observation_shape
     values = np.unravel_index(level.observation, shape, order="F")
     begins = np.cumsum([0, *shape[:-1]])
@@ -269,13 +269,13 @@ class PolicyLearner:
         self._room(1)
 
     def twin(self, seed: int) -> PolicyLearner:
-        """Return a learner with the same parameters and its own random stream; its play does not change this one."""
+        """Return a new learner for the same levels that has a copy of the parameters, and its own random stream."""
         found = PolicyLearner(self._tables, self._settings, seed, native=self._native)
         found.parameters[:] = self.parameters
         return found
 
     def learn_of(self, tables: LevelTables) -> None:
-        """Replace the levels by tables that begin with all present levels and add new ones."""
+        """Replace the levels by tables that begin with all present levels and add new ones; clear cached outputs."""
         self._do["forget"](self._tables.arrays, self._student)
         self._tables = tables
         more = len(tables.seen_first) - 1 - len(self._rows)
@@ -284,11 +284,11 @@ class PolicyLearner:
         self.best = np.append(self.best, np.full(len(tables) - len(self.best), -np.inf))
 
     def play(self, chosen: Ints, episodes: int | None = None) -> Played:
-        """Play levels: `settings.steps` steps of each, or a number of episodes.
+        """Play levels with sampled actions, update `best`, and return statistics of each level.
 
         Args:
             chosen: int64, the levels; `improve` can learn from them if they are as many as in a batch.
-            episodes: number of whole episodes of each level; None to play steps.
+            episodes: number of whole episodes of each level; None to play `settings.steps` steps of each.
         """
         settings = self._settings
         most = settings.steps if episodes is None else episodes * settings.limit

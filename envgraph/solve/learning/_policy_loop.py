@@ -53,7 +53,7 @@ def look(P, SEEN_FIRST, SEEN, state, row, HIDDEN, OUT, inputs, hidden, outputs):
 
 
 def row_of(P, SEEN_FIRST, SEEN, state, ROW, VISITED, COUNT, HIDDEN, OUT, shape):
-    """Return the row of a state's outputs, which are computed if they are not cached."""
+    """Return the row of a state's outputs in `HIDDEN` and `OUT`; if they are not cached, compute them in a new row."""
     row = ROW[state]
     if row < 0:
         row = COUNT[0]
@@ -86,7 +86,7 @@ def collect(levels, student, chosen, streams, most, episodes, limit, tracks):
     """Play levels by the policy: each for `most` steps or `episodes` episodes, whichever is less.
 
     Args:
-        levels, student: see `_policy`.
+        levels, student: the arrays of `LevelTables`, and of a `PolicyLearner`.
         chosen: int64, the levels.
         streams: uint64 [1, 4], the random stream; advanced.
         most, episodes: steps and episodes of a level.
@@ -143,7 +143,7 @@ def collect(levels, student, chosen, streams, most, episodes, limit, tracks):
 
 
 def advantages(student, tracks, most, discount, smoothing, ADVANTAGES):
-    """Write generalised advantage estimates (Schulman et al. 2016, eq. 16) of all steps that were played."""
+    """Write generalised advantage estimates (Schulman et al. 2016, eq. 16) of all played steps into `ADVANTAGES`."""
     OUT, outputs = vector(student[5]), student[6][2]
     AT, AFTER, GAIN, HOW, STEPS = (
         vector(tracks[0]),
@@ -168,7 +168,7 @@ def advantages(student, tracks, most, discount, smoothing, ADVANTAGES):
 
 
 def measure(student, tracks, most, discount, smoothing, ADVANTAGES, BEST, SCORES):
-    """Compute the scores of the literature from the steps that were played; see `Played`.
+    """Write the scores of levels that the literature defines (see `Played`), computed from the steps that were played.
 
     Args:
         BEST: the greatest return seen on each level before; updated.

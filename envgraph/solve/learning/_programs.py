@@ -53,7 +53,7 @@ def train_program(
     of: Literal["observation", "state"] = "observation",
     begins: Callable[[int, Learner], None] = lambda stage, learner: None,
 ) -> ProgramTraining:
-    """Train as `train_curriculum`, without tables: values of what was observed are stored in a hash table.
+    """Train an agent as `train_curriculum` does, but in a compiled program and with a hash table of its action values.
 
     Args:
         program: the compiled behaviour with its family.
@@ -113,7 +113,7 @@ def train_learner(
 
 
 def train_stage(learner: Learner, place: InProgram, stage: Stage, rng: np.random.Generator) -> StageOutcome:
-    """Train a learner in an environment for a stage.
+    """Train a learner in an environment for a stage, which changes the learner, and return the curve and last epsilon.
 
     Raises:
         InvalidArgument: the kind of agent can learn only in tables.

@@ -15,7 +15,7 @@ BLOCK = 16_384
 
 
 def run_stage(table: Table, stage: Stage, q: NDArray[np.float64], rng: np.random.Generator) -> StageOutcome:
-    """Train on a table; `q` [observations, actions] is changed in place."""
+    """Train on a table for a stage; `q` [observations, actions] is changed in place."""
     rate, discount, step_decay, episode_decay, minimum = stage.factors
     each_step, stochastic, n_actions = step_decay != 1.0, table.n_outcomes > 1, table.n_actions
     known = table.known

@@ -146,7 +146,7 @@ class TrainingSettings:
 
 
 def _read(spec: object, cls: type[Any]) -> dict[str, Any]:
-    """Return the fields of a dataclass for which a spec has a value."""
+    """Return the values, except None, that a mapping or object has for fields of a dataclass; refuse unknown keys."""
     names = tuple(one.name for one in fields(cls))
     if isinstance(spec, Mapping):
         for key in spec:

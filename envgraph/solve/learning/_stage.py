@@ -71,7 +71,8 @@ class Table:
     def outcomes(self, at: int) -> tuple[list[float], list[Outcome]]:
         """Return the cumulative probabilities and the outcomes at `at` = s * A + a, action a in state s, as lists.
 
-        An agent visits few of the states of a large table, so each entry is converted when it is first needed.
+        The lists are cached in `known`. Only needed entries are converted, since an agent visits few of the states of a
+        large table.
         """
         here = slice(self.offset[at], self.offset[at + 1])
         following = self.next_state[here]
@@ -82,7 +83,7 @@ class Table:
 
     @property
     def arrays(self) -> tuple[Any, ...]:
-        """Return the arguments of the compiled loop: all arrays, and the numbers of actions and outcomes."""
+        """Return the arguments of the compiled loop: all arrays, and one pair, the numbers of actions and outcomes."""
         return (
             self.offset,
             self.next_state,
@@ -115,7 +116,7 @@ class Stage:
 
     @property
     def factors(self) -> tuple[float, float, float, float, float]:
-        """Return learning rate, discount, decay of epsilon per step and per episode, and minimum of epsilon."""
+        """Return learning rate (0 to only play), discount, decay of epsilon per step and per episode, least epsilon."""
         settings, epsilon = self.settings, self.settings.epsilon
         decays = (1.0, epsilon.decay) if epsilon.per == "episode" else (epsilon.decay, 1.0)
         return settings.learning_rate if self.learn else 0.0, settings.discount, *decays, epsilon.minimum

@@ -72,7 +72,7 @@ def available_backends() -> tuple[Backend, ...]:
 
 
 def choose_backend(backend: Backend, steps: int, settings: TrainingSettings) -> Backend:
-    """Return the backend that is fastest for `steps` steps; the choice never changes a result.
+    """Return `backend`, or for "auto" the one that is fastest for `steps` steps; the choice never changes a result.
 
     Raises:
         InvalidArgument: the name is unknown, or numba is asked for and not installed.
@@ -120,9 +120,9 @@ def train_curriculum(
 
 
 def occurring(tabulars: Sequence[Tabular]) -> Sequence[Tabular]:
-    """Return the environments with few enough observations for a table of values.
+    """Return the environments with few enough observations for a table of values; unchanged if they have few enough.
 
-    If there are too many, those that occur in one of the environments are renumbered in order. Learning is the same.
+    Otherwise the observations that occur in one of the environments are renumbered in order. Learning is the same.
 
     Raises:
         InvalidArgument: the environments do not agree in observations or actions.
@@ -149,7 +149,11 @@ def occurring(tabulars: Sequence[Tabular]) -> Sequence[Tabular]:
 
 
 def prepare(tabulars: Sequence[Tabular]) -> tuple[Table, ...]:
-    """Check environments, and return the tables that `train` works on. They can be used for any number of runs."""
+    """Check environments, and return the tables that `train` works on. They can be used for any number of runs.
+
+    Raises:
+        InvalidArgument: the environments do not agree, are not well formed, or have too many observations for a table.
+    """
     _agree(tabulars)
     first = tabulars[0]
     if first.n_observations * first.n_actions > MOST_Q_VALUES:

@@ -30,8 +30,8 @@ def take_turns(
     """Train for some stages; in a stage with several members, a schedule chooses a member for each turn.
 
     A turn has as many steps as an episode may have, so at least one episode ends in it. The last turn of a stage is
-    cut. The schedule is told the outcomes of each turn. A stage with one member, or without a schedule, is a single
-    turn that the schedule is not told of. Exploration is reset as `settings.epsilon` says.
+    cut. The schedule receives the outcomes of each turn. A stage with one member, or without a schedule, is a single
+    turn that the schedule does not learn of. Exploration is reset as `settings.epsilon` says.
 
     Args:
         turn: trains for a stage on members.
@@ -62,7 +62,7 @@ def take_turns(
 def _chosen(
     turn: Turn, whole: Stage, place: Place, schedule: Schedule, rng: np.random.Generator
 ) -> Iterator[tuple[Stage, StageOutcome]]:
-    """Train a stage in turns, and yield each turn with its outcome."""
+    """Train a stage in turns; yield each turn with its outcome, after reporting the outcome to the schedule."""
     limit, epsilon = whole.settings.limit, whole.epsilon
     settings = replace(whole.settings, checkpoint=limit)
     for done in range(0, whole.steps, limit):
