@@ -124,7 +124,7 @@ def cvar(values: Sequence[float] | NDArray[np.float64], alpha: float) -> float:
     """
     ordered = np.sort(np.asarray(values, dtype=np.float64))
     if not ordered.size or not 0.0 <= alpha <= 1.0:
-        raise InvalidArgument("`values` must not be empty, and `alpha` must be from 0 to 1")
+        raise InvalidArgument(f"`alpha` ({alpha!r}) must be from 0 to 1, and `values` must not be empty")
     weights = np.clip(alpha * ordered.size - np.arange(ordered.size), 0.0, 1.0)
     worst = ordered[weights > 0.0]
     return float(np.average(worst, weights=weights[: worst.size]) if worst.size else ordered[0])

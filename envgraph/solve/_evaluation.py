@@ -55,7 +55,7 @@ def evaluate(
             f"`q` has the shape {q.shape}, not {(tabular.n_observations, tabular.n_actions)}"
         )
     if episodes < 1 or limit < 1:
-        raise InvalidArgument("`episodes` and `limit` must be positive")
+        raise InvalidArgument(f"`episodes` is {episodes} and `limit` is {limit}, but both must be at least 1")
     policy = np.argmax(q[tabular.observation], axis=1)
     if tabular.deterministic:
         return _follow(tabular, policy, limit)
@@ -120,7 +120,7 @@ def evaluate_policy(
         InvalidArgument: the policy does not fit the environment, or a number is outside its range.
     """
     if limit < 1 or not 0.0 <= discount <= 1.0:
-        raise InvalidArgument("`limit` must be positive, and `discount` from 0 to 1")
+        raise InvalidArgument(f"`limit`, {limit}, must be positive, and `discount`, {discount}, from 0 to 1")
     states, outcomes = tabular.n_states, tabular.next_state.size
     arrays = flat(tabular), _shares(tabular, policy).reshape(-1)
     first, target = np.zeros(states + 1, np.int64), np.zeros(outcomes, np.int64)
@@ -144,10 +144,10 @@ def _shares(tabular: Tabular, policy: NDArray[Any] | None) -> NDArray[np.float64
         return np.ascontiguousarray(policy, np.float64)
     if policy.shape != shape[:1] or not np.issubdtype(policy.dtype, np.integer):
         raise InvalidArgument(
-            f"`policy` has the shape {policy.shape}, not {shape}, or is not an int for each state"
+            f"`policy` has the shape {policy.shape}, but must be int {shape[:1]} or float {shape}"
         )
     if not ((policy >= 0) & (policy < tabular.n_actions)).all():
-        raise InvalidArgument("`policy` has an action that the environment does not have")
+        raise InvalidArgument(f"`policy` has actions that are not from 0 to {tabular.n_actions - 1}")
     shares = np.zeros(shape)
     shares[np.arange(tabular.n_states), policy] = 1.0
     return shares

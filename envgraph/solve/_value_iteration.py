@@ -52,7 +52,9 @@ def value_iteration(tabular: Tabular, discount: float = 0.99, tolerance: float =
         EvaluationError: the values do not converge, which happens with a discount at or close to 1.
     """
     if not 0.0 <= discount <= 1.0 or not tolerance > 0.0:
-        raise InvalidArgument("`discount` must be from 0 to 1, and `tolerance` positive")
+        raise InvalidArgument(
+            f"`discount`, {discount}, must be from 0 to 1; `tolerance`, {tolerance}, positive"
+        )
     scale = max(1.0, float(np.abs(tabular.reward).max()))
     enough = scale * tolerance * ((1.0 - discount) / discount if 0.0 < discount < 1.0 else 1.0)
     values, change = _settled(tabular, discount, enough, MOST_ITERATIONS)
@@ -80,7 +82,7 @@ def optimal_return(tabular: Tabular, limit: int = 200, *, discount: float = 1.0)
         InvalidArgument: a number is outside its range.
     """
     if limit < 1 or not 0.0 <= discount <= 1.0:
-        raise InvalidArgument("`limit` must be positive, and `discount` from 0 to 1")
+        raise InvalidArgument(f"`limit`, {limit}, must be positive, and `discount`, {discount}, from 0 to 1")
     values, _ = _settled(tabular, discount, 0.0, limit)
     return float(tabular.start_probability @ values[tabular.start_states])
 

@@ -93,7 +93,7 @@ def read_ecore(
 _WITHOUT_VALUES: Mapping[str, str] = {
     "derived": "write a pattern that finds the same values",
     "transient": 'write `transient="false"` to keep it',
-    "eType": "use its members: they have its elements, without texts and without the order across members",
+    "eType": "use the features that hold its elements; its texts, and the order across these features, are lost",
 }
 
 
@@ -180,7 +180,10 @@ class _Reader(Tags):
         if not uri:
             where = self.places.tag(element.byte)
             self.warn(
-                "missing-uri", f"package `{name}` has no `nsURI`", where, "add one: other files refer to it"
+                "missing-uri",
+                f"package `{name}` has no `nsURI`",
+                where,
+                'write `nsURI="..."`: files refer to it',
             )
         if path:
             name_of(self, element, "package")

@@ -153,6 +153,6 @@ class Tags(Names):
             if child.name == "Extension" or (kind, child.name) == ("EEnumLiteral", "eAnnotations"):
                 self.drop("tag", f"`{child.name}` in `{kind}`", child)
             elif child.name not in children:
-                message = f"`{kind}` has no part `{child.name}`"
+                message = f"`{kind}` has no child tag `{child.name}`"
                 hint = did_you_mean(child.name, children)
                 self.error("unknown-element", message, self.places.tag(child.byte), hint)

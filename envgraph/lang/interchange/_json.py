@@ -182,14 +182,14 @@ def _decoded(source: Source) -> object:
     except _NotFinite as error:
         span = next(span for _, span in locate(source) if span.text == error.text)
         hint = 'write a finite number; in a model write `"inf"` for an infinite float'
-        raise LoadError.of("bad-number", f"`{error.text}` is not a number of JSON", span, hint) from None
+        raise LoadError.of("bad-number", f"`{error.text}` is not a JSON number", span, hint) from None
     except json.JSONDecodeError as error:
         span = source.span(error.pos, error.pos + 1)
         raise LoadError.of(
             "syntax", f"not JSON: {error.msg.lower().removesuffix(' at')}", span, _json_hint(error)
         ) from error
     except RecursionError:
-        hint = "write a model as a list of objects whose values are lists at most"
+        hint = "write a model as a flat list of objects; no value in it is nested deeper than a list"
         raise LoadError.of("syntax", "the JSON is nested too deeply", source.span(0, 1), hint) from None
     except ValueError as error:
         found = _LONG.search(source.text)

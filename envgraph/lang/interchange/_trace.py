@@ -86,10 +86,14 @@ class _Reader:
                 "syntax", f"not JSON: {error.msg.lower()}", span, "write one JSON object on each line"
             )
             return
-        except (ValueError, RecursionError):  # a number of thousands of digits, or thousands of brackets
-            self._problem(
-                "syntax", "not JSON: a number is too large, or a value is nested too deeply", whole, _WRITTEN
+        except (
+            ValueError,
+            RecursionError,
+        ) as error:  # a number of thousands of digits, or thousands of brackets
+            what = (
+                "a number is too large" if isinstance(error, ValueError) else "a value is nested too deeply"
             )
+            self._problem("syntax", f"not JSON: {what}", whole, _WRITTEN)
             return
         spans = {path: self.source.span(start + span.start, start + span.end) for path, span in locate(line)}
         first = next(iter(value), None) if isinstance(value, dict) else None
@@ -144,7 +148,7 @@ class _Reader:
             self._problem("bad-format", message, spans["format",], hint)
         metamodel = self.engine.model.metamodel.name
         if value.get("metamodel", metamodel) != metamodel:
-            message = f"the trace is of a model of {json.dumps(value['metamodel'])}, and this is one of `{metamodel}`"
+            message = f"the trace is of a model of {json.dumps(value['metamodel'])}, but this model is of `{metamodel}`"
             hint = "replay it on the model on which it was recorded"
             self._problem("other-metamodel", message, spans["metamodel",], hint)
         self._state(value, spans)
@@ -194,7 +198,7 @@ class _Reader:
         self._ended = True
         count = value["end"]
         if (type(count) is not int or count != len(self.trace)) and not self.problems:
-            message = f"the trace has {len(self.trace)} applications, not {json.dumps(count)}"
+            message = f"`end` is {json.dumps(count)}, but the trace has {len(self.trace)} applications"
             self._problem("wrong-count", message, spans["end",], "look for missing or additional lines")
         before = self.trace.states.get(len(self.trace))
         # After a mistake, applications may be missing, so the last recorded state is not compared.

@@ -105,7 +105,7 @@ class Reading:
         """Return True if the metamodel left out a feature; if so, count the lost `noun` for a later warning."""
         reason = self.metamodel.left_out(cls, feature)
         if reason:
-            self.omit(noun, f"of `{cls}.{feature}`", span, f"the feature is not there: {reason}")
+            self.omit(noun, f"of `{cls}.{feature}`", span, f"the metamodel lacks this: {reason}")
         return bool(reason)
 
     def omissions(self) -> Iterator[Diagnostic]:

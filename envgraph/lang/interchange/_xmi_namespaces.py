@@ -115,7 +115,7 @@ class Namespaces:
             hint = f'the document declares no namespace: write `xmlns:m="{uri}"` in the first tag'
         if homes:
             uris = [f"`{one.uri}`" for one in metamodel.packages if one.path in homes]
-            hint = "it is in " + " and ".join(uris)
+            hint = "write the prefix of its package, " + " or ".join(uris)
             message = f"`{simple}` is in several packages"
             if package:
                 message = f"`{simple}` is not in the package `{package.uri}`"
@@ -131,7 +131,7 @@ class Namespaces:
             if near:  # continue: classes are then looked up by name only
                 self._document.report("unknown-uri", message, span, near)
             else:
-                hint = f"it has {quoted(packages)}: give a metamodel of the other namespace too"
+                hint = f"give a metamodel with this namespace too; the given one has {quoted(packages)}"
                 self._reading.unresolved("unknown-uri", message, span, hint, "objects of it are left out")
         return packages.get(uri)
 

@@ -261,7 +261,7 @@ class TagReader:
             return
         hint = did_you_mean(name, known)
         if hint is None:
-            hint = "it has " + quoted(known) if known else "it has no features"
+            hint = f"use one of {quoted(known)}" if known else "remove it: the class has no features"
         self._document.report("unknown-feature", f"`{table.name}` has no feature `{name}`", span, hint)
 
     # --- objects ---

@@ -104,9 +104,11 @@ def parse_toml(source: Source) -> TomlText:
         # caused by a number of thousands of digits, or by arrays nested over many lines
         found = re.search("[0-9][0-9_]{4299,}", source.text)
         span = source.span(*found.span() if found else (0, 0))
-        raise LoadError.of(
-            "syntax-error", "a number is too large, or a list is too deep", span, _SIZES
-        ) from None
+        if found is None:
+            raise LoadError.of(
+                "syntax-error", "a list is nested too deeply", span, "use fewer levels"
+            ) from None
+        raise LoadError.of("syntax-error", "the number is too large", span, _SIZES) from None
     return text
 
 

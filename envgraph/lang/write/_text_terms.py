@@ -173,7 +173,7 @@ class TermText:
             case TypeConstraint(type_, term, exact):
                 if exact:
                     self.refuse(
-                        f"no condition requires that `{self.term(term)}` is a `{type_}` but of no subclass"
+                        f"it requires a `{self.term(term)}` of class `{type_}` itself; conditions also allow subclasses"
                     )
                 return f"{self.type(type_)}{self.terms((term,))}"
             case PathConstraint(type_, features, source, target, closure):

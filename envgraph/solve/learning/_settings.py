@@ -121,7 +121,7 @@ class TrainingSettings:
             message = f"`n_step` above 1 is for `sarsa` and `expected_sarsa`, not `{self.agent}`"
             raise InvalidArgument(message, "set `n_step = 1`, or choose `sarsa` or `expected_sarsa`")
         if not isfinite(self.initial_value):
-            raise InvalidArgument("`initial_value` must be finite")
+            raise InvalidArgument(f"`initial_value` is {self.initial_value}, but must be finite")
 
     @classmethod
     def from_spec(cls, spec: object, **overrides: Any) -> TrainingSettings:

@@ -241,7 +241,7 @@ def action_values(learned: NDArray[np.float64], n_actions: int) -> NDArray[np.fl
 def _checked(q: NDArray[np.float64], table: Table) -> NDArray[np.float64]:
     shape = (table.n_observations, table.n_actions)
     if q.shape != shape or not np.isfinite(q).all():
-        raise InvalidArgument(f"`q` must have finite values and the shape {shape}, not {q.shape}")
+        raise InvalidArgument(f"`q` has the shape {q.shape}, but must have {shape} and finite values")
     return q + 0.0
 
 

@@ -125,8 +125,8 @@ def test_a_model_is_known_by_its_root_and_a_family_is_no_language(call: Callable
     for name in ("a.burningforest", "emf.model"):
         said = call(f"check {name} -m m.metamodel")
         assert "has no namespace `b`" in said and f"{name}:" in said
-        assert "hint: it has `burning_forest`: give a metamodel of the other namespace too" in said
-        assert "no metamodel with the namespace `b` is given" in call(f"check {name}")
+        assert "hint: give a metamodel with this namespace too; the given one has `burning_forest`" in said
+        assert "no metamodel of the namespace `b` is given" in call(f"check {name}")
     Path("plain.xml").write_text("<forests/>")
     assert 'declares no namespace: write `xmlns:m="burning_forest"` in the first tag' in call(
         "check plain.xml m.metamodel"

@@ -157,7 +157,7 @@ def test_steps_of_units_become_blocks() -> None:
         (Rule("2a"), "`2a` is not a name"),
         (
             Rule("r", left=LeftSide(constraints=(TypeConstraint("T", Variable("x"), exact=True),))),
-            "but of no subclass",
+            "conditions also allow subclasses",
         ),
         (Pattern("p", (), ()), "the pattern has no body"),
         (

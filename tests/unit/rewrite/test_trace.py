@@ -247,7 +247,7 @@ TAMPERED = [
     ('"rule": "name"', '"rule": "twice"', "a.trace:5:10: `twice` is a unit, not a rule"),
     ('"rule": "name", "match"', '"rule": "name", "mtach"', "a.trace:5:27: unknown entry `mtach`"),
     ('{"rule": "name"', '{"rule": "name",', "a.trace:5:17: not JSON: expecting property name"),
-    ('{"end": 4', '{"end": 5', "a.trace:6:9: the trace has 4 applications, not 5"),
+    ('{"end": 4', '{"end": 5', "a.trace:6:9: `end` is 5, but the trace has 4 applications"),
     ('{"end": 4', '{"ende": 4', "a.trace:6:1: this is not a line of a trace"),
     ("envgraph-trace-1", "envgraph-trace-2", 'the format must be `envgraph-trace-1`, not "envgraph-trace-2"'),
     ('"metamodel": "graphs"', '"metamodel": "grafs"', 'a.trace:1:63: the trace is of a model of "grafs"'),
@@ -284,7 +284,7 @@ def test_what_follows_from_a_mistake_is_not_told(old: str, new: str) -> None:
 def test_missing_and_doubled_lines_are_noticed() -> None:
     lines = GOOD.splitlines(keepends=True)
     assert "ends after 3 applications, without its last line" in mistakes("".join(lines[:4]))
-    assert "has 3 applications, not 4" in mistakes("".join(lines[:4] + lines[5:]))
+    assert "but the trace has 3 applications" in mistakes("".join(lines[:4] + lines[5:]))
     assert "the trace has begun already" in mistakes(lines[0] + GOOD)
     assert "the trace has ended" in mistakes(GOOD + lines[1])
     assert "16 hexadecimal digits" in mistakes(GOOD.replace('"state": "', '"state": "g', 1))

@@ -232,11 +232,11 @@ def test_arguments_that_do_not_fit_are_refused() -> None:
     for policy in (np.zeros(2, int), np.zeros(1), np.ones((1, 2))):
         with pytest.raises(InvalidArgument, match="`policy` has the shape"):
             certify(loop, policy)
-    with pytest.raises(InvalidArgument, match="action that the environment does not have"):
+    with pytest.raises(InvalidArgument, match="actions that are not from 0 to"):
         certify(loop, np.array([1]))
-    with pytest.raises(InvalidArgument, match="`limit` must be positive"):
+    with pytest.raises(InvalidArgument, match="`limit`, 0, must be positive"):
         certify(loop, limit=0)
-    with pytest.raises(InvalidArgument, match="`limit` must be positive"):
+    with pytest.raises(InvalidArgument, match="must be positive"):
         evaluate_policy(loop, None, 1, discount=1.5)
     with pytest.raises(InvalidArgument, match="`values`"):
         cvar([], 0.5)

@@ -77,9 +77,9 @@ def test_arguments_that_do_not_fit_are_refused() -> None:
     loop = table([[[(1.0, 0, 0.0, 0)]]])
     with pytest.raises(InvalidArgument, match="`q` has the shape"):
         evaluate(np.zeros((2, 1)), loop, 1, 1, rng())
-    with pytest.raises(InvalidArgument, match="must be positive"):
+    with pytest.raises(InvalidArgument, match="must be at least 1"):
         evaluate(np.zeros((1, 1)), loop, 0, 1, rng())
-    with pytest.raises(InvalidArgument, match="must be positive"):
+    with pytest.raises(InvalidArgument, match="must be at least 1"):
         evaluate(np.zeros((1, 1)), loop, 1, 0, rng())
     with pytest.raises(InvalidArgument, match="`policy` has the shape"):
         evaluate_policy(loop, np.ones((1, 2)), 1)

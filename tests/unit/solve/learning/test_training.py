@@ -170,7 +170,7 @@ def test_states_that_look_alike_share_their_values(backend: Backend) -> None:
         ({"tabulars": []}, "needs at least one environment"),
         ({"steps": [1, 2]}, "positive length for each of 1"),
         ({"steps": [0]}, "positive length"),
-        ({"q": np.zeros((2, 2))}, "`q` must have"),
+        ({"q": np.zeros((2, 2))}, "`q` has the shape"),
         ({"q": np.array([[np.nan]])}, "finite"),
         (
             {"tabulars": [table([[[(1.0, 0, 0.0, 0)]]]), table([[[(1.0, 0, 0.0, 0)]] * 1] * 2)]},
