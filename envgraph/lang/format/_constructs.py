@@ -47,7 +47,7 @@ def _assignment(layout: Layout, part: Part) -> Document:
 def _graph(layout: Layout, part: Part) -> Document:
     """Return the layout document of `a -ref-> b <-ref- c`, which is broken before the arrows if it does not fit.
 
-    The attribute block of the last object does not count for this.
+    The attribute block of the last object is laid out by itself.
     """
     *items, last = part.items
     assert isinstance(last, Part)

@@ -208,9 +208,9 @@ class Layout:
         return joined(parts)
 
     def vertical(self, index: int, inner: bool) -> Document:
-        """Return the layout document before a statement of a block: comments and a line break.
+        """Return the layout document before a statement of a block: comments, and a line break or an empty line.
 
-        `inner` is False for the first statement.
+        `inner` is False for the first statement, before which there is no empty line.
         """
         gap = self.tokens.gaps[index]
         found = self.remarks(gap, inner)
@@ -224,7 +224,7 @@ class Layout:
         return joined(found)
 
     def remarks(self, gap: Gap, inner: bool) -> list[Document]:
-        """Return the comments before a statement, as documents; `inner` is False for the first of a block."""
+        """Return the comments before a statement, as documents; `inner` is False for the first statement of a block."""
         found: list[Document] = []
         for remark in gap.remarks:
             if not remark.breaks:
@@ -237,7 +237,7 @@ class Layout:
     # --- chains
 
     def chain(self, part: Part) -> Document:
-        """Return the layout document of operators and operands outside of brackets."""
+        """Return the layout document of a chain of operators outside of brackets; its further lines are indented."""
         return grouped(indented(self.links(part)))
 
     def links(self, part: Part) -> Document:

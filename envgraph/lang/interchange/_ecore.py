@@ -63,7 +63,7 @@ def read_ecore(
 
     Args:
         documents: the files, at least one.
-        doubles: by the name of a file that repeats the package of one of the documents: this document, which is used.
+        doubles: the names of files that repeat the package of one of the documents, each with this document.
         allow_unresolved: if True, features whose types are in missing files are left out with a warning.
     """
     joint = Joint(allow_unresolved=allow_unresolved)

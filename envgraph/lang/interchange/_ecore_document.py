@@ -77,7 +77,7 @@ class EcoreDocument:
         yield from (one.get("name") for one in self.roots)
 
     def mentioned(self) -> dict[str, Span]:
-        """Return the files that the file refers to, as written before `#`, with their first spans; not libraries."""
+        """Return the other files that references name before `#`, with their first spans; without Ecore's library."""
         found: dict[str, Span] = {}
         known = {""}
         for element, key, word in self._words():

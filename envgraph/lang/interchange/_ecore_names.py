@@ -145,7 +145,10 @@ class Names:
         self.error("generic-type", message, span, "give it a class as its bound")
 
     def _targets(self, element: Element, name: str) -> Iterator[Target]:
-        """Yield the targets of an attribute (`#//A b.ecore#//B`) and of child tags with `href`; report unknown ones."""
+        """Yield what the XML attribute `name` (`#//A b.ecore#//B`) and child tags `name` with `href` refer to.
+
+        Unknown targets are reported and skipped.
+        """
         if not element.children and name not in element.attributes:
             return
         words = element.get(name).split()

@@ -55,9 +55,9 @@ def marks_of(names: Names, element: Element, features: Sequence[Feature]) -> Mar
 
 
 def annotations_of(names: Names, element: Element) -> tuple[Annotation, ...]:
-    """Return the annotations of an element in a `.metamodel` file: stored by `metamodel_to_ecore`, or foreign.
+    """Return the annotations of an element that `metamodel_to_ecore` stored, and those of other tools.
 
-    A computed feature gets `@derived`.
+    A computed feature is annotated with `@derived`, too.
     """
     found = [Annotation("derived")] if is_computed(element) else []
     for one, name, value in details_of(element, _OWN):
@@ -74,9 +74,9 @@ def annotations_of(names: Names, element: Element) -> tuple[Annotation, ...]:
 
 
 def notes_of(names: Names, element: Element, *, with_doc: bool = False) -> Iterator[Annotation]:
-    """Yield foreign annotations as `@annotation("source", key = "value")`; documentation only if `with_doc`.
+    """Yield the annotations of other tools as `@annotation("source", key = "value")`; documentation only if `with_doc`.
 
-    Other contents of the annotations are recorded as not preserved.
+    Their contents other than details are recorded as not preserved.
     """
     for one in inside(element, "eAnnotations"):
         source = one.get("source")
@@ -136,7 +136,7 @@ def doc_of(element: Element) -> str | None:
 
 
 def name_of(names: Names, element: Element, what: str) -> str:
-    """Return the name of an element; if it has none, report this about the `what` and return a generated name."""
+    """Return the name of an element; if it has none, report this with the noun `what`, and return a generated name."""
     name = element.get("name")
     if not name:
         where = names.places.tag(element.byte)

@@ -31,7 +31,7 @@ def read_xmi(
     *,
     allow_unresolved: bool = False,
 ) -> ModelFile:
-    """Return the model of an `.xmi` file, or None after errors, with all diagnostics.
+    """Return the model of an `.xmi` file with all diagnostics; after errors, the model is None.
 
     Args:
         source: the file.

@@ -125,7 +125,7 @@ class Reading:
     def child(self, node: int, name: str, place: int) -> int | None:
         """Return the object at an index of a containment reference: `LOST` if it was not read, None if missing.
 
-        An `href` is resolved at the first call; if it leads back to itself, it counts as missing.
+        An `href` is resolved at the first call. If it leads back to itself, the object counts as missing.
         """
         children = self.children[node, name]
         child = children[place] if place < len(children) else None

@@ -330,7 +330,7 @@ class TagReader:
     def _value(self, node: int, attribute: Attribute, text: str, where: Callable[[], Span]) -> Value | None:
         """Return the value of a text; if the text does not fit the attribute's type, report this and return None.
 
-        The text of a decimal number is kept in the model, and a number that is rounded is counted.
+        For a decimal number, the model also keeps the text, and a rounded number is counted for a later warning.
         """
         value = value_of(text, attribute.type)
         if value is not None:

@@ -166,8 +166,8 @@ def read_source(files: Files, name: str) -> Source:
     Raises:
         LoadError: the file is missing, a directory or another special file, unreadable, too large, or wrongly encoded.
             At most 16 MB are read; 256 MB of traces and of models as XMI or JSON; 1 MB of queries, rules and
-            environments. The encoding is UTF-8; XML files may declare another. The diagnostic points to the start of
-            the file.
+            environments. The encoding is UTF-8; XML files may declare another. The diagnostic points to the wrong byte,
+            or else to the start of the file.
     """
     format = file_format(files, name)
     most = limit(_LARGEST.get(format or "", LARGEST_FILE))

@@ -280,7 +280,7 @@ class _Scanner:
     def _is_remark(self, start: int) -> bool:
         """Return True if a `#` seems to start a comment, as in other languages.
 
-        This needs a blank behind it; at the start of a line a word is enough.
+        A blank must follow, or at the start of a line a word. After `(` or `,` a `#` never starts a comment.
         """
         before = self._scan.lexemes[-1].value if self._scan.lexemes else ""
         if before in {"(", ","}:  # here `#` marks the column of an aggregate

@@ -155,7 +155,7 @@ class ParseStack:
         del self.states[height:], self.values[height - 1 :], self.begins[height - 1 :]
 
     def forget(self, height: int, begin: int, end: int) -> None:
-        """Cut the stack, and record the lexemes from `begin` to `end` (excluded) as skipped; they hold lost names."""
+        """Cut the stack, and record the lexemes from `begin` to `end` (excluded) as skipped, their names as lost."""
         self.cut(height)
         if begin >= 0:
             if begin < end:

@@ -230,7 +230,7 @@ class Reports:
         self.report("unexpected-token", f"unexpected `{shown}`", lexeme, meant)
 
     def foreign(self, index: int) -> Level | None:
-        """Return where the current statement starts if it is a keyword, read as a name, and another word; else None."""
+        """Return the start of the current statement if it consists of a misplaced keyword and a word; else None."""
         level = next(self._stack.levels(), None)
         if level is None or level.begin < 0 or level.begin not in {index - 1, index - 2}:
             return None

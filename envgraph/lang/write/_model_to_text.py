@@ -78,7 +78,7 @@ class _Writer:
         )
 
     def _links(self, node: int) -> list[Reference]:
-        """Return the references that are written with their targets: no containments, and only one of two opposites."""
+        """Return the references whose targets are written: no containments or their opposites, one of two opposites."""
         model, metamodel = self._model, self._model.metamodel
         found = []
         for feature in metamodel.features(model.graph.class_of(node)).values():

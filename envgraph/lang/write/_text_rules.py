@@ -194,7 +194,7 @@ class RuleText(TermText):
         return self.chain(Chain([Node(edge.source), Node(edge.target)], [(edge, True)]))
 
     def left(self, left: LeftSide) -> str:
-        """Return the contents of `lhs`, on one line; refuse a node without a name that is used more than once."""
+        """Return the contents of `lhs`, on one line; raise InvalidArgument if a node without a name is used twice."""
         found = chains(left.nodes, left.edges)
         hidden = [node.name for chain in found for node in chain.vertices if node.name.startswith("#")]
         if len(hidden) > len(set(hidden)):

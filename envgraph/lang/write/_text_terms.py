@@ -67,7 +67,7 @@ class TermText:
     # --- names
 
     def name(self, name: str) -> str:
-        """Return the text of a name without dots, with a `^` before it if it is a keyword."""
+        """Return a name as text, a keyword with `^` before it; raise InvalidArgument if it has other signs than `_`."""
         if not _NAME.fullmatch(name):
             self.refuse(f"`{name}` is not a name; a name consists of letters, digits and `_`")
         return f"^{name}" if name in self._keywords else name
@@ -92,7 +92,7 @@ class TermText:
     # --- values and expressions
 
     def value(self, value: Value | None) -> str:
-        """Return the text of a number, bool or string; `none` for None. A number that is not finite is refused."""
+        """Return the text of a number, bool or string; `none` for None. An infinite number raises InvalidArgument."""
         match value:
             case None:
                 return "none"

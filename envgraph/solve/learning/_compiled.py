@@ -15,7 +15,7 @@ from envgraph.solve.learning._stage import Stage, StageOutcome, Table
 
 
 def run(name: str, settings: TrainingSettings, *arguments: Any) -> None:
-    """Call `learn` or `play` of `_loop`, compiled for these settings. Releases the interpreter lock."""
+    """Call `learn` or `play` of `_loop`, compiled for these settings, without holding the interpreter lock."""
     agent, ties = AGENTS.index(settings.agent), settings.ties == "random"
     constants = f"AGENT, TIES, N_STEP = {agent}, {ties}, {settings.n_step}\n"
     functions(constants, (kernels, values, _loop), (name,), native=True)[name](*arguments)
@@ -28,7 +28,7 @@ def learn(
     rows: NDArray[np.uint64],
     epsilons: NDArray[np.float64],
 ) -> tuple[NDArray[Any], ...]:
-    """Train all learners for a stage, see `_loop.learn`, and return their learning curves."""
+    """Train all learners for a stage, and return their curves; the last three arguments are changed in place."""
     points, n_step = np.array(stage.points, np.int64), stage.settings.n_step
     shape = len(values), len(points)
     curve = np.zeros(shape), *(np.zeros(shape, np.int64) for _ in range(2))
@@ -51,7 +51,7 @@ def learn(
 
 
 def run_stage(table: Table, stage: Stage, q: NDArray[np.float64], rng: np.random.Generator) -> StageOutcome:
-    """Train one learner on a table; `q` [observations, actions] is changed in place."""
+    """Train one learner on a table for a stage; `q` [observations, actions] and `rng` are changed in place."""
     if not isinstance(rng.bit_generator, np.random.PCG64):
         message = "backend 'numba' needs a generator over PCG64: create it with `numpy.random.default_rng`"
         raise InvalidArgument(message)

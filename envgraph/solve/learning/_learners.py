@@ -42,8 +42,8 @@ class Learners:
     A learner does what `train_curriculum` does with `numpy.random.Generator(PCG64(..))` over its stream, bit for bit.
 
     Args:
-        settings: of the learners, except that `judge` has an argument for `steps_per_environment`.
-        target: to play at the end. It must agree in observations and actions with all training environments.
+        settings: the settings of the learners; `steps_per_environment` is an argument of `judge` instead.
+        target: the environment to play at the end. It must agree in observations and actions with all training environments.
 
     Raises:
         InvalidArgument: numba is not installed.
@@ -98,8 +98,8 @@ class ProgramLearners:
     A learner does what `train_program` does with `numpy.random.Generator(PCG64(..))` over its stream, bit for bit.
 
     Args:
-        settings: of the learners, except that `judge` has an argument for `steps_per_environment`.
-        target: to play at the end. It must agree in observations and actions with all training environments.
+        settings: the settings of the learners; `steps_per_environment` is an argument of `judge` instead.
+        target: the environment to play at the end. It must agree in observations and actions with all training environments.
 
     Raises:
         InvalidArgument: numba is not installed, without which training is too slow.

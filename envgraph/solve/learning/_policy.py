@@ -68,7 +68,7 @@ class LevelTables:
         """Build the tables of some environments.
 
         Args:
-            levels: with the same actions, in the order of their numbers.
+            levels: the environments, which must have the same actions; their order gives their numbers.
             seen: for each level, for each of its states the inputs that are 1; by default there is one input for each
                 value of each component of an observation.
             inputs: number of inputs; by default up to the last one that is used.
@@ -159,18 +159,18 @@ class PolicySettings:
     """The hyperparameters of proximal policy optimisation (Schulman et al. 2017).
 
     Attributes:
-        hidden: units of the only hidden layer, rectified.
-        learning_rate: of Adam.
+        hidden: number of units of the only hidden layer, which are rectified.
+        learning_rate: learning rate of Adam.
         epochs: number of passes over the steps of a batch.
-        minibatches: parts of a batch, each of whole levels.
+        minibatches: number of parts of a batch, each of whole levels.
         levels: number of levels in a batch.
-        steps: of each level in a batch.
+        steps: number of steps of each level in a batch.
         clip: greatest distance of the ratio of new and old action probability from 1.
-        entropy, value: weights of these parts of the loss.
+        entropy, value: weights of the entropy and of the value's error in the loss.
         norm: the greatest norm of a gradient.
-        discount: of rewards.
+        discount: discount factor of rewards.
         smoothing: the lambda of generalised advantage estimation.
-        limit: steps of an episode.
+        limit: steps after which an episode is truncated.
     """
 
     hidden: int = 64
@@ -230,7 +230,7 @@ class PolicyLearner:
     Args:
         tables: the levels.
         settings: hyperparameters.
-        seed: of the weights and of all sampling.
+        seed: the seed for the weights and for all sampling.
         native: True to compile the loops with numba; None for True if numba is installed.
 
     Attributes:

@@ -73,7 +73,7 @@ def forget(levels, student):
 
 
 def drawn(CHANCE, first, count, draw):
-    """Return a place among `count` from `first` on, sampled by its probability with the uniform number `draw`."""
+    """Return an index among `count` from `first` on, sampled by the probabilities `CHANCE`; `draw` is uniform."""
     total = 0.0
     for place in range(first, first + count - 1):
         total += CHANCE[place]
@@ -330,7 +330,7 @@ def back(P, G, SEEN_FIRST, SEEN, state, slot, HIDDEN, SLOPES, inputs, hidden, ou
 
 
 def descend(P, G, optimiser, rates, size):
-    """Do a step of Adam (Kingma and Ba 2015, algorithm 1) with the gradient clipped by its norm."""
+    """Change the parameters `P` by a step of Adam (Kingma and Ba 2015, algorithm 1), limiting the gradient's norm."""
     MEAN, SQUARE, TIME = vector(optimiser[0]), vector(optimiser[1]), vector(optimiser[8])
     norm = 0.0
     for place in range(size):

@@ -57,7 +57,7 @@ def train_program(
 
     Args:
         program: the compiled behaviour with its family.
-        settings: of the training.
+        settings: the settings of the training.
         rng: over PCG64, as `numpy.random.default_rng` makes it; is advanced.
         members: numbers of the members in the order of training; all of them by default.
         steps: length of each stage; by default `settings.steps_per_environment`.

@@ -67,7 +67,7 @@ def play_program(
 
 
 def _packed(program: Program, layers: Sequence[Layer]) -> tuple[NDArray[np.float64], NDArray[np.int64]]:
-    """Return the numbers of all layers in a row [1, ..], and the number of units of each layer from inputs to outputs.
+    """Return all biases and weights in one row [1, ..], and the numbers of units of the layers, from inputs to outputs.
 
     Raises:
         InvalidArgument: the layers do not fit each other, or the program.

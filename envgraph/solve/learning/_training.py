@@ -98,7 +98,7 @@ def train_curriculum(
 
     Args:
         tabulars: the environments, in the order of training; they must agree in observations and actions.
-        settings: of the training.
+        settings: the settings of the training.
         rng: source of all randomness; is advanced.
         steps: length of each stage; by default `settings.steps_per_environment`.
         q: initial Q-values, not changed; by default `settings.initial_value` everywhere.
@@ -120,7 +120,7 @@ def train_curriculum(
 
 
 def occurring(tabulars: Sequence[Tabular]) -> Sequence[Tabular]:
-    """Return the environments with few enough observations for a table of values; unchanged if they have few enough.
+    """Return the environments; unchanged if they have few enough observations for a table of values.
 
     Otherwise the observations that occur in one of the environments are renumbered in order. Learning is the same.
 

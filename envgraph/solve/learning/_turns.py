@@ -35,7 +35,7 @@ def take_turns(
 
     Args:
         turn: trains for a stage on members.
-        settings: of the training.
+        settings: the settings of the training.
         stages: steps and members of each stage.
         begins: called with the number of each stage before it.
         schedule: chooses members in stages with several ones, which must be the same in all such stages.
