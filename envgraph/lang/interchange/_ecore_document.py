@@ -77,7 +77,7 @@ class EcoreDocument:
         yield from (one.get("name") for one in self.roots)
 
     def mentioned(self) -> dict[str, Span]:
-        """Return the other files that references name before `#`, with their first spans; without Ecore's library."""
+        """Return the other documents that references name before `#`, each with its first span; no libraries."""
         found: dict[str, Span] = {}
         known = {""}
         for element, key, word in self._words():

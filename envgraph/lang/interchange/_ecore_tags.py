@@ -46,7 +46,7 @@ class Tags(Names):
     def enter(self, paths: set[str]) -> None:
         """Record and check all packages and their contents, and add their paths to `paths`.
 
-        The first file's package has the path ""; later files' packages are nested in it.
+        The first package has the path ""; all further root packages, also of later files, are nested in it.
         """
         self.document.index(self._owners)
         for root in self.document.roots:

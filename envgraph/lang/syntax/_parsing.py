@@ -218,7 +218,7 @@ def _run(stack: ParseStack, lexical: list[Diagnostic], mistakes: list[Diagnostic
 
 
 def level_of(operator: str) -> int | None:
-    """Return the precedence of a binary operator (higher binds tighter), also of `and` or `=`; None for other signs."""
+    """Return the precedence of a binary operator, higher binds tighter, or of a foreign one like `and`; else None."""
     return LEVELS.get(MEANT.get(operator, operator))
 
 

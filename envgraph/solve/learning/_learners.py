@@ -43,7 +43,7 @@ class Learners:
 
     Args:
         settings: the settings of the learners; `steps_per_environment` is an argument of `judge` instead.
-        target: the environment to play at the end. It must agree in observations and actions with all training environments.
+        target: the environment to play at the end, with the observations and actions of all training environments.
 
     Raises:
         InvalidArgument: numba is not installed.
@@ -99,7 +99,7 @@ class ProgramLearners:
 
     Args:
         settings: the settings of the learners; `steps_per_environment` is an argument of `judge` instead.
-        target: the environment to play at the end. It must agree in observations and actions with all training environments.
+        target: the environment to play at the end, with the observations and actions of all training environments.
 
     Raises:
         InvalidArgument: numba is not installed, without which training is too slow.
