@@ -54,8 +54,8 @@ class Line:
 
     Attributes:
         flat: the text printed instead if the line does not end here.
-        forced: the line always ends here.
-        blank: if the line ends here, an empty line follows.
+        forced: True if the line always ends here.
+        blank: True if an empty line follows when the line ends here.
     """
 
     flat: str = " "
@@ -72,7 +72,7 @@ class Mark:
         spaces: the number of blanks that the author wrote here. Lines are aligned only if an author wrote more than
             usual.
         usual: the number of blanks here without alignment.
-        always: the mark also counts in groups that are broken into lines.
+        always: True if the mark also counts in groups that are broken into lines.
     """
 
     kind: str

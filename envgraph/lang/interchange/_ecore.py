@@ -377,7 +377,7 @@ class _Reader(Tags):
         return self._with_kept(element, found, {"eType": self._type_name(target)})
 
     def _multiplicity(self, element: Element) -> list[tuple[str, Span]]:
-        """Return `[("multiplicity", span)]` for the upper bound, or else for the lower bound; [] if none is stated."""
+        """Return `[("multiplicity", span)]`, the position of the stated upper, else lower bound; [] without bounds."""
         bounds = (one for one in ("upperBound", "lowerBound") if one in element.attributes)
         return [("multiplicity", self.at(element, bound)) for bound in bounds][:1]
 

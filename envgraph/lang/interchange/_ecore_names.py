@@ -264,7 +264,7 @@ class Names:
         self.error("unknown-class", f"unknown class or data type `{name}`{file}", span, hint)
 
     def quietly(self, element: Element, *names: str) -> list[Target]:
-        """Return the targets of the attributes without reporting problems."""
+        """Return the targets of these XML attributes of an element; unknown targets are not reported."""
         self.joint.quiet = True
         found = [one for name in names for one in self._targets(element, name)]
         self.joint.quiet = False

@@ -104,8 +104,8 @@ def kept_of(
 
     Args:
         element: a classifier or a feature.
-        written: the XML attributes that the metamodel implies.
-        named: the XML attributes that refer to other parts of the file, in the form of `@ecore`.
+        written: the XML attributes that the metamodel implies, so that they are written anyway.
+        named: the XML attributes that refer to other parts of the file, as `@ecore` states them.
     """
     attributes, usual = element.attributes, _ecore_defaults()
     is_member = attributes.get("derived") == "true" and not is_computed(element)

@@ -61,7 +61,10 @@ def parse_json(source: Source) -> tuple[object, dict[JsonPath, Span]]:
 
 
 def read_json_model(source: Source, metamodel: Metamodel | None) -> ModelFile:
-    """Return the model in a JSON text, with all diagnostics; without a metamodel only the JSON syntax is checked."""
+    """Return the model in a JSON text with all diagnostics; after errors the model is None.
+
+    Without a metamodel only the JSON syntax is checked, and the model is None, too.
+    """
     start = source.span(0, 0)
     name = posixpath.basename(source.name).rpartition(".")[0] or source.name
     try:
@@ -221,7 +224,7 @@ def _finite(text: str) -> float:
 
 
 def _json_hint(error: json.JSONDecodeError) -> str | None:
-    """Return a hint for an error message of Python's JSON parser, or None."""
+    """Return a hint for the mistake that Python's JSON parser reports, or None."""
     before, here = error.doc[: error.pos].rstrip()[-1:], error.doc[error.pos : error.pos + 1]
     if before == "," and here in ("}", "]", "", '"', ","):
         return "remove the comma before it: no value follows" if here in ("}", "]") else None

@@ -141,7 +141,7 @@ def _is_row(line: str, known: Collection[str]) -> bool:
 
 
 def _begins_like_a_row(line: str, letters: Collection[str]) -> bool:
-    """Return True if a line starts with a letter of the model or a count, but is not like `Title: name`."""
+    """Return True if a line starts with a count or a letter of the model that is no floor, but is no `Title: name`."""
     first = line.strip().lstrip("0123456789")[:1]
     return first in {*letters} - {*FLOORS} and _KEY.match(line) is None
 

@@ -244,7 +244,7 @@ class Document:
         return posixpath.normpath(posixpath.join(posixpath.dirname(self.source.name), path))
 
     def find(self, fragment: str) -> int | None:
-        """Return the object of a fragment (`//@regions.0`, `/1/@a`, an id), `LOST` if unread, None if missing."""
+        """Return the object of a fragment (`//@regions.0`, `/1/@a`, an id), None if missing, `LOST` if not readable."""
         if not fragment.startswith("/"):
             found = self.ids.get(fragment)
             return self.identified.get(fragment) if found is None else found

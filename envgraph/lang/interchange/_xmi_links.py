@@ -24,7 +24,7 @@ class Linker:
         self._order: dict[tuple[int, int], tuple[Reference, list[int]]] = {}
 
     def others(self) -> Iterator[Document]:
-        """Read and yield the documents that links refer to and that have not been read yet."""
+        """Fetch and yield the documents that links refer to, except those fetched before; report missing documents."""
         for link in self._document.links:
             if "#" not in link.text:
                 continue

@@ -106,7 +106,7 @@ class Grammar:
                 return
 
     def expected(self, stack: list[int]) -> list[str]:
-        """Return the terminals that the parser accepts next."""
+        """Return the terminals that the parser with this stack of states accepts next; the stack is not changed."""
         return [
             name for name in self.states[stack[-1]] if name in self.spelling and self.accepts(stack, name)
         ]

@@ -55,7 +55,7 @@ class Lexeme:
         kind: name of the regular terminal (NAME, INT, STRING ...), or "punctuation", or "$END".
         value: a word without `^`, the contents of a string, otherwise the text itself.
         start, end: the range of the lexeme, as offsets in the text.
-        escaped: the word was written `^word` and is never a keyword.
+        escaped: True if the word was written `^word`, so that it is never a keyword.
         braces: the number of `{` that are open before the lexeme.
         bracketed: True if a `(` or `[` is open before the lexeme, inside the innermost `{`.
     """

@@ -56,7 +56,7 @@ def _elsewhere(problems: Sequence[Diagnostic]) -> Note:
 
 
 def once_for_each_text(diagnostics: Sequence[Diagnostic]) -> Iterator[Diagnostic]:
-    """Yield the diagnostics, but only one for all rows of a text of several lines whose opening quotes are missing."""
+    """Yield the diagnostics, but only the first one, with a new hint, for the rows of a text without opening quotes."""
     rows = sorted(
         (one for one in diagnostics if one.span and one.code in _ROWS),
         key=lambda one: (one.span.source.name, one.span.start) if one.span else ("", 0),

@@ -207,7 +207,7 @@ class Recovery:
         return bool(self._stack.begins) and self._stack.begins[-1] == index - 1
 
     def _line_end(self, index: int, most: int) -> int:
-        """Return the index of the last lexeme on this line, at most `most`: the next line may have other mistakes."""
+        """Return the index of the last lexeme on this line, at most `most`, as later lines may have other mistakes."""
         last = index
         while last < min(most, len(self._lexemes) - 1):
             if first_on_line(self._source, self._lexemes[last + 1].start):
@@ -293,7 +293,7 @@ class Recovery:
                 yield replace(repair, told=()) if on_line else repair
 
     def _opens_block(self, lexeme: Lexeme) -> bool:
-        """Return True for a `{` behind a word on its line: probably the word is mistyped, and no `;` is missing."""
+        """Return True for a `{` that is not first on its line, because the word before it is probably mistyped."""
         return lexeme.value == "{" and not first_on_line(self._source, lexeme.start)
 
     def _braces(self, index: int) -> Iterator[Repair]:

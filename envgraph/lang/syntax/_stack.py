@@ -72,7 +72,7 @@ class ParseStack:
         return lexeme.kind if grammar.accepts(states, lexeme.kind) else None
 
     def split(self, states: list[int], index: int) -> str | None:
-        """Split a sign such as `<-` into two lexemes, and return the first's terminal; None if this does not fit."""
+        """Split a sign such as `<-` into two lexemes, and return the first's terminal; if this does not fit, None."""
         lexeme = self.lexemes[index]
         signs = self.grammar.core.signs
         if lexeme.kind != PUNCTUATION:

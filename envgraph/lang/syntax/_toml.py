@@ -281,7 +281,7 @@ class _Index:
         self._value(path)
 
     def _keys(self, table: TomlPath) -> TomlPath:
-        """Read a dotted key, and return its path from the root.
+        """Read a dotted key, record the spans of its parts, and return its path from the root.
 
         A part that names an array of tables refers to its last table.
         """

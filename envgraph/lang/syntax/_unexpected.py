@@ -267,7 +267,7 @@ class Reports:
         return [word for word, terminal in words if word != "and" and self._grammar.accepts(states, terminal)]
 
     def _replaced(self, missing: Lexeme) -> bool:
-        """Return True if an invalid character replaces the missing sign, and add the sign to its hint."""
+        """Return True if an invalid character is in the place of the missing sign; if so, its hint becomes the sign."""
         for place, one in enumerate(self._lexical):
             if one.code != "stray-character" or one.span is None or one.span.start < missing.start:
                 continue

@@ -245,7 +245,7 @@ class Reader:
         return None
 
     def begin(self, tag: str) -> int:
-        """Record an open tag, and return the byte offset where it begins. Each start handler must call this."""
+        """Record an open tag, and return its byte offset; refuse too deep nesting. Start handlers must call this."""
         byte = self._parser.CurrentByteIndex
         self.open.append((tag, byte))
         if len(self.open) > self._most_open:
@@ -253,7 +253,7 @@ class Reader:
         return byte
 
     def refuse(self, code: str, message: str) -> NoReturn:
-        """Raise an error that a limit is exceeded at the innermost open tag."""
+        """Raise LoadError with this message at the innermost open tag, because a limit is exceeded."""
         place = self.places.tag(self.open[-1][1])
         raise LoadError.of(code, message, place, RAISE_LIMIT)
 

@@ -90,7 +90,7 @@ def test_what_is_missing_or_too_much_is_named(tmp_path: Path, text: str) -> None
 @pytest.mark.parametrize("number", ["NaN", "-Infinity", "1e999"])
 def test_numbers_that_are_none_are_named_at_their_place(tmp_path: Path, text: str, number: str) -> None:
     broken = edited(text, "members", 0, "measures", "complexity", value="@").replace('"@"', number)
-    assert problems(tmp_path, broken) == [(number, f"`{number}` is not a number of JSON")]
+    assert problems(tmp_path, broken) == [(number, f"`{number}` is not a JSON number")]
 
 
 def test_texts_with_mistakes_are_told_to_be_in_the_file(tmp_path: Path, text: str) -> None:
