@@ -30,7 +30,7 @@ def take(path: str, formats: tuple[str, ...], wanted: str) -> None:
     if files.exists(path):
         found = file_format(files, path)
         if found not in formats:
-            what = FORMATS[found] if found else "of no format that is known"
+            what = FORMATS[found] if found else "of an unknown format"
             raise InvalidArgument(f"`{path}` is {what}, not {wanted}")
     elif files.is_directory(path) and "toml" not in formats:
         raise InvalidArgument(f"`{path}` is a directory, not {wanted}")

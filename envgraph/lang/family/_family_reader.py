@@ -90,7 +90,7 @@ def read_family(name: str, files: Files, overrides: Iterable[str] = ()) -> Famil
 
 
 def _other_format(name: str, format: str | None) -> Diagnostic:
-    message = f"this is {FORMATS[format] if format else 'of no format that is known'}, not a family file"
+    message = f"this is {FORMATS[format] if format else 'of an unknown format'}, not a family file"
     hint = f"name a `{FAMILY_FILE}`, a directory with one, or a bundled domain"
     return Diagnostic("no-family", message, Source(name, "").span(0, 0), hint)
 

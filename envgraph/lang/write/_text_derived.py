@@ -42,7 +42,7 @@ def spelled_out(definitions: Iterable[_Definition], metamodel: Metamodel) -> tup
     >>> pond = Metamodel("pond", [Class("Fish"), Class("Eel", supertypes=("Fish",))])
     >>> rules = derived_rules(Derivation("kinds", "retype", ("Fish", "Eel")), pond)
     >>> print(to_text(*spelled_out(rules[:1], pond)), end="")
-    /** `Fish` becomes `Eel`. */
+    /** Retype a `Fish` to `Eel`. */
     rule kinds_Fish_Eel {
         lhs { Fish(object); neg Eel(object); }
         modify { retype object : Eel; }

@@ -117,7 +117,7 @@ def test_what_is_wrong_with_the_model_is_told_at_the_cell_of_the_level(envgraph:
 
 
 @pytest.mark.parametrize(
-    ("entry", "said"), [("x=Q", "cannot be read as `Q`"), ("x#", "not of the form NAME=LETTER")]
+    ("entry", "said"), [("x=Q", "cannot mean `Q`"), ("x#", "not of the form NAME=LETTER")]
 )
 def test_a_legend_of_other_letters_is_refused(envgraph: Envgraph, entry: str, said: str) -> None:
     write("one.xsb", "#####\n#.$@#\n#####\n")
@@ -221,7 +221,7 @@ def test_a_file_has_so_many_levels_and_cells_at_most(envgraph: Envgraph, text: s
 
 def test_a_hundred_errors_of_levels_are_shown_and_nothing_is_written(envgraph: Envgraph) -> None:
     for wrong, said in (
-        ("#x$.#\n\n", "`x` stands for nothing"),
+        ("#x$.#\n\n", "`x` has no meaning in the model"),
         ("#@@.#\n\n", "cannot bind parameter `worker`"),
     ):
         write("levels.xsb", "#@$.#\n\n" * 3 + wrong * 120)

@@ -33,8 +33,8 @@ FILES = {
     "family.json": "a family as JSON",
     "t.trace": "a trace",
     "run.sqlite": "a run store",
-    "notes.txt": "of no format that is known",
-    "picture.png": "of no format that is known",
+    "notes.txt": "of an unknown format",
+    "picture.png": "of an unknown format",
 }
 MODELS = ("a.model", "a.xmi", "a.burningforest", "emf.model", "a.json")
 DEFINITIONS = ("q.query", "q.vql", "r.rules", "e.environment")
@@ -126,7 +126,7 @@ def test_a_model_is_known_by_its_root_and_a_family_is_no_language(call: Callable
         said = call(f"check {name} -m m.metamodel")
         assert "has no namespace `b`" in said and f"{name}:" in said
         assert "hint: give a metamodel with this namespace too; the given one has `burning_forest`" in said
-        assert "no metamodel of the namespace `b` is given" in call(f"check {name}")
+        assert "no metamodel with the namespace `b` is given" in call(f"check {name}")
     Path("plain.xml").write_text("<forests/>")
     assert 'declares no namespace: write `xmlns:m="burning_forest"` in the first tag' in call(
         "check plain.xml m.metamodel"

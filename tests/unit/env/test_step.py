@@ -68,7 +68,7 @@ def test_a_probability_of_an_object_that_is_gone_is_0() -> None:
 @pytest.mark.parametrize(
     ("chance", "message", "place"),
     [
-        ("(coin.value - 3.0)", "-1 is no probability, where `coin` is Coin#", "coin.value - 3.0"),
+        ("(coin.value - 3.0)", "-1 is not a probability from 0 to 1, where `coin` is Coin#", "coin.value - 3.0"),
         ("(coin.over.value / 4.0)", "a probability has no value", "coin.over"),
         ("(coin.value / 2.0)", "the probabilities add up to 1.5, which is above 1, where `coin` is", "0.5"),
     ],
@@ -446,7 +446,7 @@ def test_a_parameter_without_an_object_is_reported() -> None:
     engine, behaviour = loaded("action wait = nothing()", texts={"coins.model": model})
     assert Simulator(engine, behaviour).action_names == ("wait",)
     engine.model.create("Hand", object_name="right")
-    with pytest.raises(ResolutionError, match=r"nothing to bind `hand` to: the model has 2 objects"):
+    with pytest.raises(ResolutionError, match=r"cannot bind parameter `hand`: the model has 2 objects"):
         Simulator(engine, behaviour)
     engine.model.create("Hand", object_name="hand")
     assert Simulator(engine, behaviour).action_names == ("wait",)

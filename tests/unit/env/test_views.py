@@ -186,7 +186,7 @@ def test_graphs_for_pytorch_say_what_they_need(monkeypatch: pytest.MonkeyPatch) 
 def test_kinds_of_observations_are_checked() -> None:
     with pytest.raises(InvalidArgument, match="unknown kind of observation 'imag'; did you mean `image`"):
         envgraph.make(domain="keydoor", observation="imag")
-    with pytest.raises(InvalidArgument, match='"graph" is made of the model, which a table has not; leave'):
+    with pytest.raises(InvalidArgument, match='"graph" needs a model'):
         envgraph.make_vec(domain="keydoor", observation="graph", engine="table")
     with pytest.raises(InvalidArgument, match='an observation "image" is computed from the model'):
         EnvgraphEnv(explore(*loaded(SEEN)).tabular, observation="image")

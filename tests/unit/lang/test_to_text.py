@@ -173,7 +173,7 @@ def test_steps_of_units_become_blocks() -> None:
             Pattern("p", (), (Body((TypeConstraint("T", Constant(None)),)),)),
             "`none` means that there is no value",
         ),
-        (Pattern("p", (), (Body(()),), doc="a */ b"), "a comment ends at the first"),
+        (Pattern("p", (), (Body(()),), doc="a */ b"), "its comment contains"),
         (Rule("r", weight=-1.0), "the weight is"),
         (Unit("u", (), Choice((Sequence(()),))), "a choice has only one alternative"),
         (Unit("u", (), Choice(())), "a choice has no alternatives"),

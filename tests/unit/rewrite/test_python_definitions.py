@@ -105,7 +105,7 @@ def test_a_function_may_bring_its_pattern_along() -> None:
         made.definition("drop")
     with pytest.raises(ResolutionError, match="unknown"):
         made.rule(when=Pattern("bad", "x : Itme", "Itme(x)"))
-    with pytest.raises(InvalidArgument, match="a weight is a number above 0, not inf"):
+    with pytest.raises(InvalidArgument, match="the weight is inf, but must be a number above 0"):
         made.rule(when=LAST, weight=float("inf"))(lambda x: None)
 
 

@@ -359,9 +359,9 @@ def test_mistakes_are_told_at_their_place(override: str, message: str, place: st
     ("overrides", "message"),
     [
         (['objective.subject_to=["distinct >= 1"]'], "no `maximise`"),
-        (['objective.maximise=["distinct"]', 'objective.minimise=["most(complexity)"]'], "exclude each other"),
+        (['objective.maximise=["distinct"]', 'objective.minimise=["most(complexity)"]'], "cannot both be given"),
         (['objective.maximise=["distinct"]', 'objective.kind="learning"'], "cannot have both a kind and expressions"),
-        (['objective.maximise=["distinct"]', 'objective.subject_to=["distinct"]'], "compares nothing"),
+        (['objective.maximise=["distinct"]', 'objective.subject_to=["distinct"]'], "this is not a comparison"),
         (['objective.maximise=["distinct"]', 'objective.subjectto=["distinct >= 1"]'], "unknown key `subjectto`"),
         (['objective.maximize=["distinct"]'], "unknown key `maximize`"),
         (['objective={ maximise = ["distinct"], search = "climbing" }'], "`search` cannot be"),

@@ -123,7 +123,7 @@ def test_the_family_of_each_bundled_domain_teaches(name: str) -> None:
         ("objective.stepz=3", "unknown-key", "did you mean `steps`?"),
         ("objective.steps=0", "wrong-type", "write `steps = [2000]`"),
         ('objective.steps=[1, "a"]', "wrong-type", "write `steps = [2000]`"),
-        ('objective.begin="walk"', "unknown-choice", "there are `auto`, `easing`, `episode`"),
+        ('objective.begin="walk"', "unknown-choice", "use one of `auto`, `easing`, `episode`"),
         ('objective.diversity="most"', "wrong-type", 'write `diversity = "maximum"`'),
         ("objective.lanes=0", "bad-range", "write `lanes = 1` or more"),
         ("objective.effort=0", "bad-range", "write another number"),

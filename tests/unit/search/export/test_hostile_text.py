@@ -112,5 +112,5 @@ def test_names_that_cannot_be_in_an_id_are_refused(name: str, tmp_path: Path) ->
 @pytest.mark.parametrize("name", NAMES)
 def test_new_domains_have_plain_names(name: str, tmp_path: Path) -> None:
     if name not in ("class", "a" * 245):
-        with pytest.raises(InvalidArgument, match="cannot name a domain"):
+        with pytest.raises(InvalidArgument, match="cannot be the name of a domain"):
             write_domain(tmp_path, name)
