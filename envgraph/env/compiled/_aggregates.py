@@ -21,13 +21,13 @@ PARTS, SPACE = code.Local("parts", "int"), code.Local("space", "int")
 
 
 def count_solutions(body: Body, number: code.Local) -> None:
-    """Emit code that adds 1 to `number`, or the number of bits of the word if solutions are found a word at a time."""
+    """Emit code that adds 1 to `number`, or all 1 bits if `body` finds many solutions at once, as bits of a word."""
     one = ONE if body.word is None else code.call("count_bits", body.word.word)
     body.block.add(code.Assign(number, one, "+="))
 
 
 def aggregated(body: Body, goal: AggregateAtom, step: Step) -> None:
-    """Emit code that computes the aggregate of a goal and binds its result variable."""
+    """Emit code that computes an aggregate and binds the goal's result variable, or compares it if it is bound."""
     relation = goal.relation
     if goal.function == "count" and isinstance(relation, CallAtom) and not body.static(relation):
         unknown = [v for v in relation.arguments if not body.known(v)]
@@ -50,7 +50,10 @@ def aggregated(body: Body, goal: AggregateAtom, step: Step) -> None:
 
 
 def _fold(body: Body, goal: AggregateAtom, column: int, steps: Sequence[Step]) -> None:
-    """Emit code for the sum, mean, minimum or maximum of a column. Without solutions only a sum has a value."""
+    """Emit code that binds the goal's result to the sum, mean, minimum or maximum of the variable `column`.
+
+    Without solutions, a sum is 0, and a mean, minimum or maximum makes the goal fail.
+    """
     type_ = body.conjunction.types[column]
     exact = type_ is Scalar.FLOAT and goal.function in ("sum", "avg")
     folded = code.Local("folded", "float" if type_ is Scalar.FLOAT else "int")

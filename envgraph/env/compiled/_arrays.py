@@ -40,7 +40,7 @@ class Matrix(types.Type):
     """The numba type of an array with two axes, whose rows are vectors.
 
     Args:
-        dtype: of the entries.
+        dtype: type of the entries.
         fixed: True if the program never writes into the array, so that loaded values need not be loaded again.
     """
 
@@ -73,7 +73,7 @@ FIRST = {"target": "cpu"}
 
 @infer_global(operator.getitem)
 class Read(AbstractTemplate):
-    """The typing of `array[index]` for vectors and matrices, which numba tries before dozens of its own."""
+    """The numba typing of `array[index]` for vectors and matrices. numba tries it before dozens of its own typings."""
 
     metadata = FIRST
 
@@ -90,7 +90,7 @@ class Read(AbstractTemplate):
 
 @infer_global(operator.setitem)
 class Write(AbstractTemplate):
-    """The typing of `array[index] = value` for vectors and matrices."""
+    """The numba typing of `array[index] = value` for vectors and matrices."""
 
     metadata = FIRST
 
@@ -104,7 +104,7 @@ class Write(AbstractTemplate):
 
 
 def entry_of(context, builder, array_type, array, place):
-    """Emit code for the address of an entry, or of a row if a matrix has only one index."""
+    """Emit code that computes the address of an entry, or of a row if a matrix has only one index."""
     if isinstance(array_type, Vector):
         return builder.gep(array, [place], inbounds=True)
     matrix = create_struct_proxy(array_type)(context, builder, array)
@@ -117,7 +117,7 @@ def entry_of(context, builder, array_type, array, place):
 @lower_builtin(operator.getitem, Vector, types.Integer)
 @lower_builtin(operator.getitem, Matrix, types.BaseTuple)
 def read(context, builder, sig, args):
-    """Emit code that loads an entry."""
+    """Emit code that loads an entry of a vector or matrix."""
     address = entry_of(context, builder, sig.args[0], *args)
     loaded = builder.load(address)
     row = sig.args[0] if isinstance(sig.args[0], Vector) else sig.args[0].row
@@ -128,14 +128,14 @@ def read(context, builder, sig, args):
 
 @lower_builtin(operator.getitem, Matrix, types.Integer)
 def read_row(context, builder, sig, args):
-    """Emit code for the address of a row of a matrix."""
+    """Emit code that computes the address of a row of a matrix."""
     return entry_of(context, builder, sig.args[0], *args)
 
 
 @lower_builtin(operator.setitem, Vector, types.Integer, types.Any)
 @lower_builtin(operator.setitem, Matrix, types.BaseTuple, types.Any)
 def write(context, builder, sig, args):
-    """Emit code that stores an entry."""
+    """Emit code that stores a value in an entry of a vector or matrix."""
     address = entry_of(context, builder, sig.args[0], *args[:2])
     builder.store(context.data_model_manager[sig.args[2]].as_data(builder, args[2]), address)
 
@@ -144,7 +144,7 @@ def write(context, builder, sig, args):
 
 
 def data_of(context, builder, array_type, array):
-    """Return the address of the data of a NumPy array, and its shape."""
+    """Return the LLVM values of a NumPy array's address and of its shape."""
     held = create_struct_proxy(array_type)(context, builder, array)
     return held.data, held.shape
 
@@ -158,7 +158,7 @@ def made(context, builder, type_, first, width):
 
 @intrinsic
 def vector(typing, array):
-    """Convert an array of NumPy with one axis to a `Vector`."""
+    """Convert an array of NumPy with one axis to a `Vector` on the same memory."""
 
     def code(context, builder, sig, args):
         return data_of(context, builder, array, args[0])[0]
@@ -168,13 +168,13 @@ def vector(typing, array):
 
 @intrinsic
 def matrix(typing, array):
-    """Convert an array of NumPy with two axes to a `Matrix` that may be written."""
+    """Convert an array of NumPy with two axes to a `Matrix` on the same memory. The program may write into it."""
     return matrix_of(array, False)
 
 
 @intrinsic
 def fixed(typing, array):
-    """Convert an array of NumPy with two axes to a `Matrix` that is never written."""
+    """Convert an array of NumPy with two axes to a `Matrix` on the same memory. The program must not write into it."""
     return matrix_of(array, True)
 
 
@@ -208,7 +208,7 @@ BATCH = types.Tuple((*GIVEN, INTS, INT, BOOL, INT, FLOAT, INT, BOOL, FLOAT, INTS
 
 @intrinsic
 def arrays_at(typing, addresses):
-    """Return the arrays of a batch. Each row of `addresses` holds the address of an array, and its shape."""
+    """Return a tuple of the arrays of a batch. Each row of `addresses` holds the address and the shape of an array."""
 
     def code(context, builder, sig, args):
         numbers = data_of(context, builder, addresses, args[0])[0]
@@ -230,7 +230,7 @@ def arrays_at(typing, addresses):
 
 
 def of_ints(count, code):
-    """Return an intrinsic that applies `code` to `count` (1 or 2) 64-bit integers and returns one."""
+    """Return an intrinsic function that applies the emitter `code` to `count` (1 or 2) 64-bit integers."""
 
     @intrinsic
     def one(typing, word):
@@ -244,7 +244,7 @@ def of_ints(count, code):
 
 
 def low_bits(builder, place):
-    """Emit code for the index of a bit within a 32-bit word: `place` modulo 32."""
+    """Emit code that computes the index of a bit within a 32-bit word: `place` modulo 32."""
     return builder.and_(place, ir.Constant(place.type, 31))
 
 

@@ -34,16 +34,17 @@ if TYPE_CHECKING:
 def attempts(
     writer: Writer, rule: RuleCall, bound: tuple[str, ...], wanted: tuple[str, ...], *, asks: bool
 ) -> tuple[list[code.Local], code.Body]:
-    """Return the parameters and body of a function that applies a rule at one of the matches where it is not refused.
+    """Return the parameters and body of a function that applies a rule at a random match, and tries others if refused.
 
-    The function returns 1 and the outputs after an application. It returns 0 if there is no such match, and sets the
-    error if the rule was refused. It returns -1 for any other error.
+    The function returns 1 and the outputs after an application. It returns 0 if there is no match, or if the rule is
+    refused at all of them, which also sets the error of the state. It returns -1 after any other error.
 
     Args:
         writer: of the function that calls the emitted one.
         rule: the call.
         bound, wanted: the parameters that get values, and the outputs to return.
-        asks: True to test only if there is such a match: no match is sampled, and the state does not change.
+        asks: True to test only if the rule can be applied. No match is sampled, and the state does not change. The
+            function then returns 1 after any other error, too.
     """
     plan, given, key = writer.asked(rule, bound)
     types = writer.output_types(rule, wanted)

@@ -41,9 +41,10 @@ class Batch:
     Attributes:
         states, float_states: int64 and float64 [n, ..]; a row is the whole state of an environment except `steps`.
         steps: int64 [n], steps since the episode began.
-        over: bool [n], True if the episode has terminated or was truncated.
+        over: bool [n], True if the episode has terminated, was truncated, or stopped at an error.
         observation: int64 [n]; components: int64 [n, ..].
-        reward: float64 [n]; ended: int64 [n], as `Outcome.terminated`; cut: bool [n], True if truncated.
+        reward: float64 [n]; cut: bool [n], True if truncated.
+        ended: int64 [n]: 0, or 1 if the last step ended in success, 2 in failure, -1 if the episode was truncated.
     """
 
     def __init__(
@@ -70,7 +71,7 @@ class Batch:
         ]
 
     def _world(self, part: slice) -> World:
-        """Return the arrays with which a thread steps a slice of the environments."""
+        """Return the arrays and the program with which one thread steps a slice of the environments."""
         program, rows = self.program, [array[part] for array in self._rows]
         advance = program.functions("step")["advance"]
         return World(
@@ -83,11 +84,11 @@ class Batch:
         )
 
     def __reduce__(self) -> tuple[type[Batch], tuple[Any, ...]]:
-        """Return the data to rebuild a batch. Objects that share its arrays share the arrays of the copy as well."""
+        """Return a constructor call for pickle. Objects that share the batch's arrays share those of the copy, too."""
         return Batch, (self.program, self.members, self._threads, self._rows)
 
     def allowed(self) -> NDArray[np.bool_]:
-        """Return the action masks, bool [n, actions]: True for actions that would have an effect."""
+        """Return the action masks, bool [n, actions]: True for actions with an effect, or for all if none has one."""
         actions = len(self.program.action_names)
         found = np.zeros((len(self.members), actions), dtype=np.int64)
         masks = self.program.functions("mask")["masks"]
@@ -96,7 +97,7 @@ class Batch:
         return allowed_or_all(found > 0)
 
     def close(self) -> None:
-        """Stop the threads."""
+        """Stop the threads, if the batch has several."""
         if self._pool is not None:
             self._pool.shutdown()
 
@@ -105,7 +106,7 @@ class Batch:
         self._streams[:] = streams(generators)
 
     def go_on(self, other: Batch) -> None:
-        """Copy the random streams of another batch with the same number of environments."""
+        """Replace the random streams by those of another batch with the same number of environments."""
         self._streams[:] = other._streams
 
     def reset(self, which: NDArray[np.bool_], uniforms: NDArray[np.float64] = NO_NUMBERS) -> None:
@@ -131,7 +132,7 @@ class Batch:
         uniforms: NDArray[np.float64] = NO_NUMBERS,
         starts: NDArray[np.float64] = NO_NUMBERS,
     ) -> None:
-        """Do one step in each environment.
+        """Do one step in each environment. Then enlarge the state arrays if they have little space for new objects.
 
         Args:
             actions: int64 [n], each in range.
@@ -150,7 +151,7 @@ class Batch:
             self._grow()
 
     def _grow(self) -> None:
-        """Make more space for created objects, and copy all states into it."""
+        """Replace the program and all arrays by ones with more space for created objects, and copy all states."""
         other = Batch(grown(self.program), self.members, self._threads)
         rows = carried(self.program, other.program, self.members, self.states, self.float_states)
         for mine, other_rows in zip((*rows, *self._rows[2:]), other._rows, strict=True):
@@ -166,7 +167,7 @@ class Batch:
         uniforms: NDArray[np.float64],
         limit: int,
     ) -> int:
-        """Run `advance` in all threads. Return the highest environment in which an error occurred, or -1."""
+        """Run `advance` in all threads. Return the highest index of an environment with an error, or -1 for none."""
         assert self._pool is not None
         (_, first), *others = self._parts
         given = [(which[part], starts[part], actions[part], uniforms[part], limit) for part, _ in self._parts]
@@ -179,7 +180,10 @@ class Batch:
         return max(part.start + row if row >= 0 else -1 for row, (part, _) in places)
 
     def _raise(self, row: int, action: int | None) -> None:
-        """Raise the error of an environment, by repeating its step, or the beginning of its episode, on a live engine.
+        """Mark an environment's episode as over, and raise the error that its state holds.
+
+        The live engine repeats the step, or the beginning of the episode, to raise its own error. Errors that the live
+        engine does not have are raised here.
 
         Args:
             row: the environment.
@@ -209,7 +213,7 @@ class Batch:
 
     @contextmanager
     def model_of(self, row: int) -> Iterator[Simulator]:
-        """Yield a live simulator in the state of an environment, for pictures and inspection."""
+        """Return a context manager that yields a live simulator in the state of an environment."""
         with self._twin(int(self.members[row])).at(self.states[row], self.float_states[row]) as simulator:
             yield simulator
 
@@ -220,7 +224,7 @@ class Batch:
 
 
 def longer(array: NDArray[Any], size: int) -> NDArray[Any]:
-    """Return a copy of an array with `size` rows. The added rows are filled with 0."""
+    """Return a copy of an array, extended to `size` rows. The added rows are filled with 0."""
     found = np.zeros((size, *array.shape[1:]), dtype=array.dtype)
     found[: len(array)] = array
     return found

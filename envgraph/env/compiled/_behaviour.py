@@ -38,10 +38,10 @@ class Text:
     Attributes:
         functions: callees before their callers.
         layout: the tables and columns.
-        levels, width: number of segments of the row space, and of columns in a row; see `Module`.
-        action_names: of the actions.
-        shape: sizes of the components of an observation.
-        observation_names: of these components.
+        levels, width: number of regions of the row buffers, and of columns in a row; see `Module`.
+        action_names: the names of the actions, in the order of their numbers.
+        shape: the number of values of each component of an observation.
+        observation_names: the names of these components.
     """
 
     functions: tuple[code.Function, ...]
@@ -60,14 +60,14 @@ def written(
     layout: Layout,
     seats: Sequence[tuple[str, int]] = (),
 ) -> Text:
-    """Emit the program of a behaviour.
+    """Return the functions of a behaviour's program, and the sizes and names that callers need.
 
     Args:
         engine: of the domain. It has the patterns and rules, and plans depend on the sizes of its model.
         behaviour: resolved, without errors.
-        keys: the indices of objects over the family.
-        layout: receives the tables and columns.
-        seats: the names of agents that act together, and the numbers of their blocks.
+        keys: the index of each object over the family.
+        layout: the tables and columns that the program needs are added to it.
+        seats: the name and block number of each agent that acts together with the others.
 
     Raises:
         NotCompiled: the behaviour has a construct that is not compiled.
@@ -148,7 +148,7 @@ class _Program:
 
 
 def _set_at(plans: Sequence[RulePlan], attribute: Attribute) -> Span | None:
-    """Return the span of the first rule action that sets an attribute, else of the first retyping, else None."""
+    """Return the span of the first rule action that sets an attribute, or else of the first retyping, or else None."""
     bodies = [body for plan in plans for body in plan.blocks]
     sets = [one for body in bodies for one in body.sets if isinstance(one, SetValue | Increase)]
     found = [one.span for one in sets if one.attribute == attribute]

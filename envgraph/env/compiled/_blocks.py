@@ -21,7 +21,7 @@ Slots = dict[int, code.Expression]
 
 @dataclass(slots=True, eq=False)
 class Frame:
-    """A rule, whose match is in variables, or one of its blocks, whose matches are rows.
+    """The matches of a rule or of one of its blocks. A rule's match is in variables; a block's matches are rows.
 
     Attributes:
         outer: the frame of the enclosing block; None for the rule.
@@ -48,7 +48,7 @@ class Frame:
         return entry(RF if self.types.get(slot) is Scalar.FLOAT else RI, row, self.columns[slot])
 
     def outer_row(self, row: code.Expression) -> code.Index:
-        """Return the cell in which a row stores the number of its row in the outer frame."""
+        """Return the cell in which a block's row stores the row of the outer match in which it was found."""
         return entry(RI, row, len(self.columns))
 
 
@@ -57,7 +57,7 @@ class Blocks:
 
     Args:
         matching: emits functions that find matches.
-        leave: the statement that ends the function if the row space is too small.
+        leave: the statement that ends the function if the row buffers are too small.
 
     Attributes:
         frames: of the rule and of each block, in the order of the rule's text.
@@ -89,7 +89,7 @@ class Blocks:
     # --- reading rows
 
     def loaded(self, frame: Frame, row: code.Expression) -> tuple[list[code.Statement], Slots]:
-        """Return statements that read a block's match from a row, and the variables of its slots."""
+        """Return statements that read the match of a block and its outer blocks, and the expression of each slot."""
         assert frame.outer is not None
         statements: list[code.Statement] = []
         slots: Slots = {}
@@ -105,7 +105,7 @@ class Blocks:
     def each(
         self, frame: Frame, row: code.Local, loads: Sequence[code.Statement], body: Sequence[code.Statement]
     ) -> code.Statement:
-        """Return a loop that runs `body` for each match of a block, after those of `loads` that `body` needs."""
+        """Return a loop that sets `row` to each match of a block, then runs `body` after the `loads` that it needs."""
         place = self._module.fresh("i")
         there = code.Assign(row, plus(frame.top, place))
         return code.For(place, code.call("range", frame.number), (there, *self.needed(loads, body), *body))
@@ -125,7 +125,7 @@ class Blocks:
     # --- finding rows
 
     def collect(self) -> Iterator[code.Statement]:
-        """Yield statements that find the matches of all blocks, and number created objects as the live engine does."""
+        """Yield statements that find the matches of all blocks, and give created objects their numbers."""
         rule, *blocks = self.frames
         yield from self._numbered(rule, rule.slots, None)
         for place, frame in enumerate(blocks):
@@ -141,7 +141,7 @@ class Blocks:
     def _found(
         self, frame: Frame, slots: Mapping[int, code.Expression], outer_row: code.Expression
     ) -> Iterator[code.Statement]:
-        """Yield statements that append a block's matches inside one outer match, followed by its inner blocks'."""
+        """Yield statements that append a block's matches for one outer match, then the matches of its inner blocks."""
         plan, fresh = frame.plan, self._module.fresh
         types = self._facts.library.parameter_types(plan.pattern)
         taken = range(len(plan.arguments))
@@ -194,7 +194,10 @@ class Blocks:
         )
 
     def _numbered(self, frame: Frame, slots: Slots, row: code.Expression | None) -> Iterator[code.Statement]:
-        """Yield statements that give each created object an unused object number, or fail if there is none."""
+        """Yield statements that give each created object an unused object number, or fail if all are used.
+
+        They also store the number in the block's row. The variables for the objects are added to `slots`.
+        """
         layout = self._facts.layout
         for new in frame.plan.creates:
             made, node = cell(layout.offset(Made())), self._facts.local(ObjectType(new.cls))

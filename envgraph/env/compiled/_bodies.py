@@ -73,12 +73,12 @@ class Body:
         self._levels = 0
 
     def called(self, name: str, values: Sequence[code.Expression]) -> code.Call:
-        """Emit a call of a function, which may use the row space behind the rows that this body reads."""
+        """Return the call of an emitted function. Its rows begin behind the rows that this body uses."""
         self.matching.module.uses(name, self._levels)
         return call(name, *values, top=self._top)
 
     def take_space(self, top: code.Local) -> None:
-        """Emit code that sets `top` to the first row of an unused segment of the row space."""
+        """Reserve the next region of the row buffers for this body, and emit code that sets `top` to its first row."""
         self.block.add(code.Assign(top, plus(self._top, CAPACITY)))
         self._top, self._levels = top, self._levels + 1
         self.matching.module.needs(self._levels + 1)
@@ -88,7 +88,7 @@ class Body:
         return [self.source(self.conjunction.parameters[position]) for position in key.outputs]
 
     def in_order(self, key: ViewKey) -> bool:
-        """Return True if the rows of a view key's outputs are found in ascending order: every loop is ascending."""
+        """Return True if the emitted loops find the rows of a view key's outputs in ascending order."""
         known = 0
         for position in key.outputs:
             variable = self.conjunction.parameters[position]
@@ -99,7 +99,10 @@ class Body:
         return True
 
     def begin(self, key: ViewKey, given: Sequence[code.Expression], sure: bool) -> None:
-        """Bind variables to values at the bound positions; `sure` if objects are of the parameters' classes."""
+        """Bind the parameters of a pattern to `given` values at the bound positions of a view key.
+
+        A parameter that two positions share is tested for equality. `sure` if objects are of the parameters' classes.
+        """
         types = self.facts.library.parameter_types(key.pattern)
         for position, value in zip(key.bound, given, strict=True):
             variable = self.conjunction.parameters[position]
@@ -112,18 +115,18 @@ class Body:
                 self._learn(variable, type_)
 
     def source(self, variable: int) -> code.Expression:
-        """Return the expression for the number that represents a variable's value."""
+        """Return the expression for the number that represents the value of a bound or constant variable."""
         if variable not in self._names:
             value = self._constants[variable]
             self._names[variable] = literal(self.facts, value, self.conjunction.types[variable]).number
         return self._names[variable]
 
     def known(self, variable: int) -> bool:
-        """Return True if a variable has a value."""
+        """Return True if a variable is bound or has a constant value."""
         return variable in self._names or variable in self._constants
 
     def _is_sure(self, variable: int, cls: str) -> bool:
-        """Return True if earlier goals imply that a variable's object is of a class."""
+        """Return True if a variable's object is known to be of a class, from earlier goals or from the caller."""
         is_a = self.facts.metamodel.is_a
         return any(is_a(known, cls) for known in self._sure.get(variable, ()))
 
@@ -132,7 +135,11 @@ class Body:
             self._sure.setdefault(variable, set()).add(type_.cls)
 
     def steps(self, steps: Sequence[Step], found: Found) -> None:
-        """Emit the steps of a plan. `found` emits the code that runs for each solution."""
+        """Emit the steps of a plan. `found` emits the code that runs for each solution.
+
+        Raises:
+            NotCompiled: the steps have too many nested loops.
+        """
         todo = list(steps)
         while todo:
             if self.block.full:
@@ -188,7 +195,7 @@ class Body:
         return self.inside(lambda body: body.steps([*first, last], found_one), code.FALSE)
 
     def inside(self, write: Callable[[Body], None], last: code.Expression, head: code.Body = ()) -> code.Call:
-        """Emit a function for a part of this body, and return the call of the function.
+        """Emit a separate function for a part of this body, and return the call of the function.
 
         Args:
             write: emits the statements of the part.
@@ -260,7 +267,7 @@ class Body:
             self._names[variable] = local
 
     def static(self, goal: Goal) -> bool:
-        """Return True if the relation that a goal asks for never changes, and so is a table."""
+        """Return True if rules cannot change the relation that a goal asks for. It is then stored as a table."""
         match goal:
             case CallAtom(pattern) | ClosureAtom(pattern):
                 return pattern in self.matching.static
@@ -268,7 +275,7 @@ class Body:
                 return self.matching.static.goal(goal)
 
     def _look_up(self, goal: Goal, step: Step) -> None:
-        """Emit code that reads a table and binds the variables of a step to the values in its rows."""
+        """Emit code that finds the rows of a static table that agree with the bound variables, and binds the others."""
         relation, variables = _relation(goal), _arguments(goal)
         bound = {p: self.source(v) for p, v in enumerate(variables) if self.known(v)}
         wanted: dict[int, int] = {}
@@ -282,7 +289,7 @@ class Body:
         self._learn_all(goal)
 
     def _learn_all(self, goal: Goal) -> None:
-        """Record the classes of the objects that a goal relates."""
+        """Record that the objects of a static goal are of the classes that its relation implies."""
         for variable, type_ in zip(_arguments(goal), _relation(goal).types(self.facts.library), strict=True):
             self._learn(variable, type_)
 
@@ -352,7 +359,10 @@ class Body:
                 self._learn(variable, type_)
 
     def _closure(self, goal: ClosureAtom) -> None:
-        """Emit a search along a closure's steps, from an end that has a value, or from all sources if neither has."""
+        """Emit a search along a closure's steps from its source (from its target if only this has a value).
+
+        It binds or tests the other end. If neither end has a value, the code first loops over all possible sources.
+        """
         types = self.facts.library.parameter_types(goal.step)
         assert isinstance(types[0], ObjectType)
         if not self.known(goal.source) and not self.known(goal.target):
@@ -376,7 +386,7 @@ class Body:
             self._learn(variable, type_)
 
     def _loop_rows(self, goal: CallAtom, key: ViewKey, values: Sequence[code.Expression]) -> None:
-        """Emit a loop over the rows that a called pattern finds, which are stored behind the rows of this function."""
+        """Emit a call that stores the rows of a called pattern, and a loop that binds the variables to each row."""
         fresh = self.matching.module.fresh
         number, row, top = fresh("n"), fresh("i"), fresh("t")
         self.take_space(top)
@@ -390,14 +400,14 @@ class Body:
             self.give(goal.arguments[position], value)
 
     def suits(self, goal: CallAtom, key: ViewKey) -> bool:
-        """Return True if the objects passed to a call are known to be of the classes of its parameters."""
+        """Return True if the bound objects of a call are known to be of the classes of its parameters."""
         types = self.facts.library.parameter_types(goal.pattern)
         given = [(goal.arguments[position], types[position]) for position in key.bound]
         return all(self._is_sure(v, type_.cls) for v, type_ in given if isinstance(type_, ObjectType))
 
 
 def _loops_over_sets(body: Body, step: Step) -> bool:
-    """Return True if a step loops over all objects of a class that is stored as bit sets."""
+    """Return True if a step loops over all objects of a class whose objects are stored as bit sets."""
     goal = step.goal
     return (
         step.kind is Kind.LOOP
@@ -408,9 +418,9 @@ def _loops_over_sets(body: Body, step: Step) -> bool:
 
 
 def _among(body: Body, step: Step, following: Step) -> tuple[Keys, int, code.Expression] | None:
-    """Return the related objects as a bit set, if a loop over a table precedes a test for a class stored as bit sets.
+    """Return the bit set of the objects that a table relates, if the next step tests them with bit sets of their class.
 
-    Returns None if the two steps cannot be merged like this.
+    The two steps then become one loop over the bits of both sets. Returns None if this is not possible.
     """
     goal, test = step.goal, following.goal
     if not (
@@ -433,7 +443,10 @@ def _among(body: Body, step: Step, following: Step) -> tuple[Keys, int, code.Exp
 def _in_sets(
     body: Body, goal: InstanceAtom, within: tuple[Keys, int, code.Expression] | None, *, last: bool
 ) -> None:
-    """Emit a loop over the objects of a class that is stored as bit sets, only over those in `within` if given."""
+    """Emit a loop over the objects of a class that is stored as bit sets, restricted to the bit set `within` if given.
+
+    If this is the last step and `body` finds solutions a word at a time, the loop is only over words.
+    """
     sets = body.facts.sets(goal.cls, goal.exact)
     assert sets is not None
     word = body.facts.words(body.block, sets, within)
@@ -450,7 +463,7 @@ def do_with_nth(body: Body, number: code.Local, then: Callable[[], code.Body]) -
 
     Args:
         body: finds solutions a word at a time.
-        number: variable with the index, from 0; the code subtracts the solutions that it has passed.
+        number: variable with the index, from 0. The code subtracts the number of solutions of each word that it passes.
         then: returns the statements.
     """
     assert body.word is not None
@@ -464,7 +477,7 @@ def do_with_nth(body: Body, number: code.Local, then: Callable[[], code.Body]) -
 
 
 def _relation(goal: Goal) -> Relation:
-    """Return the static relation that a goal asks for."""
+    """Return the table to read for a link, call or closure that never changes."""
     match goal:
         case LinkAtom(reference):
             return Links(reference)

@@ -120,11 +120,11 @@ class Changes:
 
     @property
     def recurring(self) -> bool:
-        """Return True if objects of one class are both created and deleted, so that created ones may reuse numbers."""
+        """Return True if objects of one class are both created and deleted, so that object numbers may be reused."""
         return not self.created.isdisjoint(self.deleted)
 
     def fixed_class(self, name: str, exact: bool = False) -> bool:
-        """Return True if the set of objects of a class never changes. `exact` excludes objects of subclasses."""
+        """Return True if the set of objects of a class never changes. If `exact`, ignore the objects of subclasses."""
         members = {name} if exact else {*self.metamodel.concrete(name)}
         passing = self.deleted | self.created
         return all(
@@ -148,7 +148,7 @@ class Changes:
 
     @property
     def growing(self) -> tuple[str, ...] | None:
-        """Return the group of the objects that rules create, or None if rules create none."""
+        """Return the group of classes whose objects rules create, or None if rules create no objects."""
         return next((group for group in self.groups if not self.created.isdisjoint(group)), None)
 
 
@@ -165,7 +165,11 @@ class _Found:
         self._groups: list[set[str]] = []
 
     def add(self, body: BlockPlan, outer: Mapping[int, str] = MappingProxyType({})) -> None:
-        """Add the changes of a rule or block; `outer` has the classes of objects that enclosing blocks create."""
+        """Add the changes of a rule or block; `outer` has the classes of objects that enclosing blocks create.
+
+        Raises:
+            NotCompiled: a change is not compiled.
+        """
         created = {**outer, **{new.node: new.cls for new in body.creates}}
         for inner in body.nested:
             self.add(inner, created)
@@ -206,7 +210,7 @@ class _Found:
             self._enters(held[2], reference)
 
     def _replaced(self, change: SetTargets, body: BlockPlan) -> bool:
-        """Return True if a rule replaces all targets by distinct ones, and changes no other link of the reference.
+        """Return True if an assignment sets distinct targets, and no other action of the rule changes the reference.
 
         Return False for containments, since contents would also leave their former containers.
         """
@@ -219,7 +223,7 @@ class _Found:
         return simple and (len(change.values) < 2 or max(change.values) < body.variables)
 
     def _enters(self, content: str | None, entered: Reference) -> None:
-        """Record the references that change if an object enters a container, and so leaves its former one."""
+        """Record the references that may change if an object enters a container, and so leaves its former one."""
         assert content is not None
         for reference in self.metamodel.references:
             fits = reference.containment and self.metamodel.overlap(content, reference.target)
@@ -239,7 +243,7 @@ class _Found:
         self._passing([*concrete, *inside])
 
     def _passing(self, concrete: Iterable[str]) -> None:
-        """Record the features that change if objects of some concrete classes are created or deleted."""
+        """Record the features that may change if objects of some concrete classes are created or deleted."""
         concrete = [*concrete]
         for one in concrete:
             features = self.metamodel.features(one).values()
@@ -253,7 +257,7 @@ class _Found:
                 self.references.add(reference.index)
 
     def _retype(self, cls: str | None, new: str) -> None:
-        """Record the features that change if an object is retyped to the class `new`."""
+        """Record the features that change if an object is retyped to `new`, and merge the groups of both classes."""
         assert cls is not None
         old = self.metamodel.concrete(cls)
         for one in old:
@@ -294,7 +298,7 @@ def plans_of(engine: Engine, behaviour: Behaviour) -> list[RulePlan]:
     """Return the plans of all rules that a behaviour calls, directly or through units.
 
     Raises:
-        NotCompiled: see `plan_of` and `checked_unit`; or a unit calls itself or a group.
+        NotCompiled: see `plan_of` and `checked_unit`; or a unit calls itself or a group of rules.
     """
     return _plans(engine, (one for one in calls_of(behaviour) if one.rule is not None))
 
@@ -304,7 +308,7 @@ def _plans(engine: Engine, calls: Iterable[RuleCall]) -> list[RulePlan]:
 
 
 def _rules(engine: Engine, call: RuleCall, above: tuple[str, ...] = ()) -> Iterator[RuleCall]:
-    """Yield the calls of rules that a call leads to: the call itself, or those of the unit that it calls."""
+    """Yield the calls of rules that a call leads to: the call itself, or the calls in the unit that it names."""
     assert call.rule is not None
     signature = engine.signature(call.rule)
     if signature.kind == "rule":
@@ -322,7 +326,7 @@ def _rules(engine: Engine, call: RuleCall, above: tuple[str, ...] = ()) -> Itera
 
 
 def _alone(change: SetTargets | ChangeTargets, body: BlockPlan) -> bool:
-    """Return True if a change of a container is the only change by which a rule moves an object into a container."""
+    """Return True if a change of a container is the only action of a rule that moves an object into a container."""
     if isinstance(change, ChangeTargets) or body.kind != "rule" or body.nested or body.moves or body.deletes:
         return False
     others = [one for one in body.sets if one is not change and isinstance(one, SetTargets | ChangeTargets)]

@@ -64,7 +64,7 @@ class Moves:
     def entries(self) -> tuple[tuple[int, ...], int]:
         """Return a flat table with a row for each action name, and the width of a row.
 
-        A row holds the number of the clause, -1 if the block has no such action, and the values of the parameters.
+        A row holds the number of the action's clause (-1 if the block has no such action) and the parameters' values.
         """
         width = 1 + max((len(one.values) for one in self.own), default=0)
         rows = {one.name: (one.clause, *one.values) for one in self.own}
@@ -82,7 +82,7 @@ class Clauses:
         matching: emits functions that find matches.
 
     Attributes:
-        blocks: the `agent` blocks; only None for a behaviour without them.
+        blocks: the `agent` blocks; a single None for a behaviour without `agent` blocks.
         moves: the actions of the agents of each block.
     """
 
@@ -104,7 +104,7 @@ class Clauses:
         return Writer(self.matching, self.engine, self.behaviour.name, leave)
 
     def seat(self, of: Literal["object", "block", "count"], turn: code.Expression = ZERO) -> code.Expression:
-        """Return the entry of the agent table for a turn: the agent's object, its block, or the number of agents."""
+        """Return code that reads the object or the block number of an agent by its number, or the number of agents."""
         return table(
             plus(self.layout.offset(Seats(tuple(one.cls for one in self.behaviour.agents), of)), turn)
         )
@@ -112,7 +112,7 @@ class Clauses:
     def scope(
         self, block: Agent | None, node: code.Local = SELF
     ) -> tuple[dict[str, Term], dict[str, str], dict[str, str]]:
-        """Return the terms of names, and the classes of names visible in shared clauses and in those of a block.
+        """Return the terms of all names, the classes of names in shared clauses, and those in clauses of a block.
 
         Args:
             block: the agent's block; None for shared clauses only.
@@ -140,7 +140,7 @@ class Clauses:
     # --- actions
 
     def _numbered(self, block: Agent | None) -> list[Numbered]:
-        """Return every action of a block, in order."""
+        """Return every action of a block with each combination of its parameters' values, in order."""
         found = []
         for clause, action in enumerate(self.actions(block)):
             types = [domain_type(domain, self.metamodel) for _, domain in action.parameters]
@@ -153,7 +153,7 @@ class Clauses:
         return found
 
     def _parameters(self, writer: Writer, action: Action, first: code.Expression) -> dict[str, Term]:
-        """Return the terms of an action's parameters, read from the action table after the entry `first`."""
+        """Emit code that reads an action's parameters from its table row, at index `first`. Return their terms."""
         scope = {}
         for place, (name, domain) in enumerate(action.parameters, 1):
             type_: StaticType = domain_type(domain, self.metamodel) or Scalar.INT
@@ -203,7 +203,7 @@ class Clauses:
     def chosen(
         self, writer: Writer, actions: Sequence[Action], moves: Moves, chosen: code.Local
     ) -> tuple[code.Local, list[Mapping[str, Term]]]:
-        """Emit code that finds the clause of an action.
+        """Emit code that finds the clause of the action with the number `chosen`, and reads the action's parameters.
 
         Returns:
             The variable for the number of the clause, -1 for none; and the terms of the parameters of each clause.
@@ -226,7 +226,7 @@ class Clauses:
         return clause, parameters
 
     def may(self, block: int) -> str:
-        """Emit a function that returns 1 if an agent's action would do something, and return its name."""
+        """Emit a function that returns 1 if an agent's action can be applied, or on errors; else 0. Return its name."""
         own, can = self.blocks[block], code.Local("can", "int")
         actions, scope = self.actions(own), self.scope(own)[0]
         with self.module.writing():
@@ -245,7 +245,7 @@ class Clauses:
     # --- after a step
 
     def tidy(self, writer: Writer) -> None:
-        """Emit code that renumbers created objects after a step: they get the first free numbers, oldest first."""
+        """Emit a call that renumbers created objects after a step, oldest first. Emit nothing if rules create none."""
         if self.changes.growing is not None:
             writer.add(code.Do(call("tidy")))
 
@@ -255,7 +255,7 @@ class Clauses:
         Args:
             writer: receives the statements.
             scope: the terms of the names.
-            did: is 1 if an action was done; fails only if so, and if the episode has not ended. None to test always.
+            did: is 1 if an action was done. Then fail only if so, and if the episode goes on. None to test always.
         """
         needed = [one for one in readings(self.behaviour) if one.always and one.callers]
         tests = [writer.gone(scope[one.name], one.cls) for one in needed if one.name in scope]

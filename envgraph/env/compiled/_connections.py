@@ -33,7 +33,7 @@ class LinkCell:
 
     @property
     def tests(self) -> list[code.Expression]:
-        """Return the tests that hold if the link exists."""
+        """Return the tests that all hold exactly if the link exists, in the order in which they have to be made."""
         return [*self.guard, code.equal(self.place, self.linked)]
 
 
@@ -42,7 +42,7 @@ class Connections:
 
     Args:
         facts: reads the rest of the model.
-        sizes: of the domain's own model.
+        sizes: the numbers of objects in the domain's own model.
     """
 
     def __init__(self, facts: Facts, sizes: LiveSizes) -> None:
@@ -50,7 +50,7 @@ class Connections:
         self._sizes = sizes
 
     def kept(self, reference: Reference) -> tuple[LinkColumn | LinkMatrix, bool]:
-        """Return the storage of a changing reference's links, and True if it follows the direction of that reference.
+        """Return the storage of a changing reference's links, and True unless it belongs to the opposite reference.
 
         A reference and its opposite share their storage. If it is its own opposite, both directions are stored.
         """
@@ -71,7 +71,7 @@ class Connections:
         return self._facts.metamodel.opposite(reference) == reference
 
     def column(self, reference: Reference) -> tuple[LinkColumn, bool]:
-        """Return the same as `kept`, for a reference with a single target or a single source."""
+        """Return the same as `kept`, for a reference whose links are stored in a column and not in a matrix."""
         kept, same = self.kept(reference)
         assert isinstance(kept, LinkColumn)
         return kept, same
@@ -100,7 +100,7 @@ class Connections:
     def near(
         self, column: LinkColumn, node: code.Expression, *, sure: bool
     ) -> tuple[code.Index, list[code.Expression]]:
-        """Return the cell of an object at the end where links are stored, and the tests to make before it is read."""
+        """Return an object's cell in a column of links, and the tests to make before the cell is read."""
         place, guard = self._facts.place(column.classes, node, sure=sure)
         return cell(plus(self._facts.layout.offset(column), place)), guard
 
@@ -113,7 +113,7 @@ class Connections:
     def each(
         self, block: code.Block, reference: Reference, node: code.Expression, *, forward: bool, sure: bool
     ) -> tuple[code.Local, LinkCell]:
-        """Emit a loop over the targets of an object, or its sources. Return the variable and the link's cell.
+        """Emit a loop over an object's targets, or its sources if not `forward`. Return the variable and link cell.
 
         Call only where `other_end` is None, or where links are stored at the other end.
         """
@@ -136,7 +136,10 @@ class Connections:
     def follow(
         self, block: code.Block, reference: Reference, node: code.Expression, *, forward: bool, sure: bool
     ) -> code.Local:
-        """Emit code that runs the following statements for each target or source of an object. Return the variable."""
+        """Emit code that runs later statements for each target of an object, or each source if not `forward`.
+
+        Returns the variable for the target or source.
+        """
         found = self.other_end(reference, node, forward=forward, sure=sure)
         if found is None:
             return self.each(block, reference, node, forward=forward, sure=sure)[0]
@@ -148,7 +151,10 @@ class Connections:
     def other_end(
         self, reference: Reference, node: code.Expression, *, forward: bool, sure: bool
     ) -> code.Expression | None:
-        """Return code for the only target or source of an object, -1 for none. Return None if there may be several."""
+        """Return code for an object's only target, or its only source if not `forward`. The code yields -1 for none.
+
+        Returns None if an object may have several.
+        """
         facts = self._facts
         if facts.changes.fixed_feature(reference):
             near, far = (0, 1) if forward else (1, 0)
@@ -168,11 +174,11 @@ class Connections:
         return call(self._finder(reference, forward), node)
 
     def _one(self, reference: Reference, forward: bool) -> bool:
-        """Return True if an object has at most one target, or source if not `forward`."""
+        """Return True if an object has at most one target, or at most one source if not `forward`."""
         return (reference.upper if forward else self._facts.metamodel.most_sources(reference)) == 1
 
     def _finder(self, reference: Reference, forward: bool) -> str:
-        """Emit a function that finds the object whose cell stores a given object, -1 for none. Return its name."""
+        """Emit a function that finds the object whose cell stores a given object, or -1 for none. Return its name."""
 
         def write() -> tuple[Sequence[code.Local], code.Body]:
             block, wanted = code.Block(), self._facts.module.fresh("v", "object")
@@ -182,7 +188,7 @@ class Connections:
         return self._facts.module.once(("find", self.kept(reference)[0]), "find", write)
 
     def counter(self, reference: Reference, forward: bool) -> str:
-        """Emit a function that counts the targets or sources of an object, if there may be several. Return its name."""
+        """Emit a function that counts an object's targets, or its sources if not `forward`. Return its name."""
         kept, same = self.kept(reference)
 
         def write() -> tuple[Sequence[code.Local], code.Body]:

@@ -16,7 +16,7 @@ REFUSED = failed("REFUSED"), code.Return(NOBODY)
 
 
 def inside(facts: Facts) -> str:
-    """Emit a function that tests if an object is another one, or inside of it at any depth. Return its name."""
+    """Emit a function that tests if its first object is its second, or contains it at any depth. Return its name."""
     node, above, found = (facts.module.fresh("v", "object") for _ in range(3))
 
     def write() -> tuple[Sequence[code.Local], code.Body]:
@@ -36,8 +36,8 @@ def inside(facts: Facts) -> str:
 def deleting(facts: Facts, classes: tuple[str, ...], lossy: bool) -> str:
     """Emit a function that deletes an object of some concrete classes with its contents. Return the function's name.
 
-    The function returns -1 if the deletion is refused. It stores the objects in column 0 of the rows from `top` on, and
-    marks them by object number in column 1.
+    The function returns -1 if the deletion is refused, else 0. It stores the objects in column 0 of the rows from `top`
+    on, and marks them by object number in column 1.
 
     Args:
         facts: reads the model.
@@ -98,7 +98,7 @@ def _dangling(
 ) -> Iterator[code.Statement]:
     """Yield statements that refuse the rule if an object has a dangling edge: a link to an object that is not deleted.
 
-    For the first object, the root of the deletion, a link to itself counts as dangling, and its container does not.
+    If `number` is 0, the object is the root of the deletion. Then a link to itself dangles, and its container does not.
     """
     for reference, forward in ends_of(facts.metamodel, classes):
         block = code.Block()
@@ -136,7 +136,7 @@ def _erased(facts: Facts, classes: Sequence[str], node: code.Local) -> Iterator[
 def left(
     facts: Facts, group: tuple[str, ...], node: code.Expression, *, sure: bool
 ) -> Iterator[code.Statement]:
-    """Yield statements that remove an object from all class sets of a group."""
+    """Yield statements that remove an object from the bit sets of all classes in a group of classes."""
     found, guard = facts.place(group, node, sure=sure)
     place = facts.module.fresh("p")
     rest = code.Operation("^", (code.Constant(2**WORD - 1), code.call("bit_at", place)))
@@ -149,25 +149,28 @@ def left(
 
 
 def word_of(facts: Facts, group: tuple[str, ...], cls: str, place: code.Expression) -> code.Index:
-    """Return the word of a class set that has the bit of an object, by the object's place in the group."""
+    """Return the word of a class set that has an object's bit, by the object's index in its group of classes."""
     offset = facts.layout.offset(ClassSet(group, cls))
     return cell(plus(offset, code.Operation(">>", (place, code.Constant(5)))))
 
 
 def single_attributes(metamodel: Metamodel, classes: Iterable[str]) -> dict[int, Attribute]:
-    """Return the single-valued attributes that objects of some classes have, by index."""
+    """Return the single-valued attributes that objects of some classes have, by their index in the metamodel."""
     features = (feature for cls in classes for feature in metamodel.features(cls).values())
     return {one.index: one for one in features if isinstance(one, Attribute) and not one.many}
 
 
 def holds_content(metamodel: Metamodel, reference: Reference, forward: bool) -> bool:
-    """Return True if objects at the near end of a reference contain those at the far end."""
+    """Return True if a reference's sources contain its targets; or its targets the sources, if not `forward`."""
     held = metamodel.containment(reference, True, False)
     return held is not None and held[1] is forward
 
 
 def ends_of(metamodel: Metamodel, classes: Sequence[str]) -> Iterator[tuple[Reference, bool]]:
-    """Yield each end of a reference at which objects of some classes may be; of two opposites, only the first's."""
+    """Yield references that objects of some classes may have: with True as sources, with False as targets.
+
+    Of two opposite references, only the first is yielded.
+    """
     for reference in metamodel.references:
         opposite = metamodel.opposite(reference)
         if opposite is not None and opposite.index < reference.index:

@@ -92,7 +92,7 @@ def claims_of(frame: Frame, metamodel: Metamodel) -> Iterator[Claim]:
 def _linked(
     metamodel: Metamodel, reference: Reference, source: int, target: int, *, forced: bool
 ) -> Iterator[Claim]:
-    """Yield the claims of an added link."""
+    """Yield the effects that adding a link requires."""
     opposite = metamodel.opposite(reference)
     yield Claim("touched", source, present=target)
     yield Claim("touched", target, present=target)
@@ -112,7 +112,7 @@ def _linked(
 
 
 class Pairs:
-    """An emitter of tests that two matches contradict each other.
+    """An emitter of tests that the required effects of two matches contradict each other.
 
     Args:
         metamodel: of the model.
@@ -139,7 +139,10 @@ class Pairs:
                         break
 
     def _test(self, a: Claim, fa: Frame, sa: Slots, b: Claim, fb: Frame, sb: Slots) -> code.Expression | None:
-        """Return code that tests if a claim contradicts a claim of the same or a later kind; None if it never does."""
+        """Return code that tests if claim `a` contradicts claim `b`, or None if it never does.
+
+        Two kinds contradict each other in one order only, such as "gone" and "touched". `fa` and `sa` are of claim `a`.
+        """
         metamodel = self._metamodel
         parts: list[code.Expression | None] = []
         match a.kind, b.kind:
@@ -170,7 +173,7 @@ class Pairs:
     def _all(
         self, parts: list[code.Expression | None], a: Claim, sa: Slots, b: Claim, sb: Slots
     ) -> code.Expression | None:
-        """Return code that tests if all parts hold and both claims are made; None if a part is None (never true)."""
+        """Return code that tests if all parts hold and neither claim is void; None if a part is None (never true)."""
         known = [part for part in parts if part is not None]
         if len(known) < len(parts):
             return None
@@ -182,7 +185,7 @@ class Pairs:
     def _same(
         self, slot: int | None, fa: Frame, sa: Slots, other: int | None, fb: Frame, sb: Slots
     ) -> code.Expression | None:
-        """Return code that tests if two slots hold the same object; None if they never do."""
+        """Return code that tests if two slots of two matches hold the same object, or None if they never do."""
         assert slot is not None
         assert other is not None
         if fa.new.get(slot) is not fb.new.get(other) or (slot in fa.new and slot != other):
@@ -201,7 +204,7 @@ class Pairs:
     def _target(
         self, a: Claim, fa: Frame, sa: Slots, b: Claim, fb: Frame, sb: Slots
     ) -> code.Expression | None:
-        """Return code that tests if an added link is not among the targets that a claim sets; None if it never is."""
+        """Return code that tests if an added link has another target than a claim sets, or None if it never has."""
         assert isinstance(a.what, Reference)
         assert b.other is not None
         near, far = b.node, b.other
@@ -213,7 +216,7 @@ class Pairs:
         return self._all([self._same(a.node, fa, sa, near, fb, sb), differ], a, sa, b, sb)
 
     def _not_added(self, a: Claim, frame: Frame, slots: Slots) -> list[code.Expression | None]:
-        """Return tests that the removed link is not one that the same match adds again, since such a link stays."""
+        """Return tests that the match does not also add the link that it removes, since such a link stays."""
         found: list[code.Expression | None] = []
         for link in frame.plan.links:
             reference, source, target = self._metamodel.canonical(link.reference, link.source, link.target)
@@ -232,7 +235,7 @@ class Pairs:
 
     @staticmethod
     def _differing(a: Claim, fa: Frame, sa: Slots, b: Claim, fb: Frame, sb: Slots) -> code.Expression | None:
-        """Return code that tests if the values of two claims differ; None if both are the same constant."""
+        """Return code that tests if the values of two claims differ (NaN equals NaN); None if both are one constant."""
         constants = [_constant(claim, frame) for claim, frame in ((a, fa), (b, fb))]
         if None not in constants and constants[0] == constants[1]:
             return None
@@ -257,7 +260,7 @@ def _value(claim: Claim, slots: Mapping[int, code.Expression]) -> code.Expressio
 def _constant(claim: Claim, frame: Frame) -> object:
     """Return a comparable value that a claim's value has in every match, or None if it is not a constant.
 
-    A constant is returned with its type, a missing value as `"no value"`.
+    A literal constant is returned with its Python type, a missing value as `"no value"`.
     """
     if claim.other is None:
         return "no value"
@@ -279,7 +282,11 @@ def fitted(value: code.Expression, type_: StaticType | None, attribute: Attribut
 
 
 def check_agreement(site: Site) -> None:
-    """Emit code that refuses the rule if two of its matches contradict each other."""
+    """Emit code that refuses the rule if two of its matches contradict each other.
+
+    Raises:
+        NotCompiled: several blocks make changes whose order affects the result.
+    """
     frames, pairs = site.blocks.frames, Pairs(site.facts.metamodel, site.rule)
     _check_order(site)
     for number, one in enumerate(frames):
@@ -348,7 +355,7 @@ def check_kept(site: Site) -> None:
 
 
 def _check_alive(site: Site, slot: int, cls: str) -> None:
-    """Emit code that refuses the rule if the object in a slot is deleted, unless the rule deletes it itself."""
+    """Emit code that refuses the rule if the object in a slot is deleted, unless the rule deletes it by name."""
     alive = site.facts.alive(site.slots[slot], cls)
     if alive is not None:
         same = [code.equal(site.slots[slot], site.slots[delete.node]) for delete in site.rule.plan.deletes]

@@ -48,7 +48,10 @@ class Effects:
         return self._site.slots[number]
 
     def write(self) -> code.Body:
-        """Emit all changes in order. The emitted code sets the error of the state if the rule is refused."""
+        """Return the statements that find matches, check for conflicts, and make all changes in order.
+
+        The statements set the error of the state and leave if the rule is refused.
+        """
         self._site.add(*self._site.blocks.collect())
         body = self._site.plan.body
         self._each(self._compute_all)
@@ -63,7 +66,7 @@ class Effects:
         return self._site.written()
 
     def _each(self, write: Callable[[], None]) -> None:
-        """Emit a phase for the match of the rule, and in a loop for the matches of each block."""
+        """Call `write` to emit a phase: for the match of the rule, and in a loop for the matches of each block."""
         for frame in self._site.blocks.frames:
             if frame.outer is None:
                 write()

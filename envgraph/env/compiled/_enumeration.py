@@ -46,7 +46,7 @@ def enumerated(
         program: the compiled behaviour.
         member: number of the member.
         limit: the largest number of states allowed.
-        progress: called now and then with the numbers of states and outcomes.
+        progress: called from time to time with the numbers of states and outcomes.
 
     Raises:
         TooManyStates: as `explore`.
@@ -60,7 +60,10 @@ def enumerated(
 def _visited(
     program: Program, member: int, limit: int, progress: Progress | None, *, pictures: bool
 ) -> Explored:
-    """Return the table of a member, with a picture of every state if `pictures`."""
+    """Return the table of a member, with a picture of every state if `pictures`.
+
+    If the program has too little space for created objects, the visit is repeated with more space.
+    """
     check_observations(program.behaviour, program.observation_shape)
     while True:
         visit = Visit(program, member, limit, progress)
@@ -89,7 +92,10 @@ def explored(
     pictures: bool = False,
     progress: Progress | None = None,
 ) -> Explored:
-    """Return the result of `explore`. With numba installed, a compiled program visits the states if they are many."""
+    """Return the result of `explore`. With numba installed, a compiled program visits the states if there are many.
+
+    A behaviour that is not compiled is always explored by the live engine.
+    """
     pictures = pictures and behaviour.draw is not None
     live = partial(explore, engine, behaviour, keys, pictures=pictures, progress=progress)
     if limit <= FEW or not has_numba():
@@ -106,7 +112,7 @@ LIVE_OUTCOMES: Final = 50_000
 
 
 class Tables:
-    """A builder of tables for many models with one behaviour, which an engine holds one after the other.
+    """A builder of tables for many models with one behaviour, each of which is the current model of an engine in turn.
 
     Args:
         behaviour: free of errors.
@@ -121,7 +127,7 @@ class Tables:
     def table(self, engine: Engine, keys: KeyIndex, progress: Progress | None = None) -> Tabular:
         """Return the table of the engine's current model, equal to that of `explore`.
 
-        After many outcomes, the behaviour is compiled, and the program makes the tables of later models.
+        After many outcomes, and if numba is installed, a compiled program makes the tables of later models.
 
         Raises:
             EvaluationError, RuleError, ResolutionError: as `explore`.
@@ -140,9 +146,9 @@ class Visit:
 
     Attributes:
         states, floats: a row for each state, and a last row to work in.
-        observations: of each state.
+        observations: the observation of each state.
         starts: index of the first outcome of each state and action.
-        to, chance, reward, ended: of each outcome.
+        to, chance, reward, ended: next state, probability, reward and end of the episode of each outcome.
         did: for each state and action, 1 if an outcome of the action had an effect, else 0.
         full: True if the visit failed because rules create more objects than the program has space for.
     """
@@ -168,7 +174,7 @@ class Visit:
         self.chance, self.reward = np.zeros(FIRST), np.zeros(FIRST)
 
     def table(self) -> Tabular:
-        """Visit all states, and return the table."""
+        """Visit all states, and return the table. Raise the errors that `enumerated` lists."""
         states, beginnings, chances = self.begin()
         head, used, made = 0, 0, 0
         while True:
@@ -254,7 +260,7 @@ class Visit:
             self._grow(0, len(self.to))
 
     def _grow(self, states: int, used: int) -> None:
-        """Enlarge the arrays of states if they are nearly full, else those of outcomes; or both."""
+        """Enlarge the arrays of states, of outcomes, or both, if half full; those of states also if `states` is 0."""
         outcomes = 2 * used >= len(self.to)
         if 2 * states >= len(self.states) - 1 or states == 0:
             size = 4 * len(self.states)
@@ -271,7 +277,9 @@ class Visit:
                 setattr(self, name, longer(getattr(self, name), 4 * len(self.to)))
 
     def _raise(self, state: int, action: int, row: int) -> None:
-        """Raise the error of a failed step by repeating the step on the live engine.
+        """Raise the error of a failed step by repeating it on the live engine. State -1 means the start of an episode.
+
+        Set `full` if the step failed because the program has no space for another object.
 
         Raises:
             RuleError, EvaluationError: as the live engine does.
@@ -293,7 +301,7 @@ class Visit:
         raise NotCompiled(f"a state that exceeds a limit: {bounds}")
 
     def _allowed(self, states: int) -> NDArray[np.bool_]:
-        """Return the action masks [states, actions], from recorded effects, or computed if agents act together."""
+        """Return the action masks [states, actions]: True if an action has an effect, or if none of the state has."""
         program = self._program
         if not program.behaviour.together:
             return allowed_or_all(self.did[: states * self._actions].reshape(states, -1) > 0)

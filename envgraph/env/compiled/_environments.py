@@ -36,7 +36,7 @@ class CompiledEnv(SingleEnvironment):
         member: number of the member of the family.
         render_mode: None, "ansi", "rgb_array" or "human".
         observation: "index", "multi", "flat", "dict", "image" or "graph"; or a view over more members than these.
-        cell: side of a cell in pixels.
+        cell: side of a cell of the picture in pixels.
         action_masks: True to add `action_mask` to the infos.
     """
 
@@ -77,7 +77,7 @@ class CompiledEnv(SingleEnvironment):
     def reset(
         self, *, seed: int | None = None, options: dict[str, Any] | None = None
     ) -> tuple[Any, dict[str, Any]]:
-        """Begin an episode in a start state, which the program samples."""
+        """Begin an episode in a start state that the program samples. Return the observation and the infos."""
         self._options(options)
         super().reset(seed=seed)
         if seed is not None or self.np_random is not self._source:
@@ -88,7 +88,7 @@ class CompiledEnv(SingleEnvironment):
         return self._seen(), self._first(self._info(success=False))
 
     def step(self, action: Any) -> tuple[Any, float, bool, bool, dict[str, Any]]:
-        """Do an action, as `EnvgraphEnv.step`."""
+        """Do an action. Return the observation, the reward, True if terminated, True if truncated, and the infos."""
         self._action[0] = self._check_step(action)
         batch = self._batch
         batch.step(self._action, again=False)
@@ -195,11 +195,11 @@ class CompiledVectorEnv(VectorEnvironmentBase):
         return super().reset(seed=seed, options=options)
 
     def action_masks(self) -> Bools:
-        """Return the action masks, as `EnvgraphVectorEnv.action_masks`."""
+        """Return the action masks, bool [environments, actions]. All actions of an episode that has ended are True."""
         return np.asarray(self._batch.allowed() | (self._batch.ended != 0)[:, None])
 
     def close_extras(self, **kwargs: Any) -> None:
-        """Stop the threads. Called by `close`."""
+        """Stop the threads that step the environments. Gymnasium's `close` calls this method."""
         self._batch.close()
 
     def _numbers(self) -> Floats:
@@ -255,7 +255,7 @@ class CompiledVectorEnv(VectorEnvironmentBase):
 
 
 def _remembered(memory: Memory, view: ModelView, batch: Batch, row: int) -> Any:
-    """Return the observation of an environment's model. Observations of states that were seen before are cached."""
+    """Return the observation of an environment's model, from `memory` if the same state was observed before."""
 
     def make() -> Any:
         with batch.model_of(row) as simulator:

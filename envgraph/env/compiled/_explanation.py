@@ -19,7 +19,7 @@ from envgraph.rewrite import Engine
 
 
 def explanation(engine: Engine, behaviour: Behaviour) -> str:
-    """Return a text that says what a compiled behaviour changes, or which construct prevents compilation, and where."""
+    """Return a text that says what a compiled behaviour changes, or which construct cannot be compiled, and where."""
     try:
         program = program_of(engine, behaviour, native=False)
     except NotCompiled as refused:

@@ -148,6 +148,6 @@ def _packed(program: Program) -> bytes:
 
 
 def _named(actions: Sequence[str]) -> str:
-    """Format the names of the actions, or the first of them and their number if there are many."""
+    """Format the names of the actions for the README. If there are many, format the first ones and the total number."""
     shown = ", ".join(map(markdown, actions[:MOST_NAMED]))
     return f"{shown}, .. ({len(actions)} in all, in `about.json`)" if len(actions) > MOST_NAMED else shown

@@ -189,11 +189,11 @@ class _Many:
         self._world = World(arrays, members, self.rows, space, program.advance, native=program.NATIVE)
 
     def __reduce__(self) -> tuple[type[_Many], tuple[NDArray[np.int64], Rows]]:
-        """Return the data to rebuild the object, without the program, which holds memory addresses of its arrays."""
+        """Return a constructor call for pickle, without the program, which holds memory addresses of its arrays."""
         return _Many, (self.members, self.rows)
 
     def advance(self, *arguments: Any) -> None:
-        """Begin episodes, or do steps.
+        """Begin episodes in the environments that the first argument marks, and do a step in the others.
 
         Raises:
             RuntimeError: a rule cannot be applied, or an expression has no value.
@@ -204,7 +204,7 @@ class _Many:
             raise RuntimeError(f"environment {failed}: {error}")
 
     def state(self) -> State:
-        """Return the states of all environments."""
+        """Return the states of all environments, without copying their arrays."""
         return State(self.members, self.rows.ints, self.rows.floats)
 
 

@@ -41,11 +41,11 @@ SHIFT = code.Constant(5)
 class Module:
     """The functions of a program; each is after those that it calls.
 
-    Functions store matches as rows in the row space, which consists of segments of `CAPACITY` rows.
+    Functions store matches as rows in the row buffers, which consist of regions of `CAPACITY` rows.
 
     Attributes:
         functions: the functions.
-        levels: for each function, the number of segments of the row space that it may use.
+        levels: for each function, the number of regions of the row buffers that it may use.
         width: number of columns of the widest row.
     """
 
@@ -58,7 +58,7 @@ class Module:
         self._fresh = count()
 
     def fresh(self, prefix: str, type_: str = "int") -> code.Local:
-        """Return a local variable whose name no other function uses."""
+        """Return a local variable with a new name that starts with `prefix`."""
         return code.Local(f"{prefix}{next(self._fresh)}", type_)
 
     def add(self, prefix: str, parameters: Sequence[code.Local], body: code.Body) -> str:
@@ -70,7 +70,7 @@ class Module:
 
     @contextmanager
     def writing(self) -> Iterator[None]:
-        """Count the segments of the row space that a function needs, while its code is emitted within the context."""
+        """Return a context for emitting a function, which counts the regions of the row buffers that this needs."""
         self._open.append(1)
         yield
         self._open.pop()
@@ -84,11 +84,11 @@ class Module:
         self.functions[:], self.levels, self._names = functions, levels, names
 
     def uses(self, name: str, above: int) -> None:
-        """Record that the current function calls another, whose rows begin `above` segments behind its own."""
+        """Record that the current function calls another, whose rows begin `above` regions behind its own rows."""
         self.needs(above + self.levels[name])
 
     def needs(self, levels: int) -> None:
-        """Record that the current function uses `levels` segments of the row space."""
+        """Record that the current function uses at least `levels` regions of the row buffers."""
         self._open[-1] = max(self._open[-1], levels)
 
     def once(
@@ -118,7 +118,7 @@ class Facts:
         layout: receives tables and columns.
         changes: made by the rules.
         library: the patterns.
-        sizes: of the domain's own model.
+        sizes: the numbers of objects in the domain's own model.
     """
 
     def __init__(
@@ -140,7 +140,9 @@ class Facts:
         bound: Mapping[int, code.Expression],
         wanted: Sequence[int] = (),
     ) -> dict[int, code.Local]:
-        """Emit a loop over the rows of a relation that have the bound values.
+        """Emit code that runs later statements for each row of a static relation with the bound values.
+
+        If no positions are wanted, the code only tests if there is such a row.
 
         Returns:
             The variables that hold the values at the wanted positions.
@@ -198,7 +200,7 @@ class Facts:
         return code.Operation(">=", (value, code.Constant(0)))
 
     def string(self, text: str) -> code.Expression:
-        """Return the number that represents a string."""
+        """Return code for the number that represents a string."""
         return self.layout.offset(Text(text))
 
     # --- classes
@@ -234,7 +236,7 @@ class Facts:
         return code.joined("and", tests, True)
 
     def in_set(self, group: tuple[str, ...], cls: str, place: code.Expression) -> code.Expression:
-        """Return code that tests if the object at a place of a group is in the set of a class."""
+        """Return code that tests if an object is in a class set of a group, by the object's index in the group."""
         offset = self.layout.offset(ClassSet(group, cls))
         word = cell(plus(offset, code.Operation(">>", (place, SHIFT))))
         return bit(word, place)
@@ -242,7 +244,7 @@ class Facts:
     def place(
         self, classes: tuple[str, ...], node: code.Expression, *, sure: bool
     ) -> tuple[code.Expression, list[code.Expression]]:
-        """Return the index of an object among those of some classes, and tests that it is one (none if `sure`)."""
+        """Return code for an object's index among those of some classes, and tests that it has one (none if `sure`)."""
         found = table(plus(self.layout.offset(Extent(classes, "places")), node))
         guard: list[code.Expression] = [] if sure else [code.Operation(">=", (found, code.Constant(0)))]
         return (code.Constant(0) if self.layout.single(classes) else found), guard
@@ -264,7 +266,7 @@ class Facts:
         return table(self.layout.offset(Extent(classes, "count")))
 
     def instances(self, block: code.Block, cls: str, exact: bool = False) -> code.Local:
-        """Emit a loop over the objects of a class. Return the variable."""
+        """Emit a loop over the objects of a class, without those of subclasses if `exact`. Return the variable."""
         classes = (cls,) if exact else self.metamodel.concrete(cls)
         if self.changes.fixed_class(cls, exact):
             return self.each(block, classes)[0]
@@ -289,7 +291,7 @@ class Facts:
         sets: Sequence[ClassSet],
         within: tuple[Keys, int, code.Expression] | None = None,
     ) -> WordOf:
-        """Emit a loop over the words of a union of bit sets.
+        """Emit a loop over the words of a union of bit sets. Return the variables of the word and of its index.
 
         Args:
             block: receives the loop.
@@ -312,7 +314,7 @@ class Facts:
         return WordOf(group, word, number)
 
     def each_in(self, block: code.Block, of: WordOf) -> code.Local:
-        """Emit a loop over the objects whose bits are set in a word. Return the variable."""
+        """Emit a loop over the objects whose bits are set in a word. The code clears the bits. Return the variable."""
         low = self.module.fresh("l")
         block.loop(self.module.fresh("_"), code.call("range", code.call("count_bits", of.word)))
         block.add(code.Assign(low, code.Operation("&", (of.word, code.Operation("-", (of.word,))))))
@@ -326,13 +328,13 @@ class Facts:
         return table(plus(self.layout.offset(Extent(of.group, "objects")), first, place))
 
     def nth_of(self, of: WordOf, number: code.Expression) -> code.Expression:
-        """Return the object of the nth bit that is set in a word."""
+        """Return code for the object of the nth bit (from 0) that is set in a word."""
         return self._object(of, code.call("nth_bit", of.word, number))
 
     def related(
         self, relation: Relation, bound: Mapping[int, code.Expression], position: int
     ) -> tuple[Keys, int, code.Expression] | None:
-        """Return the argument `within` of `words` for rows with the bound values; None if there is at most one row."""
+        """Return the argument `within` of `words` for rows with the bound values, or None if bit sets are of no use."""
         keys, rest = keys_of(relation, self.library, tuple(bound))
         if rest or self.layout.functional(One(keys, (position,))):
             return None
@@ -341,7 +343,7 @@ class Facts:
     # --- attributes
 
     def value(self, attribute: Attribute, node: code.Expression, *, sure: bool) -> code.Expression:
-        """Return the value of a single-valued attribute; `sure` if the object is known to be of the attribute's class.
+        """Return code for a single-valued attribute; `sure` if the object is known to be of the attribute's class.
 
         Raises:
             NotCompiled: the attribute is multi-valued.

@@ -42,7 +42,7 @@ class Joint:
         self.observation_names = joint_component_names(clauses.behaviour, clauses.keys, seats)
 
     def bodies(self) -> tuple[code.Body, code.Body, code.Body]:
-        """Emit the bodies of a step, of the test if a joint action would do something, and of the observations."""
+        """Return the bodies of three functions: a step, the test if a joint action is allowed, and the observations."""
         return self._step(), self._may(), self._look()
 
     def begin(self, writer: Writer) -> None:
@@ -64,7 +64,7 @@ class Joint:
         return (code.Return(call(name, ACTION)),)
 
     def _may(self) -> code.Body:
-        """Emit a test that each agent that exists can do its own action, or cannot do any action."""
+        """Return the body of a test that each existing agent can do its part of the joint action, or no action."""
         clauses = self._clauses
         may = [*map(clauses.may, range(len(clauses.blocks)))]
         names = code.Constant(len(clauses.moves[0].names))
@@ -82,7 +82,10 @@ class Joint:
         return (code.Return(call(name, ACTION)),)
 
     def _digits(self, writer: Writer) -> Iterator[tuple[int, code.Local, code.Local]]:
-        """Emit the object and action of each agent. Yield the number of its block, and the two variables."""
+        """Emit assignments of each agent's object and of its own action, decoded from the number of the joint action.
+
+        Yields the number of the agent's block, and the two variables.
+        """
         left, names = self._clauses.module.fresh("left"), code.Constant(len(self._clauses.moves[0].names))
         writer.assign(left, ACTION)
         for place, (_, block) in enumerate(self._seats):
@@ -92,7 +95,7 @@ class Joint:
             yield block, node, digit
 
     def _object(self, writer: Writer, place: int) -> code.Local:
-        """Emit an assignment of an agent's object, and return its variable."""
+        """Emit an assignment of the object of the agent at `place` among all agents, and return its variable."""
         node = self._clauses.module.fresh("self", "object")
         writer.assign(node, self._clauses.seat("object", code.Constant(place)))
         return node
@@ -128,6 +131,6 @@ class Joint:
         return (code.Return(call(name, SEEN)),)
 
     def _seen(self, block: Agent | None, *, shared: bool) -> list[tuple[Observation, Types]]:
-        """Return the observation clauses of a block, or those shared by all blocks."""
+        """Return a block's own observation clauses, or if `shared`, the clauses that all blocks share."""
         ours = {id(observation) for observation in self._clauses.behaviour.observations}
         return [each for each in self._clauses.observed(block) if (id(each[0]) in ours) is shared]

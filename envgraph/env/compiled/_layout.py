@@ -42,7 +42,7 @@ L, K = code.Local("L"), code.Local("K")
 D = code.Local("D")
 """The source of random numbers."""
 RI, RF = code.Local("RI"), code.Local("RF")
-"""The row space, where matches are stored: ints, and floats."""
+"""The row buffers, where matches are stored: ints, and floats."""
 TOP = code.Local("top")
 STATE: Final = (T, G, L, K, S, F, RI, RF, D, TOP)
 """The first parameters of each function."""
@@ -102,12 +102,15 @@ class Layout:
         self._single: dict[tuple[str, ...], Single] = {}
 
     def offset(self, symbol: Symbol) -> code.Expression:
-        """Return the offset of a table or column. Offsets of constants are indices of the vector of offsets itself."""
+        """Return code for the offset of a table or column, which is added to the layout if it is new.
+
+        The offsets of constants are indices of the vector of offsets itself.
+        """
         number = self._numbers.setdefault(symbol, len(self._numbers))
         return code.Index(K, code.Constant(number))
 
     def places(self) -> code.Body:
-        """Emit the body of a function that returns all offsets as a tuple, since numba need not read values again."""
+        """Return the body of a function that returns all offsets as a tuple, since numba need not read values again."""
         return (code.Return(code.tuple_of(*(entry(L, place) for place in range(len(self._numbers))))),)
 
     def stride(self) -> code.Expression:
@@ -115,7 +118,7 @@ class Layout:
         return self.offset(Stride())
 
     def single(self, classes: tuple[str, ...]) -> bool:
-        """Assume that every member has at most one object of some classes. Return False if that is not so."""
+        """Assume that every member has at most one object of some classes. Return False if it is known to be wrong."""
         assumed = Single(classes)
         if assumed in self.broken:
             return False
@@ -123,7 +126,7 @@ class Layout:
         return True
 
     def functional(self, assumed: One) -> bool:
-        """Return True if every member is assumed to have at most one row for each of some values."""
+        """Return True if it can be assumed that each member has at most one row for each combination of key values."""
         return assumed not in self.broken
 
     def columns(self) -> list[tuple[Column, int]]:
@@ -132,12 +135,12 @@ class Layout:
         return [(symbol, number) for symbol, number in self._numbers.items() if isinstance(symbol, kinds)]
 
     def stored(self) -> list[tuple[Column | Made, int]]:
-        """Return everything that a state stores, as `columns`, and also the counter of created objects."""
+        """Return everything that a state stores: the columns, as `columns`, and the counter of created objects."""
         made = [(symbol, number) for symbol, number in self._numbers.items() if isinstance(symbol, Made)]
         return [*self.columns(), *made]
 
     def relations(self) -> list[Relation]:
-        """Return the relations that are computed once for each member."""
+        """Return the relations that are computed once for each member, and stored as tables."""
         kinds = Bits | Values | Starts
         return list(dict.fromkeys(one.keys.relation for one in self._numbers if isinstance(one, kinds)))
 
@@ -235,7 +238,7 @@ def plus(*parts: code.Expression | int) -> code.Expression:
 
 
 def listed(first: code.Expression, others: Sequence[code.Expression]) -> code.Expression:
-    """Return code for the result of a function: the first value, or a tuple with the other ones."""
+    """Return code for the result of a function: the first value, or a tuple of all values if there are others."""
     return code.tuple_of(first, *others) if others else first
 
 
@@ -246,25 +249,25 @@ def entry(array: code.Expression, *places: code.Expression | int) -> code.Index:
 
 
 def table(place: code.Expression, is_float: bool = False) -> code.Expression:
-    """Return code for an entry of the tables of the member."""
+    """Return code for an entry of the tables of the member: of the ints, or of the floats if `is_float`."""
     return entry(G if is_float else T, place)
 
 
 def cell(place: code.Expression | int, is_float: bool = False) -> code.Index:
-    """Return code for an entry of the state."""
+    """Return code for an entry of the state: of its ints, or of its floats if `is_float`."""
     return entry(F if is_float else S, place)
 
 
 def bit(word: code.Expression, place: code.Expression) -> code.Expression:
-    """Return code that tests if a bit of a word is set."""
+    """Return code that tests if the bit with the index `place` modulo 32 is set in a word."""
     return code.Operation("==", (code.call("bit", word, place), code.Constant(1)))
 
 
 def call(name: str, *arguments: code.Expression, top: code.Expression = TOP) -> code.Call:
-    """Return a call of a function of the program, which may use the row space from `top` on."""
+    """Return a call of a function of the program, which may use the row buffers from `top` on."""
     return code.call(name, *STATE[:-1], top, *arguments)
 
 
 def failed(error: str) -> code.Assign:
-    """Return an assignment of an error of the state. `error` names a constant of `kernels`."""
+    """Return an assignment that stores an error in the state. `error` names a constant of `kernels`."""
     return code.Assign(cell(ERROR), code.Name(error))

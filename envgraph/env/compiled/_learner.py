@@ -39,7 +39,7 @@ class Rates:
 class Learner:
     """A learner of the action values of a program's environments.
 
-    Values of observations can be taken to other programs of the behaviour: see `enter`.
+    Values of observations can be kept for other programs of the behaviour: see `enter`.
 
     Args:
         program: the compiled behaviour.
@@ -62,7 +62,7 @@ class Learner:
         self._hashed = np.full(4 * FIRST, -1, dtype=np.int64)
 
     def enter(self, program: Program) -> None:
-        """Continue learning in another program, whose members are meant by member numbers from now on.
+        """Use another program from now on, and keep the learned values. Member numbers then mean its members.
 
         Raises:
             InvalidArgument: the actions or observations of the programs differ, or values are of states.
@@ -165,7 +165,7 @@ class Learner:
         return self._player.play(member, policy, episodes, limit, rng)
 
     def _grow(self) -> None:
-        """Enlarge the arrays to four times the space."""
+        """Enlarge the arrays of keys and values to four times the space, and rebuild the hash table."""
         size = 4 * len(self.keys)
         self.keys, self.values = longer(self.keys, size), longer(self.values, size)
         self._hashed = np.full(4 * size, -1, dtype=np.int64)

@@ -15,7 +15,7 @@ OUTCOMES, STARTS = 1, 2
 
 
 def write_key(S, BITS, KEYS, row, seen, of_states):
-    """Write the key of the current state into a row."""
+    """Write the key of the current state into a row of `KEYS`: the state if `of_states`, else the observation."""
     if of_states:
         for column in range(width(S)):
             KEYS[row, column] = S[0, column]
@@ -26,13 +26,13 @@ def write_key(S, BITS, KEYS, row, seen, of_states):
 
 
 def begin_episode(T, G, L, K, S, F, BITS, RI, RF, D, m, S0, F0, C, KEYS, NONE, HASHED, count, of_states):
-    """Begin an episode, as `D` decides. Return the number of its key, -1 after an error."""
+    """Begin an episode in a start state that `D` decides. Return the number of its key, as `present_key` does."""
     reset_one(T, G, L, K, S, F, RI, RF, D, 0, m, S0, F0)
     return present_key(T, G, L, K, S, F, BITS, RI, RF, D, m, C, KEYS, NONE, HASHED, count, of_states)
 
 
 def present_key(T, G, L, K, S, F, BITS, RI, RF, D, m, C, KEYS, NONE, HASHED, count, of_states):
-    """Return the number of the current state's key, `count` for a new key; -1 after an error."""
+    """Return the number of the current state's key. Add a new key as number `count`. Return -1 after an error."""
     seen = 0
     if S[0, 0] == 0 and not of_states:
         seen = look(T[m], G[m], L, K, S[0], F[0], RI, RF, D, 0, C[0])
@@ -47,7 +47,10 @@ def learn(
     AGENT, TIES, RATE, DISCOUNT, STEP_DECAY, EPISODE_DECAY, MINIMUM, LIMIT,
     POINTS, REWARDS, EPISODES, SUCCESSES, COUNTS, LEVELS,
 ):  # fmt: skip
-    """Learn until the last of the points. Return `DONE`, `SPACE` or `WRONG`."""
+    """Continue learning up to the last step in `POINTS`, and update `Q`, the curve, `COUNTS` and `LEVELS`.
+
+    Returns `DONE`, or `SPACE` to be called again with more space for keys, or `WRONG` after an error.
+    """
     T, G, L, S, F, BITS = fixed(T), fixed(G), vector(L), matrix(S), matrix(F), matrix(BITS)
     RI, RF, D, R, C = matrix(RI), matrix(RF), vector(D), matrix(R), matrix(C)
     S0, F0, NONE, KEYS, space = fixed(S0), fixed(F0), matrix(KEYS[:, :0]), matrix(KEYS), len(KEYS)

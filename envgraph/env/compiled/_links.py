@@ -93,7 +93,10 @@ class Links:
         self._site.add(code.If(code.joined("and", tests, True), (cleared,)) if tests else cleared)
 
     def link(self, link: Link | Rehome) -> None:
-        """Emit code that adds a link, unless it exists. The rule is refused if an end has no room for it."""
+        """Emit code that adds a link, unless it exists. The code refuses the rule if an end has too many links.
+
+        For a containment, it also refuses containment cycles, and objects that have another container.
+        """
         if isinstance(link, Rehome):
             source, reference, target = link.container, link.reference, link.node
         else:
@@ -155,7 +158,7 @@ class Links:
         return found
 
     def _check_room(self, reference: Reference, node: code.Expression, slot: int, *, forward: bool) -> None:
-        """Emit code that refuses the rule if an object already has the maximum number of targets, or of sources."""
+        """Emit code that refuses the rule if an object has the most targets allowed, or sources if not `forward`."""
         upper = reference.upper if forward else self._facts.metamodel.most_sources(reference)
         if upper is None:
             return
@@ -168,7 +171,7 @@ class Links:
             self._site.unless(code.Operation("<", (counted, code.Constant(upper))))
 
     def set_target(self, change: SetTargets) -> None:
-        """Emit code that sets the only target of an object.
+        """Emit code that sets the only target of an object, or removes it if the change has no value.
 
         If a single-valued opposite of the target is occupied, the former link is removed.
         """
@@ -226,7 +229,10 @@ class Links:
         site.add(code.If(code.Operation("!=", (old, target)), site.collected(write)))
 
     def _put(self, reference: Reference, container: int, content: int) -> None:
-        """Emit code that puts an object into a container, and removes the former content of a single reference."""
+        """Emit code that moves an object into a container. A single-valued reference loses its former content.
+
+        The rule is refused if the container is full, or is inside the object.
+        """
         site, metamodel = self._site, self._facts.metamodel
         cls, node = site.frame.classes.get(content) or reference.target, site.slots[content]
         for other in metamodel.references:
@@ -278,13 +284,16 @@ class Links:
             self._site.add(*([code.If(there, made)] if value in self._site.frame.types else made))
 
     def _hold(self, stored: LinkColumn, holder: code.Expression, other: code.Expression) -> None:
-        """Emit code that stores `other` in the cell of an object, if the object exists."""
+        """Emit code that stores `other` in the column's cell of an object, if the object is not -1."""
         place, _ = self._facts.links.near(stored, holder, sure=True)
         there = code.Operation(">=", (holder, ZERO))
         self._site.add(code.If(there, (code.Assign(place, other),)))
 
     def _make_room(self, stored: LinkColumn, reference: Reference, target: code.Expression) -> None:
-        """Emit code that removes the only source of a target, or refuses the rule if a target has too many sources."""
+        """Emit code that removes the link to a target whose opposite is single-valued.
+
+        If the opposite has another maximum, the code refuses the rule when the target has too many sources.
+        """
         links, opposite = self._facts.links, self._facts.metamodel.opposite(reference)
         there = code.Operation(">=", (target, ZERO))
         if opposite is not None and opposite.upper == 1:

@@ -15,7 +15,10 @@ MADE, CHANCE, KNOWN, SCRIPT = 0, 1, 2, 3
 
 
 def take(D, count):
-    """Return the alternative of the next choice: that of the script, or the first one, which is added to the script."""
+    """Return the alternative of the next choice: from the script, or else 0, which is then added to the script.
+
+    If the script is full, return 0 and add nothing.
+    """
     number = int(D[MADE])
     there = SCRIPT + 2 * number
     if there + 1 >= len(D):
@@ -27,13 +30,13 @@ def take(D, count):
 
 
 def pick(D, count):
-    """Return one of `count` equally likely alternatives."""
+    """Return one of `count` equally likely alternatives, as the script decides, and update the probability."""
     D[CHANCE] /= count
     return take(D, count)
 
 
 def choose(D, chances, missing):
-    """Return an alternative with a positive probability, or -1 with probability `missing`."""
+    """Return an alternative with a positive probability, or -1 with probability `missing`, as the script decides."""
     possible = 0
     for number in range(len(chances)):
         if chances[number] > 0.0:
@@ -50,17 +53,17 @@ def choose(D, chances, missing):
 
 
 def begin_script(D):
-    """Begin with the first combination of choices."""
+    """Begin with the first combination of choices, by clearing the script."""
     D[KNOWN] = 0
 
 
 def begin_outcome(D):
-    """Begin to make choices, as the script says."""
+    """Begin an outcome: set the number of choices made to 0, and their probability to 1. The script stays."""
     D[MADE], D[CHANCE] = 0, 1.0
 
 
 def next_script(D):
-    """Go to the next combination of choices. Return False after the last one."""
+    """Change the script to the next combination of choices. Return False if the last outcome used the last one."""
     number = int(D[MADE])
     while number > 0 and D[SCRIPT + 2 * number - 2] + 1 == D[SCRIPT + 2 * number - 1]:
         number -= 1
@@ -77,7 +80,10 @@ def crowded(D):
 
 
 def enter(T, G, L, K, S, F, RI, RF, D, m, BITS, HASHED, C, OBS, row, over):
-    """Return the number of the state in a row; a new state is observed. Return -1 if its observation has no value."""
+    """Return the number of the state in a row: that of an equal state, or `row` for a new state, which is observed.
+
+    Returns -1 if the observation of a new state has no value. `over` is 1 if the state ends the episode.
+    """
     S[row, 0] = over
     found = number_of(S, BITS, HASHED, row)
     if found == row:
@@ -226,7 +232,7 @@ def expand(
 
 
 def forget_last(S, BITS, HASHED, first, count):
-    """Remove the states from `first` on, which were added last, from the hash table."""
+    """Remove the states from `first` to `count - 1`, which were added last, from the hash table."""
     S, BITS = matrix(S), matrix(BITS)
     for row in range(count - 1, first - 1, -1):
         forget(S, BITS, HASHED, row)

@@ -41,7 +41,7 @@ class _MachineCode(NullCache):
         self._folder, self._function, self._files = folder, function, cache
 
     def load_overload(self, sig: Any, target_context: Any) -> Any:
-        """Return the cached machine code, or None if none can be used."""
+        """Return the cached machine code for a signature, or None if it is missing or cannot be loaded."""
         target_context.refresh()
         kept = self._files.read_cached(*self._place(sig, target_context.codegen()))
         if kept is None:
@@ -52,7 +52,7 @@ class _MachineCode(NullCache):
             return None
 
     def save_overload(self, sig: Any, data: Any) -> None:
-        """Write machine code to the cache."""
+        """Write machine code to the cache, unless numba reports that it holds addresses of this process."""
         if not data.library.has_dynamic_globals:
             self._files.write_cached(*self._place(sig, data.codegen), _dumps(data._reduce()))
 

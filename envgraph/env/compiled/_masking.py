@@ -10,7 +10,8 @@ Part of the program's text, behind `kernels`.
 def masks(W, ALLOWED, ACTIONS):
     """Write 1 into `ALLOWED` [environments * actions] for actions that would have an effect, else 0.
 
-    An action that would raise an error counts as having an effect, so that `step_one` raises the error.
+    An action that would raise an error counts as having an effect, so that `step_one` raises the error. Errors that the
+    tests store in the states are cleared.
     """
     T, G, L, S, F, RI, RF, D, M, _, _, _, _, _, _, _, _, _, _, _, _, _ = arrays_at(W)
     K = places(L)

@@ -35,9 +35,10 @@ class Shape(Enum):
 
 
 class Matching:
-    """An emitter of functions that find the distinct values at output positions of matches with given values at others.
+    """An emitter of functions that find the rows of a view: the values of a pattern's matches at its output positions.
 
-    In all methods, `sure` means that the given objects are known to be of the classes of the parameters.
+    The functions get values for the bound positions. In all methods, `sure` means that given objects are known to be of
+    the classes of the parameters.
 
     Args:
         facts: reads the model.
@@ -55,15 +56,15 @@ class Matching:
         self._shapes: dict[tuple[ViewKey, bool], Shape] = {}
 
     def rows(self, key: ViewKey, sure: bool = True) -> str:
-        """Emit a function that stores the distinct rows, sorted, and returns their number. Return its name."""
+        """Emit a function that stores the distinct rows in sorted order, and returns their number. Return its name."""
         return self._function("rows", key, sure, self._rows)
 
     def exists(self, key: ViewKey, sure: bool = True) -> str:
-        """Emit a function that returns True if there is a match. Return its name."""
+        """Emit a function that returns True if the pattern has a match for given values. Return the function's name."""
         return self._function("exists", key, sure, self._exists)
 
     def count(self, key: ViewKey, sure: bool = True) -> str:
-        """Emit a function that counts the distinct rows. Return its name."""
+        """Emit a function that returns the number of distinct rows. Return the function's name."""
         return self._function("count", key, sure, self._count)
 
     def chosen(
@@ -123,7 +124,7 @@ class Matching:
         return [entry(space, row, column) for column, space in enumerate(spaces)]
 
     def types(self, key: ViewKey) -> list[StaticType]:
-        """Return the types of the columns of rows."""
+        """Return the types of the columns of a view's rows."""
         types = self.facts.library.parameter_types(key.pattern)
         return [types[position] for position in key.outputs]
 
@@ -186,7 +187,7 @@ class Matching:
     def _counted(
         self, key: ViewKey, given: Sequence[code.Local], sure: bool, number: code.Local
     ) -> code.Body:
-        """Emit code that counts rows, of which none may be found twice."""
+        """Emit code that sets `number` to the number of rows. Call only if no row is found twice."""
         counted = self._bodies(key, given, sure, lambda body: count_solutions(body, number), words=True)
         return (code.Assign(number, ZERO), *counted)
 
@@ -195,14 +196,17 @@ class Matching:
         return [types[position] for position in key.bound]
 
     def _stored(self, body: Body, key: ViewKey, row: code.Expression) -> code.Body:
-        """Return statements that store a row."""
+        """Return statements that store the output values of a solution in a row."""
         places = zip(self._places(key, row), body.values(key), strict=True)
         return tuple(code.Assign(place, value) for place, value in places)
 
     def _collected(
         self, key: ViewKey, given: Sequence[code.Local], sure: bool, number: code.Local
     ) -> code.Body:
-        """Emit code that stores the distinct rows in sorted order, and sets `number` to their count."""
+        """Emit code that stores the distinct rows in sorted order, and sets `number` to their count.
+
+        If the row buffers are too small, the code sets the error OVERFLOW.
+        """
         view, types = self._view(key), self.types(key)
         ordered = view.distinct and len(view.bodies) == 1
 

@@ -106,7 +106,7 @@ class Member:
         return other
 
     def arrive(self) -> Member:
-        """Put a shared engine into this member's initial state, and return the member."""
+        """Put the engine into this member's initial state if it is shared with other members, and return the member."""
         if isinstance(self._home, Borrowed) and self.engine:
             self._home.engine()
         return self
@@ -119,7 +119,7 @@ class Member:
         return {**vars(self), **changed}
 
     def own_engine(self) -> Engine:
-        """Return an engine in the member's initial state that the caller may change."""
+        """Return an engine in the member's initial state: the member's own, or a new one if its engine is shared."""
         return self._home if isinstance(self._home, Engine) else self._home.own()
 
     def with_spare(self, spare: int) -> Member:
@@ -188,7 +188,7 @@ class Member:
         return self.encoded(self.model.graph.value(self.objects[number], attribute), attribute.type)
 
     def links(self, feature: Reference | Attribute) -> list[Row]:
-        """Return the links of a reference as pairs of objects, or an attribute's values as pairs (object, value)."""
+        """Return a reference's links as pairs of object numbers, or an attribute's values as pairs (object, value)."""
         found: list[Row] = []
         if isinstance(feature, Reference):
             targets = self.model.graph.store.forward[feature.index]
@@ -204,7 +204,7 @@ class Member:
         return found
 
     def matches(self, pattern: str) -> list[Row]:
-        """Return the matches of a pattern in the initial model, as numbers.
+        """Return the matches of a pattern in the initial model, as numbers. Add the pattern to the engine if necessary.
 
         Raises:
             NotCompiled: a match contains a computed string that the family has no number for.
@@ -250,7 +250,7 @@ class Member:
 
 
 def checked(value: int) -> int:
-    """Return the int unchanged.
+    """Return the int unchanged if it fits into 32 bits.
 
     Raises:
         NotCompiled: the int does not fit into 32 bits, the size of ints in states.

@@ -89,7 +89,10 @@ class Objects:
         self._site.add(*left(self._facts, group, self._site.slots[slot], sure=True))
 
     def delete(self, delete: Delete) -> None:
-        """Emit code that deletes an object together with all objects that it contains."""
+        """Emit code that deletes an object and all objects that it contains.
+
+        Links to other objects are removed if the rule is `lossy`; otherwise they refuse the rule.
+        """
         cls = self._site.frame.plan.classes[delete.node]
         assert cls is not None
         facts, node = self._facts, self._site.slots[delete.node]
@@ -125,7 +128,7 @@ class Objects:
         return found
 
     def _delete_whole(self, concrete: tuple[str, ...], slot: int) -> None:
-        """Emit a call of the function that deletes an object and its contents, and returns -1 if that is refused."""
+        """Emit a call of a function that deletes an object and its contents, and leave if the function refuses this."""
         facts, site = self._facts, self._site
         function = deleting(facts, concrete, site.plan.lossy)
         levels = len(site.blocks.frames) - 1
@@ -137,11 +140,11 @@ class Objects:
     def _drop(
         self, reference: Reference, node: code.Expression, cls: str, *, forward: bool, clears: bool
     ) -> None:
-        """Emit code that removes an object's links at one end of a reference, or, unless `clears`, refuses the rule.
+        """Emit code that removes an object's links of a reference if `clears`; otherwise the code refuses the rule.
 
         Args:
             reference, node, cls: the reference, the object, and the object's known class.
-            forward: True if the object is the source of the links.
+            forward: True for links of which the object is the source, False for links of which it is the target.
             clears: True to remove links; if False, the rule is refused if links exist.
         """
         facts = self._facts

@@ -77,7 +77,7 @@ class Observations:
         self._writer.add(code.Return(INDEX))
 
     def see(self, value: code.Expression) -> None:
-        """Emit code that stores the next component of the observation and adds it to the index."""
+        """Emit code that stores a value as the next component of the observation, and adds its share to the index."""
         writer, weight = self._writer, entry(L, plus(self._weights, 1, NEXT))
         writer.add(code.Assign(entry(SEEN, NEXT), value))
         writer.add(code.Assign(INDEX, code.Operation("*", (value, weight)), "+="))
@@ -129,10 +129,10 @@ class Observations:
         scope: Mapping[str, Term],
         gone: code.Expression | None,
     ) -> None:
-        """Emit code for the component that an object, number or literal at the end of a path gives.
+        """Emit code for one component: the number of the object, int or literal at the end of a path.
 
-        The component is the padding value if the path's first object is deleted (`gone` is true; None: it cannot be
-        deleted), and the last value if the object is not visible.
+        The component is the padding value (0, or the value for `none`) if `gone` is true: the path's first object is
+        deleted. `gone` is None if this cannot happen. The component is the last value if the object is not visible.
         """
         writer = self._writer
         local = writer.module.fresh("seen")
@@ -168,7 +168,7 @@ class Observations:
         return entry(L, self._layout.offset(Constants(("keys", cls), (self._keys.size(cls),))))
 
     def _holds(self, call: PatternCall, types: Types, scope: Mapping[str, Term]) -> code.Expression:
-        """Emit code that tests if a condition has a match; conditions on deleted objects have no match."""
+        """Emit code that tests if a condition has a match. Conditions on deleted objects have no match."""
         writer = self._writer
         question = added(writer.engine, writer.behaviour, lambda n: condition_question(n, call, types))
         values = [scope[bound].value for bound in question.bound]
@@ -176,7 +176,7 @@ class Observations:
         return code.joined("and", [*writer.bound_alive(question, scope), exists], True)
 
     def _hidden(self, observation: ObservePath, types: Types) -> code.Expression:
-        """Emit code for the component's value if the object is not visible: the number after all others."""
+        """Return code for the component's value if the object is not visible: the number after all other values."""
         if isinstance(observation, ObserveObject):
             return plus(self._size(observation.among), int(observation.or_none))
         return code.Constant(size_of(observation, types, self._keys, self._metamodel) - 1)

@@ -109,7 +109,7 @@ def guided(behaviour: Behaviour, outcome: int = 1, guide: PatternCall | None = N
 
 
 class Plans:
-    """A planner for one behaviour in many models, which an engine holds one after the other.
+    """A planner for one behaviour in many models, each of which is the current model of an engine in turn.
 
     The first, small searches run in Python. Later searches are compiled with numba if numba is installed.
 
@@ -179,10 +179,9 @@ class Plans:
 
 
 def different_actions(program: Program) -> NDArray[np.int64]:
-    """Return the numbers of the actions that can lead to different states.
+    """Return the numbers of the actions that a search has to try: all, unless agents act together.
 
-    Unless agents act together, these are all actions. A joint action is included if each agent's part can change a
-    state, or is the first of the agent's actions that cannot.
+    Of joint actions that differ only in actions that never have an effect, the result contains only one.
     """
     if not program.behaviour.together:
         return np.arange(len(program.action_names))
@@ -260,7 +259,9 @@ class PlanSearch(Visit):
         self.before, self.by = np.zeros(FIRST, np.int64), np.zeros(FIRST, np.int64)
 
     def plan(self, guides: int) -> Plan:
-        """Search layer by layer for a plan; the first `guides` match counts of observations guide the beam.
+        """Search layer by layer for a plan. The beam keeps the states with the lowest sum of match counts.
+
+        `guides` is the number of match counts in an observation. If it is 0, the beam keeps random states.
 
         Raises:
             EvaluationError, RuleError, NotCompiled: as `enumerated`.
@@ -298,9 +299,9 @@ class PlanSearch(Visit):
         return Plan(inf, (), met, self._limit, self._width if cut else None)
 
     def _expanded(self, first: int, last: int) -> tuple[tuple[int, int] | None, int]:
-        """Visit the successors of states `first` to `last`; return (state, action) that end the episode, and the count.
+        """Visit the successors of the states from `first` to `last - 1`, until one of them ends the episode as wanted.
 
-        The first item is None if no successor has the wanted outcome. The second item is the number of stored states.
+        Returns the state and action that lead to this end, or None; and the number of stored states.
         """
         head, states = first, last
         while True:
@@ -334,7 +335,7 @@ class PlanSearch(Visit):
                 self._raise(head, action, states)
 
     def _cut(self, first: int, last: int, kept: np.ndarray[tuple[int], np.dtype[np.int64]]) -> int:
-        """Reduce the last layer to the states `kept`, and return the new number of states."""
+        """Remove the states from `first` to `last - 1` except for those in `kept`. Return the new number of states."""
         bits = self.floats.view(np.int64)
         self._kernels["forget_last"](self.states, bits, self.hashed, first, last)
         end = first + len(kept)
@@ -344,7 +345,7 @@ class PlanSearch(Visit):
         return end
 
     def _put(self, first: int, rows: _Rows) -> int:
-        """Append states that were cut earlier from a layer, and return the new number of states."""
+        """Append states that a beam removed earlier, as rows from `first` on, and return the new number of states."""
         end = first + len(rows[0])
         if end >= len(self.states) - 1:
             self._grow(first, 0)

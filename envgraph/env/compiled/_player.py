@@ -30,7 +30,7 @@ class Player:
         self._seen = np.zeros((1, max(1, len(program.observation_shape))), dtype=np.int64)
 
     def call(self, name: str, member: int, rng: np.random.Generator, *arguments: Any) -> Any:
-        """Call a function of the program on a member's environment; advance `rng` by the numbers it draws."""
+        """Call a function of the program on a member's environment. `rng` advances by the numbers that are drawn."""
         stream = streams([rng])
         found = self._functions[name](*self._before, member, *self._starts, stream, self._seen, *arguments)
         set_stream(rng, stream[0])

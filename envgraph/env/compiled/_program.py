@@ -174,7 +174,8 @@ def program_over(known: dict[Any, Program], engine: Engine, behaviour: Behaviour
     """Return a program whose only member is the engine's current model; reuse the text of a known program that fits.
 
     Args:
-        known: a cache of programs of the behaviour by object indices, most recently used last; the result is added.
+        known: a cache of programs of the behaviour by object indices, most recently used last. The result is added;
+            if the cache is full, the first program is removed.
         engine, behaviour, keys: see `program_of`.
 
     Raises:

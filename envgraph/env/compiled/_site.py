@@ -37,7 +37,7 @@ class Site(Statements):
         self.enter(self.rule, self.rule.slots, None)
 
     def enter(self, frame: Frame, slots: Slots, row: code.Local | None) -> None:
-        """Let later statements act on a match of this frame."""
+        """Set the current match, on which later statements act: its frame, the values of its slots, and its row."""
         self.frame, self.slots, self.row = frame, slots, row
 
     def unless(self, test: code.Expression) -> None:

@@ -45,7 +45,7 @@ class Statements:
         return failed(error), self.leave
 
     def fail_if(self, test: code.Expression, error: str = "FAILED") -> None:
-        """Append a statement that fails with `error` if the test is true."""
+        """Append code that stores the error code `error` in the state and leaves the function if the test is true."""
         self.add(code.If(test, self.fail(error)))
 
     def written(self) -> code.Body:

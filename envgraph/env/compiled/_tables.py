@@ -113,11 +113,11 @@ class Keys:
     widths: tuple[int, ...]
 
     def sizes(self, stride: int) -> tuple[int, ...]:
-        """Return the number of possible values of each column, with `stride` objects."""
+        """Return the number of possible values of each key column; `stride` is this number for objects."""
         return tuple(width or stride for width in self.widths)
 
     def places(self, rows: Sequence[Row], sizes: Sequence[int]) -> list[int]:
-        """Return the position of each row in the table."""
+        """Return the table position of each row, which is computed from the row's key values."""
         places = [0] * len(rows)
         for position, size in zip(self.positions, sizes, strict=True):
             places = [place * size + int(row[position]) for place, row in zip(places, rows, strict=True)]
@@ -236,7 +236,7 @@ def _packed(bits: NDArray[np.uint8], kind: str = "<i4") -> list[int]:
 
 @dataclass(frozen=True, slots=True)
 class One:
-    """The assumption that each member has at most one distinct row for given key values."""
+    """The assumption that each member has at most one distinct row for each combination of key values."""
 
     keys: Keys
     shown: tuple[int, ...]
@@ -297,7 +297,10 @@ class Single:
 
 
 def members(member: Member, classes: Sequence[str]) -> list[int]:
-    """Return the objects of some concrete classes, ascending, followed by the numbers reserved for created objects."""
+    """Return the numbers of the objects of some concrete classes, ascending.
+
+    If rules create objects of these classes, the numbers reserved for created objects follow.
+    """
     found = sorted(number for cls in classes for number in member.extent(cls, exact=True))
     return found if member.created.isdisjoint(classes) else [*found, *member.spare]
 
@@ -364,7 +367,7 @@ class LinkMatrix(Whole):
 
 @dataclass(frozen=True, slots=True)
 class ClassSet(Whole):
-    """A bit set of the objects of a group that currently have a class."""
+    """A bit set of the objects that currently have a class, among those of a group of classes."""
 
     group: tuple[str, ...]
     cls: str
@@ -508,7 +511,7 @@ Column: TypeAlias = "AttributeColumn | LinkColumn | LinkMatrix | ClassSet"
 
 
 def keys_of(relation: Relation, library: Library, bound: Sequence[int]) -> tuple[Keys, tuple[int, ...]]:
-    """Split bound columns into the columns that form a table position, and the columns with too many values."""
+    """Split bound columns into those that form a table position, and the positions of those with too many values."""
     types = relation.types(library)
     widths = {position: width(types[position]) for position in bound}
     usable = tuple(position for position in bound if widths[position] is not None)

@@ -78,7 +78,7 @@ class Term:
 
 
 def named(value: code.Expression, type_: StaticType | None, sure: str | None = None) -> Term:
-    """Return the term of a variable that certainly has a value."""
+    """Return the term of a value that is never missing, such as the value of a variable."""
     truth = code.equal(value, code.Constant(1)) if type_ is Scalar.BOOL else value
     return Term(truth, type_, sure=sure)
 
@@ -147,7 +147,7 @@ class Terms:
                 return self._function(node)
 
     def _present(self, node: Expression) -> Term:
-        """Emit code for an operand; if the operand has no value, the evaluation fails."""
+        """Return the term of an operand that must have a value: the evaluation fails if the value is missing."""
         term = self.write(node)
         return replace(term, valid=term.tests, present=())
 
@@ -176,7 +176,7 @@ class Terms:
         return Term(named(local, type_).value, type_, owner.valid, present, sure)
 
     def _having(self, owner: Term, cls: str) -> Term:
-        """Add a test that an object is not deleted and still has the class of a feature, unless that is certain."""
+        """Return the term of an object with a test that it still has the class of a feature, unless that is certain."""
         if owner.sure is not None or self._facts.changes.fixed_class(cls):
             return owner
         has = self._facts.is_instance(owner.value, cls)
@@ -319,14 +319,14 @@ def as_float(term: Term) -> code.Expression:
 
 
 def _is_literal(node: Expression) -> bool:
-    """Return True if the expression's enum cannot be inferred from the expression itself."""
+    """Return True for a literal, or a conditional between literals: its enum follows only from the expected type."""
     if isinstance(node, Conditional):
         return _is_literal(node.then) and _is_literal(node.otherwise)
     return isinstance(node, EnumLiteral | Constant)
 
 
 def literal(facts: Facts, value: Value, type_: StaticType) -> Term:
-    """Emit code for a literal of a type."""
+    """Return the term of a literal of a type. Raise `NotCompiled` if it is an int that does not fit into 32 bits."""
     match type_:
         case EnumType():
             return Term(code.Constant(ranks(type_)[str(value)]), type_)

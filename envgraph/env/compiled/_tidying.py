@@ -56,7 +56,7 @@ def tidied(facts: Facts, group: tuple[str, ...]) -> code.Body:
 def _matrix_moved(
     facts: Facts, matrix: LinkMatrix, first: code.Local, used: code.Local
 ) -> list[code.Statement]:
-    """Emit code that moves the rows and columns of created objects in a link matrix."""
+    """Emit code that closes the gaps of deleted objects in the rows and columns of a link matrix."""
     layout = facts.layout
     start, width = layout.offset(matrix), table(layout.offset(Extent(matrix.targets, "count")))
     found: list[code.Statement] = []
@@ -78,7 +78,7 @@ def _matrix_moved(
 
 
 def _moved(facts: Facts, column: Column, first: code.Local, used: code.Local) -> list[code.Statement]:
-    """Emit code that moves the entries of created objects in a column, and updates the object numbers stored there."""
+    """Emit code that closes the gaps of deleted objects in a column, and updates object numbers stored there."""
     layout = facts.layout
     start = layout.offset(column)
     if isinstance(column, LinkMatrix):

@@ -63,7 +63,7 @@ class Clause:
     Attributes:
         types: the classes of the names in scope.
         player: the number of the agent; 0 for shared effects.
-        shared: True if the effect stands outside of `agent` blocks.
+        shared: True if the effect is declared outside of `agent` blocks.
     """
 
     effect: Effect
@@ -105,7 +105,7 @@ class Turn:
         self._pending: list[Pending] = []
 
     def write(self) -> None:
-        """Emit the code of a whole step; the caller adds what follows the last `apply`."""
+        """Emit the code of a whole step, including pending applications of rules. The caller adds the return."""
         writer = self.writer
         waiting = sum(isinstance(one.effect, OnFind) and bool(one.effect.apply) for one in self.clauses)
         if waiting:
@@ -136,7 +136,7 @@ class Turn:
         self._apply_pending()
 
     def _if_there(self, clause: Clause, write: Callable[[], None]) -> None:
-        """Emit the code that `write` adds for a clause, to run only if its agent existed when the step began."""
+        """Emit the code that `write` adds for a clause. Unless shared, it runs only if the agent existed before."""
         there = None if clause.shared else self.players[clause.player].there
         with standing(clause.effect.span):
             if there is None:
@@ -318,7 +318,10 @@ class Turn:
         writer.add(code.For(row, code.call("range", number), writer.collected(write)))
 
     def _row(self, question: Question, place: code.Expression, *, sure: bool) -> dict[str, Term]:
-        """Emit code that loads a match from the row buffers; return the terms of its variables."""
+        """Emit code that loads a match from the row buffers; return the terms of its variables.
+
+        If `sure`, the objects in the match certainly have the classes of the variables.
+        """
         writer, scope = self.writer, {}
         key = writer.key(question)
         loads, values = writer.matching.loaded(key, place)

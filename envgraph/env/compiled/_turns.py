@@ -35,7 +35,7 @@ class Turns:
         self.observation_names = component_names(clauses.behaviour, clauses.keys, len(self.shape))
 
     def bodies(self) -> tuple[code.Body, code.Body, code.Body]:
-        """Emit the bodies of three functions: do a step, test if an action would act, and observe."""
+        """Return the bodies of three functions: do a step, test if an action would have an effect, and observe."""
         blocks = range(len(self._clauses.blocks))
         return (
             self._dispatched([*map(self._turn, blocks)], (ACTION,), NOTHING),
@@ -44,7 +44,7 @@ class Turns:
         )
 
     def begin(self, writer: Writer) -> None:
-        """Emit code for a reset that gives the turn to the first agent whose object exists."""
+        """Emit code that gives the turn to the first agent whose object exists; none if all objects always exist."""
         agents = self._clauses.behaviour.agents
         if not all(self._clauses.changes.fixed_class(agent.cls) for agent in agents):
             self._advance(writer, code.Operation("-", (self._clauses.seat("count"), ONE)))
@@ -52,7 +52,7 @@ class Turns:
     def _dispatched(
         self, functions: Sequence[str], arguments: tuple[code.Local, ...], nothing: code.Return
     ) -> code.Body:
-        """Emit code that calls the function of the block whose turn it is."""
+        """Return code that calls the function of the `agent` block of the agent whose turn it is."""
         agents = self._clauses.behaviour.agents
         if not agents:
             return (code.Return(call(functions[0], NOBODY, *arguments)),)

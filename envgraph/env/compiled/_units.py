@@ -120,7 +120,7 @@ class _Steps:
                     raise NotCompiled(f"`{type(step).__name__.lower()}` in a unit (`{self._name}`)")
 
     def _branch(self, step: Step | None, scope: Scope, done: code.Local) -> None:
-        """Emit code for a block; a missing block succeeds."""
+        """Emit code for a step in a copy of the scope. If the step is None, the code sets `done` to 1."""
         if step is None:
             self._writer.assign(done, ONE)
         else:
@@ -223,7 +223,7 @@ class _Steps:
     # --- calls
 
     def _call(self, step: Call, scope: Scope, done: code.Local) -> None:
-        """Emit code that applies a rule or runs a unit, or only tests if it can be applied."""
+        """Emit code for a call in a unit: it applies the rule or runs the unit, or only tests this, and sets `done`."""
         callee, writer = self._checked.calls[id(step)], self._writer
         words = {"all": step.every, "first": step.first, "top": step.limit is not None, "where": step.where}
         for word, used in words.items():

@@ -92,7 +92,7 @@ class Writer(Statements):
         return local
 
     def keyed(self, cls: str, index: code.Expression) -> code.Local:
-        """Emit code that looks up the object with an index within a class, -1 for none; return its variable."""
+        """Emit code that looks up the object with an index in a class, or -1 if there is none. Return its variable."""
         local, changes = self.facts.local(ObjectType(cls)), self.facts.changes
         objects = self.facts.layout.offset(Keyed(cls, changes.becoming(cls)))
         self.assign(local, table(plus(objects, index)))
@@ -116,7 +116,10 @@ class Writer(Statements):
     # --- calls
 
     def run(self, rule: RuleCall, scope: Mapping[str, Term]) -> Called:
-        """Emit code that evaluates the arguments of a call, then applies its rule at one match or runs its unit."""
+        """Emit code that evaluates the arguments of a call, then applies its rule at one match or runs its unit.
+
+        If the call is `nothing()`, the code only sets `done` to 1.
+        """
         if rule.rule is None:
             done = self.module.fresh("done")
             self.assign(done, ONE)
@@ -268,9 +271,9 @@ class Writer(Statements):
         return there
 
     def applying(self, rule: RuleCall, bound: tuple[str, ...], wanted: tuple[str, ...]) -> str:
-        """Return the name of the function that applies a rule, generated once.
+        """Emit a function that applies a rule at a sampled match, or runs a unit. Return the function's name.
 
-        The function returns 1 and the outputs, 0 without a match, and -1 if the model refuses the rule.
+        It returns 1 and the outputs, 0 without a match or if the unit fails, and -1 after a refusal or an error.
         """
         key = "apply", rule.rule, bound, wanted
         write = unit_function if self._is_unit(rule) else Writer._application
@@ -328,7 +331,7 @@ class Writer(Statements):
         return [types[name] or ObjectType("") for name in wanted]
 
     def alternatives(self, branches: Sequence[Branch], scope: Mapping[str, Term]) -> Called:
-        """Emit code that samples a branch and runs it."""
+        """Emit code that samples a branch and runs it. If the probabilities sum to less than 1, it may run none."""
         if [branch.probability for branch in branches] == [1.0]:
             return self.run(branches[0].call, scope)
         done, drawn = self.module.fresh("done"), self.module.fresh("b")
@@ -354,7 +357,7 @@ class Writer(Statements):
     def _chances(
         self, branches: Sequence[Branch], scope: Mapping[str, Term]
     ) -> tuple[list[code.Expression], code.Expression]:
-        """Return code for the probabilities of branches, and for the remainder to 1, the probability of no branch."""
+        """Return code for the probabilities of branches, and of no branch. The code fails if their sum exceeds 1."""
         given = [branch.probability for branch in branches]
         fixed = [float(one) for one in given if isinstance(one, int | float)]
         if len(fixed) == len(given):
@@ -369,7 +372,7 @@ class Writer(Statements):
         return chances, left
 
     def _chance(self, given: float | Expression, scope: Mapping[str, Term]) -> code.Expression:
-        """Emit code for a probability: 0 if it has no value because an object was deleted."""
+        """Emit code for a probability. It fails if this is not from 0 to 1; if an object is deleted, it is 0."""
         if isinstance(given, int | float):
             return code.Constant(float(given))
         term = self.value(given, scope)

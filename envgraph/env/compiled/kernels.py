@@ -260,14 +260,14 @@ def number_of(S, BITS, HASHED, row):
 
 
 def hash_all(S, BITS, HASHED, first, count):
-    """Add the states of the rows `first` to `count` to the hash table, which contains none of them."""
+    """Add the states of the rows from `first` to `count - 1` to the hash table, which contains none of them."""
     S, BITS = matrix(S), matrix(BITS)
     for row in range(first, count):
         number_of(S, BITS, HASHED, row)
 
 
 def forget(S, BITS, HASHED, row):
-    """Remove the state that was added last from the hash table."""
+    """Remove the state in `row` from the hash table. It must be the state that was added last."""
     place = hash_place(S, BITS, HASHED, row)
     while HASHED[place] != row:
         place = (place + 1) & (len(HASHED) - 1)
