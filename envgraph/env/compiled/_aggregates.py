@@ -21,13 +21,13 @@ PARTS, SPACE = code.Local("parts", "int"), code.Local("space", "int")
 
 
 def count_solutions(body: Body, number: code.Local) -> None:
-    """Emit code that adds 1 to `number`, or all 1 bits if `body` finds many solutions at once, as bits of a word."""
+    """Emit code that adds 1 to `number`, or if `body` finds solutions as bits of a word, the number of 1 bits."""
     one = ONE if body.word is None else code.call("count_bits", body.word.word)
     body.block.add(code.Assign(number, one, "+="))
 
 
 def aggregated(body: Body, goal: AggregateAtom, step: Step) -> None:
-    """Emit code that computes an aggregate and binds the goal's result variable, or compares it if it is bound."""
+    """Emit code that computes an aggregate and binds the goal's result variable, or compares it if already bound."""
     relation = goal.relation
     if goal.function == "count" and isinstance(relation, CallAtom) and not body.static(relation):
         unknown = [v for v in relation.arguments if not body.known(v)]

@@ -40,7 +40,7 @@ def attempts(
     refused at all of them, which also sets the error of the state. It returns -1 after any other error.
 
     Args:
-        writer: of the function that calls the emitted one.
+        writer: the emitter of the function that calls this function.
         rule: the call.
         bound, wanted: the parameters that get values, and the outputs to return.
         asks: True to test only if the rule can be applied. No match is sampled, and the state does not change. The

@@ -22,9 +22,9 @@ from envgraph.env.compiled.kernels import BEYOND, CAPACITY, FULL, OVERFLOW
 from envgraph.errors import EvaluationError
 
 SHOWN: Final = {
-    OVERFLOW: f"a condition or rule has more than {CAPACITY} matches",
-    BEYOND: "an int has more than 32 bits",
-    FULL: "rules create too many objects in one step",
+    OVERFLOW: f"a condition or rule has more than {CAPACITY} matches, the limit of compiled environments",
+    BEYOND: "an int has more than 32 bits, the limit of compiled environments",
+    FULL: "rules create more objects in one step than compiled environments can hold",
 }
 """Messages for errors that only compiled programs have, since the live engine has no such bounds."""
 
@@ -106,7 +106,7 @@ class Batch:
         self._streams[:] = streams(generators)
 
     def go_on(self, other: Batch) -> None:
-        """Replace the random streams by those of another batch with the same number of environments."""
+        """Replace the random streams by copies of those of another batch with the same number of environments."""
         self._streams[:] = other._streams
 
     def reset(self, which: NDArray[np.bool_], uniforms: NDArray[np.float64] = NO_NUMBERS) -> None:
@@ -209,7 +209,9 @@ class Batch:
                 else:
                     simulator.act(action, uniform)
         message = SHOWN.get(error, "a rule cannot be applied, or an expression has no value")
-        raise EvaluationError(message, self.program.behaviour.span, 'step with `engine="live"`')
+        raise EvaluationError(
+            message, self.program.behaviour.span, 'make the environment with `engine="live"`'
+        )
 
     @contextmanager
     def model_of(self, row: int) -> Iterator[Simulator]:

@@ -60,7 +60,7 @@ class Blocks:
         leave: the statement that ends the function if the row buffers are too small.
 
     Attributes:
-        frames: of the rule and of each block, in the order of the rule's text.
+        frames: the frames of the rule and of each block, in the order of the rule's text.
     """
 
     def __init__(self, matching: Matching, plan: RulePlan, slots: Slots, leave: code.Return) -> None:

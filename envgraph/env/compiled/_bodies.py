@@ -84,7 +84,7 @@ class Body:
         self.matching.module.needs(self._levels + 1)
 
     def values(self, key: ViewKey) -> list[code.Expression]:
-        """Return the values at the output positions of a view key."""
+        """Return the expressions of the values at the output positions of a view key."""
         return [self.source(self.conjunction.parameters[position]) for position in key.outputs]
 
     def in_order(self, key: ViewKey) -> bool:
@@ -101,7 +101,7 @@ class Body:
     def begin(self, key: ViewKey, given: Sequence[code.Expression], sure: bool) -> None:
         """Bind the parameters of a pattern to `given` values at the bound positions of a view key.
 
-        A parameter that two positions share is tested for equality. `sure` if objects are of the parameters' classes.
+        Two values of the same variable are compared. With `sure`, objects are known to be of the parameters' classes.
         """
         types = self.facts.library.parameter_types(key.pattern)
         for position, value in zip(key.bound, given, strict=True):

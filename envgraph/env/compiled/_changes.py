@@ -183,11 +183,13 @@ class _Found:
                     self._reference(reference)
                     if self.metamodel.containment(reference, 0, 1) and not _alone(change, body):
                         raise NotCompiled(
-                            f"a rule that sets a container among other changes (`{reference}`)", change.span
+                            f"a rule that sets a container and may change other links (`{reference}`)",
+                            change.span,
                         )
                     if isinstance(change, SetTargets) and reference.many and not self._replaced(change, body):
                         raise NotCompiled(
-                            f"a rule that sets many targets among other changes (`{reference}`)", change.span
+                            f"a rule that sets several targets and may change other links (`{reference}`)",
+                            change.span,
                         )
                 case SetValue(_, attribute) | Increase(_, attribute):
                     self.written.add(attribute.index)
@@ -334,7 +336,7 @@ def _alone(change: SetTargets | ChangeTargets, body: BlockPlan) -> bool:
 
 
 class StaticPatterns:
-    """The set of patterns whose matches never change. Test with `in`."""
+    """The set of the patterns whose matches rules cannot change; `name in patterns` tests for a pattern."""
 
     def __init__(self, changes: Changes, library: Library, calls: CallGraph) -> None:
         self._changes = changes

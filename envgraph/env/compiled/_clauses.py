@@ -104,7 +104,7 @@ class Clauses:
         return Writer(self.matching, self.engine, self.behaviour.name, leave)
 
     def seat(self, of: Literal["object", "block", "count"], turn: code.Expression = ZERO) -> code.Expression:
-        """Return code that reads the object or the block number of an agent by its number, or the number of agents."""
+        """Return code for the object or block number of the agent with number `turn`, or for the number of agents."""
         return table(
             plus(self.layout.offset(Seats(tuple(one.cls for one in self.behaviour.agents), of)), turn)
         )

@@ -161,7 +161,7 @@ def single_attributes(metamodel: Metamodel, classes: Iterable[str]) -> dict[int,
 
 
 def holds_content(metamodel: Metamodel, reference: Reference, forward: bool) -> bool:
-    """Return True if a reference's sources contain its targets; or its targets the sources, if not `forward`."""
+    """Return True if a reference's sources (if not `forward`, its targets) contain the objects at the other end."""
     held = metamodel.containment(reference, True, False)
     return held is not None and held[1] is forward
 

@@ -141,7 +141,7 @@ class Pairs:
     def _test(self, a: Claim, fa: Frame, sa: Slots, b: Claim, fb: Frame, sb: Slots) -> code.Expression | None:
         """Return code that tests if claim `a` contradicts claim `b`, or None if it never does.
 
-        Two kinds contradict each other in one order only, such as "gone" and "touched". `fa` and `sa` are of claim `a`.
+        Claims of two kinds are tested in one order only, so try both orders. `fa`, `sa` are the frame and slots of `a`.
         """
         metamodel = self._metamodel
         parts: list[code.Expression | None] = []
@@ -355,7 +355,7 @@ def check_kept(site: Site) -> None:
 
 
 def _check_alive(site: Site, slot: int, cls: str) -> None:
-    """Emit code that refuses the rule if the object in a slot is deleted, unless the rule deletes it by name."""
+    """Emit code that refuses the rule if the object in a slot is deleted, unless a `delete` action names the object."""
     alive = site.facts.alive(site.slots[slot], cls)
     if alive is not None:
         same = [code.equal(site.slots[slot], site.slots[delete.node]) for delete in site.rule.plan.deletes]

@@ -260,7 +260,10 @@ class Visit:
             self._grow(0, len(self.to))
 
     def _grow(self, states: int, used: int) -> None:
-        """Enlarge the arrays of states, of outcomes, or both, if half full; those of states also if `states` is 0."""
+        """Enlarge the arrays of states if they are half full or `states` is 0, else the arrays of outcomes.
+
+        If both are half full, enlarge both. `used` is the number of outcomes.
+        """
         outcomes = 2 * used >= len(self.to)
         if 2 * states >= len(self.states) - 1 or states == 0:
             size = 4 * len(self.states)
@@ -298,7 +301,7 @@ class Visit:
                 simulator.observe()
         self.full = bool(self.states[row, ERROR] == FULL)
         bounds = f"{CAPACITY} matches of a condition, {program.spare} created objects, ints of 32 bits"
-        raise NotCompiled(f"a state that exceeds a limit: {bounds}")
+        raise NotCompiled(f"a state that exceeds one of the limits: {bounds}")
 
     def _allowed(self, states: int) -> NDArray[np.bool_]:
         """Return the action masks [states, actions]: True if an action has an effect, or if none of the state has."""

@@ -82,8 +82,8 @@ def export(
 
     Args:
         program: the compiled behaviour with a family.
-        folder: of the package; must be empty or missing.
-        name: of the environment.
+        folder: the folder of the package; must be empty or missing.
+        name: the name of the environment.
         members: names of the members.
         limit: steps after which an episode is truncated; None for no limit.
 

@@ -62,7 +62,7 @@ class Module:
         return code.Local(f"{prefix}{next(self._fresh)}", type_)
 
     def add(self, prefix: str, parameters: Sequence[code.Local], body: code.Body) -> str:
-        """Add a function, and return its name. Its parameters follow those of the state."""
+        """Add a function with the state and `parameters` as its parameters, and return the function's name."""
         name = f"{prefix}{len(self.functions)}"
         self.functions.append(code.Function(name, (*STATE, *parameters), body))
         self.levels[name] = self._open[-1]
@@ -77,7 +77,7 @@ class Module:
 
     @contextmanager
     def trial(self) -> Iterator[None]:
-        """Discard all functions that are added within the context."""
+        """Return a context at whose end all functions that were added within it are discarded."""
         functions, levels, names = [*self.functions], {**self.levels}, {**self._names}
         with self.writing():
             yield
@@ -103,7 +103,7 @@ class Module:
 
 @dataclass(frozen=True, slots=True)
 class WordOf:
-    """A word of a bit set, in a loop over the words of a group; `number` is the word's index."""
+    """A word of a bit set over the objects of a group of classes; `number` is the word's index in the bit set."""
 
     group: tuple[str, ...]
     word: code.Local
@@ -142,7 +142,7 @@ class Facts:
     ) -> dict[int, code.Local]:
         """Emit code that runs later statements for each row of a static relation with the bound values.
 
-        If no positions are wanted, the code only tests if there is such a row.
+        If no positions are wanted, the code only tests if a row exists.
 
         Returns:
             The variables that hold the values at the wanted positions.
@@ -334,7 +334,10 @@ class Facts:
     def related(
         self, relation: Relation, bound: Mapping[int, code.Expression], position: int
     ) -> tuple[Keys, int, code.Expression] | None:
-        """Return the argument `within` of `words` for rows with the bound values, or None if bit sets are of no use."""
+        """Return the argument `within` of `words` for rows with the bound values.
+
+        Returns None if at most one row has these values, or if a value cannot be an index of a table.
+        """
         keys, rest = keys_of(relation, self.library, tuple(bound))
         if rest or self.layout.functional(One(keys, (position,))):
             return None

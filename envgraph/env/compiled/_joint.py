@@ -21,14 +21,14 @@ class Joint:
     """An emitter of a step in which all agents act; see the docstring of `Simulator`.
 
     Args:
-        clauses: of the behaviour.
+        clauses: the clauses of the behaviour.
         seats: names of the agents, and the numbers of their blocks.
 
     Raises:
         EvaluationError: there are too many joint actions.
 
     Attributes:
-        action_names: of the joint actions.
+        action_names: the names of the joint actions.
         shape, observation_names: sizes and names of the components of an observation: those of each agent, then the
             shared ones.
     """
@@ -64,7 +64,7 @@ class Joint:
         return (code.Return(call(name, ACTION)),)
 
     def _may(self) -> code.Body:
-        """Return the body of a test that each existing agent can do its part of the joint action, or no action."""
+        """Return the body of a test that each existing agent can do its part of a joint action, or can do nothing."""
         clauses = self._clauses
         may = [*map(clauses.may, range(len(clauses.blocks)))]
         names = code.Constant(len(clauses.moves[0].names))

@@ -193,7 +193,7 @@ class Layout:
                 offsets[number] = ends[symbol.of]
                 if ends[symbol.of] > CAPACITY:  # The saved state needs the space of the rows.
                     raise NotCompiled(
-                        "a rule in a unit that may be refused, and states too large to save for it"
+                        "a rule in a unit that may be refused, and states too large to be restored"
                     )
         count = len(filled)
         arrays: dict[str, NDArray[Any]] = {
@@ -243,7 +243,7 @@ def listed(first: code.Expression, others: Sequence[code.Expression]) -> code.Ex
 
 
 def entry(array: code.Expression, *places: code.Expression | int) -> code.Index:
-    """Return code for an entry of an array."""
+    """Return code for the entry of an array at one or more indices."""
     keys = [code.Constant(place) if isinstance(place, int) else place for place in places]
     return code.Index(array, code.tuple_of(*keys) if len(keys) > 1 else keys[0])
 

@@ -76,7 +76,7 @@ class Learner:
         )
         if self._of_states or not same:
             raise InvalidArgument(
-                "programs must agree in actions and observations, and values must be of observations"
+                "both programs need the same actions and observations, and the learner must have `of_states=False`"
             )
         self._player = Player(program, "learn")
 
@@ -94,12 +94,12 @@ class Learner:
         """Learn in the environment of a member, beginning with a new episode.
 
         Args:
-            member: its number.
+            member: the number of the member.
             points: numbers of steps at which a point of the curve is recorded; training ends at the last.
             rates: hyperparameters.
             epsilon: exploration rate at the beginning.
             limit: steps after which an episode is truncated.
-            rng: over PCG64; is advanced.
+            rng: a generator over PCG64, which is advanced.
             draws: bit set of `OUTCOMES` and `STARTS`: random numbers to draw besides those for actions. Results equal
                 those of a trainer over tables that draws the same numbers.
 
@@ -151,10 +151,10 @@ class Learner:
         """Play episodes with the greedy policy. Return the success rate (0 to 1), mean return and mean steps.
 
         Args:
-            member: its number.
+            member: the number of the member.
             episodes: number of episodes.
             limit: steps after which an episode is truncated.
-            rng: over PCG64; is advanced.
+            rng: a generator over PCG64, which is advanced.
 
         Raises:
             EvaluationError: as `train`.

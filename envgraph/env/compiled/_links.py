@@ -290,7 +290,7 @@ class Links:
         self._site.add(code.If(there, (code.Assign(place, other),)))
 
     def _make_room(self, stored: LinkColumn, reference: Reference, target: code.Expression) -> None:
-        """Emit code that removes the link to a target whose opposite is single-valued.
+        """Emit code that removes the former link to a target, if the reference has a single-valued opposite.
 
         If the opposite has another maximum, the code refuses the rule when the target has too many sources.
         """

@@ -163,7 +163,7 @@ class Matching:
         try:
             return self.planner.view(key)
         except Unplannable:
-            raise NotCompiled(f"a use of `{key.pattern}` without values for its inputs") from None
+            raise NotCompiled(f"a call of `{key.pattern}` before its inputs have values") from None
 
     def _shape(self, key: ViewKey, sure: bool) -> Shape:
         """Return how the rows of a view are found, by emitting its bodies on trial."""

@@ -128,7 +128,7 @@ class Objects:
         return found
 
     def _delete_whole(self, concrete: tuple[str, ...], slot: int) -> None:
-        """Emit a call of a function that deletes an object and its contents, and leave if the function refuses this."""
+        """Emit code that calls a function to delete an object and its contents, and leaves if this is refused."""
         facts, site = self._facts, self._site
         function = deleting(facts, concrete, site.plan.lossy)
         levels = len(site.blocks.frames) - 1
@@ -140,7 +140,7 @@ class Objects:
     def _drop(
         self, reference: Reference, node: code.Expression, cls: str, *, forward: bool, clears: bool
     ) -> None:
-        """Emit code that removes an object's links of a reference if `clears`; otherwise the code refuses the rule.
+        """Emit code that removes an object's links of a reference, or if not `clears`, refuses the rule if any exist.
 
         Args:
             reference, node, cls: the reference, the object, and the object's known class.

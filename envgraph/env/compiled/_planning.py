@@ -46,7 +46,7 @@ class Plan:
     """The result of a search for a sequence of actions that ends an episode with success or failure.
 
     >>> str(Plan(inf, (), 124, 20_000, None)), str(Plan(2.0, ("go", "eat"), 25_040, 20_000, 500))
-    ('none: 124 states are all there are', 'at most 2 steps, found by a beam of 500 states after the first 20,000')
+    ('none: all 124 states were searched', 'at most 2 steps, found by a beam of 500 states after the first 20,000')
 
     Attributes:
         steps: the length of the plan; infinite if the search found no plan.
@@ -76,7 +76,7 @@ class Plan:
                 f"after the first {self.limit:,}"
             )
         if self.width is None:
-            return f"none: {self.states:,} states are all there are"
+            return f"none: all {self.states:,} states were searched"
         return (
             f"none within {self.states:,} states, by a beam of {self.width:,} after the first {self.limit:,}"
         )

@@ -209,7 +209,7 @@ class Listed:
 
 @dataclass(frozen=True, slots=True)
 class SetsOf(Whole):
-    """A table of bit sets: for given key values, the objects of a group that the rows have in a column."""
+    """A table with a bit set for each combination of key values: the objects of a group that these rows contain."""
 
     keys: Keys
     position: int

@@ -319,7 +319,7 @@ def as_float(term: Term) -> code.Expression:
 
 
 def _is_literal(node: Expression) -> bool:
-    """Return True for a literal, or a conditional between literals: its enum follows only from the expected type."""
+    """Return True for literals and conditionals of literals, because their enum follows only from the expected type."""
     if isinstance(node, Conditional):
         return _is_literal(node.then) and _is_literal(node.otherwise)
     return isinstance(node, EnumLiteral | Constant)

@@ -136,7 +136,7 @@ class Turn:
         self._apply_pending()
 
     def _if_there(self, clause: Clause, write: Callable[[], None]) -> None:
-        """Emit the code that `write` adds for a clause. Unless shared, it runs only if the agent existed before."""
+        """Emit the code that `write` adds for a clause. Unless shared, it runs only if its agent existed before."""
         there = None if clause.shared else self.players[clause.player].there
         with standing(clause.effect.span):
             if there is None:

@@ -44,7 +44,7 @@ class Turns:
         )
 
     def begin(self, writer: Writer) -> None:
-        """Emit code that gives the turn to the first agent whose object exists; none if all objects always exist."""
+        """Emit code that gives the turn to the first agent whose object exists, or no code if all always exist."""
         agents = self._clauses.behaviour.agents
         if not all(self._clauses.changes.fixed_class(agent.cls) for agent in agents):
             self._advance(writer, code.Operation("-", (self._clauses.seat("count"), ONE)))

@@ -308,7 +308,10 @@ class _Steps:
         return tests
 
     def _may_be_refused(self, call: RuleCall, given: Mapping[str, code.Expression]) -> bool:
-        """Return True if the model may refuse a change of the rule, so that the unit has to try another match."""
+        """Return True if the model may refuse a change of the rule, so that the unit has to try another match.
+
+        Raise `NotCompiled` if it may, and the rule's matches may contradict each other.
+        """
         module, found = self._writer.module, False
         with module.trial():
             name = self._writer.applying(call, tuple(given), ())

@@ -15,12 +15,12 @@ NO_NUMBERS, NO_ACTIONS = np.zeros(0), np.zeros(0, dtype=np.int64)
 
 
 class Arrays(NamedTuple):
-    """The data of a family, with a row for each member.
+    """The data of a family, with a row for each member. The letters are the names of the arrays in programs.
 
     Attributes:
         tables: int32 [members, ..], `T`.
         reals: float64 [members, ..], `G`.
-        offsets: int64 [..], `L`.
+        offsets: int64 [..], `L`, the same for all members.
         ints, floats: int64 and float64 [members, ..]: the initial states, `S` and `F`.
     """
 

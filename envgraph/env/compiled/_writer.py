@@ -174,7 +174,7 @@ class Writer(Statements):
         return Called(done, dict(zip(wanted.values(), terms, strict=True)))
 
     def can_run(self, branches: Sequence[Branch], scope: Mapping[str, Term], can: code.Local) -> None:
-        """Emit code that sets the variable `can` to 1 if a branch with positive probability can act."""
+        """Emit code that sets the variable `can` to 1 if the call of a branch with positive probability can succeed."""
         for chance, branch in zip(self._chances(branches, scope)[0], branches, strict=True):
             possible = code.Operation(">", (chance, code.Constant(0.0)))
             self.when(possible, lambda call=branch.call: self._can_call(call, scope, can))  # type: ignore[misc]
@@ -372,7 +372,7 @@ class Writer(Statements):
         return chances, left
 
     def _chance(self, given: float | Expression, scope: Mapping[str, Term]) -> code.Expression:
-        """Emit code for a probability. It fails if this is not from 0 to 1; if an object is deleted, it is 0."""
+        """Emit code for a probability, 0 if an object was deleted. It fails if the value is not from 0 to 1."""
         if isinstance(given, int | float):
             return code.Constant(float(given))
         term = self.value(given, scope)

@@ -16,7 +16,7 @@ def best_of(row, actions):
 
 
 def mean_of(row, actions, epsilon):
-    """Return the expected value of an epsilon-greedy action."""
+    """Return the expected value of an epsilon-greedy action: the best with probability 1 - epsilon, else any."""
     total = 0.0
     for action in range(actions):
         total += row[action]
@@ -33,7 +33,7 @@ def greedy(row, first, actions):
 
 
 def worth(row, action, actions):
-    """Return the value of an action, or the sum of its two values."""
+    """Return the value of an action, or for double Q-learning the sum of its two values."""
     return row[action] if len(row) == actions else row[action] + row[actions + action]
 
 

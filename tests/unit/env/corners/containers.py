@@ -130,7 +130,7 @@ REFUSED = {
     "a rule with blocks that deletes a container and its contents": wrong(
         "lhs { y : Yard; } forall { lhs { b : Box; i : Item; } modify { delete [[b]]; delete i; } } modify { }"
     ),
-    "a rule that sets a container among other changes (`Box.item`)": wrong(
+    "a rule that sets a container and may change other links (`Box.item`)": wrong(
         "lhs { b : Box; i : Item; } modify { [[set b.item = i;]] set i.pair = i; }"
     ),
 }

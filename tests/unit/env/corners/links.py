@@ -240,10 +240,10 @@ CORNERS = {
 }
 
 REFUSED = {
-    "a rule that sets many targets among other changes (`Box.inner`)": wrong(
+    "a rule that sets several targets and may change other links (`Box.inner`)": wrong(
         "lhs { b : Box; c : Box; } modify { [[set b.inner = c;]] }"
     ),
-    "a rule that sets many targets among other changes (`Man.visited`)": wrong(
+    "a rule that sets several targets and may change other links (`Man.visited`)": wrong(
         "lhs { m : Man; n : Man; } modify { [[set m.visited = none;]] set n.visited = none; }"
     ),
 }
