@@ -73,7 +73,7 @@ class Body:
         self._levels = 0
 
     def called(self, name: str, values: Sequence[code.Expression]) -> code.Call:
-        """Return the call of an emitted function. Its rows begin behind the rows that this body uses."""
+        """Return a call of an emitted function, and record the call. Its rows begin behind those of this body."""
         self.matching.module.uses(name, self._levels)
         return call(name, *values, top=self._top)
 

@@ -138,7 +138,7 @@ class Changes:
         return feature.index not in known
 
     def group_of(self, cls: str) -> tuple[str, ...] | None:
-        """Return the group that contains a concrete class, or None if no group does."""
+        """Return the group of classes that contains a concrete class, or None if no group does."""
         return next((group for group in self.groups if cls in group), None)
 
     def becoming(self, cls: str) -> tuple[str, ...]:

@@ -100,7 +100,7 @@ class Clauses:
         self.moves = [Moves(number, own, names) for number, own in enumerate(numbered)]
 
     def writer(self, leave: code.Return) -> Writer:
-        """Return a writer of statements for a function that ends with `leave` where the live engine raises an error."""
+        """Return a new emitter of the statements of a function, which ends with `leave` after an error."""
         return Writer(self.matching, self.engine, self.behaviour.name, leave)
 
     def seat(self, of: Literal["object", "block", "count"], turn: code.Expression = ZERO) -> code.Expression:

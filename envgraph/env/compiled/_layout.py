@@ -150,7 +150,7 @@ class Layout:
         return {symbol.text for symbol in self._numbers if isinstance(symbol, Text)}
 
     def arrays(self, members: Iterable[Member], stride: int, strings: Mapping[str, int]) -> Arrays:
-        """Compute the tables and initial states of a family.
+        """Compute the tables, offsets and initial states of a family.
 
         Args:
             members: consumed one by one, since an engine may hold only one member at a time.

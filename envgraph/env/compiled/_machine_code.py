@@ -21,7 +21,7 @@ _config: Any = config
 
 
 def keep_machine_code(function: Any, source: str, cache: Any) -> None:
-    """Make a function that numba compiles load and save its machine code.
+    """Make a function that numba compiles load and save its machine code, if there is a cache directory.
 
     Args:
         function: compiled by `numba.njit`.

@@ -38,7 +38,7 @@ class Matching:
     """An emitter of functions that find the rows of a view: the values of a pattern's matches at its output positions.
 
     The functions get values for the bound positions. In all methods, `sure` means that given objects are known to be of
-    the classes of the parameters.
+    the classes of the parameters. `NotCompiled` is raised for recursive patterns.
 
     Args:
         facts: reads the model.
@@ -117,7 +117,7 @@ class Matching:
         return tuple(code.Assign(local, place) for local, place in zip(found, places, strict=True)), found
 
     def _places(self, key: ViewKey, row: code.Expression) -> list[code.Index]:
-        """Return the cells that store the values of a row."""
+        """Return the cells that store the values of a row, and make the row buffers wide enough for them."""
         types = self.types(key)
         self.module.width = max(self.module.width, len(types))
         spaces = [RF if type_ is Scalar.FLOAT else RI for type_ in types]

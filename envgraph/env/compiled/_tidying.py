@@ -25,7 +25,7 @@ def tidied(facts: Facts, group: tuple[str, ...]) -> code.Body:
 
     Args:
         facts: emits code that reads the model; all columns of the program must be registered already.
-        group: the classes whose objects rules create.
+        group: the classes whose objects rules create. If rules delete none of them, the body does nothing.
     """
     layout, fresh = facts.layout, facts.module.fresh
     if facts.changes.deleted.isdisjoint(group):

@@ -136,7 +136,7 @@ class Turn:
         self._apply_pending()
 
     def _if_there(self, clause: Clause, write: Callable[[], None]) -> None:
-        """Emit the code that `write` adds for a clause. Unless shared, it runs only if its agent existed before."""
+        """Emit the code that `write` adds for a clause. A clause of one agent runs only if its agent existed before."""
         there = None if clause.shared else self.players[clause.player].there
         with standing(clause.effect.span):
             if there is None:
@@ -357,7 +357,7 @@ class Turn:
         self.writer.when(code.equal(holds, ONE), write)
 
     def _apply_one(self, each: Pending, given: Expression, row: code.Local, first: code.Local) -> None:
-        """Emit code that samples one pending match, with probabilities by weight, and applies the rule."""
+        """Emit code that samples one of the pending matches that still hold, by weight, and applies the rule there."""
         writer, rows = self.writer, code.call("range", each.number)
         left, weight, share = (writer.module.fresh(name, "float") for name in ("left", "w", "p"))
         none = code.Constant(0.0)

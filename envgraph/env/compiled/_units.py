@@ -331,7 +331,7 @@ class _Steps:
     # --- conditions
 
     def _holds(self, step: If, scope: Scope) -> code.Expression:
-        """Emit code that tests the condition of an `if`."""
+        """Return code that tests the condition of an `if`. Raise `NotCompiled` if it asks if a rule can be applied."""
         if id(step) in self._checked.asked:
             raise NotCompiled(f"an `if` in a unit that asks whether a rule can be applied (`{self._name}`)")
         if isinstance(step.condition, Check):
