@@ -24,7 +24,7 @@ from envgraph.errors import EvaluationError
 SHOWN: Final = {
     OVERFLOW: f"a condition or rule has more than {CAPACITY} matches, the limit of compiled environments",
     BEYOND: "an int has more than 32 bits, the limit of compiled environments",
-    FULL: "rules create more objects in one step than compiled environments can hold",
+    FULL: "rules create too many objects in one step for compiled environments",
 }
 """Messages for errors that only compiled programs have, since the live engine has no such bounds."""
 
