@@ -49,7 +49,7 @@ class ConstraintsSpec:
 
 @dataclass(frozen=True, slots=True)
 class MutationSpec:
-    """The `[mutation]` table; the defaults are the paper's.
+    """The `[mutation]` table; the defaults are those of the paper (X. Liu and I. David, 2026).
 
     Attributes:
         rules: names of rules, units and derived groups.
@@ -68,7 +68,7 @@ class MutationSpec:
 
 @dataclass(frozen=True, slots=True)
 class SearchSpec:
-    """The `[search]` table; the defaults are the paper's.
+    """The `[search]` table; the defaults are those of the paper (X. Liu and I. David, 2026).
 
     Attributes:
         generations: number of generations; None for no limit (another stop criterion is then required).
@@ -148,7 +148,7 @@ class CurriculumSpec:
 
 @dataclass(frozen=True, slots=True)
 class EpsilonSpec:
-    """The `epsilon` of `[training]`: it begins at `start` and is multiplied by `decay` down to `minimum`."""
+    """The exploration rate `epsilon` of `[training]`: from `start`, it is multiplied by `decay` down to `minimum`."""
 
     start: float = key(1.0, Section.number, low=0, high=1)
     decay: float = key(0.995, Section.number, low=0, high=1)
@@ -168,7 +168,7 @@ def _epsilon(top: Section, name: str, default: EpsilonSpec) -> EpsilonSpec:
 
 @dataclass(frozen=True, slots=True)
 class TrainingSpec:
-    """The `[training]` table; the defaults are the published settings."""
+    """The `[training]` table; the defaults are those of the paper (X. Liu and I. David, 2026)."""
 
     agent: str = key(
         "q_learning", Section.choice, known=("q_learning", "sarsa", "expected_sarsa", "double_q_learning")
@@ -228,13 +228,16 @@ class FamilySpec:
     source: Source | None = field(default=None, compare=False, repr=False)
 
     def has_key(self, *key: str) -> bool:
-        """Return True if the file has an objective and this key, such as "search", "population"."""
+        """Return True if the family has an objective and its file has this key, such as "search", "population"."""
         text = self.objective.text if self.objective else None
         return text is not None and key in text.values
 
     @property
     def steps_are_free(self) -> bool:
-        """Return True if the file fixes no steps for each member, so that a search with an objective chooses them."""
+        """Return True if the file does not set the number of training steps on each member, or has no objective.
+
+        A search with an objective then chooses the steps itself.
+        """
         steps = ("training", "steps_per_environment"), ("objective", "steps")
         return not any(self.has_key(*key) for key in steps)
 
@@ -246,12 +249,12 @@ class FamilySpec:
 
     @property
     def evolves(self) -> bool:
-        """Return True if the genetic algorithm generates the family; False if it is climbed as a whole, or sampled."""
+        """Return True if the genetic algorithm generates the family, not a search over whole families or samples."""
         return not self.climbs and self.samples is None
 
     @property
     def climbs(self) -> bool:
-        """Return True if the search climbs over whole families; False if members are selected or sampled one by one."""
+        """Return True if the search changes whole families to improve the objective, instead of single members."""
         found = self.objective
         whole = found is not None and (found.kind != EXPRESSIONS or found.options.get("search") == "climb")
         return whole and self.samples is None

@@ -96,7 +96,10 @@ def _other_format(name: str, format: str | None) -> Diagnostic:
 
 
 def _no_family(path: str, problem: Diagnostic) -> Diagnostic:
-    """Return a clearer error for a path without extension, which probably means a directory or bundled domain."""
+    """Return a clearer error if a missing file has a name without extension: probably a directory or bundled domain.
+
+    Return any other problem unchanged.
+    """
     if problem.code != "missing-file" or problem.hint or "." in path.rpartition("/")[2]:
         return problem
     families = [one for one in bundled_domains() if data_path("rules", one, FAMILY_FILE).is_file()]

@@ -36,31 +36,31 @@ class Options:
         )
 
     def number(self, name: str, default: float, low: float, high: float) -> float:
-        """Read a number from `low` to `high`, both included."""
+        """Return a number from `low` to `high`, both included; the default if it is missing or wrong."""
         return float(self._table.number(name, default, low, high))
 
     def integer(self, name: str, default: int, low: int, most: int) -> int:
-        """Read an integer of at least `low` and at most `most` (times `ENVGRAPH_LIMITS`)."""
+        """Return an integer of at least `low` and at most `most` (times `ENVGRAPH_LIMITS`); the default otherwise."""
         found: int = self._table.integer(name, default, low, most)
         return found
 
     def word(self, name: str, default: str, known: Sequence[str]) -> str:
-        """Read one of the words in `known`."""
+        """Return one of the words in `known`; the default if the option is missing or wrong."""
         return self._table.choice(name, default, known)
 
     def name(self, name: str) -> str:
-        """Read a required name; return "" if it is missing, which is reported."""
+        """Return a required name; return "" if it is missing or wrong, which is reported."""
         found = self._table.string(name)
         if not self.given(name):
             self._table.missing(name, f'write `{name} = "..."`')
         return found.text if found else ""
 
     def name_or_none(self, name: str) -> str | None:
-        """Read an optional name; return None if it is missing."""
+        """Return an optional name; return None if it is missing, and "" if it is wrong."""
         return self.name(name) if self.given(name) else None
 
     def names(self, name: str) -> tuple[str, ...]:
-        """Read a required name or nonempty list of names."""
+        """Return a required name or nonempty list of names; an empty tuple if it is missing or wrong."""
         value = self._table.take(name)
         found = [value] if isinstance(value, str) else value
         if isinstance(found, list) and found and all(isinstance(one, str) for one in found):
@@ -68,7 +68,7 @@ class Options:
         return self._wrong(name, "a name or a list of names", (), '["..."]')
 
     def integers(self, name: str, default: list[int], low: int, most: int) -> tuple[int, ...]:
-        """Read an integer or a nonempty list of integers, each from `low` to `most`."""
+        """Return an integer or a nonempty list of integers, from `low` to `most`; the default or `(low,)` if wrong."""
         value = self._table.take(name) if self.given(name) else default
         found = value if isinstance(value, list) else [value]
         if not found or not all(type(one) is int and low <= one for one in found):
@@ -81,14 +81,14 @@ class Options:
         return tuple(found)
 
     def number_or(self, name: str, word: str) -> float | str | None:
-        """Read a number or the word `word`; return None if the option is missing."""
+        """Return a number or the word `word`; None if the option is missing or wrong."""
         value = self._table.take(name)
         if value is None or value == word or (type(value) in (int, float) and abs(value) <= LARGEST):
             return value  # type: ignore[no-any-return]
         return self._wrong(name, f'a number or "{word}"', None, f'"{word}"')
 
     def range(self, name: str, default: tuple[float, float]) -> tuple[float, float]:
-        """Read a pair of numbers, the lower first."""
+        """Return a pair of numbers, the lower first; the default if it is missing or wrong."""
         value = self._table.take(name) if self.given(name) else list(default)
         fits = isinstance(value, list) and len(value) == 2 and all(type(one) in (int, float) for one in value)
         if fits and -LARGEST <= value[0] < value[1] <= LARGEST:
@@ -104,7 +104,7 @@ class Options:
     def finish(self) -> None:
         """Report every option that was not read.
 
-        If there is one, remove the errors for missing options: it is probably a misspelt name of one of them.
+        If there is one, remove the errors for missing options, because the unknown option is probably a misspelt one.
         """
         if not self._table.asked.keys() >= self._table.data.keys():
             self.problems[:] = [problem for problem in self.problems if problem.code != "missing-key"]

@@ -126,7 +126,7 @@ class Section:
         return self.data.get(key)
 
     def read(self, spec: type[Spec]) -> Spec:
-        """Return the table as an instance of a dataclass whose fields are made by `key`."""
+        """Return the table as an instance of a dataclass whose fields are made by `key`; report unknown keys."""
         made: Any = spec
         found = {one.name: one.metadata["read"](self, one.name, one.default) for one in fields(made)}
         self.finish()
@@ -207,7 +207,7 @@ class Section:
         return default
 
     def names(self, key: str, default: tuple[Name, ...] = ()) -> tuple[Name, ...]:
-        """Read a list of names; a single name is a list of length 1."""
+        """Return a list of names, or a single name as a list; report and leave out duplicates and other values."""
         value = self.take(key)
         if value is None:
             return default
@@ -230,7 +230,7 @@ class Section:
     def choices(
         self, key: str, default: tuple[Name, ...], what: str, known: tuple[str, ...]
     ) -> tuple[Name, ...]:
-        """Read a list of names, each of which must be in `known`."""
+        """Return a list of names; report names that are not in `known`, but keep them. `what` is their noun in messages."""
         found = self.names(key, default)
         for one in found:
             if one.text not in known and one.span:
@@ -241,14 +241,14 @@ class Section:
     def unless_false(
         self, key: str, default: Any, off: object, read: Callable[..., Any], **limits: Any
     ) -> Any:
-        """Read a key with `read`; return `off` if its value is `false`."""
+        """Return `off` if the value of the key is `false`; otherwise read the key with `read`."""
         if self.data.get(key) is not False:
             return read(self, key, default, **limits)
         self.take(key)
         return off
 
     def table(self, key: str) -> Section:
-        """Return the nested table of this key; an empty one if it is missing.
+        """Return the nested table of this key; an empty one if it is missing or not a table, which is reported.
 
         If it is missing, a table with a similar name is read instead; `finish` then reports that name as unknown.
         """
@@ -284,7 +284,10 @@ class Section:
         return value[0], value[1]
 
     def component(self, role: str, default: str | None, word: str = "kind") -> ComponentSpec | None:
-        """Return this table as a component; the key `word` names its kind. Report a missing kind and return None."""
+        """Return this table as a component with a role such as "parents"; its kind is the value of the key `word`.
+
+        If this key is missing and `default` (a kind) is None, report this and return None.
+        """
         kind = self.string(word, default)
         if kind is None:
             near = next((key for key in self.data if did_you_mean(key, [word])), None)
@@ -302,7 +305,7 @@ class Section:
         return ComponentSpec(role, kind or role, options, self.text, self.path)
 
     def chosen(self, key: str, default: ComponentSpec) -> ComponentSpec:
-        """Read `key = { name = "...", option = ... }`, or only the name as in `key = "..."`."""
+        """Read a component `key = { name = "...", option = ... }` or `key = "..."`; return `default` if missing."""
         value = self.data.get(key)
         if isinstance(value, str):
             self.take(key)
@@ -317,7 +320,7 @@ class Section:
         self.error("missing-key", f"{self.name} has no `{key}`", self.text.value(*self.path), hint)
 
     def finish(self) -> None:
-        """Report all keys that were not read."""
+        """Report all keys that were not read as unknown."""
         for key in self.data:
             if key not in self.asked:
                 message = f"unknown key `{key}` in {self.name}"
@@ -340,7 +343,7 @@ class Section:
 def counts(
     section: Section, name: str, default: tuple[tuple[Name, tuple[int, int | None]], ...]
 ) -> tuple[tuple[Name, tuple[int, int | None]], ...]:
-    """Read a table of names with bounds such as `"1..5"`."""
+    """Return `default` and the names of a table with bounds such as `"1..5"`; report and leave out wrong bounds."""
     section, found = section.table(name), [*default]
     for key in section.data:
         value = section.take(key)
@@ -364,7 +367,7 @@ def counts(
 
 
 def cover(section: Section, name: str, default: tuple[ComponentSpec, ...]) -> tuple[ComponentSpec, ...]:
-    """Read a table of `measure = 20` (a number of bins), or `measure = { bins = 20, range = [0, 1] }`."""
+    """Return the measures of a table with their bins: `measure = 20`, or `measure = { bins = 20, range = [0, 1] }`."""
     section, found = section.table(name), [*default]
     for key, value in section.data.items():
         if _is_int(value):

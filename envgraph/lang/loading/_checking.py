@@ -15,7 +15,10 @@ from envgraph.rewrite import Engine
 
 
 def check(workspace: Workspace) -> list[Diagnostic]:
-    """Return the diagnostics for all patterns, rules, units, derivations and behaviours of a workspace."""
+    """Return the diagnostics for all patterns, rules, units, derivations and behaviours of a workspace.
+
+    Without a metamodel, report only environments of the same name, and the missing metamodel if a file needs it.
+    """
     named = ((one.name, one.span) for one in workspace.behaviours)
     problems = list(defined_twice(named, "environment `{}` is defined twice"))
     if workspace.registration is None or workspace.metamodel is None:
@@ -32,7 +35,7 @@ def check(workspace: Workspace) -> list[Diagnostic]:
 
 
 def conformance(text: ModelText) -> list[Diagnostic]:
-    """Return a warning for each violation of the metamodel by a model: multiplicities and values.
+    """Return a warning for each violation of the metamodel by a model; beyond a limit, one warning counts the others.
 
     These are warnings, not errors, because a model may be edited while it does not conform.
     """
@@ -56,7 +59,7 @@ def conformance(text: ModelText) -> list[Diagnostic]:
 
 
 def _completion(violation: Violation, model: Model, start: str) -> str:
-    """Return a hint that mends a violation, in the syntax of the file; `start` is the first character of its text."""
+    """Return a hint that mends a violation, in the syntax of the file; `start` is the file's first character."""
     feature = violation.feature
     if violation.kind == "too-many":
         return f"remove some of `{feature.name}`"
@@ -76,7 +79,10 @@ def _completion(violation: Violation, model: Model, start: str) -> str:
 
 
 def _no_metamodel(workspace: Workspace) -> list[Diagnostic]:
-    """Return one diagnostic if a file needs a metamodel but no file is or imports one; otherwise an empty list."""
+    """Return a diagnostic if a file needs a metamodel, but no file is or imports one; otherwise an empty list.
+
+    The list is also empty if a file could not be read completely, because the metamodel may be imported there.
+    """
     formats = [format_of(name, text[:HEAD].encode()) for name, text in workspace.sources.items()]
     if workspace.unknown.all or {"metamodel", "ecore"} & set(formats):
         return []

@@ -67,7 +67,7 @@ def numeric_parameters(library: Library, pattern: str) -> dict[str, tuple[int, S
 def check_family(
     spec: FamilySpec, workspace: Workspace, components: Mapping[str, Collection[str]] = COMPONENTS
 ) -> list[Diagnostic]:
-    """Return diagnostics for unknown names in a family file: patterns, rules, classes, references and components.
+    """Return diagnostics for unknown or ambiguous names in a family file, and for names of definitions that do not fit.
 
     Args:
         spec: the family.
@@ -116,7 +116,10 @@ class _Checker:
             yield from self._one(spec.environment, behaviours, "environment")
 
     def _one(self, file: Name, spans: Iterable[Span | None], what: str) -> Iterator[Diagnostic]:
-        """Yield a diagnostic if the file named as model or environment does not define exactly one."""
+        """Yield a diagnostic if the file named as `what` (model or environment) does not define exactly one.
+
+        Yield none if the file was not loaded or has errors.
+        """
         count = sum(1 for span in spans if span and span.source.name == file.text)
         workspace = self._workspace
         if count != 1 and file.text in workspace.sources and file.text not in workspace.unread:
@@ -274,7 +277,10 @@ class _Checker:
             )
 
     def _path(self, name: str, span: Span | None, kind: str) -> Iterator[Diagnostic]:
-        """Yield diagnostics for a step that is neither a reference (`right`, `Tile.right`) nor a binary pattern."""
+        """Yield a diagnostic for a step that is neither a reference (`right`, `Tile.right`) nor a binary pattern.
+
+        Patterns are reported too if the measure's `kind` is `path_complexity`, which follows only references.
+        """
         metamodel = self._workspace.metamodel
         if metamodel is None:
             return
@@ -305,7 +311,10 @@ class _Checker:
             yield Diagnostic("wrong-arity", message, span, hint)
 
     def _steps(self, measure: ComponentSpec) -> Iterator[Diagnostic]:
-        """Yield diagnostics for steps and classes that no path of the measure can reach, judging by classes alone."""
+        """Yield diagnostics for steps and classes that no path of a `path_complexity` measure can reach.
+
+        Paths are judged by the classes that references connect, not by objects.
+        """
         metamodel, given = self._workspace.metamodel, measure.options
         along = given.get("along")
         names = along if isinstance(along, list) else [along]
@@ -348,7 +357,7 @@ def _reached(metamodel: Metamodel, start: str, references: Sequence[Reference]) 
 
 
 def _named(names: Iterable[tuple[str, str]]) -> dict[str, int]:
-    """Count the definitions that each simple name may mean; each qualified name counts once."""
+    """Map each simple name to the number of definitions that it may mean, and each qualified name to 1."""
     counts: dict[str, int] = {}
     distinct = dict.fromkeys(names)  # A duplicate definition is reported where it is defined.
     for simple, _ in distinct:

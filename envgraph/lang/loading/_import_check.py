@@ -37,7 +37,7 @@ class LoadedFile:
         format: the format's name; "" if it or the file's content is unknown.
         source: the text; None if it cannot be read, or does not come from a file.
         parsed: the syntax tree, if the file is in one of envgraph's own languages.
-        imports: the imported files, each with its name; None for an import that no file matches.
+        imports: the imports, each with the name of the imported file, or with None if no file matches.
         patterns: the patterns that the file imports by name.
         mentioned: all names in a `.query` file; None for other files, whose imports may take effect unmentioned.
         defined: the names that this file defines.
@@ -60,9 +60,10 @@ def is_path(text: str) -> bool:
 
 
 def at_import(problem: Diagnostic, asked: Import | None, name: str) -> Diagnostic:
-    """Return a problem of reading a file as a problem of the import that named the file.
+    """Return a problem of a file as a whole with the span of the import that named the file.
 
-    Without an import (`asked` is None), return the problem itself, with a hint for an unknown domain name.
+    A problem at a position inside the file is returned unchanged. So is every problem without an import (`asked` is
+    None), but the name of an unknown bundled domain gets a hint.
     """
     if asked is None or (problem.span and problem.span.source.text):
         if problem.code == "missing-file" and problem.hint is None and "." not in name:
@@ -78,7 +79,10 @@ def at_import(problem: Diagnostic, asked: Import | None, name: str) -> Diagnosti
 
 
 def names_of(metamodel: Metamodel, calls: Collection[str] | None = None) -> set[str]:
-    """Return the names that a metamodel defines; with `calls`, only those of the packages with these URIs."""
+    """Return the names that a metamodel defines: of itself, its classes, features, enums and literals.
+
+    With `calls`, return only the names of classes, features, enums and literals in packages with these URIs.
+    """
     paths = {one.path for one in metamodel.packages if calls is None or one.uri in calls}
     found = {metamodel.name} if calls is None else set()
     for enum in (one for one in metamodel.enum_types if one.package in paths):
@@ -118,7 +122,10 @@ def imported_patterns(
 
 
 def unused_files(files: Mapping[str, LoadedFile]) -> Iterator[Diagnostic]:
-    """Yield a warning for each imported file if the importing file uses no name from it or from its imports."""
+    """Yield a warning for each import of a query file that is repeated, or that provides no name that the file uses.
+
+    Files that define nothing are skipped, because they only combine other files.
+    """
     for name, file in files.items():
         if file.mentioned is None or not file.defined:
             continue  # This file only combines others.
@@ -143,7 +150,7 @@ def _unused(import_: Import, message: str) -> Diagnostic:
 
 
 def _useful(files: Mapping[str, LoadedFile], name: str, target: str, imported: Iterable[str | None]) -> bool:
-    """Return True if a file uses a name of an imported file, or a name that only this import provides indirectly."""
+    """Return True if a file uses a name of `target`, or if only `target` imports a metamodel or another used name."""
     mentioned = files[name].mentioned or frozenset()
     if mentioned & files[target].defined:
         return True
@@ -156,7 +163,7 @@ def _useful(files: Mapping[str, LoadedFile], name: str, target: str, imported: I
 
 
 def _reached(files: Mapping[str, LoadedFile], starts: Iterable[str | None], without: str) -> Iterator[str]:
-    """Yield the files and all files that they import, directly or indirectly, except the file `without`."""
+    """Yield the files `starts` and all files that they import, directly or indirectly, except the file `without`."""
     seen = {without}
     waiting = list(starts)
     while waiting:

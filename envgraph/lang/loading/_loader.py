@@ -66,7 +66,7 @@ _MOST_FILES = 10_000
 
 
 def directory_of(files: Files, path: str) -> str | None:
-    """Return the directory that a path names, possibly that of a bundled domain; None if the path names a file."""
+    """Return the directory that a path names, possibly that of a bundled domain; None if it names no directory."""
     name = files.name(path)
     if files.is_directory(name):
         return name
@@ -103,7 +103,10 @@ class Loader:
     # --- reading ---
 
     def add_root(self, path: str) -> None:
-        """Read the file or directory that the caller named."""
+        """Read the file that the caller named, or all files in envgraph's languages in a directory, and their imports.
+
+        A directory's family file is read too. Report a directory without such files.
+        """
         directory = directory_of(self.files, path)
         if directory is None:
             name = self.files.name(path)
@@ -128,7 +131,7 @@ class Loader:
         return [name for name in self.files.entries(directory) if suffix_of(name) in known]
 
     def _read(self, first: str, asked: Import | None = None) -> None:
-        """Read a file and all its imports, depth first. A loop avoids deep recursion on long import chains."""
+        """Read a file and all its imports, depth first; report a chain of too many files and stop there."""
         waiting: list[tuple[str, Import | None]] = [(first, asked)]
         most = limit(_MOST_FILES)
         while waiting:
@@ -144,7 +147,10 @@ class Loader:
                 waiting.extend(reversed(self._read_one(name, asked)))
 
     def _read_one(self, name: str, asked: Import | None) -> list[tuple[str, Import | None]]:
-        """Read one file; return the names of the files that it imports, each with its import."""
+        """Read and parse one file; record errors. Return its imports by path and the names of the imported files.
+
+        Imports by URI or name are added to `named`, to be resolved after all files are read.
+        """
         file, format = self.read[name], file_format(self.files, name)
         try:
             if format == "toml" and asked is None:
@@ -167,7 +173,10 @@ class Loader:
         return [(target, one) for one, target in found]
 
     def _other_packages(self, document: EcoreDocument) -> list[tuple[Import, str]]:
-        """Return the existing files that an `.ecore` file refers to; other files given later may resolve the rest."""
+        """Return the existing `.ecore` files that an `.ecore` file refers to, and record their names in the document.
+
+        Missing files are not reported, because files that are read later may contain the same packages.
+        """
         from envgraph.lang.interchange._ecore_document import eclipse_path
 
         name, found = document.source.name, []
@@ -189,7 +198,7 @@ class Loader:
         raise LoadError.of("unknown-language", message, span, hint or _extensions())
 
     def _take(self, file: LoadedFile, source: Source, asked: Import | None) -> Sequence[Import]:
-        """Store the parsed content of a file, and return its imports."""
+        """Parse a file and store its content; return its imports. XMI and JSON files are parsed later, as models."""
         if file.format == "ecore":
             from envgraph.lang.interchange._ecore_document import EcoreDocument
 
@@ -221,11 +230,14 @@ class Loader:
         return header_of(Reading(parsed)).imports
 
     def _of(self, *languages: str) -> list[tuple[str, LoadedFile]]:
-        """Return the readable files of these languages, each with its name."""
+        """Return the files of these languages in the order of reading, each with its name."""
         return [(name, one) for name, one in self.read.items() if LANGUAGE_OF.get(one.format) in languages]
 
     def _types(self, name: str, metamodel: Metamodel | None) -> TypeNames | None:
-        """Return the meaning of type names in a file: the metamodel, package aliases and imported packages."""
+        """Return the metamodel, package aliases and imported packages by which type names in a file are resolved.
+
+        Return None if the metamodel is None.
+        """
         if metamodel is None:
             return None
         aliases: dict[str, tuple[str, ...]] = {}
@@ -242,7 +254,7 @@ class Loader:
         return TypeNames(metamodel, aliases, tuple(imported))
 
     def _define(self, file: LoadedFile, parsed: Parsed, types: TypeNames | None) -> None:
-        """Parse the definitions of a file and store them."""
+        """Parse the definitions of a file; store them, their diagnostics, and the patterns that the file imports."""
         found: DefinitionsFile[Any]
         match LANGUAGE_OF[file.format]:
             case "query":
@@ -277,7 +289,7 @@ class Loader:
     # --- checking ---
 
     def workspace(self) -> Workspace:
-        """Check all files that were read together, and return their content as a workspace."""
+        """Check all files that were read together, and return their content as a workspace, with all diagnostics."""
         self._read_schemas()
         self._resolve_names()
         metamodel = self._metamodel()
@@ -347,7 +359,11 @@ class Loader:
         return tuple(with_enums(one, metamodel) for one in found) if metamodel else found
 
     def _wrong_imports(self, unknown: UnknownNames) -> list[Diagnostic]:
-        """Return errors for imported patterns that do not exist; if there are none, warnings for unused files."""
+        """Return errors for imported patterns that are unknown or private; without errors, warnings for unused files.
+
+        Return no warnings if names may be defined in text that could not be read. Discard recorded warnings that call an
+        import unused if it is returned as an error.
+        """
         patterns = {one.qualified_name: one for one in self._defined(Pattern)}
         wrong = [
             one
@@ -390,14 +406,14 @@ class Loader:
         return self.metamodels.first
 
     def _read_schemas(self) -> None:
-        """Read the metamodels that models refer to, if no metamodel was given or imported."""
+        """Read the existing metamodel files that models refer to, if no metamodel was given or imported."""
         if not self.metamodels:
             for name in dict.fromkeys(self.schemas):
                 if self.files.exists(name):
                     self._read(name)
 
     def _resolve_names(self) -> None:
-        """Find the metamodels that are imported by URI or name; read all other imports as paths."""
+        """Find the metamodels that are imported by URI or name; report unknown URIs; read other imports as paths."""
         uris = {one.path for one, _ in self.named}
         if ECORE in uris and uris <= set(_LIBRARIES) and not self.metamodels:
             from envgraph.lang.interchange._ecore_document import ecore_itself
@@ -448,7 +464,11 @@ class Loader:
         return [one for one in models if one.span.source.name not in parts]
 
     def _fetch(self, path: str, beside: str) -> Source | None:
-        """Return another XMI document, or the metamodel file with this nsURI; None if no such file exists."""
+        """Return another XMI document, or the metamodel file with this nsURI; None for an unknown URI.
+
+        Raises:
+            LoadError: the document cannot be read.
+        """
         from envgraph.lang.interchange._ecore_document import eclipse_path
 
         for document, _ in self.metamodels.ecore.values():
@@ -470,7 +490,7 @@ class Loader:
         return {name: place for place, name in enumerate(self.read)}
 
     def _sorted(self) -> tuple[Diagnostic, ...]:
-        """Return the diagnostics in the order of reading, and within a file in the order of its text."""
+        """Return the diagnostics in the order of reading and of the text, without suppressed and repeated ones."""
         order = self._order()
 
         def key(one: Diagnostic) -> tuple[int, int, int]:

@@ -41,7 +41,7 @@ class Metamodels:
 
     @property
     def first(self) -> Metamodel | None:
-        """Return the metamodel of all files; None if it has errors, or if there is no metamodel."""
+        """Return the metamodel of the first file, or `given` without files; None if it has errors or there is none."""
         found = [file.metamodel for file, _ in self.files.values()]
         return found[0] if found else self.given
 
@@ -53,7 +53,9 @@ class Metamodels:
         )
 
     def put_together(self, order: Mapping[str, int]) -> list[Diagnostic]:
-        """Combine the `.ecore` files into one metamodel; return errors for packages that two files define differently.
+        """Combine the `.ecore` files into one entry of `files`; return errors for packages that two files contain.
+
+        Packages with the same content in both files are not reported.
 
         Args:
             order: the position of each file in the order of reading.
@@ -85,7 +87,7 @@ class Metamodels:
         return problems
 
     def _alike(self, one: EcoreDocument, other: EcoreDocument) -> bool:
-        """Return True if two `.ecore` files define the same metamodel."""
+        """Return True if two `.ecore` files define the same metamodel, without errors."""
         if one.source.text == other.source.text:
             return True
         from envgraph.lang.interchange._ecore import read_ecore
@@ -115,7 +117,7 @@ class Metamodels:
         return {**calls, **known}
 
     def others(self) -> list[tuple[MetamodelFile, Import | None]]:
-        """Return the metamodels that differ from the first one; equal ones in another format are left out."""
+        """Return the metamodel files after the first that differ from it; equal ones in another format are left out."""
         found = list(self.files.values())
         first = found[0][0].metamodel if found else None
         return [
@@ -125,7 +127,7 @@ class Metamodels:
         ]
 
     def one(self) -> list[Diagnostic]:
-        """Return an error for each metamodel beside the first one, since only one is allowed."""
+        """Return an error for each metamodel that differs from the first one, since only one is allowed."""
         problems = []
         for other, asked in self.others():
             first = next(iter(self.files.values()))[0]

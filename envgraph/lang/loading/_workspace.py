@@ -91,11 +91,11 @@ class Workspace:
         return Model(self.metamodel)
 
     def engine(self, model: str | None = None, seed: int = 0) -> Engine:
-        """Return an engine on one of the models with all patterns, rules, units and derivations. Raises as `model`."""
+        """Return an engine on the model that `model` returns, with all patterns, rules, units and derivations."""
         return self.engine_on(self.model(model), seed)
 
     def engine_on(self, model: Model, seed: int = 0) -> Engine:
-        """Return an engine with all definitions on a given model of the same metamodel."""
+        """Return an engine on a given model of the same metamodel, with all patterns, rules, units and derivations."""
         engine = Engine(model, seed=seed)
         assert self.registration is not None, "there is a model"
         engine.registrar.install(self.registration.for_another())

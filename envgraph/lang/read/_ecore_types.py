@@ -19,7 +19,7 @@ class DataType:
 
     Attributes:
         type: the type that values are parsed as.
-        nullable: True if a new object has no value for such an attribute, unless Ecore names a default.
+        nullable: True if an attribute of this type has no value in a new object, unless Ecore names a default.
     """
 
     type: Scalar | EnumType
@@ -82,7 +82,7 @@ _SOURCES = (
 
 
 def library_types(document: str) -> Mapping[str, DataType] | None:
-    """Return the data types of a well-known document (Ecore or XML Schema) by name; None for any other URI."""
+    """Return the data types of Ecore or XML Schema by name, if `document` is the URI or file of one; otherwise None."""
     for uri, path, types in _SOURCES if document else ():
         if document == uri or document.endswith(f"/{path}"):
             return types
@@ -90,7 +90,7 @@ def library_types(document: str) -> Mapping[str, DataType] | None:
 
 
 def java_type(name: str) -> DataType:
-    """Return the data type of a Java class or primitive; values of unknown classes are read as strings."""
+    """Return the data type of a Java class or primitive type; values of unknown classes are read as strings."""
     found = _OF_JAVA.get(name, Scalar.STRING)
     return DataType(found, "." in name or found is Scalar.STRING)
 
@@ -123,7 +123,7 @@ def value_of(text: str, type_: Scalar | EnumType) -> Value | None:
 
 
 def why_unfit(text: str, type_: Scalar | EnumType) -> str | None:
-    """Return a hint if the text is a number too large for its type, or `NaN`; return None otherwise."""
+    """Return a hint if a text that `value_of` refuses is `NaN` or a number, which is then too large; otherwise None."""
     if type_ is Scalar.FLOAT and text == "NaN":
         return "write another value: `NaN` does not equal itself, so no query could find it"
     if type_ is Scalar.INT and _INT.fullmatch(text):

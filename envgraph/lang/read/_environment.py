@@ -37,7 +37,7 @@ _MISSING = "missing-environment", "the file defines no environment", "write `env
 
 
 def read_environment(parsed: Parsed, types: TypeNames | None = None) -> DefinitionsFile[Behaviour]:
-    """Return the behaviours and diagnostics of a parsed `.environment` file; see `read_definitions`."""
+    """Return the behaviours of a parsed `.environment` file, also incomplete ones, with its header and diagnostics."""
     return read_definitions(parsed, types, _behaviour, keep=True, missing=_MISSING)
 
 
@@ -122,7 +122,7 @@ def _actions(reading: Reading, clauses: Sequence[Tree[Token]]) -> tuple[Action, 
 
 
 def _effects(reading: Reading, clauses: Sequence[Tree[Token]]) -> tuple[Effect, ...]:
-    """Parse the `each step` and `on find` clauses in the order of the text: rewards are summed in that order."""
+    """Parse the valid `each step` and `on find` clauses in the order of the text, in which rewards are summed."""
     read = (
         each_step_of(reading, part) if part.data == "each" else on_find_of(reading, part)
         for part in trees(clauses, "each", "on")

@@ -43,7 +43,7 @@ _NOTHING = "nothing"
 
 
 def action_of(reading: Reading, tree: Tree[Token]) -> Action:
-    """Parse `action name(parameters) = branches reward e else reward e` into an `Action`."""
+    """Parse `action name(parameters) = branches reward e else reward e`; report a second `reward` or `else`."""
     name = tokens(tree.children, "NAME")[0]
     domains = [part for group in trees(tree.children, "domains") for part in trees(group.children)]
     others = trees(tree.children, "other")
@@ -72,7 +72,7 @@ def _amount(reading: Reading, tree: Tree[Token] | None) -> Expression | None:
 
 
 def _domain(reading: Reading, tree: Tree[Token]) -> Domain:
-    """Parse the domain of an action parameter; store a name as a class even if it may be an enum (see `with_enums`)."""
+    """Parse the domain of a parameter; store the name of an enum in `cls` too, which `with_enums` moves to `enum`."""
     part = trees(tree.children)[0]
     if part.data == "range":
         low, high = _bounds(part)
@@ -86,7 +86,7 @@ def _bounds(tree: Tree[Token]) -> tuple[int, int]:
 
 
 def branches_of(reading: Reading, tree: Tree[Token]) -> tuple[Branch, ...]:
-    """Parse `a(x)`, or branches with probabilities such as `0.9: a(x) | 0.1: b(x)`."""
+    """Parse `a(x)` (probability 1), or `0.9: a(x) | 0.1: b(x)`; report a missing probability of several branches."""
     parts = trees(tree.children, "branch")
     branches: list[Branch] = []
     for part in parts:
@@ -150,7 +150,7 @@ def _parts(reading: Reading, tree: Tree[Token]) -> _Parts:
 
 
 def each_step_of(reading: Reading, tree: Tree[Token]) -> EachStep | None:
-    """Parse `each step reward e apply branches`; report an empty clause and a clause that ends the episode."""
+    """Parse `each step reward e apply branches`; report an empty clause, and report and ignore an end of episodes."""
     parts = _parts(reading, tree)
     if parts.end:
         hint = "write `on find p(..) terminate ..`, with a pattern for the end"
@@ -186,7 +186,7 @@ def _applied(reading: Reading, apply: Tree[Token]) -> tuple[tuple[Branch, ...], 
 
 
 def on_find_of(reading: Reading, tree: Tree[Token]) -> OnFind | None:
-    """Parse `on find p(..) ...`; return None if the condition is invalid, which is then reported."""
+    """Parse `on find p(..) ...`; report an empty clause. Report an invalid condition and return None."""
     asked = trees(tree.children)[0]
     parts = _parts(reading, tree)
     if not (parts.reward or parts.end or parts.apply):
@@ -230,7 +230,10 @@ def _end(tree: Tree[Token]) -> End:
 
 
 def on_reset_of(reading: Reading, tree: Tree[Token]) -> OnReset | None:
-    """Parse `on reset [find p(..)] apply branches`; return None if the clause is invalid, which is then reported."""
+    """Parse `on reset [find p(..)] apply branches`; report a `reward` and an end of the episode, which are ignored.
+
+    Return None if `apply` is missing or the condition is invalid; both are reported.
+    """
     parts = _parts(reading, tree)
     asked = [part for part in trees(tree.children) if part.data not in ("reward", "apply", "end")]
     condition = _condition(reading, asked[0]) if asked else None
@@ -259,7 +262,7 @@ def on_reset_of(reading: Reading, tree: Tree[Token]) -> OnReset | None:
 
 
 def observation_of(reading: Reading, tree: Tree[Token]) -> Observation:
-    """Parse an `observe ...` clause into the observation of a pattern, an object, a number or an attribute."""
+    """Parse an `observe ..` clause: the observation of a pattern, an object, a number in a range or an attribute."""
     observed = trees(tree.children)[0]
     every, visibles = trees(tree.children, "each_object"), trees(tree.children, "visible")
     each, visible = reading.only("`for`", every), reading.only("`if`", visibles)
@@ -325,7 +328,7 @@ def chain_of(reading: Reading, tree: Tree[Token]) -> Expression:
 
 
 def drawing_of(reading: Reading, tree: Tree[Token]) -> DrawGrid | DrawGraph:
-    """Parse `draw grid ...` or `draw graph ...`."""
+    """Parse `draw grid ..` or `draw graph ..`, with the tokens that are drawn on top of objects."""
     span = reading.span(tree)
     drawn = _drawn_tokens(reading, trees(tree.children, "tokens"))
     if tree.data == "draw_graph":

@@ -50,12 +50,12 @@ _REFUSED = frozenset({"=", "and", "or"})
 
 
 def variable_of(reading: Reading, token: Token) -> Variable:
-    """Return the variable that a name token stands for."""
+    """Return a `Variable` with the text and the span of a name token."""
     return Variable(str(token), reading.span(token))
 
 
 def value_of(reading: Reading, tree: Tree[Token]) -> Expression | tuple[Expression, ...]:
-    """Parse the right side of an assignment to a feature: an expression, or a tuple of them for a list."""
+    """Parse the right side of an assignment to a feature: an expression, or a tuple of expressions for a list."""
     if tree.data == "list":
         return expressions_of(reading, tree)
     return expression_of(reading, tree)
@@ -76,7 +76,7 @@ def expression_of(reading: Reading, tree: Tree[Token]) -> Expression:
 
 
 def literal_of(reading: Reading, tree: Tree[Token], sign: Token | None = None) -> Constant:
-    """Parse a number, string, boolean or `none`, with an optional sign token; report a sign before a non-number."""
+    """Parse a string, boolean, `none`, or number (negated if `sign` is given); report a sign before other values."""
     if sign is not None and tree.data != "number":
         reading.error("unexpected-sign", "only a number can have a sign", sign, "remove the `-`")
         sign = None
@@ -89,7 +89,7 @@ def literal_of(reading: Reading, tree: Tree[Token], sign: Token | None = None) -
 
 
 def enum_literal_of(reading: Reading, tree: Tree[Token]) -> EnumLiteral:
-    """Parse an enum literal: `Enum::literal`, `::literal` or `alias::Enum::literal`."""
+    """Parse an enum literal: `Enum::literal`, `::literal` (its enum is None) or `alias::Enum::literal`."""
     parts = tokens(tree.children)
     alias = None
     if tree.data == "aliased_literal":
@@ -106,7 +106,7 @@ def enum_literal_of(reading: Reading, tree: Tree[Token]) -> EnumLiteral:
 
 
 def constant_of(reading: Reading, tree: Tree[Token]) -> EnumLiteral | Constant:
-    """Parse an enum literal; return a number or boolean for a Java constant such as `Integer::MAX_VALUE`."""
+    """Parse an enum literal, or a Java constant such as `Integer::MAX_VALUE`, whose number or boolean is returned."""
     parts = tuple(map(str, tokens(tree.children)))
     if len(parts) == 2 and parts in CONSTANTS and parts[0] not in reading.aliases:
         return Constant(CONSTANTS[parts], reading.span(tree))
@@ -122,7 +122,7 @@ def _variable(reading: Reading, tree: Tree[Token]) -> Variable | Constant:
 
 
 def dotted_literal(reading: Reading, owner: str, feature: Token, tree: Tree[Token]) -> EnumLiteral | None:
-    """Report `Way.west` and return the literal `Way::west`; return None if `owner` is not the name of an enum."""
+    """Report `Way.west` and return the literal `Way::west`; return None, without a report, if `owner` is no enum."""
     metamodel = reading.types.metamodel if reading.types else None
     enum = metamodel.enums.get(owner) if metamodel else None
     if enum is None:
@@ -163,7 +163,7 @@ def _navigation(reading: Reading, tree: Tree[Token]) -> Navigation | Constant | 
 
 
 def _method(reading: Reading, tree: Tree[Token]) -> Expression:
-    """Parse a method call: `text.startsWith("a")` is the same as `startsWith(text, "a")`."""
+    """Parse a method call `text.startsWith("a")` as `startsWith(text, "a")`; `Math.max(a, b)` is a static Java call."""
     name = tokens(tree.children)[0]
     path = _steps(trees(tree.children)[0])
     if _is_java(reading, path):
@@ -181,7 +181,7 @@ def _static_method(reading: Reading, tree: Tree[Token]) -> Expression:
 
 
 def _static(reading: Reading, tree: Tree[Token], cls: str, name: Token) -> Expression:
-    """Return the call of a static Java method: a built-in function, or a function that the file must declare."""
+    """Return a call of the built-in equivalent of a static Java method, or of a function that the file must declare."""
     reading.used.add(cls.rpartition(".")[2])
     ours = function_of(cls, str(name))
     return _called(
@@ -204,7 +204,7 @@ def _called(
 
 
 def _is_java(reading: Reading, path: Sequence[str]) -> bool:
-    """Return True if the names of a path such as `a.b.C` name a Java class."""
+    """Return True if a path such as `a.b.C` begins with a known or imported Java class, or is a full class name."""
     if not path:
         return False
     full = path[0] in JAVA_DOMAINS and any(one[0].isupper() for one in path[1:])
@@ -222,7 +222,7 @@ def _steps(tree: Tree[Token]) -> list[str]:
 
 
 def _cast(reading: Reading, tree: Tree[Token]) -> Expression:
-    """Parse a cast of a value, such as `x as Integer` (same as `toInt(x)`); report a cast to a class."""
+    """Parse `x as Integer` as `toInt(x)` and `x as Boolean` as `x == true`; report a cast to a class and return `x`."""
     name = tokens(tree.children)[0]
     inner = expression_of(reading, trees(tree.children)[0])
     span = reading.span(tree)
@@ -235,7 +235,7 @@ def _cast(reading: Reading, tree: Tree[Token]) -> Expression:
 
 
 def _no_cast(reading: Reading, tree: Tree[Token]) -> Expression:
-    """Report a cast to a class or a type test (`x as Ship`, `x instanceof Ship`), and parse the inner expression."""
+    """Report a cast to a class or a type test (`x as Ship`, `x instanceof Ship`), and return the expression `x`."""
     inner, *arguments = trees(tree.children)
     cls = reading.text(arguments[0]) if arguments else tokens(tree.children)[0]
     what = "casts to classes" if tree.data == "cast" else "type tests"
@@ -278,7 +278,7 @@ def _binary(reading: Reading, tree: Tree[Token]) -> Expression:
 
 
 def _operator(reading: Reading, token: Token) -> str:
-    """Return the operator's name in expressions; report `=`, `and` and `or`, which other languages use."""
+    """Return the operator that a token means; report `=`, `and` and `or`, which mean `==`, `&&` and `||`."""
     meant = MEANT.get(token, str(token))
     if token in _REFUSED:
         what = "is not a comparison" if token == "=" else "is not an operator"

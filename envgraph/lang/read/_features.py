@@ -32,7 +32,10 @@ def allowed_values(
     mark: str,
     kept: Sequence[Value] = (),
 ) -> list[Value]:
-    """Return the values that an attribute with many values can hold; report each value that does not fit.
+    """Return the values that fit into an attribute with many values; their types are not checked.
+
+    Report and skip a repeated value if the attribute is unique. Report the first value above the upper bound, and skip
+    it and all later ones.
 
     Args:
         found: the values with their spans, in the order of the file.
@@ -56,7 +59,7 @@ def allowed_values(
 
 
 def unknown_literal(type_: EnumType, word: str, names: Sequence[str], report: Report, span: Span) -> None:
-    """Report a literal that the enum does not have; `names` are the valid spellings, for the hint."""
+    """Report a literal `word` that the enum does not have; `names` are the valid spellings, for the hint."""
     hint = did_you_mean(word, names) or f"its literals are {quoted(names)}"
     report("unknown-literal", f"`{type_.name}` has no literal `{word}`", span, hint)
 
@@ -78,7 +81,7 @@ class Links:
         model: the model; all its objects exist already.
         report: the callback that records an error.
         spans: the span of each object, by id.
-        repeated: True if naming the same target twice is an error.
+        repeated: True if naming the same target twice is an error; otherwise the second one is ignored.
     """
 
     def __init__(self, model: Model, report: Report, spans: Mapping[int, Span], *, repeated: bool) -> None:
@@ -88,7 +91,9 @@ class Links:
         self._repeated = repeated
 
     def fill(self, node: int, reference: Reference, found: Found, at: Span | None = None) -> list[int]:
-        """Link an object to the target objects and return the ids of the valid targets.
+        """Link an object to target objects; return the ids of the targets of a fitting class, within the upper bound.
+
+        Report the other targets, and links that the model refuses; the targets of these are returned too.
 
         Args:
             node: the object that has the reference.

@@ -47,7 +47,7 @@ def from_text(text: str, language: str = "rules", name: str = "<text>") -> tuple
 def read_framed(
     language: str, source: Source, frame: Frame = NO_FRAME
 ) -> tuple[DefinitionsFile[Any], list[Lexeme]]:
-    """Return the definitions and the lexemes of a text that `frame` completes to a file; imports are not followed."""
+    """Return the definitions and lexemes of a text between the two texts of `frame`; imports are not followed."""
     parsed, lexemes = parse_tokens(grammar(language), source, frame)
     read: Callable[[Parsed, TypeNames], DefinitionsFile[Any]] = (
         read_query if language == "query" else read_rules

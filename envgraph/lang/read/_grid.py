@@ -17,7 +17,7 @@ from envgraph.metamodel import Metamodel
 
 @dataclass(frozen=True, slots=True)
 class Entry:
-    """The meaning of a letter: the class of the object (None: no object), and a body that sets its features."""
+    """A line of a legend: the class of the objects that a letter creates (None: no object), and their features."""
 
     cls: str | None
     where: Span
@@ -55,7 +55,7 @@ class GridText:
 
 
 def read_grid(reading: Reading, tree: Tree[Token], metamodel: Metamodel | None) -> GridText:
-    """Parse a `grid` tree into its cells, row by row; report errors. A cell of an unknown letter has no entry."""
+    """Parse a `grid` tree into its cells, row by row; report errors. The cell of an unknown letter has no entry."""
     parts = _parts(reading, tree)
     name = tokens(tree.children)[0]
     axes: dict[str, Axis] = {kind: _axis(parts[kind]) for kind in ("column", "row") if kind in parts}
@@ -102,7 +102,7 @@ def _legend(
 ) -> tuple[Mapping[str, Entry], bool]:
     """Return the legend as a mapping of letters to entries, and True if the file contains a legend.
 
-    If the file has no legend, the letters are the glyphs of the metamodel's classes.
+    If the file has no legend, the letters are the glyphs of the metamodel's classes. Invalid keys are reported.
     """
     if tree is None:
         nowhere = reading.parsed.source.span(0, 0)
@@ -129,7 +129,7 @@ class _Line:
 
 
 def _lines(parsed: Parsed, token: Token, keep_blanks: bool) -> Iterator[_Line]:
-    """Yield the rows of the grid text without their common indentation.
+    """Yield the rows of the grid text without empty rows at both ends, and without their common indentation.
 
     If `keep_blanks` is False, blanks at both ends of each row are removed too.
     """
@@ -158,7 +158,7 @@ def _lines(parsed: Parsed, token: Token, keep_blanks: bool) -> Iterator[_Line]:
 
 
 def _check_lengths(reading: Reading, lines: Sequence[_Line], hint: str | None) -> int:
-    """Report rows whose length differs from that of most rows; return the length of most rows."""
+    """Return the length of most rows, or of the first row without a majority; report each row of another length."""
     advice = "make all rows equally long" + (f": {hint}" if hint else "")
     lengths = Counter(len(line.text) for line in lines)
     usual = next((line for line in lines if 2 * lengths[len(line.text)] > len(lines)), None)
@@ -180,7 +180,13 @@ def _cells(
     given: bool,
     usual: int,
 ) -> list[Cell]:
-    """Return the cells of all rows; report each unknown letter once, but none in rows of a wrong length."""
+    """Return the cells of all rows; report each unknown letter once, but none in rows of a wrong length.
+
+    Args:
+        lost: letters that are not reported, because their definitions may be in text that could not be read.
+        given: True if the file contains a legend.
+        usual: the length of a correct row.
+    """
     cells: list[Cell] = []
     unknown: set[str] = set()
     for row, line in enumerate(lines):

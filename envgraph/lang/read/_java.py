@@ -59,7 +59,7 @@ _FUNCTIONS: Final[Mapping[tuple[str, str], str]] = {
 
 
 def function_of(cls: str, name: str) -> str | None:
-    """Return the built-in function that equals a static Java method; None if there is none.
+    """Return the built-in function that equals a static Java method, or None; a package before the class is ignored.
 
     >>> function_of("Math", "floorMod"), function_of("java.lang.Math", "max"), function_of("Math", "cbrt")
     ('mod', 'max', None)

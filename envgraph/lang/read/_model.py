@@ -57,7 +57,7 @@ class ModelText:
 
 @dataclass(frozen=True, slots=True)
 class ModelFile:
-    """The models and diagnostics of a file; `parts` are the names of all files that were read for it."""
+    """The models and diagnostics of a file; `parts` are the names of all files from which the models were read."""
 
     models: tuple[ModelText, ...]
     diagnostics: tuple[Diagnostic, ...]
@@ -76,7 +76,7 @@ def read_models(parsed: Parsed, metamodel: Metamodel | None) -> ModelFile:
 
     Args:
         parsed: the file.
-        metamodel: the metamodel of its objects. With None (it could not be loaded), few checks are made.
+        metamodel: the metamodel of its objects. With None, few checks are made, and `ModelText.model` is None.
     """
     diagnostics = list(parsed.diagnostics)
     models: dict[str, ModelText] = {}
@@ -170,7 +170,7 @@ class _Reader:
     # --- objects ---
 
     def _object(self, tree: Tree[Token], made: Made) -> None:
-        """Create the object of an `entry`, `object` or `unnamed` tree, and all objects nested in it."""
+        """Create and record in `made` the object of an `entry`, `object` or `unnamed` tree, with all nested objects."""
         *name, cls = tokens(tree.children)
         where = self.parsed.span(name[0] if name else cls)
         node = self._create(str(cls), self.parsed.span(cls), name[0] if name else None, where)
@@ -215,7 +215,7 @@ class _Reader:
         self.reports.error("duplicate-object", message, name, hint, notes)
 
     def _body(self, node: int | None, body: Tree[Token] | None, made: Made, cell: Span | None = None) -> None:
-        """Create the objects nested in the features of an object, and add a task for each feature."""
+        """Create the objects nested in an object; add a task for each feature, and report features that are set twice."""
         first: dict[str, Token] = {}
         for assignment in trees(body.children) if body else []:
             feature = tokens(assignment.children, "NAME")[0]
@@ -229,7 +229,7 @@ class _Reader:
                 self._tasks.append(_Task(node, feature, value, made, self._cell_of))
 
     def _declare(self, value: Tree[Token], made: Made) -> None:
-        """Create all objects inside a value: a single object, the items of a list, a table or a grid."""
+        """Create all objects inside a value: a single object, or the objects in a list, a table or a grid."""
         match value.data:
             case "object" | "unnamed":
                 self._object(value, made)
@@ -298,7 +298,7 @@ class _Reader:
         self._cell_of = around
 
     def _position(self, grid: _Grid, cell: Cell, node: int) -> None:
-        """Set the attributes that hold the column and row of a grid object."""
+        """Set the `int` attributes that hold the column and row of a grid object; report attributes of other types."""
         for kind, index in (("column", cell.column), ("row", cell.row)):
             axis = grid.text.axes.get(kind)
             feature = self._feature(node, axis.attribute) if axis else None

@@ -36,7 +36,7 @@ class Reports(Reading):
 
 
 def values_of(tree: Tree[Token], attribute: Attribute, reports: Reports) -> list[Value]:
-    """Parse the values of an attribute with many values; report invalid values and leave them out."""
+    """Parse the values of an attribute with many values; report and leave out invalid, repeated and surplus values."""
     found = (
         (value, reports.span(item))
         for item in (trees(tree.children) if tree.data == "list" else [tree])
@@ -111,7 +111,7 @@ def kind_of(tree: Tree[Token]) -> str:
 
 
 def _type_hint(tree: Tree[Token], attribute: Attribute) -> str | None:
-    """Return a hint for the value that the author probably meant; None if nothing similar fits."""
+    """Return a hint with the value that was probably meant by a name or string; None if no value is similar."""
     if tree.data not in {"name", "string"}:
         return None
     word = str(tokens(tree.children)[0])

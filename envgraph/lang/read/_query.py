@@ -19,7 +19,7 @@ from envgraph.pattern import Body, FunctionDeclaration, Parameter, Pattern, Stra
 def read_query(
     parsed: Parsed, types: TypeNames | None = None
 ) -> DefinitionsFile[Pattern | FunctionDeclaration]:
-    """Return the functions and patterns of a parsed `.query` file, functions first; see `read_definitions`."""
+    """Return the complete functions and patterns of a `.query` file, functions first, with header and diagnostics."""
     file = read_definitions(parsed, types, _definition)
     ordered = sorted(file.definitions, key=lambda one: isinstance(one, Pattern))
     return replace(file, definitions=tuple(ordered))
@@ -39,7 +39,7 @@ def parameters_of(reading: Reading, tree: Tree[Token]) -> tuple[Parameter, ...]:
 
 
 def suppressions_in(reading: Reading, tree: Tree[Token]) -> tuple[Annotation, ...]:
-    """Return the annotations of a definition that allows only `@suppress`; report all other annotations."""
+    """Return all annotations of a definition; warn of each one but `@suppress`, because it has no effect there."""
     parts = trees(tree.children, "annotation")
     found = tuple(annotation_of(reading.parsed.source, part) for part in parts)
     for part, one in zip(parts, found, strict=True):

@@ -44,7 +44,7 @@ AggregateFunction = Literal["count", "sum", "min", "max", "avg"]
 
 
 def conditions_of(reading: Reading, statements: Iterable[Tree[Token]]) -> tuple[Constraint, ...]:
-    """Parse several conditions; invalid conditions are reported and left out."""
+    """Parse several conditions; leave out each invalid condition, which is reported and recorded as a gap."""
     read = []
     for statement in statements:
         condition = condition_of(reading, statement)
@@ -69,7 +69,7 @@ def condition_of(reading: Reading, tree: Tree[Token]) -> Constraint | None:
 
 
 def _in_brackets(reading: Reading, tree: Tree[Token]) -> Expression:
-    """Parse the expression of `check(..)`; leave its parentheses out of the span that error messages mark."""
+    """Parse the expression of `check(..)`; the span of the expression leaves out the parentheses."""
     return expression_of(reading, trees(tree.children)[0] if tree.data == "group" else tree)
 
 
@@ -84,7 +84,7 @@ def relation_of(reading: Reading, tree: Tree[Token]) -> Relation | None:
 
 
 def pattern_call_of(reading: Reading, tree: Tree[Token]) -> PatternCall:
-    """Parse `find p(..)`; replace the name of an imported pattern by its qualified name."""
+    """Parse `find p(..)` and record `p` as used; replace the name of an imported pattern by its qualified name."""
     name = trees(tree.children, "qualified_name")[0]
     pattern = qualified_name_of(name)
     reading.used.add(pattern)
@@ -230,7 +230,7 @@ def _bare_expression(reading: Reading, tree: Tree[Token]) -> Expression:
 
 
 def term_of(reading: Reading, tree: Tree[Token]) -> Term:
-    """Parse a term: a variable, constant, enum literal, evaluation or aggregate."""
+    """Parse a term: a variable, constant, enum literal, evaluation or aggregate; replace an invalid term by `_`."""
     return _TERMS[tree.data](reading, tree)
 
 

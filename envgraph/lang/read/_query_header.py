@@ -89,7 +89,7 @@ def name_of(tree: Tree[Token]) -> Token:
 
 
 def header_of(reading: Reading) -> Header:
-    """Parse package and imports, and record aliases and imported patterns in `reading`."""
+    """Parse the package and imports; record aliases, imported patterns, Java classes and data types in `reading`."""
     definitions = trees(reading.parsed.tree.children) if reading.parsed.tree else []
     package = _package(reading, definitions)
     imports: list[Import] = []
@@ -113,7 +113,7 @@ def definitions_of(reading: Reading) -> Iterator[Tree[Token]]:
 
 
 def unused_imports(reading: Reading, header: Header) -> None:
-    """Report a warning for each import by name, and each alias, that the file does not use."""
+    """Report a warning for each alias, imported Java class and imported pattern that the file does not use."""
     for name, span in reading.aliases.items():
         if name not in reading.used:
             hint = f"leave `as {name}` out, or write `{name}::Type`"

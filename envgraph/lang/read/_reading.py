@@ -32,7 +32,7 @@ class TypeNames:
     imported: tuple[str, ...] = ()
 
     def packages(self, qualifier: str) -> tuple[str, ...]:
-        """Return the paths of the packages that `qualifier::` names."""
+        """Return the paths of the packages that `qualifier::` names: by an alias, or else by their name or prefix."""
         if qualifier in self.aliases:
             return self.aliases[qualifier]
         known = self.metamodel.packages if self.metamodel else ()
@@ -47,7 +47,7 @@ class TypeNames:
         """Return the qualified names of the classes and enums that a name may mean; several if the name is ambiguous.
 
         Args:
-            name: the name without the qualifier before `::`.
+            name: the name without the qualifier before `::`. Without a metamodel, it is returned with its qualifier.
             qualifier: the alias or package before `::`; None if there is none.
             enums: True to find enums only.
         """
@@ -67,11 +67,11 @@ class TypeNames:
         return near if len(near) == 1 else [*found.values()]
 
     def others(self, name: str) -> str | None:
-        """Return a hint with the qualified names of a class in all packages; None if there is nothing to suggest."""
+        """Return a hint for an ambiguous or unknown class name: its full names or a similar name (None: no hint)."""
         return self.metamodel.likely(name) if self.metamodel else None
 
     def plain(self, name: str) -> bool:
-        """Return True if a name needs no resolution: at most one class or enum has it, and is not qualified."""
+        """Return True if a simple name is unknown, or names a single class or enum that is in no package."""
         known = self.metamodel.named(name) if self.metamodel else {}
         return len(known) < 2 and all(one == simple_name(one) for one in known.values())
 
@@ -83,7 +83,7 @@ _Item = TypeVar("_Item", Tree[Token], Token)
 class Reading:
     """The state of reading one file.
 
-    A gap is a stretch of text that no data represents, because of an error in it. Definitions with gaps are left out.
+    A gap is a part of the text that is missing in the data because of an error. Definitions with gaps are left out.
     Their names are then "lost": other definitions may use these names without a report.
 
     Attributes:
@@ -118,7 +118,7 @@ class Reading:
         return tuple(self.span(item) for item in items)
 
     def text(self, item: Tree[Token] | Token) -> str:
-        """Return the source text of a tree or token on one line."""
+        """Return the source text of a tree or token, with line breaks replaced by blanks."""
         return " ".join(self.span(item).text.split())
 
     def add(self, diagnostic: Diagnostic) -> None:
@@ -162,12 +162,12 @@ class Reading:
         return first
 
     def gap(self, tree: Tree[Token]) -> None:
-        """Record that the data lacks the content of a tree; its error has already been reported."""
+        """Record the text of a tree as a gap: an error, already reported, keeps its content out of the data."""
         span = self.span(tree)
         self.gaps.append((span.start, span.end))
 
     def broken(self, tree: Tree[Token]) -> bool:
-        """Return True if the data of a tree lacks a part of its text, so that checks of it may mislead."""
+        """Return True if the text of a tree contains a gap or syntax error, so that its data is incomplete."""
         span = self.span(tree)
         if any(span.start <= start < span.end for start, _ in self.parsed.gaps):
             return True
@@ -176,7 +176,7 @@ class Reading:
         return any(start < span.end for start, _ in recent)
 
     def whole(self, name: Token, tree: Tree[Token]) -> bool:
-        """Return True if a definition has no gaps and can be checked; otherwise record its name as lost."""
+        """Return True if the text of a definition has no gap; otherwise return False and record its name as lost."""
         if self.broken(tree):
             self.lost.add(str(name))
             return False
@@ -201,7 +201,7 @@ class Reading:
 
 
 def type_of(reading: Reading, tree: Tree[Token]) -> str:
-    """Resolve the `type` tree of a class, enum or data type, and return its name in the metamodel."""
+    """Resolve the `type` tree of a class, enum or data type, and return its name in the metamodel; report errors."""
     alias, name = tree.children
     if isinstance(alias, Token):
         reading.alias(alias)
@@ -215,9 +215,9 @@ def type_of(reading: Reading, tree: Tree[Token]) -> str:
 def type_named(
     reading: Reading, name: str, alias: Token | None, tree: Tree[Token], enums: bool = False
 ) -> str:
-    """Return the name in the metamodel of a class or enum.
+    """Return the name in the metamodel of a class or enum; return an unknown name unchanged.
 
-    If the name is ambiguous or unknown in its package, report the name and return it unchanged.
+    If the name is ambiguous or missing in the package before `::`, report it, record a gap, and return it unchanged.
     """
     types = reading.types
     if types is None or (alias is None and types.plain(name)):

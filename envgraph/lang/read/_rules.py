@@ -31,7 +31,7 @@ _SECTIONS = ("left", "right", "modification", *_NESTED)
 
 
 def read_rules(parsed: Parsed, types: TypeNames | None = None) -> DefinitionsFile[Definition]:
-    """Return the rules, units and derivations of a parsed `.rules` file; see `read_definitions`."""
+    """Return the complete rules, units and derivations of a `.rules` file, with its header and diagnostics."""
     return read_definitions(parsed, types, _definition)
 
 
@@ -67,7 +67,7 @@ def _rule(reading: Reading, package: str, tree: Tree[Token]) -> Rule:
 
 
 def _left(reading: Reading, tree: Tree[Token], owner: Token) -> LeftSide:
-    """Parse the left-hand side of a rule or of a `forall` or `optional` block.
+    """Parse the left-hand side of a rule or of a `forall` or `optional` block; return an empty one if `lhs` is missing.
 
     Report a second `lhs`, and a rule without `lhs`. Empty blocks are reported by the later check of rules.
     """
@@ -120,9 +120,9 @@ def _block(reading: Reading, tree: Tree[Token]) -> Block:
 
 
 def _condition_block(reading: Reading, tree: Tree[Token]) -> Block:
-    """Parse a `not` or `require` block, which contains conditions without `lhs`; report an `lhs` in it.
+    """Parse a `not` or `require` block, whose conditions are written without `lhs`.
 
-    A later check of rules reports blocks that rewrite.
+    Report an `lhs` in the block, but parse its conditions too. A later check of rules reports blocks that rewrite.
     """
     keyword = tokens(tree.children)[0]
     statements = [part for part in trees(tree.children) if part.data not in _SECTIONS]

@@ -16,7 +16,7 @@ from envgraph.metamodel import Annotation
 
 @dataclass(slots=True)
 class Marks:
-    """The annotations of a definition, and the values of the annotations that rules understand."""
+    """The annotations of a definition, and the values of those that control rules, with their defaults."""
 
     annotations: tuple[Annotation, ...] = ()
     weight: float = 1.0
@@ -55,7 +55,7 @@ def _weight(reading: Reading, tree: Tree[Token], marks: Marks) -> None:
 
 
 def _weights(reading: Reading, tree: Tree[Token], marks: Marks) -> None:
-    """Parse the `@weight` of a derivation; the check of derivations handles the named weights of operators."""
+    """Parse a number such as `@weight(2)` on a derivation; a later check parses named weights of operators."""
     arguments = [part for part in tree.children[1:] if isinstance(part, Tree)]
     plain = [part for part in arguments if part.data != "annotation_named"]
     if plain or not arguments:
@@ -107,7 +107,7 @@ def _word(reading: Reading, tree: Tree[Token], words: tuple[str, ...], advice: s
 
 
 def _values(tree: Tree[Token]) -> list[Tree[Token]]:
-    """Return the arguments of an annotation that have no key."""
+    """Return the trees of the values of an annotation's arguments, without named arguments such as `key = 2`."""
     return [value for part in trees(tree.children, "annotation_argument") for value in trees(part.children)]
 
 

@@ -56,7 +56,10 @@ class Graph:
         return replace(node, name=f"#{self._anonymous}")
 
     def add(self, node: Node) -> None:
-        """Add a node, or its type if a node of that name has no type yet."""
+        """Add a node that is new, or that declares a second type. Ignore a known node without a type.
+
+        If a node of this name is known without a type, replace it by the node with a type.
+        """
         places = [index for index, known in enumerate(self.nodes) if known.name == node.name]
         if not places:
             self.nodes.append(node)
@@ -67,7 +70,7 @@ class Graph:
 
 
 def left_side_of(reading: Reading, statements: Iterable[Tree[Token]], keyword: Token) -> LeftSide:
-    """Parse the statements of an `lhs` or a condition block into one left-hand side."""
+    """Parse the statements of an `lhs` or a condition block into one left-hand side; report values set in it."""
     graph = Graph(left=True)
     conditions: list[Tree[Token]] = []
     for statement in statements:
@@ -90,7 +93,7 @@ def _without_values(reading: Reading, graph: Tree[Token]) -> None:
 
 
 def read_graph(reading: Reading, tree: Tree[Token], graph: Graph) -> None:
-    """Parse `a -ref-> b : T -ref2-> c`, and add its nodes and edges to `graph`."""
+    """Parse `a -ref-> b : T -ref2-> c`, and add its nodes and edges to `graph`; report arrows without a reference."""
     vertices = trees(tree.children, "vertex")
     arrows = trees(tree.children, "forward", "backward", "half_arrow", "unnamed")
     names: list[str] = []
@@ -173,7 +176,7 @@ def _edge(
 
 
 def right_side_of(reading: Reading, tree: Tree[Token]) -> RightSide:
-    """Parse `rhs { .. }`."""
+    """Parse `rhs { .. }`; report actions that are allowed only in `modify`. Of these, only `create` is still parsed."""
     graph = Graph()
     actions: list[Action] = []
     for statement in trees(tree.children):
@@ -197,7 +200,7 @@ def right_side_of(reading: Reading, tree: Tree[Token]) -> RightSide:
 
 
 def modification_of(reading: Reading, tree: Tree[Token]) -> Modification:
-    """Parse `modify { .. }`."""
+    """Parse `modify { .. }`; report and leave out nodes and edges that are written without an action."""
     actions: list[Action] = []
     for statement in trees(tree.children):
         if statement.data == "graph":

@@ -63,7 +63,7 @@ def _call(reading: Reading, tree: Tree[Token]) -> Call:
 
 
 def _asked(reading: Reading, tree: Tree[Token]) -> Constraint | None:
-    """Parse a condition; report an invalid condition and return None."""
+    """Parse a condition; if it is invalid (which is reported), record its text as a gap and return None."""
     condition = condition_of(reading, tree)
     if condition is None:
         reading.gap(tree)
@@ -118,7 +118,7 @@ def _if(reading: Reading, tree: Tree[Token]) -> If | Sequence:
 def _applicable(reading: Reading, tree: Tree[Token]) -> Applicable | None:
     """Parse the condition `rule` or `rule(a, b)`, which asks if a rule is applicable; return None for other conditions.
 
-    A condition with one argument is parsed as a type constraint; the check of units decides if it names a rule.
+    Return None for `name(a)` too, which is parsed as a type constraint; the check of units decides if it names a rule.
     """
     if tree.data == "asked":
         name = tokens(tree.children, "NAME")[0]

@@ -67,7 +67,7 @@ def unsuppressed(
 ) -> Iterator[Diagnostic]:
     """Yield the diagnostics without suppressed warnings, and a warning for each suppression that hides nothing.
 
-    If this file, or a file checked with it, has errors, no suppression is reported: not all warnings are known yet.
+    If one of the diagnostics is an error, unused suppressions are not reported, because warnings may still be missing.
     """
     given = list(diagnostics)
     yield from (one for one in given if not any(each.silences(one) for each in suppressions))
