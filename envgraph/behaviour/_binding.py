@@ -71,7 +71,9 @@ def follow(path: Expression, values: Mapping[str, Value | int | None], read: Rea
 def bind_parameters(
     model: Model, parameters: Iterable[Parameter], spans: Mapping[int, Span] | None = None
 ) -> dict[str, int]:
-    """Return the object id for each parameter, by name. Notes of errors show the places of objects in `spans`.
+    """Return the object id for each parameter, by name.
+
+    If several objects match, notes of the error show their places in `spans` (by object id).
 
     Raises:
         ResolutionError: a parameter matches no object or several; lists all such parameters.
@@ -92,7 +94,7 @@ def bind_parameter(model: Model, parameter: Parameter, spans: Mapping[int, Span]
     """Return the object with the parameter's name and type, or else the only instance of the type.
 
     Raises:
-        ResolutionError: there is neither.
+        ResolutionError: no object has this name and type, and the type has no instance or several.
     """
     mm = model.metamodel
     named = model.graph.find_object(parameter.name)
@@ -127,8 +129,8 @@ def bind_parameter(model: Model, parameter: Parameter, spans: Mapping[int, Span]
 def unbound(behaviour: Behaviour, model: Model, spans: Mapping[int, Span] | None = None) -> list[Diagnostic]:
     """Return diagnostics for parameters and `agent` blocks without an object in the model.
 
-    They are errors if no environment can be made, else warnings. If several objects match, notes show their places in
-    `spans`.
+    They are errors, but if another `agent` block has an object, an `agent` block without one is only a warning. If
+    several objects match a parameter, notes show their places in `spans`.
     """
     problems: list[Diagnostic] = []
     try:

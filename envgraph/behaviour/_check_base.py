@@ -102,7 +102,7 @@ class Checking:
                     self.problems.append(replace(found, hint=f"{found.hint} for any value, write `_`"))
 
     def path(self, path: Expression, scope: Scope) -> StaticType | None:
-        """Return the type of the value at the end of a path; report an invalid path and return None."""
+        """Return the type of the value at the end of a path; report an expression that is no path and return None."""
         type_, problems = check_expression(path, scope, self.metamodel)
         self.problems.extend(problems)
         if not problems and not _is_path(path):
@@ -112,7 +112,7 @@ class Checking:
         return type_
 
     def feature(self, path: Expression, scope: Scope) -> Feature | None:
-        """Return the last feature of a path; None if it has none, or an unknown one."""
+        """Return the last feature of a path; None if the path is a variable only, or if the feature is unknown."""
         if not isinstance(path, Navigation):
             return None
         owner, _ = check_expression(path.object, scope, self.metamodel)

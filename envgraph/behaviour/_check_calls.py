@@ -62,7 +62,7 @@ class CallChecking(Checking):
         return given
 
     def _beyond(self, given: Expression, type_: StaticType | None, scope: Scope) -> None:
-        """Warn if the values of a computed probability may be outside of 0 to 1."""
+        """Warn of a computed probability if its declared `@range` leaves 0 to 1, or if it is an `int` without a range."""
         attribute = self.feature(given, scope)
         declared = attribute.range if isinstance(attribute, Attribute) else None
         if declared is not None and not 0 <= declared[0] < declared[1] <= 1:
@@ -93,13 +93,13 @@ class CallChecking(Checking):
         self.reward(action.else_reward, shared)
 
     def _lacking(self, reward: Expression | None, names: set[str], why: str) -> None:
-        """Report an output variable in a reward if it may have no value there."""
+        """Report the first of the variables `names`, which may have no value, in a reward; the hint is `why`."""
         found = next((v for v in variables_in(reward) if v.name in names), None) if reward else None
         if found is not None:
             self.report("unbound-output", f"`{found.name}` may have no value here", found.span, why)
 
     def reward(self, reward: Expression | None, scope: Mapping[str, StaticType | None]) -> None:
-        """Check that a reward must be a number."""
+        """Report a reward that is not a number; do nothing if there is no reward."""
         if reward is None:
             return
         type_, problems = check_expression(reward, scope, self.metamodel, expected=Scalar.FLOAT)
@@ -110,7 +110,10 @@ class CallChecking(Checking):
     # --- calls of rules
 
     def call(self, call: RuleCall, scope: Scope) -> Scope:
-        """Check `rule(arguments)`; return the output variables that the call binds, with their types."""
+        """Check `rule(arguments)`; return the output variables that the call binds, with their types.
+
+        For an invalid call, the types of the variables are None.
+        """
         if call.rule is None:
             if call.arguments:
                 self.report("wrong-arity", "`nothing` takes no arguments", call.span, "write `nothing()`")
@@ -207,7 +210,7 @@ class CallChecking(Checking):
 
 
 def _supposed(call: RuleCall, scope: Scope) -> Scope:
-    """Return the variables that an invalid call would probably bind: all unbound names, with unknown types."""
+    """Return the variables that an invalid call would probably bind, namely all unbound ones, with the type None."""
     arguments = [argument for argument in call.arguments if isinstance(argument, Variable)]
     return {argument.name: None for argument in arguments if argument.name not in scope}
 

@@ -29,7 +29,10 @@ class ViewChecking(Checking):
     # --- observations
 
     def observation(self, observation: Observation, outer: Scope) -> int:
-        """Check an observation; return its number of values, or 1 if only a family determines this."""
+        """Check an observation; return its number of values, with 1 for objects, whose number only a family determines.
+
+        If the observation has an `if` part, the value for "not visible" is added to the number.
+        """
         scope = dict(outer)
         if not isinstance(observation, ObserveFind) and observation.each is not None:
             each = observation.each
@@ -53,7 +56,10 @@ class ViewChecking(Checking):
                 return self._observe_attribute(observation, scope) + unseen
 
     def _observed(self, path: Expression, scope: Scope) -> StaticType | None:
-        """Return the type of an observed path; report an invalid path, with a hint that fits if it has many values."""
+        """Return the type of an observed path; report an invalid path and return None.
+
+        If a feature of the path has many values, the hint is to observe a pattern instead.
+        """
         known = len(self.problems)
         type_ = self.path(path, scope)
         hint = "use a pattern: `observe find p(..)`, or `observe count find p(..) up to n`"
@@ -132,7 +138,7 @@ class ViewChecking(Checking):
     # --- drawing
 
     def draw(self, draw: DrawGrid | DrawGraph, scope: Scope) -> None:
-        """Check a `draw` clause."""
+        """Report errors in a `draw` clause: in its classes and attributes, edges and tokens."""
         cls = self.known_class(draw.cls, draw.cls_span or draw.span)
         if cls is not None and isinstance(draw, DrawGrid):
             for name, span in ((draw.column, draw.column_span), (draw.row, draw.row_span)):

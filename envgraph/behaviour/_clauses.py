@@ -88,7 +88,7 @@ def mentioned(condition: PatternCall | Negation) -> set[str]:
 
 
 def used_elsewhere(effect: OnFind) -> set[str]:
-    """Return the names of the variables in a clause after its condition."""
+    """Return the names of the variables in the reward, weight and branches of a clause."""
     found = [one for one in (effect.reward, effect.weight) if one is not None]
     for branch in effect.apply:
         found.extend(branch.call.arguments)
@@ -98,7 +98,7 @@ def used_elsewhere(effect: OnFind) -> set[str]:
 
 
 def is_asked(variable: Variable, scope: Mapping[str, object]) -> bool:
-    """Return True if a match binds this variable of a call; `_` and `_x` are projected away."""
+    """Return True if a match binds a variable of a call: it is not in scope, and its name does not begin with `_`."""
     return not variable.name.startswith("_") and variable.name not in scope
 
 

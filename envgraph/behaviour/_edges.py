@@ -6,7 +6,10 @@ from envgraph.metamodel import Metamodel, Reference
 
 
 def edge_ends(metamodel: Metamodel, cls: str, end: str) -> tuple[Reference, ...]:
-    """Return the first two single-valued references to nodes of a class that is drawn as edges; () if it has fewer."""
+    """Return the first two references of a class, drawn as edges, that have a single target of the node class `end`.
+
+    Return an empty tuple if the class has only one such reference or none.
+    """
     found = tuple(
         feature
         for feature in metamodel.features(cls).values()

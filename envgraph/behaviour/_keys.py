@@ -25,7 +25,7 @@ def indexed_classes(behaviour: Behaviour, metamodel: Metamodel) -> tuple[str, ..
 
 
 def spread_classes(behaviour: Behaviour, metamodel: Metamodel) -> tuple[str, ...]:
-    """Return the classes whose objects multiply actions or observations: all indexed classes except those of agents."""
+    """Return the classes over whose objects actions or observations range; the classes of agents are not included."""
     found: dict[str, None] = {}
     owners: tuple[Behaviour | Agent, ...] = (behaviour, *behaviour.agents)
     for owner in owners:
@@ -56,7 +56,7 @@ class KeyIndex:
 
     @classmethod
     def of(cls, model: Model, classes: Iterable[str]) -> Self:
-        """Return the index of one model; `merge` combines the indices of a family.
+        """Return the index of one model for some classes; `merge` combines the indices of a family.
 
         Raises:
             EvaluationError: an object has no value in a key attribute, or two objects have the same key.
@@ -64,7 +64,7 @@ class KeyIndex:
         return cls({name: _sorted_keys(model, name) for name in classes})
 
     def merge(self, other: KeyIndex, metamodel: Metamodel) -> KeyIndex:
-        """Return the index over the members of both indices."""
+        """Return the index over the members of the family that this index or the other one covers."""
         names = dict.fromkeys([*self.keys, *other.keys])
         return KeyIndex(
             {
@@ -81,12 +81,12 @@ class KeyIndex:
         """
         if cls not in self.keys:
             raise InvalidArgument(
-                f"class `{cls}` is not in the index: it has {', '.join(self.keys) or 'none'}"
+                f"the index has no class `{cls}`; it has {', '.join(self.keys) or 'no classes'}"
             )
         return self.keys[cls]
 
     def size(self, cls: str) -> int:
-        """Return the number of indices of a class."""
+        """Return the number of indices of a class, which is the number of its different keys in the family."""
         return len(self.of_class(cls))
 
     def index(self, model: Model, cls: str, node: int) -> int:
@@ -175,7 +175,10 @@ def _values(domain: Domain, keys: KeyIndex, metamodel: Metamodel) -> Iterator[tu
 
 
 def key_reader(model: Model, cls: str) -> Callable[[int], Key]:
-    """Return a function that reads the key of an object of a class."""
+    """Return a function that reads the key of an object of a class.
+
+    The function raises EvaluationError if a key attribute of the object has no value.
+    """
     attributes = key_attributes(model.metamodel, cls)
     if not attributes:
         return lambda node: (node,)
@@ -236,7 +239,7 @@ def _ordered(keys: set[Key], metamodel: Metamodel, cls: str) -> tuple[Key, ...]:
 
 
 def _order(metamodel: Metamodel, cls: str) -> Callable[[Key], tuple[Any, ...]]:
-    """Return the sort function for keys: by their values, enum literals by their position."""
+    """Return the function that `sorted` needs to sort keys: by their values, enum literals by their position."""
     attributes = key_attributes(metamodel, cls)
     if not attributes:
         return lambda key: key

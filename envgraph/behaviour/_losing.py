@@ -128,7 +128,7 @@ def _callers(owner: Behaviour | Agent) -> tuple[Caller, ...]:
 
 
 def _ending(behaviour: Behaviour) -> set[str]:
-    """Return the parameters whose loss ends the episode: those of `on neg find p(x) terminate ..`."""
+    """Return the parameters whose loss ends the episode, because `on neg find p(x) terminate ..` names them."""
     return {
         name
         for effect in behaviour.effects
@@ -150,7 +150,8 @@ class _Scope:
     def observed(self, owner: Behaviour | Agent) -> Iterator[Reading]:
         """Yield the reads of observations from parameters.
 
-        Observations of a deleted agent are not evaluated, and `or none` has a value for a deleted object.
+        Leave out `or none` observations, which have a value for a deleted object. Reads from the agent are left out
+        too, because the observations of a deleted agent are not evaluated.
         """
         for observation in owner.observations:
             if isinstance(observation, ObserveFind):
@@ -170,7 +171,11 @@ class _Scope:
         yield from self._reward(effect.reward, sure)
 
     def rewarded_action(self, action: Action, by_itself: Sequence[Caller]) -> Iterator[Reading]:
-        """Yield the reads of an action's rewards: `reward` (a rule matched) and `else_reward` (no rule matched)."""
+        """Yield the reads of an action's `reward` (a rule matched) and `else_reward` (no rule matched).
+
+        Args:
+            by_itself: the calls of the `each step` clauses, which also precede the rewards of a step.
+        """
         calls = [branch.call for branch in action.branches]
         narrow = (*(Caller(call, early=True) for call in calls), *by_itself)
         given = [{a.name for a in call.arguments if isinstance(a, Variable)} for call in calls]
@@ -242,7 +247,7 @@ def loss_warnings(behaviour: Behaviour, engine: Engine) -> Iterator[Diagnostic]:
 def _losses(
     engine: Engine, behaviour: Behaviour, name: str, cls: str | None, calls: Iterable[RuleCall]
 ) -> tuple[Loss, ...]:
-    """Return the actions of called rules that may delete, merge or retype the object of a name, each once."""
+    """Return the actions of called rules that may delete, merge or retype the object called `name`, each once."""
     others = {parameter.name for parameter in behaviour.parameters} - {name}
     found: dict[Loss, None] = {}
     for call in calls:
@@ -289,7 +294,10 @@ def lost(
     span: Span | None,
     done: Sequence[RuleCall],
 ) -> EvaluationError:
-    """Return the error of a clause that reads from a deleted object, given the calls of this step so far."""
+    """Return the error of a clause (`what`: observation or reward) that reads from a deleted object.
+
+    The message names the rules, among those called in this step so far (`done`), that may have deleted the object.
+    """
     found = _losses(engine, behaviour, name, cls, done)
     if found:
         deeds = " or ".join(dict.fromkeys(PAST[loss.deed] for loss in found))

@@ -39,7 +39,7 @@ _Words = Mapping[str, Any]
 
 
 def adopt_environment(environment: str, output: Path | None, options: Iterable[str], seed: int) -> None:
-    """Write a domain whose environment has the same transitions as a Gymnasium environment; both are compared first.
+    """Compare a Gymnasium environment with a generated domain, and write the domain if all transitions are the same.
 
     Raises:
         InvalidArgument: the environment does not expose its transitions, the languages cannot express them, or a file
@@ -95,7 +95,7 @@ def _options(given: Iterable[str]) -> dict[str, Any]:
 
 
 def _ways(adopted: Adopted | MiniGridLevel) -> Iterator[tuple[str, _Words]]:
-    """Yield the templates that can describe the environment, the most readable first, each with its variables."""
+    """Yield the kinds of templates that can describe the environment and their variables, the most readable first."""
     if isinstance(adopted, MiniGridLevel):
         yield "minigrid", {"level": adopted, "said": adopted.mission}
         return
@@ -134,7 +134,7 @@ def _plain(chance: float) -> float:
 
 
 def _states(adopted: Adopted) -> _Words:
-    """Return the template variables of an environment as a plain list of states and outcomes."""
+    """Return the template variables of an environment that is described as a list of states and outcomes."""
     ways = {True: "success", False: "failure", None: "none_yet"}
     states = range(len(adopted.outcomes))
     acts = [
@@ -163,7 +163,7 @@ def _padded(outcomes: list[Transition], most: int) -> list[tuple[float, int, flo
 
 
 def _texts(kind: str, words: _Words) -> dict[str, str]:
-    """Return the texts of the domain's files by name, in the order for reading."""
+    """Return the formatted texts of a domain's files by name, from templates of one kind, in the order for reading."""
     templates = domain_environment(f"adopt/{kind}")
     names = {f"{words['name']}.{one}": f"{one}.j2" for one in KINDS} | {"family.toml": "family.toml.j2"}
     texts = {name: templates.get_template(template).render(words) for name, template in names.items()}

@@ -31,7 +31,7 @@ class _Commands(click.Group):
         super().add_command(cmd, name)
 
     def invoke(self, ctx: click.Context) -> Any:
-        """Run the command; return an exit code if it is interrupted."""
+        """Run the command and return its exit code; after Ctrl-C, return 130 (128 plus the number of the signal)."""
         try:
             return super().invoke(ctx)
         except KeyboardInterrupt:
@@ -51,7 +51,7 @@ def app() -> None:
 
 
 def main() -> int:
-    """Run the program; return 0 for success, 1 for an error in the input, and 2 for an error in the command line."""
+    """Run the program; return 0 for success, 1 or 2 for an error in the input or command line, 128 + n for signal n."""
     for stream in (sys.stdout, sys.stderr):
         if isinstance(stream, io.TextIOWrapper):
             # Characters that the terminal cannot show are printed as escapes.
@@ -71,7 +71,7 @@ def main() -> int:
 
 
 def _run() -> int:
-    """Run the command and return its exit code; raise OSError if the output cannot be written."""
+    """Run the command and return its exit code; print errors of the input. Raise OSError if printing fails."""
     ended: list[int] = []
     formats: list[str] = []
 

@@ -101,7 +101,7 @@ def _study(
 
 
 def _file(family: str) -> str:
-    """Return the audit file for a path, a directory or a bundled domain."""
+    """Return the audit file of a directory or bundled domain, or another path unchanged; raise if a domain has none."""
     files = DiskFiles()
     if files.is_directory(files.name(family)):
         return f"{family.rstrip('/')}/{AUDIT_FILE}"
@@ -115,7 +115,7 @@ def _file(family: str) -> str:
 
 
 def _methods(names: str | None) -> list[Method]:
-    """Return the methods named (separated by semicolons) and the baseline; by default all standard methods."""
+    """Return the baseline and the named methods (separated by semicolons); by default all standard methods."""
     if names is None:
         return list(METHODS)
     every = (*METHODS, *EDITING)

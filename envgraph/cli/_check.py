@@ -16,9 +16,10 @@ def check_files(
     ignore: Sequence[str],
     overrides: Sequence[str],
 ) -> int:
-    """Print all problems of the files, each group read together with the metamodels; return the exit code.
+    """Print the errors and warnings of files, and their number; return exit code 1 if there are errors, otherwise 0.
 
     Args:
+        files: files that are read together with the metamodels; each directory or family is read on its own.
         ignore: codes of warnings to leave out.
         overrides: settings that replace those of family files.
     """

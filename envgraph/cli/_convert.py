@@ -50,7 +50,7 @@ def convert_file(file: str, output: Path, inputs: Inputs, *, lossy: bool) -> Non
 
 
 def check_format(output: Path, formats: Sequence[str] = _WRITTEN) -> None:
-    """Raise InvalidArgument if the suffix of a file is not a format that can be written."""
+    """Raise InvalidArgument if the suffix of a file is not one of `formats`, by default the formats of models."""
     check_known(output.suffix, formats, f"the format of `{output}` cannot be written")
 
 

@@ -1,4 +1,4 @@
-"""The commands `envgraph export` and `envgraph templates`."""
+"""The commands `envgraph export` and `envgraph templates`: write families and templates for other programs."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ _KNOWN = (*_TEXTS, "npz", *_FOLDERS)
 def export_family(
     run: str, directory: Path, format: str, output: Path | None, templates: Path | None = None
 ) -> None:
-    """Write a family in another format to a file, a folder, or standard output."""
+    """Write a family in another format to a file or a folder; without `output`, print a format that is text."""
     check_known(format, _KNOWN, f"unknown format `{format}`")
     if templates is not None and format != "python":
         raise InvalidArgument(f"`--templates` is not allowed with format `{format}`", "use `--format python`")
@@ -66,7 +66,7 @@ def _export_text(family: Family, format: str, output: Path | None) -> None:
 
 
 def _export_package(family: Family, output: Path, templates: Path | None) -> None:
-    """Write the package that the templates generate from a family."""
+    """Write the package that the templates generate from a family, and print how to install it."""
     files = write_package(family, output, templates)
     print_line(f"wrote {len(files)} files in {output}")
     if templates is None:
@@ -76,7 +76,11 @@ def _export_package(family: Family, output: Path, templates: Path | None) -> Non
 
 
 def _export_levels(family: Family, output: Path) -> None:
-    """Write the levels of a family as a module for MiniGrid."""
+    """Write the levels of a family as a module for MiniGrid.
+
+    Raises:
+        InvalidArgument: the metamodel lacks MiniGrid's classes, or a name is not valid in an id of Gymnasium.
+    """
     lacking = [name for name in _OF_MINIGRID if name not in family.domain.metamodel.classes]
     if lacking:
         message = (
@@ -93,7 +97,7 @@ def _export_levels(family: Family, output: Path) -> None:
 
 
 def _export_program(family: Family, output: Path) -> None:
-    """Write the compiled program of a family as a package."""
+    """Write the compiled program of a family as a package; raise EvaluationError if it cannot be compiled."""
     from envgraph.env.compiled import NotCompiled, export
 
     try:

@@ -1,4 +1,4 @@
-"""The commands `envgraph generate`, `show` and `import`, for families."""
+"""Generate families, print families and runs, and import families of the ga4cl format."""
 
 from __future__ import annotations
 
@@ -163,7 +163,10 @@ def _run_path(directory: Path, name: str) -> Path:
 
 
 def show_family(run: str, directory: Path, variant: str | None) -> None:
-    """Print the measures and maps of a family; with `variant`, only those of this member."""
+    """Print the measures and maps of a family; with `variant`, only those of this member.
+
+    For a family of more than 100 members, print only a summary of the measures.
+    """
     family = open_family(run, directory)
     members = family.members if variant is None else (family.member(variant),)
     if print_json(
@@ -239,7 +242,7 @@ def import_family(
     directory: Path,
     force: bool,
 ) -> None:
-    """Read a ga4cl file into a run, and print its family."""
+    """Read a ga4cl file, store it as a run, and print its family; `force` replaces an existing run of this name."""
     take(str(file), ("json",), "a ga4cl family")
     source = read_source(DiskFiles(), str(file))
     path = _run_path(directory, name or file.stem)
@@ -320,7 +323,7 @@ def _print_summary(family: Family, outcome: Outcome) -> None:
 
 
 def run_directory(run: str, directory: Path) -> Path:
-    """Return the directory for results about a run or a family file."""
+    """Return the directory for results about a run or family: that of the run, or the family file without `.json`."""
     path = Path(run)
     if path.suffix == ".json":
         return path.with_suffix("")

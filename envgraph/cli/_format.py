@@ -1,4 +1,4 @@
-"""The command `envgraph format`."""
+"""The command `envgraph format`: write files in the standard style."""
 
 from __future__ import annotations
 
@@ -115,7 +115,11 @@ def _format_input(files: Sequence[str], check: bool, language: str | None) -> in
 
 
 def _names(files: Sequence[str]) -> list[str]:
-    """Return the names of the files, and of all files in the directories."""
+    """Return the names of the files and of all formattable files in the directories, each once.
+
+    Raises:
+        InvalidArgument: a directory contains no file in a language of envgraph.
+    """
     from envgraph.lang import DiskFiles, language_of
 
     disk = DiskFiles()
@@ -130,7 +134,7 @@ def _names(files: Sequence[str]) -> list[str]:
 
 
 def _formatted(name: str) -> tuple[str, str]:
-    """Return the text of a file, before and after formatting."""
+    """Return the text of a file, before and after formatting; raise LoadError if it has errors or an unknown type."""
     from envgraph.lang import LANGUAGES, DiskFiles, format_text, language_of, read_source
 
     language = language_of(name)

@@ -19,12 +19,15 @@ THE_DEFINITIONS = "a file of patterns or rules (.query, .vql, .rules)"
 
 
 def take(path: str, formats: tuple[str, ...], wanted: str) -> None:
-    """Check that a file has one of the formats; a missing file passes, because the command reports it.
+    """Raise an error if a file has none of the formats; a missing file passes, because the command reports it.
 
     A directory passes if "toml" is among the formats, because it may hold a family file.
 
+    Args:
+        wanted: a phrase for the formats in the message, such as "a model".
+
     Raises:
-        InvalidArgument: the file has another format; the message says which, and which is wanted.
+        InvalidArgument: the file has another format.
     """
     files = DiskFiles()
     if files.exists(path):
@@ -56,9 +59,10 @@ class Inputs:
     variant: str | None = None
 
     def load(self, *paths: str, own: bool = False) -> Workspace:
-        """Return the workspace of the files and the metamodels; print its warnings, except missing conformance.
+        """Return the workspace of the files and the metamodels; print its warnings, except those about conformance.
 
-        The first of several `.ecore` files has the metamodel's own package. If `own` is True, it is one of `paths`.
+        If there are several `.ecore` files, the first one gives the metamodel its name and URI. The files in `paths`
+        come first if `own` is True, otherwise the files in `metamodels`.
 
         Raises:
             LoadError: the files have errors.
@@ -71,6 +75,6 @@ class Inputs:
         return workspace
 
     def check(self) -> None:
-        """Raise InvalidArgument if a file given as metamodel is another kind of file."""
+        """Raise InvalidArgument if a file in `metamodels` is not a metamodel."""
         for one in self.metamodels:
             take(one, METAMODELS, A_METAMODEL)

@@ -1,4 +1,4 @@
-"""The commands `envgraph train` and `envgraph report`."""
+"""The commands `envgraph train` and `envgraph report`: train agents on a family, and write its HTML report."""
 
 from __future__ import annotations
 
@@ -87,7 +87,8 @@ def train_agents(
 ) -> None:
     """Train and evaluate agents with each budget, write CSV files, and print a summary.
 
-    Existing results of the same budgets, and an interrupted training, are replaced only with `force`.
+    Existing results of the same budgets, and an interrupted training, are replaced only with `force`. If the training
+    is interrupted, its agents so far are kept, so that `resume` can continue it.
     """
     given = (steps, seeds, seed_offset, curricula, controls, student)
     wanted: dict[str, Any] = dict(zip(_OPTIONS, given, strict=True))
@@ -173,7 +174,7 @@ def _refuse_results(base: Path, budgets: list[TrainingSettings]) -> None:
 
 
 def _begun(journal: Journal) -> dict[str, Any]:
-    """Return the options with which an interrupted training was started."""
+    """Return the options with which an interrupted training was started; raise InvalidArgument if they are invalid."""
     wanted = {name: journal.about.get(name) for name in _OPTIONS}
     if not all(value is None or isinstance(value, _OPTIONS[name]) for name, value in wanted.items()):
         raise InvalidArgument(f"{journal.path}:1: these are not the options of a training")
@@ -242,7 +243,7 @@ def _train(
 
 
 def _write(trained: Trained, base: Path) -> None:
-    """Write the CSV files of a budget, and replace earlier ones."""
+    """Write the CSV files of a budget; replace earlier files, and delete earlier results of stages without new ones."""
     directory = base / str(trained.steps)
     write_csv(trained.experiment, directory)
     if trained.stages is not None:
@@ -277,7 +278,7 @@ def write_report(run: str, directory: Path, output: Path | None) -> None:
 
 
 def _read(directory: Path, family: Family, student: str) -> list[Trained]:
-    """Return the results of a student with every budget, the smallest budget first."""
+    """Return the stored results of a student, one for each budget, the smallest budget first."""
     budgets = sorted(int(path.name) for path in directory.glob("*") if path.name.isdecimal())
     return [
         Trained(
@@ -305,7 +306,7 @@ def budgets_of(steps: str) -> list[int]:
 
 
 def _members(family: Family) -> list[FamilyMember]:
-    """Return the environments as transition tables, or in a compiled program if they have too many states."""
+    """Return the members with their transition tables; if one has too many states, use a compiled program for all."""
     order = str(family.domain.spec.curriculum.order or family.domain.spec.diversity.options["of"])
     members = []
     try:
@@ -320,7 +321,11 @@ def _members(family: Family) -> list[FamilyMember]:
 
 
 def _in_program(family: Family, order: str, error: TooManyStates) -> list[FamilyMember]:
-    """Return the environments in a compiled program, and print a note about this on standard error.
+    """Return the members as parts of one compiled program, and print a note about this on standard error.
+
+    Args:
+        order: the measure whose values order the members.
+        error: the reason for which tables cannot be used, for the note.
 
     Raises:
         EvaluationError: the environment cannot be compiled.
@@ -363,7 +368,7 @@ def _curricula(family: Family, kinds: str | None) -> list[Curriculum]:
 
 
 def _named(controls: str | None) -> list[str] | None:
-    """Return the names of the controls; None if the option was not given."""
+    """Return the names of the controls in the option (`all` and `none` are expanded); None if it was not given."""
     known = (*CONTROLS, _RANDOM, *TEACHERS)
     if controls is None or controls.strip() in ("none", "all"):
         return None if controls is None else [*CONTROLS, _RANDOM] if controls.strip() == "all" else []
@@ -380,9 +385,13 @@ def _with_controls(
     settings: TrainingSettings,
     schedules: Sequence[str],
 ) -> tuple[list[Curriculum], dict[str, Tabular]]:
-    """Return the curricula with their controls, and the environments that only controls use.
+    """Return the curricula and their controls, and the variants of the target (by name) in which controls start.
 
-    By default these are all controls that the environments allow, and the schedules of the family file.
+    Without a choice (`kinds` is None), use all controls that the environments allow, and the schedules of the family
+    file. Print a note for each default control that is skipped.
+
+    Raises:
+        InvalidArgument: a chosen control needs tables, but there are too many states.
     """
     target, starts, optimism = members[-1].tabular, dict[str, Tabular](), tuple[float, ...]()
     if kinds is None:
@@ -410,7 +419,7 @@ def _with_controls(
 
 
 def _random(family: Family, run: str, directory: Path, count: int) -> list[list[FamilyMember]]:
-    """Return the tables of random families with the same target; raise InvalidArgument if the family is not a run."""
+    """Return the tables of `count` random families with the same target; raise InvalidArgument without a run."""
     if Path(run).suffix == ".json":
         raise InvalidArgument(
             f"`--controls {_RANDOM}` needs a run: `{run}` does not record how its members were generated"

@@ -41,7 +41,7 @@ def import_file(
     force: bool,
     directory: Path,
 ) -> None:
-    """Read a published family into a run, or levels into models."""
+    """Store a published family as a run, or write levels as models, depending on the format of the file."""
     if not _holds_levels(file):
         import_family(file, domain or "burning_forest/paper.toml", name, overrides, directory, force)
     elif overrides:
@@ -98,7 +98,7 @@ def _given(legend: Iterable[str]) -> dict[str, str]:
 def _models(
     file: Path, template: LevelTemplate, given: Mapping[str, str]
 ) -> Iterator[tuple[str, tuple[str, Level]]]:
-    """Yield the text of each level as a model, by file name; raise the errors of all levels together."""
+    """Yield the text of each level as a model, by file name; after all levels, raise their errors together."""
     levels = read_levels(read_source(DiskFiles(), str(file)), {**template.letters, **given})
     stem = re.sub(r"\W+", "_", file.stem)
     stem = stem if re.match(r"[^\W\d]", stem) else f"level_{stem}"
@@ -116,7 +116,7 @@ def _models(
 def _checked(
     domain: Domain, template: LevelTemplate, texts: Mapping[str, tuple[str, Level]]
 ) -> list[Diagnostic]:
-    """Check the models together with the other files of their domain; return the warnings.
+    """Check the models of levels together with the other files of their domain; return the warnings.
 
     Raises:
         LoadError: there are errors, or a model lacks objects that the environment needs; spans are in the level file.

@@ -18,7 +18,7 @@ KINDS: Final = ("metamodel", "model", "query", "rules", "environment")
 
 
 def new_domain(name: str, directory: Path | None, domain: str | None) -> None:
-    """Write a domain, or copy a bundled one, and print the next command."""
+    """Write a new domain, or copy the bundled one called `domain`; print the files and the next command."""
     place = directory or Path(name)
     files = write_domain(place, name) if domain is None else copy_domain(place, name, domain)
     for path in files:
@@ -48,7 +48,7 @@ def write_domain(directory: Path, name: str) -> list[Path]:
 
 
 def domain_environment(kind: str) -> Environment:
-    """Return the template environment for a kind of domain: a template for each of `KINDS` and for the family file.
+    """Return the Jinja environment with the templates of a kind of domain: one for each of `KINDS` and the family file.
 
     All templates escape values as TOML does.
     """
@@ -62,7 +62,7 @@ def copy_domain(directory: Path, name: str, domain: str) -> list[Path]:
         The files, sorted by name.
 
     Raises:
-        InvalidArgument: the name is not an identifier, the domain is unknown, or one of the files exists.
+        InvalidArgument: `name` is not an identifier, the domain is unknown, or one of the files exists.
     """
     _check_name(name)
     return write_files(domain_texts(bundled_domain(domain), directory))

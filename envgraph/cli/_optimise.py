@@ -109,7 +109,7 @@ def _print(domain: Domain, found: Optimum) -> None:
 
 
 def _picture(domain: Domain, found: Optimum) -> str:
-    """Return an SVG chart of the Pareto front in the first two objectives."""
+    """Return an SVG chart of the Pareto front in the first two objectives; raise InvalidArgument for an empty chart."""
     from envgraph.report import Series, line_chart, standalone
 
     first, second = (goal.name for goal in found.goals[:2])

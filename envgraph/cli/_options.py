@@ -60,7 +60,7 @@ _Command = TypeVar("_Command", bound=Command)
 
 
 def done_in(module: str, name: str) -> Callable[[Command], Command]:
-    """Return a decorator: the command calls the function `name` with all options, and imports its module only then."""
+    """Return a decorator for a command that imports a module of `envgraph.cli` when called, and calls `name` in it."""
 
     def bound(declared: Command) -> Command:
         @wraps(declared)
@@ -74,7 +74,7 @@ def done_in(module: str, name: str) -> Callable[[Command], Command]:
 
 
 def inputs_options(command: Command) -> Command:
-    """Add the options for reading files to a command; it receives them as `inputs`."""
+    """Add `--metamodel` and `--allow-unresolved` to a command; it receives them in the argument `inputs`."""
 
     @wraps(command)
     def read(
@@ -128,7 +128,7 @@ class _WholeNumber(click.IntRange):
 def count_option(
     *names: str, least: int = 1, default: int | None = None, usual: str = "", help: str
 ) -> Callable[[_Command], _Command]:
-    """Return an option that takes an integer; `usual` is the text shown for an option without a fixed default."""
+    """Return a decorator that adds an integer option; `usual` describes the default in the help if it is not fixed."""
     shown: dict[str, Any] = (
         {"show_default": usual} if usual else {} if default is None else {"default": default}
     )

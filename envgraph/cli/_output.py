@@ -133,7 +133,7 @@ def print_table(
 def _print_plain(
     title: str, columns: Sequence[str], rows: Sequence[Sequence[str]], right: frozenset[int]
 ) -> None:
-    """Print a table without colours and line breaks: Rich takes a minute for a million rows, and long to import."""
+    """Print a table without colours and line breaks, because Rich needs a minute for a million rows."""
     from rich.cells import cell_len
 
     lines = [columns, *rows]
@@ -168,7 +168,7 @@ def print_diagnostics(diagnostics: Iterable[Diagnostic]) -> None:
 
 
 def print_error(error: EnvgraphError | OSError) -> None:
-    """Print an exception for people on standard error."""
+    """Print the diagnostics of an exception, or else its message, on standard error."""
     diagnostics: tuple[Diagnostic, ...] = getattr(error, "diagnostics", ())
     if diagnostics:
         print_diagnostics(diagnostics)

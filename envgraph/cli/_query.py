@@ -1,4 +1,4 @@
-"""The commands `envgraph match` and `envgraph apply`."""
+"""The commands `envgraph match` and `envgraph apply`: print matches of patterns, and apply rules to models."""
 
 from __future__ import annotations
 
@@ -73,7 +73,7 @@ def open_both(model: str, definitions: str, inputs: Inputs, seed: int = 0) -> tu
 
 
 def _engine_on_member(run: str, variant: str, workspace: Workspace, seed: int) -> Engine:
-    """Return an engine with the definitions of files on a member of a run or family."""
+    """Return an engine on the model of a member of a run or family, with the definitions of a workspace."""
     from envgraph.search import open_family
 
     family = open_family(run)
@@ -106,7 +106,10 @@ def apply_rule(
     trace: Path | None,
     allow_none: bool,
 ) -> int:
-    """Apply a rule or unit repeatedly and print each application; return exit code 1 if none was made or one failed."""
+    """Apply a rule or unit up to `times` times and print each application.
+
+    Return 1 if there was no application or a unit failed, and `allow_none` is False; otherwise 0.
+    """
     from envgraph.cli._convert import check_format
     from envgraph.graph import model_to_json
 
@@ -148,7 +151,7 @@ def apply_rule(
 
 
 def complete(engine: Engine, signature: Signature, bound: dict[str, Any]) -> None:
-    """Add values for required parameters of a rule or unit where only one object is possible.
+    """Add to `bound` the values of required parameters of a rule or unit where only one object is possible.
 
     Raises:
         InvalidArgument: a required value is missing and is not unique.
@@ -182,7 +185,7 @@ class _Step:
 
 
 def _apply_once(engine: Engine, rule: str, bound: dict[str, Any]) -> tuple[list[_Step], RunResult | None]:
-    """Return the steps of one application, and the result of the unit if it failed (None otherwise)."""
+    """Return the steps of one application (none without a match), and the result of a unit if it failed, or None."""
     if engine.signature(rule).kind == "unit":
         result = engine.run(rule, bound=bound)
         return [_traced(engine, firing) for firing in result.firings], None if result else result
@@ -191,7 +194,7 @@ def _apply_once(engine: Engine, rule: str, bound: dict[str, Any]) -> tuple[list[
 
 
 def _traced(engine: Engine, firing: Firing) -> _Step:
-    """Return a step of a trace; an object that this or a later step deleted is shown by its id."""
+    """Return a rule application as a step; an object that this or a later application deleted is shown by its id."""
     shape, model, shown = engine.prepare(firing.rule).shape, engine.model, []
     match: dict[str, Any] = {}
     for position, (name, value) in enumerate(zip(shape.names, firing.values, strict=True)):
@@ -224,7 +227,7 @@ def _variable_types(engine: Engine, name: str) -> Mapping[str, StaticType | None
 
 
 def pattern_types(engine: Engine, pattern: str) -> dict[str, StaticType]:
-    """Return the types of the parameters of a pattern."""
+    """Return the types of the parameters of a pattern; raise InvalidArgument if it is unknown or private."""
     found = engine.library.resolve(pattern)
     if found is None:
         private = [one for one in engine.library.patterns if one.private]
@@ -240,7 +243,11 @@ def pattern_types(engine: Engine, pattern: str) -> dict[str, StaticType]:
 def parse_values(
     engine: Engine, types: Mapping[str, StaticType | None], where: Sequence[str]
 ) -> dict[str, Any]:
-    """Parse `NAME=VALUE` arguments into values, according to the types of the parameters."""
+    """Parse `NAME=VALUE` arguments into objects and values, according to the types of the variables.
+
+    Raises:
+        InvalidArgument: an argument has another form, its name is unknown or repeated, or its value does not fit.
+    """
     bound: dict[str, Any] = {}
     for text in where:
         name, equals, value = text.partition("=")
@@ -301,7 +308,7 @@ def _names(model: Model, cls: str) -> dict[int, tuple[str, ...]]:
 
 
 def _objects(engine: Engine, text: str, cls: str) -> str:
-    """Return a hint with objects of a class whose names are similar to `text`; all objects if `text` is ""."""
+    """Return a hint with objects of a class whose names are similar to `text`, or with all of them if `text` is ""."""
     names = [called[0] for called in _names(engine.model, cls).values()]
     return name_hint(text, names) or "" if names else f"the model has no `{cls}`"
 
@@ -315,7 +322,7 @@ def spelled(value: Node | Value) -> str:
 
 
 def _plain(value: Node | Value) -> Any:
-    """Return an object as JSON-ready data: class, id, name and attributes."""
+    """Return an object as JSON-ready data (class, id, name and attributes); return any other value unchanged."""
     if not isinstance(value, Node):
         return value
     features = value.model.metamodel.features(value.cls).values()

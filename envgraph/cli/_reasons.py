@@ -1,4 +1,4 @@
-"""The commands `envgraph explain` and `envgraph why-not`."""
+"""The commands `envgraph explain` and `envgraph why-not`: print search plans, and reasons for missing matches."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ from envgraph.rewrite import Engine
 
 
 def print_plan(model: str, definitions: str, name: str, where: Sequence[str], inputs: Inputs) -> None:
-    """Print the search plan of a pattern or rule, or whether an environment is compiled."""
+    """Print the search plan of a pattern or rule; for an environment, print whether it can be compiled."""
     engine, workspace = open_both(model, definitions, inputs)
     behaviour = next((one for one in workspace.behaviours if one.name == name), None)
     if behaviour is not None:
@@ -56,7 +56,7 @@ def print_reasons(model: str, definitions: str, name: str, where: Sequence[str],
 def _check_name(engine: Engine, workspace: Workspace, name: str) -> None:
     """Raise an error with a hint for an unknown name, unless it is similar to the name of a pattern or rule.
 
-    Those are left to `engine.explain`, which reports them better.
+    Such a name is left to `engine.explain`, whose error is more exact.
 
     Raises:
         InvalidArgument: the unknown name is similar to that of an environment, or to nothing.
@@ -82,7 +82,10 @@ def _means(engine: Engine, name: str) -> bool:
 
 
 def _types(engine: Engine, name: str, given: bool) -> Mapping[str, StaticType | None]:
-    """Return the types of the variables that a pattern, rule or unit can be given values for, by name."""
+    """Return the types of the variables to which `--where` can give values, by name; `given` tells if it is used.
+
+    For a rule without `--where`, return an empty mapping, without checking the name.
+    """
     if engine.library.resolve(name) is not None:
         return pattern_types(engine, name)
     if not given:  # `engine.explain` itself reports an unknown name best.
@@ -102,7 +105,7 @@ def _spans(why: WhyNot) -> Iterable[Span]:
 
 
 def _data(why: WhyNot, engine: Engine) -> dict[str, Any]:
-    """Return the reasons as JSON-ready data, with objects as messages show them."""
+    """Return the reasons as JSON-ready data; objects are described by texts, as in messages."""
 
     def shown(values: Mapping[str, Value], objects: Iterable[str]) -> dict[str, Any]:
         known = set(objects)

@@ -1,4 +1,4 @@
-"""The command `envgraph replay`."""
+"""The command `envgraph replay`: repeat recorded rule applications."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from envgraph.graph import model_to_json
 
 
 def replay_trace(model: str, rules: str, trace: Path, inputs: Inputs, output: Path | None) -> None:
-    """Repeat the applications of a trace, and compare the states with those recorded in it."""
+    """Repeat the applications of a trace; raise an error if a state differs from the state recorded in the trace."""
     if output is not None:
         check_format(output)
     take(str(trace), ("trace",), "a trace, which `envgraph apply --trace` writes")

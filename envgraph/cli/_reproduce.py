@@ -1,4 +1,4 @@
-"""The command `envgraph reproduce`."""
+"""The command `envgraph reproduce`: repeat the experiments of the paper (X. Liu and I. David, 2026)."""
 
 from __future__ import annotations
 

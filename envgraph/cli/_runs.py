@@ -1,4 +1,4 @@
-"""The command `envgraph runs`."""
+"""The command `envgraph runs`: list or compare runs."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ from envgraph.search import Member, RunStore, open_family, run_file
 
 
 def show_runs(compared: Sequence[str], directory: Path) -> None:
-    """List the runs of a directory, or compare two runs."""
+    """Print a list of the runs in a directory or, if two runs are named, their differences."""
     if not compared:
         _list_runs(directory)
     elif len(compared) == 2:
@@ -48,7 +48,7 @@ def _list_runs(directory: Path) -> None:
 
 
 def _run(file: Path) -> dict[str, Any]:
-    """Return the description of a run as JSON-ready data."""
+    """Return the description of a run as JSON-ready data, with the key "problem" if the run cannot be read."""
     found: dict[str, Any] = {"run": file.parent.name}
     try:
         with RunStore.open(file) as store:

@@ -1,4 +1,4 @@
-"""The command `envgraph show`."""
+"""The command `envgraph show`: print families, models and metamodels."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The command `envgraph verify`."""
+"""The command `envgraph verify`: compute exact properties of the environments of a family."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ from envgraph.search import (
 
 
 def verify_family(run: str, directory: Path, resume: bool) -> None:
-    """Verify the members of a family, and print their exact properties. A run stores them, and is locked meanwhile."""
+    """Compute and print exact properties of the members of a family; a run stores them, and is locked meanwhile."""
     is_file = run.endswith(".json")
     with nullcontext() if is_file else RunStore.open(run_file(run, directory), writing=True) as store:
         _verify_family(run, directory, store, resume)
@@ -140,7 +140,7 @@ def _kept_data(member: Member) -> dict[str, Any]:
 
 
 def _finite(values: dict[str, Any]) -> dict[str, Any]:
-    """Return the values for JSON, with None for infinity and NaN."""
+    """Return a copy of the values for JSON, in which infinity and NaN are replaced by None."""
     return {
         name: None if isinstance(value, float) and not isfinite(value) else value
         for name, value in values.items()

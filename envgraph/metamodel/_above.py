@@ -24,7 +24,7 @@ def linearise(name: str, classes: Mapping[str, Class]) -> tuple[str, ...]:
 
 
 def supertypes_first(classes: Mapping[str, Class]) -> list[list[str]]:
-    """Return the classes, supertypes before subtypes. Classes that are supertypes of each other share a list."""
+    """Return lists of classes, supertypes before subtypes: one class each, or all classes of an inheritance cycle."""
     known = {name: [above for above in cls.supertypes if above in classes] for name, cls in classes.items()}
     return [names[::-1] for names, _ in components(list(classes), known.__getitem__)]
 
@@ -65,7 +65,7 @@ class Above:
             self._shared.update(dict.fromkeys(members, shared))
 
     def _inherited(self, members: Sequence[str]) -> list[_Shared]:
-        """Return the tables of the direct supertypes of some classes, each once; empty tables are left out."""
+        """Return the tables that `shared` gives for the direct supertypes of `members`, each once, if not empty."""
         names = dict.fromkeys(above for name in members for above in self.table[name].supertypes)
         tables = {id(self._shared[name]): self._shared[name] for name in names if name in self._shared}
         return [one for one in tables.values() if one]
@@ -82,5 +82,5 @@ class Above:
         return self._own[name]
 
     def shared(self, name: str) -> _Shared:
-        """Return owner and feature, by name, of a class and its supertypes; only names that several classes declare."""
+        """Map own and inherited feature names to owner and feature; leave out names that only one class declares."""
         return self._shared.get(name, {})

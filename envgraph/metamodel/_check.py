@@ -39,7 +39,7 @@ _MOST_NOTES = 5
 def check_classes(
     classes: Sequence[Class], enums: Sequence[EnumType], unknown: Collection[str] = ()
 ) -> list[Diagnostic]:
-    """Return the problems of the classes and enums of one metamodel, at most one hundred.
+    """Return the problems of the classes and enums of one metamodel: at most one hundred, and a note if there are more.
 
     Args:
         classes: all known classes.
@@ -205,7 +205,7 @@ def _check_bounds(feature: Feature, cls: Class) -> Iterator[Diagnostic]:
 
 
 def _check_inherited(cls: Class, above: Above) -> Iterator[Diagnostic]:
-    """Yield errors for feature names that a class inherits twice, or declares although it inherits them."""
+    """Yield errors for feature names that a class inherits from two classes, or that it both inherits and declares."""
     inherited: dict[str, tuple[str, Feature]] = {}
     for direct in dict.fromkeys(cls.supertypes):
         if above.cycle(cls.name, direct) is not None:
@@ -324,7 +324,7 @@ def _check_opposite(reference: Reference, cls: Class, above: Above) -> Iterator[
 
 
 def _leads_nowhere(reference: Reference, above: Above) -> bool:
-    """Return True if the opposite named by a reference does not exist."""
+    """Return True if a reference names an opposite that its target class, if known, neither declares nor inherits."""
     if reference.opposite is None or reference.target not in above.table:
         return False
     classes = linearise(reference.target, above.table)
@@ -378,7 +378,10 @@ def _glyph_problems(
 
 
 def _check_looks(attribute: Attribute) -> Iterator[Diagnostic]:
-    """Yield errors for wrong uses of `@glyph` (for bools, enums and ints) and `@colour` (for enums)."""
+    """Yield errors for wrong uses of `@glyph` and `@colour` on an attribute.
+
+    `@glyph` is for bools, enums and ints, and `@colour` for enums.
+    """
     for mark in attribute.annotations:
         if mark.name in ("glyph", "colour") and attribute.many:
             message = f"`{attribute.name}` has many values, but `@{mark.name}` can show only one"

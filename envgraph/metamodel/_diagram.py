@@ -95,9 +95,9 @@ def _references(references: Iterable[tuple[Reference, Reference | None]]) -> Ite
 
 
 def _leads(reference: Reference, opposite: Reference) -> bool:
-    """Return True if a reference, and not its opposite, gives the line its direction.
+    """Return True if a reference, not its opposite, determines the direction of the line that is drawn for both.
 
-    It is the containment of the two, or else the reference that was declared first.
+    The containment of the two determines the direction. If neither is one, the reference that was declared first does.
     """
     if reference.containment or opposite.containment:
         return reference.containment

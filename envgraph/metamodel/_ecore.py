@@ -170,7 +170,7 @@ class _Writer:
 
 
 def _marks(annotations: Iterable[Annotation]) -> dict[str, str]:
-    """Return the annotations that envgraph uses, as keys and values of one annotation of Ecore."""
+    """Return the annotations for which Ecore has no syntax, as keys and values of one annotation of Ecore."""
     return {
         one.name: " ".join([*map(str, one.arguments), *(f"{key}={value}" for key, value in one.named)])
         for one in annotations
@@ -197,7 +197,7 @@ def _annotations(
 
 
 def plain_parts(feature: Feature, type_name: str | None = None) -> dict[str, str | None]:
-    """Return the XML attributes of a feature that need no other element; `type_name` is the data type in `@ecore`."""
+    """Return the XML attributes of a feature that refer to no other element; `type_name` is its type in `@ecore`."""
     parts = {
         "lowerBound": str(feature.lower) if feature.lower else None,
         "upperBound": None if feature.upper == 1 else str(feature.upper or -1),
@@ -224,7 +224,7 @@ def _named(annotations: Iterable[Annotation]) -> dict[str, str | None]:
 
 
 def _tag(name: str, parts: Parts, inside: Iterable[str] = ()) -> list[str]:
-    """Return the lines of a tag with its XML attributes and the indented lines `inside`."""
+    """Return the lines of a tag with its XML attributes, those that are None left out, and the lines `inside`."""
     head = " ".join(
         [f"<{name}", *(f'{key}="{xml_text(text)}"' for key, text in parts.items() if text is not None)]
     )

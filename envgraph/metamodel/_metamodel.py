@@ -45,7 +45,7 @@ def _numbered(classes: Iterable[Class]) -> tuple[Class, ...]:
 
 
 def _bits(number: int) -> bytes:
-    """Return the bits of a number as bytes 0 or 1, the lowest bit first."""
+    """Return the bits of a number as a `bytes` object of zeros and ones, the lowest bit first."""
     return format(number, "b")[::-1].encode().translate(_DIGITS)
 
 
@@ -221,7 +221,7 @@ class Metamodel:
         return found
 
     def canonical(self, reference: Reference, source: End, target: End) -> tuple[Reference, End, End]:
-        """Return the same triple for a link and for the equal link of its opposite reference."""
+        """Return a link in a normal form: a link and the equal link of the opposite reference give the same triple."""
         opposite = self.opposite(reference)
         # The ends of a link whose reference is its own opposite are sorted.
         if opposite is not None and (opposite.index, target, source) < (reference.index, source, target):
@@ -249,7 +249,7 @@ class Metamodel:
         )
 
     def picture(self) -> Picture:
-        """Return the class diagram as a picture, on which `to_dot` and `to_svg` rely."""
+        """Return the class diagram as a picture that can be written as DOT or SVG."""
         references = ((reference, self.opposite(reference)) for reference in self.references)
         return class_diagram(self.name, self.class_list, self.enum_types, references)
 

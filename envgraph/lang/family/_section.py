@@ -230,7 +230,7 @@ class Section:
     def choices(
         self, key: str, default: tuple[Name, ...], what: str, known: tuple[str, ...]
     ) -> tuple[Name, ...]:
-        """Return a list of names; report names that are not in `known`, but keep them. `what` is their noun in messages."""
+        """Return a list of names; report names that are not in `known` as an unknown `what`, but keep them."""
         found = self.names(key, default)
         for one in found:
             if one.text not in known and one.span:

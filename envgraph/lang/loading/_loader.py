@@ -361,8 +361,8 @@ class Loader:
     def _wrong_imports(self, unknown: UnknownNames) -> list[Diagnostic]:
         """Return errors for imported patterns that are unknown or private; without errors, warnings for unused files.
 
-        Return no warnings if names may be defined in text that could not be read. Discard recorded warnings that call an
-        import unused if it is returned as an error.
+        Return no warnings if names may be defined in text that could not be read. Discard recorded warnings that call
+        an import unused if it is returned as an error.
         """
         patterns = {one.qualified_name: one for one in self._defined(Pattern)}
         wrong = [

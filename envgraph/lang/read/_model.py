@@ -215,7 +215,7 @@ class _Reader:
         self.reports.error("duplicate-object", message, name, hint, notes)
 
     def _body(self, node: int | None, body: Tree[Token] | None, made: Made, cell: Span | None = None) -> None:
-        """Create the objects nested in an object; add a task for each feature, and report features that are set twice."""
+        """Create the objects nested in an object; add a task for each feature; report features that are set twice."""
         first: dict[str, Token] = {}
         for assignment in trees(body.children) if body else []:
             feature = tokens(assignment.children, "NAME")[0]

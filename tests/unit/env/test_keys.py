@@ -108,7 +108,7 @@ def test_objects_and_classes_that_are_not_in_the_index() -> None:
     index = KeyIndex.of(boxes(("small", 1)), ["Box"])
     with pytest.raises(EvaluationError, match="no index among `Box`"):
         index.index(boxes(("small", 2)), "Box", 0)
-    with pytest.raises(InvalidArgument, match="class `Loose` is not in the index: it has Box"):
+    with pytest.raises(InvalidArgument, match="the index has no class `Loose`; it has Box"):
         index.size("Loose")
 
 
