@@ -129,8 +129,8 @@ def bind_parameter(model: Model, parameter: Parameter, spans: Mapping[int, Span]
 def unbound(behaviour: Behaviour, model: Model, spans: Mapping[int, Span] | None = None) -> list[Diagnostic]:
     """Return diagnostics for parameters and `agent` blocks without an object in the model.
 
-    They are errors, but if another `agent` block has an object, an `agent` block without one is only a warning. If
-    several objects match a parameter, notes show their places in `spans`.
+    A parameter without an object is an error. So is an `agent` block if no block has an object; otherwise it is a
+    warning. If several objects match a parameter, notes show their places in `spans`.
     """
     problems: list[Diagnostic] = []
     try:

@@ -62,7 +62,7 @@ class CallChecking(Checking):
         return given
 
     def _beyond(self, given: Expression, type_: StaticType | None, scope: Scope) -> None:
-        """Warn of a computed probability if its declared `@range` leaves 0 to 1, or if it is an `int` without a range."""
+        """Warn of a computed probability if its `@range` leaves 0 to 1, or if it is an `int` without a range."""
         attribute = self.feature(given, scope)
         declared = attribute.range if isinstance(attribute, Attribute) else None
         if declared is not None and not 0 <= declared[0] < declared[1] <= 1:

@@ -29,9 +29,10 @@ class ViewChecking(Checking):
     # --- observations
 
     def observation(self, observation: Observation, outer: Scope) -> int:
-        """Check an observation; return its number of values, with 1 for objects, whose number only a family determines.
+        """Check an observation; return its number of values.
 
-        If the observation has an `if` part, the value for "not visible" is added to the number.
+        An observation of an object counts as 1 value, because the number of objects depends on the family. An `if` part
+        adds 1, for the value that means "not visible".
         """
         scope = dict(outer)
         if not isinstance(observation, ObserveFind) and observation.each is not None:

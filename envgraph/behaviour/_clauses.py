@@ -32,7 +32,7 @@ PACKAGE = "#environment"
 
 @dataclass(frozen=True, slots=True)
 class Question:
-    """A helper pattern: its first parameters are `bound` by the behaviour; a match gives values to all others.
+    """A helper pattern made of a condition: its first parameters are `bound` by the behaviour, the others by a match.
 
     Attributes:
         free: names of the variables that a match binds; for a count, the name of the variable that holds the count.

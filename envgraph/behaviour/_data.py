@@ -186,7 +186,8 @@ class Token:
     """An object drawn on top of a cell or node: `truck at path`, or `robot : Robot at robot.at` for all objects.
 
     Attributes:
-        letter: the letter in `packet as "D" at packet.destination`; it marks a place that refers to the object.
+        letter: a letter drawn in place of the object's glyph, at a place that is not the object's own: the "D" in
+            `packet as "D" at packet.destination`.
     """
 
     variable: str
@@ -200,7 +201,7 @@ class Token:
 
 @dataclass(frozen=True, slots=True)
 class DrawGrid:
-    """A drawing as a grid, `draw grid Cell at (x, y) with ..`: cells show their class glyph, at two int attributes."""
+    """A drawing as a grid, `draw grid Cell at (x, y) with ..`: a cell is drawn at its int attributes `x` and `y`."""
 
     cls: str
     column: str

@@ -101,7 +101,7 @@ class KeyIndex:
             raise _outside(model, cls, node) from None
 
     def indexer(self, model: Model, cls: str) -> Callable[[int], int]:
-        """Return a fast version of `index` for one model and class."""
+        """Return a function that maps object ids to indices as `index` does, but faster, for one model and class."""
         rank = {key: position for position, key in enumerate(self.of_class(cls))}
         key_of = key_reader(model, cls)
 
@@ -155,7 +155,7 @@ def ordered_objects(model: Model, cls: str) -> list[int]:
 def expanded(
     action: Action, keys: KeyIndex, metamodel: Metamodel
 ) -> Iterator[tuple[str, tuple[int | Value, ...]]]:
-    """Yield every action of a clause: its name, and the values of its parameters, where objects are given by index."""
+    """Yield every action of a clause: its name, such as `move(a, 2)`, and its arguments, where objects are indices."""
     domains = [list(_values(domain, keys, metamodel)) for _, domain in action.parameters]
     for values in product(*domains):
         shown = ", ".join(text for text, _ in values)
@@ -163,7 +163,7 @@ def expanded(
 
 
 def _values(domain: Domain, keys: KeyIndex, metamodel: Metamodel) -> Iterator[tuple[str, int | Value]]:
-    """Yield the text and the value of each element of a domain."""
+    """Yield each element of a domain as text (for the names of actions) and as value, for an object its index."""
     match domain_type(domain, metamodel):
         case ObjectType(cls):
             for index, key in enumerate(keys.of_class(cls)):

@@ -139,7 +139,7 @@ def _ending(behaviour: Behaviour) -> set[str]:
 
 @dataclass(frozen=True, slots=True)
 class _Scope:
-    """The names and calls of a block: parameters with classes, its agent, all calls, and the early calls of a turn."""
+    """A block (environment or agent): the classes of its names, all rule calls, and the calls before its rewards."""
 
     classes: Mapping[str, str]
     own: Mapping[str, str]

@@ -65,7 +65,10 @@ def audit_scores(
         found.append((domain, settings))
     names = [domain.spec.name for domain, _ in found]
     if len(set(names)) < len(names):
-        raise InvalidArgument("two of the families have the same name, and would share a directory")
+        raise InvalidArgument(
+            "two of the families have the same name, and would share a directory",
+            "change `name` in one of the family files",
+        )
     studies = [
         _study(domain, settings, directory / domain.spec.name, chosen, workers, force)
         for domain, settings in found

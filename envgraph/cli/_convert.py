@@ -55,7 +55,7 @@ def check_format(output: Path, formats: Sequence[str] = _WRITTEN) -> None:
 
 
 def model_text(model: Model, output: Path) -> str:
-    """Return a model as text in the format of the file's suffix."""
+    """Return a model as text in the format of the file's suffix: `.xmi`, `.model`, or JSON for any other suffix."""
     if output.suffix == ".xmi":
         return model_to_xmi(model)
     if output.suffix == ".model":

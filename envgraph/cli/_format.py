@@ -140,7 +140,7 @@ def _formatted(name: str) -> tuple[str, str]:
     language = language_of(name)
     if language is None and DiskFiles().exists(name):
         message = f"`{name}` is not a file in a language of envgraph"
-        hint = "the file types are " + ", ".join(f".{one}" for one in (*LANGUAGES, "vql"))
+        hint = "name a file that ends in " + ", ".join(f".{one}" for one in (*LANGUAGES, "vql"))
         raise LoadError([Diagnostic("unknown-language", message, Source(name, "").span(0, 0), hint)])
     source = read_source(DiskFiles(), name)
     assert language is not None  # An unknown file was refused before.

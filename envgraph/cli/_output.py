@@ -76,7 +76,7 @@ def _lines(text: str) -> list[str]:
 
 
 def print_json(value: Callable[[], object]) -> bool:
-    """Print a JSON document if the output format is JSON; return True if it is."""
+    """Print a JSON document, which `value` computes, if the output format is JSON; return True if it is."""
     if wanted := _wants_json():
         write_json(value())
     return wanted

@@ -293,7 +293,7 @@ def _value(engine: Engine, name: str, text: str, type_: StaticType | None) -> No
 
 
 def _names(model: Model, cls: str) -> dict[int, tuple[str, ...]]:
-    """Return the names by which the command line may refer to each object of a class, the shortest first.
+    """Return the names by which the command line may refer to each object of a class, the preferred name first.
 
     These are the name in the file, the cell in a grid, the values of the key, and the printed form: `Box {label = a}`.
     """
@@ -314,7 +314,7 @@ def _objects(engine: Engine, text: str, cls: str) -> str:
 
 
 def spelled(value: Node | Value) -> str:
-    """Return an object as messages show it, with its class; return a value as the languages write it."""
+    """Return an object as text with its class, such as `Box a`; return a value as the languages write it."""
     if isinstance(value, Node):
         title = value.model.graph.title(value.id)
         return f"{value.cls} {title}" if title else value.model.graph.describe(value.id).strip("`")

@@ -160,7 +160,7 @@ def _check_supertypes(cls: Class, inherited: Above) -> Iterator[Diagnostic]:
             yield Diagnostic("unknown-class", f"unknown class `{above}`", span, hint)
     if len(set(cls.supertypes)) != len(cls.supertypes):
         yield Diagnostic(
-            "duplicate-definition", f"`{cls.name}` names a supertype twice", cls.span, "leave it out once"
+            "duplicate-definition", f"`{cls.name}` names a supertype twice", cls.span, "write each name once"
         )
 
 
@@ -340,7 +340,7 @@ def _check_key(cls: Class, above: Above) -> Iterator[Diagnostic]:
     if len(set(cls.key)) != len(cls.key):
         twice = next(name for name in cls.key if cls.key.count(name) > 1)
         message = f"`@key` of `{cls.name}` names `{twice}` twice"
-        yield Diagnostic("duplicate-definition", message, place(cls, f"key {twice}"), "leave it out once")
+        yield Diagnostic("duplicate-definition", message, place(cls, f"key {twice}"), "write each name once")
     for name in cls.key:
         found = known.get(name)
         if isinstance(found, Attribute) and found.many:

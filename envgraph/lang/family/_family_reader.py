@@ -310,7 +310,7 @@ def _search(section: Section) -> SearchSpec:
         None,
         inf,
     ):
-        hint = "add `time_limit`, `target` or `stagnation`"
+        hint = "add `time_limit`, `target` or `stagnation` to `[search]`, such as `stagnation = 100`"
         section.error("missing-key", "the search has no limit", section.span("generations"), hint)
     return spec
 

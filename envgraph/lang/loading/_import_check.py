@@ -26,7 +26,7 @@ LANGUAGE_OF = {language: language for language in LANGUAGES} | {
 }
 """The formats of imported files, each with the language that it is read as."""
 
-NAME_IT = "load its file too, for example with `--metamodel`, or import the path of a file"
+NAME_IT = "write the path of the metamodel's file, or load that file too, for example with `--metamodel`"
 
 
 @dataclass(slots=True)

@@ -131,7 +131,7 @@ class Loader:
         return [name for name in self.files.entries(directory) if suffix_of(name) in known]
 
     def _read(self, first: str, asked: Import | None = None) -> None:
-        """Read a file and all its imports, depth first; report a chain of too many files and stop there."""
+        """Read a file and all its imports, depth first; if too many files are read together, report this and stop."""
         waiting: list[tuple[str, Import | None]] = [(first, asked)]
         most = limit(_MOST_FILES)
         while waiting:
@@ -507,4 +507,4 @@ def _file(problem: Diagnostic) -> str | None:
 
 
 def _extensions() -> str:
-    return "the languages are " + ", ".join(f"`.{language}`" for language in LANGUAGE_OF)
+    return "use files that end in " + ", ".join(f"`.{language}`" for language in LANGUAGE_OF)

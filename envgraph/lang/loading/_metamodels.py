@@ -87,7 +87,7 @@ class Metamodels:
         return problems
 
     def _alike(self, one: EcoreDocument, other: EcoreDocument) -> bool:
-        """Return True if two `.ecore` files define the same metamodel, without errors."""
+        """Return True if two `.ecore` files define the same metamodel; False if one of them has errors."""
         if one.source.text == other.source.text:
             return True
         from envgraph.lang.interchange._ecore import read_ecore
@@ -103,7 +103,7 @@ class Metamodels:
         return first is not None and second is not None and same(first, second)
 
     def names(self) -> dict[str, str]:
-        """Map the URIs and names by which metamodels can be imported to their files ("" for the one passed in)."""
+        """Map the URIs and names by which metamodels can be imported to the names of their files ("" for `given`)."""
         found = {file: one.metamodel for file, (one, _) in self.files.items()}
         if not found and not self.ecore:
             found = {"": self.given}

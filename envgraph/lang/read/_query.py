@@ -19,7 +19,7 @@ from envgraph.pattern import Body, FunctionDeclaration, Parameter, Pattern, Stra
 def read_query(
     parsed: Parsed, types: TypeNames | None = None
 ) -> DefinitionsFile[Pattern | FunctionDeclaration]:
-    """Return the complete functions and patterns of a `.query` file, functions first, with header and diagnostics."""
+    """Return the functions and patterns of a `.query` file that could be read, functions first, and its diagnostics."""
     file = read_definitions(parsed, types, _definition)
     ordered = sorted(file.definitions, key=lambda one: isinstance(one, Pattern))
     return replace(file, definitions=tuple(ordered))

@@ -31,7 +31,7 @@ _SECTIONS = ("left", "right", "modification", *_NESTED)
 
 
 def read_rules(parsed: Parsed, types: TypeNames | None = None) -> DefinitionsFile[Definition]:
-    """Return the complete rules, units and derivations of a `.rules` file, with its header and diagnostics."""
+    """Return the rules, units and derivations of a `.rules` file that could be read, with header and diagnostics."""
     return read_definitions(parsed, types, _definition)
 
 

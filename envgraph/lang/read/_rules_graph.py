@@ -107,7 +107,7 @@ def read_graph(reading: Reading, tree: Tree[Token], graph: Graph) -> None:
         if node.name != "_":
             graph.add(node)
         elif says_more:
-            hint = "give it a name: each `_` is a different object"
+            hint = "write a name in place of `_`, because each `_` is a different object"
             reading.error(
                 "anonymous-node",
                 "a `_` with several edges, or with an edge and a class, needs a name",

@@ -46,7 +46,7 @@ def cls(name, *features, **more):
             [cls("B"), cls("A", supertypes=("B", "B"))],
             "duplicate-definition",
             "`A` names a supertype twice",
-            "leave it out once",
+            "write each name once",
         ),
         (
             [cls("A", Attribute("x", INT), Reference("x", "A"))],
@@ -152,7 +152,7 @@ def cls(name, *features, **more):
             [cls("A", Attribute("x", INT), key=("x", "x"))],
             "duplicate-definition",
             "`@key` of `A` names `x` twice",
-            "leave it out once",
+            "write each name once",
         ),
         (
             [cls("A", glyph=Glyph("AB"))],
