@@ -388,7 +388,7 @@ def _with_controls(
     """Return the curricula and their controls, and the variants of the target (by name) in which controls start.
 
     Without a choice (`kinds` is None), use all controls that the environments allow, and the schedules of the family
-    file. Print a note for each default control that is skipped.
+    file. Print a note for each control that is skipped.
 
     Raises:
         InvalidArgument: a chosen control needs tables, but there are too many states.

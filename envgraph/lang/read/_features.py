@@ -93,7 +93,8 @@ class Links:
     def fill(self, node: int, reference: Reference, found: Found, at: Span | None = None) -> list[int]:
         """Link an object to target objects; return the ids of the targets of a fitting class, within the upper bound.
 
-        Report the other targets, and links that the model refuses; the targets of these are returned too.
+        Report a target of a wrong class, the first target above the upper bound, and each link that the model refuses;
+        the targets of refused links are returned too.
 
         Args:
             node: the object that has the reference.

@@ -21,7 +21,7 @@ class Import:
 def near_uri(uri: str, known: Iterable[str]) -> str | None:
     """Return the hint "did you mean ..?" for an unknown URI; None if no known URI is similar.
 
-    The last segments of two URIs must be similar too, because URIs of one site share their beginnings.
+    The last segments of two URIs must be similar too, because URIs of one server share their beginnings.
 
     >>> near_uri("http://example.org/libary", ["http://example.org/library", "http://example.org/city"])
     'did you mean `http://example.org/library`?'

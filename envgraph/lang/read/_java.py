@@ -21,16 +21,16 @@ JAVA_TYPES: Final[Mapping[str, str]] = {
 """Java's names for the data types, without their packages."""
 
 JAVA_CLASSES: Final = frozenset({*_INTS, *_FLOATS, "Boolean", "Math", "Objects", "String"})
-"""Classes that need no import."""
+"""Java classes that a file may use without an import."""
 
 JAVA_DOMAINS: Final = frozenset({"com", "edu", "io", "java", "javax", "net", "org"})
-"""The first parts of the full names of classes."""
+"""The first words of full names of Java classes, such as `java.util.List`."""
 
 CASTS: Final[Mapping[str, str]] = {"int": "toInt", "float": "toFloat", "string": "toString"}
 """The function for a cast to each data type."""
 
 OPERATORS: Final[Mapping[str, str]] = {"equals": "==", "concat": "+"}
-"""Methods that are replaced by operators."""
+"""Java methods that are replaced by operators."""
 
 CONSTANTS: Final[Mapping[tuple[str, str], Value]] = {
     ("Integer", "MAX_VALUE"): 2**31 - 1,

@@ -83,7 +83,10 @@ def _left(reading: Reading, tree: Tree[Token], owner: Token) -> LeftSide:
 
 
 def _right(reading: Reading, tree: Tree[Token]) -> RightSide | Modification | None:
-    """Parse the `rhs` or `modify` of a rule or block (None if it has neither); report duplicates and mixtures."""
+    """Parse the `rhs` or `modify` of a rule or block; return None if it has neither. Report superfluous ones.
+
+    If both are written, the `rhs` is parsed; if one of them is written twice, the first is parsed.
+    """
     rights, modifications = trees(tree.children, "right"), trees(tree.children, "modification")
     reading.only(
         "`rhs`", (tokens(side.children)[0] for side in rights), "move its content into the first one"
