@@ -43,7 +43,7 @@ class Branches:
         return True
 
     def choose(self, count: int) -> int:
-        """Return a number from 0 to `count` - 1. Over all runs, every number is returned."""
+        """Return the choice of this run, a number from 0 to `count` - 1. Later runs return the other numbers."""
         if self._place == len(self._chosen):
             self._chosen.append(0)
             self._counts.append(count)
@@ -51,11 +51,11 @@ class Branches:
         return self._chosen[self._place - 1]
 
     def weigh(self, weights: Sequence[float]) -> int:
-        """Return an index into `weights`. Over all runs every index is returned; the weights themselves are ignored."""
+        """Return the choice of this run, an index into `weights`. Some run returns each index, whatever its weight."""
         return self.choose(len(weights))
 
     def random(self) -> float:
-        """Return 0.0 always: functions of the user that ask for a random float are not enumerated.
+        """Return 0.0 always, because functions of the user that ask for a random float are not enumerated.
 
         Rules and units choose one of a finite number of options and therefore call `choose`.
         """

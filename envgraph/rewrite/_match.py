@@ -122,15 +122,15 @@ class Match(Mapping[str, "Node | Value"]):
         return self
 
     def __deepcopy__(self, _: object) -> Match:
-        """Return this match itself, uncopied, like the nodes in it."""
+        """Return this match itself, because `deepcopy` does not copy the objects of a model."""
         return self
 
     def __reduce__(self) -> tuple[type[Match], tuple[Model, Shape, Row]]:
-        """Pickle the match together with its model, as nodes do."""
+        """Return constructor and arguments for pickle. The pickle contains the whole model, as a pickled node does."""
         return Match, (self.model, self._shape, self.row)
 
     def picture(self, **options: Unpack[PictureOptions]) -> Picture:
-        """Return a picture of the highlighted match and its neighbours; `options` are those of `Model.picture`."""
+        """Return a picture of this match, highlighted, and its neighbours. `options` are options of `Model.picture`."""
         wanted: PictureOptions = {"highlight": self, "around": self, **options}
         return self.model.picture(**wanted)
 
@@ -208,5 +208,5 @@ class Application:
 
     @property
     def firing(self) -> Firing:
-        """Return this application in the form that traces record."""
+        """Return the rule name and the row of the match as a `Firing`, for a trace."""
         return Firing(self.rule, self.match.row)

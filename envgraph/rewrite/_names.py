@@ -66,20 +66,23 @@ class Directory:
         self.signatures[signature.name] = signature
 
     def candidates(self, name: str, package: str = "") -> list[str]:
-        """Return the qualified names that a name may mean: none if it is unknown, several if it is ambiguous."""
+        """Return the qualified names that `name` may refer to: none if it is unknown, several if it is ambiguous."""
         for qualified in (f"{package}.{name}" if package else name, name):
             if qualified in self.signatures:
                 return [qualified]
         return self._simple.get(name, [])
 
     def hint(self, name: str, others: Iterable[str] = ()) -> str | None:
-        """Return a hint that suggests the nearest known name, or one of `others`; None if no name is near."""
+        """Return a hint for an unknown name: the most similar name of the table or of `others`.
+
+        If no name is similar, the hint lists the names of the table. It is None if the table is empty.
+        """
         known = [simple if len(names) == 1 else names[0] for simple, names in self._simple.items()]
         near = did_you_mean(name, [*known, *self.signatures, *others])
         return near or name_hint(name, known)
 
     def resolve(self, name: str, what: str = "rule, unit or group") -> str:
-        """Return the qualified name that a name means; `what` is the word for the definition in messages.
+        """Return the qualified name that `name` refers to. `what` is the word for the definition in messages ("rule").
 
         Raises:
             InvalidArgument: the name is unknown or ambiguous, or is not a string.

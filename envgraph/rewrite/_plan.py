@@ -36,7 +36,7 @@ class Compute:
 
 @dataclass(frozen=True, slots=True)
 class Unlink:
-    """An operation that removes a link. If `required`, the link is not in the LHS, and its absence refuses the rule."""
+    """An operation that removes a link. If `required`, a missing link refuses the rule: an unmatched `redirect`."""
 
     source: int
     reference: Reference
@@ -85,7 +85,7 @@ class Absorb:
 
 @dataclass(frozen=True, slots=True)
 class Rehome:
-    """An operation that moves an object to another container; the object leaves its old one before links are added."""
+    """An operation that moves an object to another container. It leaves the old container before links are added."""
 
     node: int
     container: int
@@ -208,7 +208,7 @@ class BlockPlan:
 
     @property
     def contended(self) -> bool:
-        """Return True if the object that a computed value refers to may also be changed by another operation."""
+        """Return True if a computed object becomes a target and another operation of this block may change it too."""
         computed = {each.slot for each in self.computed if each.object}
         named = [link.target for link in self.links]
         for change in self.sets:
@@ -218,7 +218,7 @@ class BlockPlan:
 
     @property
     def kept(self) -> tuple[int, ...]:
-        """Return the slots of the objects that the block matches and preserves."""
+        """Return the slots of matched objects, also of enclosing blocks, that this block neither deletes nor merges."""
         gone = {delete.node for delete in self.deletes} | {absorb.absorbed for absorb in self.absorbs}
         return tuple(slot for slot, cls in enumerate(self.classes) if cls is not None and slot not in gone)
 

@@ -1,4 +1,4 @@
-"""Translation of the right-hand side of a block into created, deleted, retyped, linked and set items."""
+"""Translation of the right-hand side of a block into the objects and links that it creates, deletes and changes."""
 
 from __future__ import annotations
 
@@ -87,7 +87,7 @@ class Changes:
         return self.scope.deleted.keys() - self.scope.absorbed.keys()
 
     def unlink(self, edge: ResolvedEdge) -> Unlink:
-        """Return the operation that deletes a link."""
+        """Return the operation that deletes a link. A redirected link is required to exist if no LHS contains it."""
         key = self.scope.key(edge)
         required = key in self.redirected and all(self.scope.key(arrow) != key for arrow in self.scope.arrows)
         source, target = self.scope.slot(edge.source), self.scope.slot(edge.target)
@@ -101,7 +101,10 @@ class Changes:
 def changes_of(
     rule: Rule, lowered: LoweredBlock, outer: RuleScope, types: Mapping[str, StaticType | None]
 ) -> Changes:
-    """Return the changes of a block, given the scope of the enclosing block. Add diagnostics to the scope."""
+    """Read the right-hand side of a block and return its changes. Diagnostics are added to `outer.problems`.
+
+    `outer` is the scope of the enclosing block. `types` contains the types of the variables in the scope of this block.
+    """
     for name in lowered.own:
         if name in outer.created:
             span = node_names(lowered.left).get(name)
@@ -396,7 +399,7 @@ class ActionReader:
         self.changes.removed[key] = edge
 
     def _once(self, key: LinkKey, edge: Edge, what: str) -> None:
-        """Report if an earlier action deletes or redirects the same link; `what` is "deleted" or "redirected"."""
+        """Report a link that is deleted or redirected twice. `what` is the second action, "deleted" or "redirected"."""
         earlier = self.changes.redirected.get(key) or self.changes.removed.get(key)
         if earlier is None:
             return
@@ -457,7 +460,7 @@ class ActionReader:
                 self.values.set(Set(owner, feature, "=", value, span, feature_span=assignment.feature_span))
 
     def _clear_deleted(self) -> None:
-        """Add deletions of all LHS links at deleted objects, including links in the LHS of enclosing blocks."""
+        """Add deletions of the LHS links at deleted (not merged) objects, also of LHS links of enclosing blocks."""
         gone = self.changes.ending
         for arrow in self.scope.arrows:
             ends = {arrow.source, arrow.target}

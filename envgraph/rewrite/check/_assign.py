@@ -53,7 +53,7 @@ class AssignmentReader:
         self._earlier: dict[tuple[str, str], tuple[Operator, Span | None]] = {}
 
     def initialise(self, node: Node, assignment: Assignment) -> None:
-        """Check an assignment in the literal of a new object and add its operation."""
+        """Check an assignment in the literal of a new object. Add its operation, or report its errors."""
         span = assignment.span or node.span
         where = assignment.feature_span or span
         feature = self._feature(Variable(node.name, node.span), assignment.feature, "=", where)
@@ -64,7 +64,7 @@ class AssignmentReader:
                 self.links.append(Link(self.scope.slot(node.name), feature, value, span))
 
     def set(self, action: Set) -> None:
-        """Check a `set` action (`=`, `+=` or `-=`) and add its operation."""
+        """Check a `set` action (`=`, `+=` or `-=`). Add its operation, or report its errors."""
         where = action.feature_span or action.span
         found = self._feature(action.object, action.feature, action.operator, where)
         if isinstance(found, Attribute):
@@ -183,9 +183,9 @@ class AssignmentReader:
     def _value(
         self, expression: Expression, expected: StaticType, span: Span | None, *, needed: bool
     ) -> int | None:
-        """Return the slot of a value computed before the rule, or None after an error.
+        """Return the slot of a variable, or of an expression, which is computed on the state before the rule.
 
-        If `needed`, an application raises an error when the value is missing.
+        Return None after a reported error. If `needed`, an application raises an error when the value is missing.
         """
         read = {variable.name: variable for variable in variables_in(expression)}
         for name, variable in read.items():

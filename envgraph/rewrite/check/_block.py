@@ -17,7 +17,10 @@ TypesOf = Callable[[LoweredBlock], Mapping[str, StaticType | None]]
 
 
 def plan_of(changes: Changes, types_of: TypesOf) -> BlockPlan:
-    """Check a block and its nested blocks, and return their plan. The plan is usable only if no error was reported."""
+    """Check a block and its nested blocks, and return their plan. The plan is usable only if no error was reported.
+
+    `types_of` returns the types of the variables in the scope of a nested block.
+    """
     check_links(changes)
     identified_links = _identified_links(changes)
     scope = changes.scope
@@ -75,7 +78,7 @@ def _kind(changes: Changes) -> Literal["rule", "forall", "forall+", "optional"]:
 
 
 def _may_coincide(changes: Changes, one: str, other: str) -> bool:
-    """Return True if two variables may stand for one object in a match of this rule."""
+    """Return True if two variables may refer to the same object in a match of this rule."""
     same = changes.scope.equated
     if one == other or frozenset((one, other)) in same:
         return True
@@ -86,7 +89,7 @@ def _may_coincide(changes: Changes, one: str, other: str) -> bool:
 
 
 def _identified(changes: Changes) -> tuple[tuple[int, int], ...]:
-    """Return pairs of slots: a deleted object, and another variable that may stand for the same object."""
+    """Return the slot pairs, new in this block, of a deleted or merged object and a variable that may be the same."""
     scope = changes.scope
     own = {*changes.deleted, *(scope.names[a.absorbed] for a in changes.absorbs)}
     return tuple(
@@ -98,7 +101,7 @@ def _identified(changes: Changes) -> tuple[tuple[int, int], ...]:
 
 
 def _identified_links(changes: Changes) -> tuple[tuple[Unlink, Unlink], ...]:
-    """Return pairs of links: a deleted link, and another link of the LHS that may be the same link."""
+    """Return the pairs, new in this block, of a deleted link and another link of the LHS that may be the same link."""
     scope = changes.scope
     found: list[tuple[Unlink, Unlink]] = []
     for key, gone in {**scope.unlinked, **changes.unlinks}.items():

@@ -84,7 +84,7 @@ class CheckedRule:
 
 
 def examine(rule: Rule, library: Library) -> CheckedRule:
-    """Check a rule, and build its plan if it has no errors."""
+    """Check a rule and return its diagnostics, with its plan and patterns if it has no errors."""
     problems = [*_check_header(rule), *_check_names(rule), *_check_types(rule, library)]
     if _depth(rule) > MOST_NESTED:
         hint = "move a part of the rule into a pattern, and call it with `find`"
@@ -138,9 +138,16 @@ def _left_problems(
     called: Mapping[str, StaticType | None],
     told: Sequence[Diagnostic],
 ) -> list[Diagnostic]:
-    """Return the diagnostics that the library reports for left-hand sides, without repetitions of `told`.
+    """Return the errors and some warnings of the library about left-hand sides, without repetitions.
 
-    A diagnostic is a repetition if it has the same span, or concerns a variable whose type is unknown by mistake.
+    A diagnostic is a repetition if its span has a diagnostic already, or if it says that an untyped parameter is
+    unreferenced. If all are repetitions and no error is reported yet, all are returned.
+
+    Args:
+        said: the diagnostics of the library.
+        lowering: the lowered left-hand sides.
+        called: the types that pattern calls imply for variables.
+        told: the diagnostics that are reported already.
     """
     places = {problem.span for problem in told if problem.span}
 
@@ -188,7 +195,7 @@ def _calls(constraint: Constraint) -> Iterator[PatternCall]:
 
 
 def _with_class(problem: Diagnostic, called: Mapping[str, StaticType | None]) -> Diagnostic:
-    """Add a hint with the class to a diagnostic of an untyped variable, if a pattern call elsewhere implies it."""
+    """Return a diagnostic, with the class as hint if it is about an untyped variable and a pattern call implies one."""
     if problem.code not in ("untyped-source", "untyped-variable"):
         return problem
     name = str(problem.subject[0])
@@ -215,7 +222,10 @@ def _depth(rule: Rule) -> int:
 
 
 def _types_of(block: LoweredBlock, known: Mapping[str, Entry] | None) -> Mapping[str, StaticType | None]:
-    """Return the types of variables in scope: inferred by the library, or implied by edges if there are errors."""
+    """Return the types of the variables in scope, as inferred by the library for the patterns in `known`.
+
+    If `known` is None, because there are errors, return the types that the left-hand sides alone imply.
+    """
     if known is None:
         return block.types
     found = known[block.pattern.qualified_name].types
@@ -293,7 +303,10 @@ def _check_types(rule: Rule, library: Library) -> Iterable[Diagnostic]:
 
 
 def _outputs(rule: Rule, scope: RuleScope, given: Sequence[str]) -> tuple[tuple[str, int], ...]:
-    """Return name and slot of the `out` parameters. Report those that neither the rule nor its LHS binds."""
+    """Return name and slot of the `out` parameters. Report those that are deleted, get no value or get a wrong class.
+
+    `given` contains the variables that only a caller can bind; they give an `out` parameter no value.
+    """
     found: list[tuple[str, int]] = []
     mentioned = all_names(rule.left)
     for parameter in rule.parameters:
@@ -323,7 +336,7 @@ def _check_created_output(parameter: Parameter, scope: RuleScope) -> None:
 
 
 def _check_effect(rule: Rule, lowered: LoweredBlock, plan: BlockPlan) -> Iterable[Diagnostic]:
-    """Warn about rules and blocks that have no right-hand side, and so change nothing, and that return no outputs."""
+    """Warn about a rule without `out` parameters, or a block, without a right-hand side and without nested `forall`s."""
     block = lowered.block
     if block is None and any(parameter.direction == "out" for parameter in rule.parameters):
         return
@@ -345,7 +358,7 @@ def _check_effect(rule: Rule, lowered: LoweredBlock, plan: BlockPlan) -> Iterabl
 
 
 def _check_homomorphic(rule: Rule, scope: RuleScope, problems: list[Diagnostic]) -> None:
-    """Check that the groups of `@hom` list object variables of left-hand sides that may stand for one object."""
+    """Report names in `@hom` that are not object variables of left-hand sides, and groups that have no effect."""
     nested = _block_variables(rule.blocks)
     for group, places in zip_longest(rule.homomorphic, rule.homomorphic_spans, fillvalue=()):
         spans = dict(zip(group, places, strict=False))
@@ -362,7 +375,7 @@ def _check_homomorphic(rule: Rule, scope: RuleScope, problems: list[Diagnostic])
 
 
 def _block_names(blocks: Iterable[Block]) -> dict[str, str]:
-    """Return the variables of blocks and the objects that they create, each with the kind of its block."""
+    """Return the variables and created objects of blocks and their nested blocks, each with the kind of its block."""
     found: dict[str, str] = {}
     for block in blocks:
         names = [*own_variables(block.left, ()), *_created_nodes(block.right)]

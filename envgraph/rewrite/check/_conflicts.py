@@ -61,8 +61,8 @@ class Contradiction(EnvgraphError):
 
     Attributes:
         refused: True if the model refuses the two changes in any order.
-        always: True if both changes are about the same object. If False, two variables may turn out to be one object,
-            and then the changes agree.
+        always: False if the changes agree in a match in which their two values or containers are the same object. True
+            if they contradict each other in every match.
     """
 
     def __init__(
@@ -105,11 +105,11 @@ class Conflicts:
         self._features: list[tuple[int, str, Want]] = []
 
     def add(self, plan: BlockPlan, slots: Sequence[Any]) -> None:
-        """Add the requested changes of one match of a block.
+        """Add the changes that one match of a block requests.
 
         Raises:
             RuleError: the match deletes an object or link that its own LHS also preserves ("identification").
-            Contradiction: the changes contradict those of an earlier match.
+            Contradiction: two of the changes added so far contradict each other.
         """
         self._identification(plan, slots)
         for delete in plan.deletes:
@@ -136,7 +136,7 @@ class Conflicts:
                 self._removed.setdefault(arrow, Want(plan, slots, unlink))
 
     def finish(self) -> None:
-        """Check all added changes together.
+        """Check for contradictions that only all changes together show, such as an object both deleted and changed.
 
         Raises:
             Contradiction: two changes contradict each other.
@@ -159,12 +159,12 @@ class Conflicts:
 
     @property
     def deleted(self) -> Collection[int]:
-        """Return the objects that a match deletes."""
+        """Return the ids of the objects that the added changes delete or merge into other objects."""
         return self._gone.keys()
 
     @property
     def changed(self) -> Collection[int]:
-        """Return the objects that a match changes, including `Fresh` objects."""
+        """Return the ids, also `Fresh` ones, of objects that the added changes modify, retype or link, or merge into."""
         return self._touched.keys()
 
     def _check_added(self, arrow: Arrow, want: Want) -> None:
@@ -205,7 +205,7 @@ class Conflicts:
     # --- objects
 
     def _go(self, node: int, into: int | None, want: Want) -> None:
-        """Record that an object is deleted (`into` is None) or merged into the object `into`."""
+        """Record that an object is deleted (`into` is None) or merged into `into`. Raise a `Contradiction` for both."""
         other, earlier = self._gone.setdefault(node, (into, want))
         if other != into:
             raise Contradiction(
@@ -228,7 +228,10 @@ class Conflicts:
     # --- links
 
     def _link(self, reference: Reference, source: int, target: int, want: Want, forced: bool) -> None:
-        """Record that a link is added; `forced` if the operation first removes other links of a full reference."""
+        """Record an added link; `forced` if the operation first removes other links of a full reference.
+
+        Raise a `Contradiction` if an object gets two different targets by a single-valued reference, or two containers.
+        """
         opposite = self.metamodel.opposite(reference)
         self._touch(source, want)
         self._touch(target, want)
@@ -243,7 +246,10 @@ class Conflicts:
             self._end(content, None, (container, contains), want, forced)
 
     def _end(self, node: int, feature: Reference | None, value: object, want: Want, forced: bool) -> None:
-        """Record the only target of an object by a single-valued reference, or its container if `feature` is None."""
+        """Record the only target of an object by a single-valued reference, or its container if `feature` is None.
+
+        Raise a `Contradiction` if another target is recorded and one of the two is forced or `strict` is True.
+        """
         other, earlier, others_forced = self._ends.setdefault((node, feature), (value, want, forced))
         if other == value:
             self._ends[node, feature] = other, earlier, others_forced or forced
@@ -285,7 +291,10 @@ class Conflicts:
                 raise AssertionError(change)
 
     def _value(self, node: int, feature: Attribute | Reference, value: object, want: Want) -> None:
-        """Record the new value or targets of a feature; `value` None records that only some targets change."""
+        """Record the new value or targets of a feature, or `value` None if only some of its targets change.
+
+        Raise a `Contradiction` if another value is recorded.
+        """
         self._touch(node, want)
         self._features.append((node, feature.owner, want))
         other, earlier = self._values.setdefault((node, feature), (value, want))
@@ -293,7 +302,7 @@ class Conflicts:
             raise self._two_values(node, feature, (other, earlier), (value, want))
 
     def _member(self, node: int, attribute: Attribute, value: object, operator: str, want: Want) -> None:
-        """Record that a value is added to or removed from a multi-valued attribute."""
+        """Record that a value is added to or removed from a value list. Raise a `Contradiction` if both happen."""
         other, earlier = self._members.setdefault((node, attribute, value), (operator, want))
         if other != operator:
             message = (
@@ -317,7 +326,7 @@ class Conflicts:
         return Contradiction(message, one[1], other[1], refused=refused, always=False)
 
     def _shown(self, feature: Attribute | Reference, value: object) -> str | None:
-        """Return the text of a value for messages, or None if `value` describes a change, such as an increase."""
+        """Return the text of a value for messages, or None for lists and sums of attributes and for partial changes."""
         if isinstance(feature, Attribute):
             return None if isinstance(value, tuple) else "none" if value is None else repr(value)
         if not isinstance(value, tuple):

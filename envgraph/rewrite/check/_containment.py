@@ -1,4 +1,4 @@
-"""Questions about containment: the contained end of a link, and classes without a common container."""
+"""Helpers about containment: the contained end of a link, and retypings that take objects out of all containers."""
 
 from __future__ import annotations
 
@@ -17,10 +17,10 @@ def content_of(reference: Reference, source: End, target: End, metamodel: Metamo
 
 
 def homeless(classes: Iterable[str], after: str, metamodel: Metamodel) -> bool:
-    """Return True if a retyping to `after` leaves every object without a container that may contain it.
+    """Return True if a retyping to the class `after` leaves no object in a container that may contain it.
 
-    Objects of each of `classes` (exact classes before the retyping) must be containable, and none of their containments
-    may accept an object of `after`.
+    `classes` are the exact classes before the retyping. Return False if `classes` is empty, if one of them can have no
+    container, or if one of its containments also accepts `after`.
     """
     containments = list(_containments(metamodel))
     found = False

@@ -120,7 +120,7 @@ class LeftLowering:
         constraints: Sequence[Constraint],
         type_: StaticType | None,
     ) -> Parameter:
-        """Return a parameter of the generated pattern: `in` if it is a data value that the LHS does not enumerate."""
+        """Return a pattern parameter for a rule parameter: `in` if it is data that no positive constraint mentions."""
         if type_ is None or isinstance(type_, ObjectType):
             return replace(parameter, direction=None)
         positive = {
@@ -135,7 +135,7 @@ class LeftLowering:
     def _unmentioned(
         self, parameters: Sequence[Parameter], constraints: Sequence[Constraint], types: Types
     ) -> list[Constraint]:
-        """Return constraints for parameters that the LHS does not mention, as patterns must mention each parameter."""
+        """Return constraints for parameters that the LHS does not mention. Report these parameters if they lack a type."""
         mentioned = all_names(LeftSide(constraints=tuple(constraints)))
         found: list[Constraint] = []
         for parameter in parameters:
@@ -154,7 +154,10 @@ class LeftLowering:
     # --- types
 
     def _types(self, left: LeftSide, blocks: Sequence[Block], outside: Types) -> Types:
-        """Return the types of all variables in scope, `outside` first, as far as the LHS alone implies them."""
+        """Return the types of all variables in scope, `outside` first, as far as the LHS alone implies them.
+
+        If a type is unknown and there are nested blocks, paths from untyped variables are reported.
+        """
         constraints = (*self._nodes(left), *map(_path, left.edges), *left.constraints)
         declared = [parameter_for(name, type_) for name, type_ in outside.items()]
         pattern = Pattern(
@@ -258,7 +261,10 @@ class LeftLowering:
     # --- blocks
 
     def _condition(self, block: Block, outside: Types) -> Constraint:
-        """Lower a `not` or `require` block to a call of its pattern, negated for `not`."""
+        """Lower a `not` or `require` block to a call of its pattern, negated for `not`.
+
+        Report and leave out its right-hand side and its nested `forall` and `optional` blocks, which are not allowed.
+        """
         if block.right is not None:
             message = f"a `{block.kind}` block is a condition, so it cannot have a right side"
             hint = "move the right side to the rule, or use `forall`"
@@ -337,7 +343,7 @@ def _path(edge: Edge) -> PathConstraint:
 
 
 def _call(lowered: LoweredBlock, span_of: Block) -> PatternCall:
-    """Return the call of the pattern of a block: `find helper(enclosing.., _, ..)`."""
+    """Return a call of a block's pattern: the arguments are the enclosing variables, and `_` for its own variables."""
     arguments = (*lowered.inherited, *("_" for _ in lowered.own))
     return PatternCall(
         lowered.pattern.qualified_name, tuple(Variable(name) for name in arguments), span=span_of.span
@@ -345,6 +351,6 @@ def _call(lowered: LoweredBlock, span_of: Block) -> PatternCall:
 
 
 def _declaration(declared: Node | Parameter) -> Span | None:
-    """Return the span of a declaration `x : Class`."""
+    """Return the span of a declaration `x : Class`, from the name to the class, or None if it has no span."""
     span, type_span = declared.span, declared.type_span
     return span.to(type_span) if span and type_span else span

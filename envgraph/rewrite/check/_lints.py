@@ -15,7 +15,10 @@ from envgraph.rewrite.check._scope import LinkKey, ResolvedEdge, RuleScope
 
 
 def check_block(changes: Changes, plan: BlockPlan) -> None:
-    """Report contradictions in the changes of a block, and warn about lost links, orphans and missing targets."""
+    """Report contradictions in the changes of a block, and warn about missing required values.
+
+    In a `modify` part without nested blocks, also warn about orphans and, under DPO, about links that retyping loses.
+    """
     _check_consistent(changes, plan)
     _check_required(changes, plan)
     if isinstance(changes.right, Modification) and not plan.nested:
@@ -25,7 +28,7 @@ def check_block(changes: Changes, plan: BlockPlan) -> None:
 
 
 def check_links(changes: Changes) -> None:
-    """Report links that are deleted but exist after the rule, and deleted links that the LHS does not match."""
+    """Report links both deleted and created or preserved. Warn about deleted or redirected links that no LHS has."""
     for key, edge in changes.removed.items():
         if key in changes.wanted or key in changes.links:
             message = f"`{edge.source} -{edge.reference}-> {edge.target}` is both deleted and created or kept"
@@ -88,7 +91,7 @@ def _check_consistent(changes: Changes, plan: BlockPlan) -> None:
 
 
 def _check_orphans(changes: Changes) -> None:
-    """Warn about contained objects that are preserved while their container in the LHS is deleted."""
+    """Warn about a preserved object whose LHS container is deleted, unless it may get another container."""
     gone = changes.ending
     for arrow in changes.scope.arrows:
         own = arrow in changes.arrows or {arrow.source, arrow.target} & {*changes.deleted}
@@ -118,7 +121,7 @@ def _finds_home(changes: Changes, part: str) -> bool:
 
 
 def _check_retyped(changes: Changes) -> None:
-    """Warn about retypings to a class that cannot have a preserved link of the LHS."""
+    """Warn about retypings to a class that cannot have a preserved LHS link, or that cannot stay in a container."""
     for name in dict.fromkeys(changes.retyped):
         lost = next((arrow for arrow in changes.scope.arrows if _is_lost(changes, arrow, name)), None)
         if lost is None:
@@ -135,7 +138,7 @@ def _check_retyped(changes: Changes) -> None:
 
 
 def _check_homeless(changes: Changes, name: str) -> None:
-    """Warn about a retyping that no container allows, if the LHS does not mention the link to the container."""
+    """Warn if no container can contain a retyped object, unless it is moved or its link to the container is deleted."""
     before, after, metamodel = (
         changes.scope.before(name),
         changes.scope.retyped[name],
@@ -154,7 +157,7 @@ def _check_homeless(changes: Changes, name: str) -> None:
 
 
 def _is_lost(changes: Changes, arrow: ResolvedEdge, name: str) -> bool:
-    """Return True if a link does not fit the new class of a retyped object and the block does not remove the link."""
+    """Return True if a preserved link does not fit the new class of a retyped object."""
     metamodel, cls, reference = changes.scope.metamodel, changes.scope.retyped[name], arrow.reference
     if changes.scope.key(arrow) in changes.scope.unlinked or {arrow.source, arrow.target} & {
         *changes.scope.deleted
@@ -168,7 +171,10 @@ def _is_lost(changes: Changes, arrow: ResolvedEdge, name: str) -> bool:
 
 
 def _check_required(changes: Changes, plan: BlockPlan) -> None:
-    """Warn about created or retyped objects that get no target or value for a required feature."""
+    """Warn about created or retyped objects that get no target or value for a required feature.
+
+    Single-valued attributes are skipped, as are features that the object had before a retyping.
+    """
     fresh = {name: set[Feature]() for name in changes.created if name in changes.scope.created}
     for name in changes.retyped:
         before = changes.scope.before(name)
@@ -196,7 +202,7 @@ def _warn_required(changes: Changes, name: str, feature: Feature) -> None:
 
 
 def _provides(plan: BlockPlan, slot: int, reference: Feature, scope: RuleScope) -> bool:
-    """Return True if a plan adds a link by a reference to an object, from either end, or sets its attribute."""
+    """Return True if a plan adds links of an object by a reference, from either end, or changes its value list."""
     if isinstance(reference, Attribute):
         given = (one for one in plan.sets if isinstance(one, SetValues | Increase))
         return any((one.object, one.attribute) == (slot, reference) for one in given)

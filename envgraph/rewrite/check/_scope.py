@@ -64,7 +64,7 @@ class RuleScope:
     _reported: set[str] = field(default_factory=set)
 
     def inner(self, names: Mapping[str, StaticType | None]) -> RuleScope:
-        """Return the scope of a nested block, whose left-hand side adds variables or narrows types."""
+        """Return the scope of a nested block: a copy with the variables `names` added and the list of problems shared."""
         return RuleScope(
             self.metamodel,
             self.problems,
@@ -101,7 +101,7 @@ class RuleScope:
         return self.names.index(name)
 
     def add(self, name: str) -> int:
-        """Add a slot and return its number."""
+        """Add a slot with a name, which is "" for a computed value, and return its number."""
         self.names.append(name)
         return len(self.names) - 1
 
@@ -110,7 +110,10 @@ class RuleScope:
         return name in self.types or name in self.created
 
     def knows(self, name: str, span: Span | None, *, matched: bool = False) -> bool:
-        """Return True if a name is in scope; otherwise report it, once. If `matched`, the hint is about matching."""
+        """Return True if a name is in scope; otherwise report it, once.
+
+        The hint says how to match the name if `matched`, and otherwise how to create the object.
+        """
         if self.sees(name):
             return True
         if name not in self._reported:
@@ -134,7 +137,7 @@ class RuleScope:
         return False
 
     def is_object(self, name: str, span: Span | None, *, matched: bool = False) -> bool:
-        """Return True if a name stands for an object that exists after the rule. Otherwise report the error."""
+        """Return True if a name refers to an object that exists after the rule. Otherwise report the error."""
         if not self.knows(name, span, matched=matched):
             return False
         if name in self.deleted:
@@ -148,7 +151,7 @@ class RuleScope:
         return self.was_object(name, span)
 
     def had_links(self, name: str, span: Span | None) -> bool:
-        """Return True if a name stands for an object that exists before the rule. Otherwise report the error."""
+        """Return True if a name refers to an object that exists before the rule. Otherwise report the error."""
         if not self.knows(name, span, matched=True):
             return False
         if name in self.created:
@@ -162,7 +165,7 @@ class RuleScope:
         return self.was_object(name, span)
 
     def was_object(self, name: str, span: Span | None) -> bool:
-        """Return True if a known name stands for an object. Report a name that stands for a data value."""
+        """Return True if a known name refers to an object. Report a data value, but not a name of unknown type."""
         type_ = self.types.get(name)
         if name in self.created or isinstance(type_, ObjectType):
             return True
@@ -201,7 +204,7 @@ class RuleScope:
         return True
 
     def feature(self, cls: str, name: str, span: Span | None) -> Attribute | Reference | None:
-        """Return a writable feature of a class. Report an unknown or read-only feature and return None."""
+        """Return a feature of a class. Report a feature that is unknown or defined by a query, and return None."""
         feature = self.metamodel.feature(cls, name)
         if feature is None:
             hint = self.metamodel.left_out(cls, name) or self._subclass_hint(cls, name)
@@ -220,7 +223,7 @@ class RuleScope:
         return None
 
     def reference(self, cls: str, name: str, span: Span | None) -> Reference | None:
-        """Return a reference of a class. Report an attribute or an unknown feature and return None."""
+        """Return a reference of a class. Report another, unknown or query-defined feature, and return None."""
         feature = self.feature(cls, name, span)
         if isinstance(feature, Attribute):
             hint = "write `set object.attribute = value;`"
@@ -229,7 +232,7 @@ class RuleScope:
         return feature
 
     def fits(self, name: str, reference: Reference, span: Span | None) -> bool:
-        """Return True if an object may be a target of a reference after the rule. Otherwise report a wrong class."""
+        """Return True if an object may be a target of a reference after the rule. Report a known class that is wrong."""
         cls = self.after(name)
         if cls is None or self.metamodel.is_a(cls, reference.target):
             return cls is not None
@@ -267,7 +270,7 @@ class RuleScope:
         return ResolvedEdge(edge.source, reference, edge.target, edge.span)
 
     def left_edge(self, edge: Edge) -> ResolvedEdge | None:
-        """Resolve an edge of a left-hand side; return None if it is not a single link between named variables."""
+        """Resolve an edge of a left-hand side. Return None, unreported, if it is no stored link of known variables."""
         cls = self.before(edge.source)
         if edge.closure or cls is None or edge.source not in self.types or edge.target not in self.types:
             return None

@@ -154,7 +154,7 @@ def inner_steps(step: Step) -> tuple[Step, ...]:
 
 
 def applicable(condition: Constraint | Applicable) -> Applicable | None:
-    """Return a condition as a test if a rule is applicable, or None if its syntax does not allow this meaning."""
+    """Return a condition such as `burn(x)` or `neg burn(x)` as a test if a rule is applicable; None for other syntax."""
     match condition:
         case Applicable():
             return condition
@@ -218,7 +218,7 @@ class _Checker:
     # --- steps
 
     def _step(self, step: Step, scope: Scope) -> None:
-        """Check a step. Add names of `out` arguments of its calls to `scope`, unless the call is inside a block."""
+        """Check a step. Add `out` arguments of calls to `scope`, unless they are in a loop, choice, `try` or `if`."""
         match step:
             case Call():
                 self._call(step, scope)
@@ -269,7 +269,10 @@ class _Checker:
         self._selection(call, callee, scope)
 
     def _callee(self, call: Call) -> Signature | None:
-        """Return the signature that the name of a call means. Report an unknown or ambiguous name and return None."""
+        """Return the signature of a callee. Return None for an unknown or ambiguous name, and report it.
+
+        A name whose definition has errors is not reported; it marks the result as incomplete.
+        """
         span = call.name_span or call.span
         found = self.directory.candidates(call.name, self.unit.package)
         if len(found) == 1:
@@ -288,7 +291,7 @@ class _Checker:
     # --- the choice of matches
 
     def _selection(self, call: Call, callee: Signature, scope: Scope) -> None:
-        """Check the match selection of a call: `first`, `top`, `where` and `by`."""
+        """Check `first`, `top`, `where` and `by` of a call. Report them for a callee that is no rule."""
         self._shape_of_selection(call)
         used = {"first": call.first, "top": call.limit is not None, "where": call.where, "by": call.by}
         words = [word for word, given in used.items() if given]
@@ -410,7 +413,7 @@ class _Checker:
                 self._argument(argument, parameter, callee, scope, every=True)
 
     def _means_rule(self, name: str) -> bool:
-        """Return True if a name is no type and is the name of a rule, or similar to one."""
+        """Return True if a name is no type, and names a rule, unit or group or is similar to such a name only."""
         if static_type(name, self.metamodel) is not None:
             return False
         rules = [signature.simple for signature in self.directory.signatures.values()]
@@ -447,7 +450,7 @@ class _Checker:
                 yield variable
 
     def _pattern(self, relation: Constraint, negated: bool, scope: Scope, span: Span | None) -> Condition:
-        """Return the pattern of a condition without its negation, which is applied to the result of the pattern.
+        """Return the pattern of a condition. A negation is not part of the pattern, but is applied to its result.
 
         So arguments of a negated condition need no other binding.
         """
@@ -467,5 +470,5 @@ class _Checker:
 
 
 def _data(type_: StaticType | None) -> StaticType | None:
-    """Return the type that an argument must have, or None for objects: their classes are compared less strictly."""
+    """Return the type that an argument must have, or None for objects, whose classes are compared separately."""
     return None if isinstance(type_, ObjectType) else type_

@@ -67,7 +67,7 @@ def _alternatives(wanted: Any) -> tuple[Any, ...]:
 
 
 def _fits(value: Any, wanted: Any) -> bool:
-    """Return True if a value is of a type, without a check of its fields or elements."""
+    """Return True if a value is of a type. The fields of a dataclass and the elements of a tuple are not checked."""
     return any(_fits_one(value, one) for one in _alternatives(wanted))
 
 
