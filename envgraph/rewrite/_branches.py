@@ -7,7 +7,7 @@ from typing import ClassVar
 
 
 class Branches:
-    """A replacement for a random generator that enumerates all choices, in runs repeated while `advance` is True.
+    """A replacement for a random generator that enumerates all choices: make a run each time `advance` returns True.
 
     The choices of a run may depend only on the earlier choices of that run, not on anything that changes between runs.
 
@@ -51,7 +51,7 @@ class Branches:
         return self._chosen[self._place - 1]
 
     def weigh(self, weights: Sequence[float]) -> int:
-        """Return the choice of this run, an index into `weights`. Some run returns each index, whatever its weight."""
+        """Return the choice of this run, an index into `weights`. The runs try every index, whatever its weight."""
         return self.choose(len(weights))
 
     def random(self) -> float:

@@ -45,7 +45,7 @@ class Shape:
         raise InvalidArgument(f"`{self.definition}` has no variable `{name}`", hint)
 
     def is_object(self, position: int) -> bool:
-        """Return True if the variable at this index stands for an object, False if it stands for a data value."""
+        """Return True if the variable at this index is bound to objects, False if it is bound to data values."""
         return isinstance(self.types[position], ObjectType)
 
 
@@ -135,7 +135,7 @@ class Match(Mapping[str, "Node | Value"]):
         return self.model.picture(**wanted)
 
     def to_dot(self, **options: Unpack[PictureOptions]) -> str:
-        """Return the picture of the match as DOT text for Graphviz."""
+        """Return the picture of the match as DOT text for Graphviz. `options` are those of `picture`."""
         return self.picture(**options).to_dot()
 
     def to_svg(self, **options: Unpack[PictureOptions]) -> str:

@@ -36,7 +36,7 @@ class Compute:
 
 @dataclass(frozen=True, slots=True)
 class Unlink:
-    """An operation that removes a link. If `required`, a missing link refuses the rule: an unmatched `redirect`."""
+    """An operation that removes a link. If `required` (unmatched `redirect`), the rule is refused without the link."""
 
     source: int
     reference: Reference
@@ -172,10 +172,10 @@ class BlockPlan:
         names: name of every slot, for messages; computed values have the name "".
         classes: for every slot, the class of its object in the LHS; None if the slot is no object of the LHS.
         variables: number of slots that the match adds.
-        coinciding: True if two variables may stand for one object.
-        identified: pairs of slots that may stand for one object, of which the first is deleted. The rule is refused if
-            they do (identification condition).
-        identified_links: pairs of links, with the same meaning as `identified`.
+        coinciding: True if two variables may refer to the same object.
+        identified: pairs of slots that may refer to the same object, of which the first is deleted. The rule is refused
+            if they do (identification condition).
+        identified_links: pairs of links that may be the same link, of which the first is deleted; also refused.
     """
 
     kind: Literal["rule", "forall", "forall+", "optional"]

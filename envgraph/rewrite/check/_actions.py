@@ -223,7 +223,7 @@ class ActionReader:
         elif self.scope.was_object(name, action.node.span or action.span):
             if self.scope.retyped.get(name, cls) != cls:
                 message = f"`{name}` cannot become both `{self.scope.retyped[name]}` and `{cls}`"
-                self.scope.error("duplicate-action", message, where, "leave one out")
+                self.scope.error("duplicate-action", message, where, "leave one of the two out")
             self.changes.spans[name] = where
             self.scope.retyped[name] = cls
             self.changes.retyped.append(name)
@@ -239,7 +239,9 @@ class ActionReader:
                 "leave out the creation and the deletion",
             )
         elif name in self.scope.deleted:
-            self.scope.warn("duplicate-action", f"`{name}` is deleted already", span, "leave it out")
+            self.scope.warn(
+                "duplicate-action", f"`{name}` is deleted already", span, "leave one deletion out"
+            )
         elif name in self.changes.kept:
             message = f"`{name}` is both deleted and changed"
             notes = (Note("the other action is here", self.changes.kept[name]),)
@@ -263,7 +265,7 @@ class ActionReader:
             )
         elif absorbed in self.scope.created:
             message = f"`{absorbed}` is created by this rule, so that there is nothing to merge"
-            self.scope.error("duplicate-action", message, action.absorbed.span or span, "leave it out")
+            self.scope.error("duplicate-action", message, action.absorbed.span or span, "leave the merge out")
         elif all(
             [
                 self.scope.is_object(v.name, v.span or span, matched=True)
@@ -406,7 +408,9 @@ class ActionReader:
         text = f"`{edge.source} -{edge.reference}-> {edge.target}`"
         notes = (Note("the first is here", earlier.span),)
         if key not in self.changes.redirected and what == "deleted":
-            self.scope.warn("duplicate-action", f"{text} is deleted already", edge.span, "leave it out")
+            self.scope.warn(
+                "duplicate-action", f"{text} is deleted already", edge.span, "leave one deletion out"
+            )
         else:
             word = "redirected" if key in self.changes.redirected else "deleted"
             message = f"{text} is {word} already, and cannot be {what} " + (

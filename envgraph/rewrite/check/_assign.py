@@ -86,7 +86,7 @@ class AssignmentReader:
                 notes = (Note("the first is here", where),)
                 message = f"`{name}.{feature}` gets two values"
                 self.scope.problems.append(
-                    Diagnostic("duplicate-assignment", message, span, "leave one out", notes=notes)
+                    Diagnostic("duplicate-assignment", message, span, "leave one of the two out", notes=notes)
                 )
                 return None
         self._earlier[name, feature] = operator, span

@@ -336,7 +336,7 @@ def _check_created_output(parameter: Parameter, scope: RuleScope) -> None:
 
 
 def _check_effect(rule: Rule, lowered: LoweredBlock, plan: BlockPlan) -> Iterable[Diagnostic]:
-    """Warn about a rule without `out` parameters, or a block, without a right-hand side and without nested `forall`s."""
+    """Warn about a rule without `out` parameters, or a block, that has no right-hand side and no nested `forall`."""
     block = lowered.block
     if block is None and any(parameter.direction == "out" for parameter in rule.parameters):
         return
@@ -370,7 +370,7 @@ def _check_homomorphic(rule: Rule, scope: RuleScope, problems: list[Diagnostic])
                 problems.append(Diagnostic("unknown-variable", message, span, hint))
             elif scope.types.get(name) is not None and not isinstance(scope.types[name], ObjectType):
                 message = f"`{name}` is a data value, but `@hom` is about objects"
-                problems.append(Diagnostic("not-an-object", message, span, "leave it out"))
+                problems.append(Diagnostic("not-an-object", message, span, f"leave `{name}` out of `@hom`"))
         problems.extend(_never_one(group, spans, scope))
 
 

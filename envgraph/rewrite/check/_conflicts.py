@@ -164,7 +164,7 @@ class Conflicts:
 
     @property
     def changed(self) -> Collection[int]:
-        """Return the ids, also `Fresh` ones, of objects that the added changes modify, retype or link, or merge into."""
+        """Return the ids, also `Fresh` ones, of objects that the added changes modify, retype, link or merge into."""
         return self._touched.keys()
 
     def _check_added(self, arrow: Arrow, want: Want) -> None:
@@ -205,7 +205,7 @@ class Conflicts:
     # --- objects
 
     def _go(self, node: int, into: int | None, want: Want) -> None:
-        """Record that an object is deleted (`into` is None) or merged into `into`. Raise a `Contradiction` for both."""
+        """Record a deletion (`into` is None) or merge of an object. Raise a `Contradiction` if another one is known."""
         other, earlier = self._gone.setdefault(node, (into, want))
         if other != into:
             raise Contradiction(

@@ -135,7 +135,7 @@ class LeftLowering:
     def _unmentioned(
         self, parameters: Sequence[Parameter], constraints: Sequence[Constraint], types: Types
     ) -> list[Constraint]:
-        """Return constraints for parameters that the LHS does not mention. Report these parameters if they lack a type."""
+        """Return constraints for parameters that the LHS does not mention. Report such parameters without a type."""
         mentioned = all_names(LeftSide(constraints=tuple(constraints)))
         found: list[Constraint] = []
         for parameter in parameters:
@@ -330,7 +330,7 @@ class LeftLowering:
 
 
 def _path(edge: Edge) -> PathConstraint:
-    """Return the path constraint that an edge means."""
+    """Return an edge of a left-hand side as a path constraint."""
     return PathConstraint(
         "",
         (edge.reference,),

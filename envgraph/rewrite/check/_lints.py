@@ -57,7 +57,7 @@ def _ask_for(changes: Changes, key: LinkKey, edge: Edge, otherwise: str) -> None
 def _check_consistent(changes: Changes, plan: BlockPlan) -> None:
     """Report two actions that contradict each other at every match, by a check on variables in place of objects.
 
-    Actions with computed values are skipped, because the values are unknown. If variables may stand for one object, a
+    Actions with computed values are skipped, because the values are unknown. If variables may refer to one object, a
     contradiction is reported only if it is about the same variable; otherwise each match is checked when it is applied.
     """
     computed = {each.slot for each in plan.computed}
@@ -91,7 +91,7 @@ def _check_consistent(changes: Changes, plan: BlockPlan) -> None:
 
 
 def _check_orphans(changes: Changes) -> None:
-    """Warn about a preserved object whose LHS container is deleted, unless it may get another container."""
+    """Warn about a preserved object whose LHS container is deleted, unless the rule unlinks or moves the object."""
     gone = changes.ending
     for arrow in changes.scope.arrows:
         own = arrow in changes.arrows or {arrow.source, arrow.target} & {*changes.deleted}
@@ -202,7 +202,7 @@ def _warn_required(changes: Changes, name: str, feature: Feature) -> None:
 
 
 def _provides(plan: BlockPlan, slot: int, reference: Feature, scope: RuleScope) -> bool:
-    """Return True if a plan adds links of an object by a reference, from either end, or changes its value list."""
+    """Return True if a plan adds a link of an object by a reference, from either end, or changes an attribute."""
     if isinstance(reference, Attribute):
         given = (one for one in plan.sets if isinstance(one, SetValues | Increase))
         return any((one.object, one.attribute) == (slot, reference) for one in given)

@@ -64,7 +64,7 @@ class RuleScope:
     _reported: set[str] = field(default_factory=set)
 
     def inner(self, names: Mapping[str, StaticType | None]) -> RuleScope:
-        """Return the scope of a nested block: a copy with the variables `names` added and the list of problems shared."""
+        """Return the scope of a nested block: a copy with the variables `names` added and the same list of problems."""
         return RuleScope(
             self.metamodel,
             self.problems,
@@ -159,7 +159,7 @@ class RuleScope:
                 "no-value-yet",
                 f"`{name}` is created by this rule, so it has no links before the rule",
                 span,
-                "leave this out",
+                "leave this action out",
             )
             return False
         return self.was_object(name, span)
@@ -223,7 +223,7 @@ class RuleScope:
         return None
 
     def reference(self, cls: str, name: str, span: Span | None) -> Reference | None:
-        """Return a reference of a class. Report another, unknown or query-defined feature, and return None."""
+        """Return a reference of a class. Report an attribute, an unknown or query-defined feature, and return None."""
         feature = self.feature(cls, name, span)
         if isinstance(feature, Attribute):
             hint = "write `set object.attribute = value;`"
@@ -232,7 +232,7 @@ class RuleScope:
         return feature
 
     def fits(self, name: str, reference: Reference, span: Span | None) -> bool:
-        """Return True if an object may be a target of a reference after the rule. Report a known class that is wrong."""
+        """Return True if the class of an object after the rule fits the target of a reference. Report a wrong class."""
         cls = self.after(name)
         if cls is None or self.metamodel.is_a(cls, reference.target):
             return cls is not None

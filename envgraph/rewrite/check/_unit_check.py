@@ -63,7 +63,7 @@ Scope = dict[str, StaticType | None]
 
 @dataclass(frozen=True, slots=True)
 class Condition:
-    """A condition of a unit as a pattern over the variables of the unit that it uses."""
+    """A condition of a unit: a pattern, and variables of the unit as its arguments. If `negated`, it must not match."""
 
     pattern: Pattern
     arguments: tuple[str, ...]
@@ -154,7 +154,7 @@ def inner_steps(step: Step) -> tuple[Step, ...]:
 
 
 def applicable(condition: Constraint | Applicable) -> Applicable | None:
-    """Return a condition such as `burn(x)` or `neg burn(x)` as a test if a rule is applicable; None for other syntax."""
+    """Return a condition such as `burn(x)` or `neg burn(x)` as a test if a rule is applicable; None for other ones."""
     match condition:
         case Applicable():
             return condition
@@ -332,7 +332,7 @@ class _Checker:
         self.result.problems.extend(problems)
         if type_ is not None and not problems and type_ not in (Scalar.INT, Scalar.FLOAT):
             message = f"`by` takes a number, not {with_article(type_text(type_))}"
-            self._error("wrong-type", message, by.span, "take an attribute that is an int or a float")
+            self._error("wrong-type", message, by.span, "order by an attribute that is an int or a float")
 
     def _arity(self, call: Call, callee: Signature) -> bool:
         required = [parameter.name for parameter in callee.parameters if parameter.required]
@@ -413,7 +413,7 @@ class _Checker:
                 self._argument(argument, parameter, callee, scope, every=True)
 
     def _means_rule(self, name: str) -> bool:
-        """Return True if a name is no type, and names a rule, unit or group or is similar to such a name only."""
+        """Return True if a name is no type, and names a rule, unit or group or resembles only such a name."""
         if static_type(name, self.metamodel) is not None:
             return False
         rules = [signature.simple for signature in self.directory.signatures.values()]

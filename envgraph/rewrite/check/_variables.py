@@ -111,7 +111,7 @@ def equated(*lefts: LeftSide) -> set[frozenset[str]]:
 def may_be_one(
     one: str, other: str, groups: Iterable[Collection[str]], same: Collection[frozenset[str]]
 ) -> bool:
-    """Return True if two variables may be one object: `==` equates them, or one of the `groups` of `@hom` contains both.
+    """Return True if two variables may be one object: `==` equates them, or one of the `groups` of `@hom` has both.
 
     `same` contains the pairs of equated variables. A variable also belongs to the groups of variables equated with it.
     """

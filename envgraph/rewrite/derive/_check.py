@@ -68,7 +68,7 @@ def check_derivation(derivation: Derivation, metamodel: Metamodel) -> list[Diagn
 
 
 def _check_containers(derivation: Derivation, metamodel: Metamodel) -> Iterator[Diagnostic]:
-    """Warn once for each class of which objects cannot be retyped, or made by retyping, inside their containers."""
+    """Warn about each class whose objects lose their container if retyped to or from an earlier class of the list."""
     for position, name in enumerate(derivation.classes):
         ways = (
             (one, two)
@@ -93,7 +93,7 @@ def _check_classes(derivation: Derivation, metamodel: Metamodel) -> Iterator[Dia
         if cls is None:
             yield Diagnostic("unknown-type", f"unknown type `{name}`", span, metamodel.likely(name))
         elif name in seen:
-            yield Diagnostic("duplicate-definition", f"`{name}` is named twice", span, "leave it out")
+            yield Diagnostic("duplicate-definition", f"`{name}` is named twice", span, f"name `{name}` once")
         elif cls.abstract and derivation.kind == "retype":
             concrete = listed(metamodel.concrete(name))
             message = f"`{name}` is abstract: no object is exactly a `{name}`"
@@ -190,7 +190,7 @@ def _check_annotations(derivation: Derivation) -> Iterator[Diagnostic]:
 
 
 def weight_of(derivation: Derivation, kind: str) -> float:
-    """Return the weight of a kind of operators, relative to other rules; 0 means that the kind is left out."""
+    """Return the total weight of all operators of a kind; 0 means that the derivation leaves the kind out."""
     given = {
         name: value for one in derivation.annotations if one.name == "weight" for name, value in one.named
     }
@@ -200,7 +200,7 @@ def weight_of(derivation: Derivation, kind: str) -> float:
 
 
 def ways_of(derivation: Derivation) -> int:
-    """Return the maximal number of operators that create one class, or that retype one class to another."""
+    """Return the maximal number of operators that create one class, or that retype one class to another, by `@cap`."""
     caps = [value for one in derivation.annotations if one.name == "cap" for value in one.arguments]
     return cast("int", caps[0]) if caps else MOST_WAYS
 

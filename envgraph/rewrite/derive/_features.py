@@ -67,7 +67,10 @@ _OBJECT, _VALUE = Variable("object"), Variable("value")
 
 
 def link_operators(schema: Schema, group: str, cls: str) -> Iterator[RuleBuilder]:
-    """Yield the operators on the non-containment links of a class. Opposites in one class are handled once."""
+    """Yield the operators that add, remove, change and swap non-containment links of a class and its subclasses.
+
+    Frozen references, and operators that would change a fixed number of links, are left out.
+    """
     for end, feature in _own_ends(schema, cls):
         holder = schema.holder(cls, feature)
         feature_name = f"{holder}.{end.name}"
@@ -80,7 +83,7 @@ def link_operators(schema: Schema, group: str, cls: str) -> Iterator[RuleBuilder
 
 
 def container_operators(schema: Schema, group: str, cls: str) -> Iterator[RuleBuilder]:
-    """Yield the operators that change the containers of the objects of a class."""
+    """Yield the operators that move an object of a class to another container, or swap two contained objects."""
     for end in schema.ends:
         child = next(
             (one for one, other in ((cls, end.far), (end.far, cls)) if schema.is_a(one, other)), None
@@ -110,7 +113,7 @@ def _own_ends(schema: Schema, cls: str) -> Iterator[tuple[End, Feature]]:
 
 
 def _relink(builder: RuleBuilder, end: End, near: str, far: str, links: str) -> None:
-    """Add objects and link changes to a rule by a template `links`: words in groups of sign (`+`, `-`), source, target.
+    """Add objects and link changes to a rule by a template `links`, such as `- source target + source other`.
 
     Sources have the class `near` and targets the class `far`.
     """
@@ -135,7 +138,7 @@ def _relink(builder: RuleBuilder, end: End, near: str, far: str, links: str) -> 
 
 
 def value_operators(schema: Schema, group: str, cls: str) -> Iterator[RuleBuilder]:
-    """Yield the operators on the attributes of a class: flip truth values, change enums, step numbers with a range."""
+    """Yield the operators that flip bools, set enums and step numbers with a range, except keys and frozen features."""
     for feature in schema.features(cls):
         if not isinstance(feature, Attribute) or schema.left_alone(feature) or _keyed(schema, cls, feature):
             continue
@@ -155,7 +158,7 @@ def _keyed(schema: Schema, cls: str, attribute: Attribute) -> bool:
 
 
 def _settings(attribute: Attribute) -> Iterator[Setting]:
-    """Yield the ways to set an attribute."""
+    """Yield the ways to set an attribute that is a bool, an enum or a number with a range, and nothing for others."""
     old = PathConstraint(attribute.owner, (attribute.name,), _OBJECT, _VALUE)
     if isinstance(attribute.type, EnumType):
         for literal in attribute.type.literals:

@@ -88,9 +88,9 @@ def new_key(builder: RuleBuilder, classes: Sequence[str], position: int) -> list
 
 
 def _largest(builder: RuleBuilder, owner: str, attribute: Attribute, classes: Sequence[str] = ()) -> Variable:
-    """Return a variable for the largest number in use; in strings, the number after one of the names `classes`.
+    """Return an LHS variable for the largest number in use, for strings the largest one after a name of `classes`.
 
-    All objects that are created together share the variable.
+    The first call adds the pattern of the numbers and the constraint to the rule. Later calls return the same variable.
     """
     suffix = ".".join((f"#key.{owner}.{attribute.name}", *classes))
     if suffix not in builder.largest:
@@ -113,8 +113,8 @@ def _largest(builder: RuleBuilder, owner: str, attribute: Attribute, classes: Se
 def _number(owner: str, attribute: Attribute, cls: str) -> Iterator[Constraint]:
     """Yield constraints that bind the number after the class name in a string.
 
-    No function parses numbers. So the digits are added up, even if they are no digits, and the result is compared with
-    the string.
+    No function parses numbers. So each character after the name is read as a digit, and the name with the resulting
+    number is compared with the string, which differs if a character is no digit.
     """
     name, rest, digits, number = map(Variable, ("name", "rest", "digits", "number"))
     yield PathConstraint(owner, (attribute.name,), Variable("_"), name)
@@ -131,7 +131,7 @@ def _number(owner: str, attribute: Attribute, cls: str) -> Iterator[Constraint]:
 
 
 def _three(digits: Expression, start: int) -> Expression:
-    """Return an expression for the value of three decimal digits."""
+    """Return an expression for the value of three decimal digits, from the index `start` in a number of 18 digits."""
     worth: list[Expression] = []
     for place in range(start, start + 3):
         digit = _call("substring", digits, Constant(place), Constant(place + 1))
@@ -148,7 +148,7 @@ def _call(function: str, *arguments: Expression) -> FunctionCall:
 
 
 def _choice(builder: RuleBuilder, owner: str, attributes: Sequence[Attribute]) -> list[Assignment]:
-    """Choose an unused combination of values as key, different from the keys of the other created objects.
+    """Return assignments of a combination of values as key. Add the conditions that no other object has the same key.
 
     If there are too many combinations, only the combination of default values is tried.
     """

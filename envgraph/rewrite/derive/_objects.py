@@ -79,12 +79,15 @@ def _creation_doc(plan: Plan) -> str:
 
 
 def _old(builder: RuleBuilder, plan: Plan) -> dict[int, str]:
-    """Return LHS variables for the existing objects of a plan, by their number in the plan."""
+    """Add an LHS node for each existing object of a plan. Return the variables by the object's number in the plan."""
     return {~number: builder.node(cls) for number, cls in enumerate(plan.old)}
 
 
 def _fulfil(builder: RuleBuilder, plan: Plan, names: dict[int, str]) -> None:
-    """Add actions to the rule: create the objects of a plan that are not in `names`, add and remove its links."""
+    """Add actions that create the objects of a plan and change its links. Add the created objects to `names`.
+
+    Objects with a name in `names` exist already.
+    """
     new = {number: cls for number, cls in enumerate(plan.new) if number not in names}
     names |= {number: builder.fresh(variable_for(cls)) for number, cls in new.items()}
     classes = list(new.values())
@@ -102,7 +105,7 @@ def _fulfil(builder: RuleBuilder, plan: Plan, names: dict[int, str]) -> None:
 
 
 def _delete(builder: RuleBuilder, plan: Plan) -> RuleBuilder:
-    """Delete the objects of a plan that no other new object contains, with their contents. Add the conditions."""
+    """Make a rule delete the objects that a plan creates, with their contents, under conditions. Return the builder."""
     names = {number: builder.node(plan.new[number], exact=True) for number in plan.tops}
     builder.differ(*names.values())
     builder.delete(*names.values())
@@ -117,9 +120,9 @@ def _delete(builder: RuleBuilder, plan: Plan) -> RuleBuilder:
 
 
 def _leave_all(builder: RuleBuilder, name: str, but: Sequence[End] = ()) -> None:
-    """Remove all links of an object, except at the ends `but`, and require that it contains nothing.
+    """Add the conditions for deleting an object: it contains nothing, and linked objects can do without their links.
 
-    Contained objects would be deleted too, which could leave other objects with too few links.
+    Links at the ends `but` get no condition. Contents would be deleted too and leave other objects with too few links.
     """
     for end in builder.schema.ends_of(builder.types[name]):
         if end.contains:
@@ -150,18 +153,21 @@ class _Gone:
             self.builder.ask([Negation(self.find(short))])
 
     def find(self, pattern: str, *more: str) -> PatternCall:
-        """Return a call of a pattern with the deleted roots and further variables as arguments."""
+        """Return a call of a pattern with the objects that the rule deletes, and further variables, as arguments."""
         return PatternCall(pattern, tuple(map(Variable, (*self.roots, *more))))
 
     def ways(self, name: str, cls: str) -> Iterator[Comparison | PatternCall]:
-        """Yield the constraints under which an object of a class is deleted: it is a root, or is inside a root."""
+        """Yield constraints, of which one holds if an object is deleted: the rule deletes it or a container of it."""
         for root, outer in self.roots.items():
             if self.builder.schema.overlap(outer, cls):
                 yield Comparison("==", Variable(name), Variable(root))
             yield from self.builder.inside(outer, root, name, cls)
 
     def short(self, end: End) -> Iterator[list[Constraint]]:
-        """Yield pattern bodies in which a remaining object has too few links afterwards or is frozen."""
+        """Yield pattern bodies that match if links at an end of a deleted object forbid the deletion.
+
+        The links are frozen, or a remaining linked object is frozen or would have too few links.
+        """
         path = end.path(self.part, self.far)
         links: list[list[Constraint]] = [[*self.typed, way, path] for way in self.ways(self.part, end.near)]
         if end.frozen:
@@ -177,7 +183,10 @@ class _Gone:
             yield self.too_few(end, links)
 
     def too_few(self, end: End, links: Sequence[Sequence[Constraint]]) -> list[Constraint]:
-        """Return constraints that hold if an object keeps fewer links than its lower bound after the deletion."""
+        """Return constraints that hold if a remaining object keeps fewer links than its lower bound after the deletion.
+
+        `links` are the pattern bodies that match the links of remaining objects to deleted objects.
+        """
         suffix = f"#{self.builder.name}.{end.reference}.{'far' if end.forward else 'near'}"
         parameters = {**self.roots, self.far: end.far, self.part: end.near}
         lost = self.find(self.builder.pattern(suffix, parameters, links), self.far, "_")
@@ -217,7 +226,7 @@ def _spread(builder: RuleBuilder, plan: Plan) -> RuleBuilder:
 
 
 def _goes_over(end: End, elsewhere: int = 0) -> bool:
-    """Return True if objects that need a link at this end may be linked to another object of the class instead.
+    """Return True if objects that need a link at this end may be linked to another object in place of a deleted one.
 
     `elsewhere` is the number of links that are given to a third object.
     """
@@ -226,7 +235,7 @@ def _goes_over(end: End, elsewhere: int = 0) -> bool:
 
 
 def _rehome(builder: RuleBuilder, cls: str, shared: End | None = None) -> RuleBuilder:
-    """Delete an object, and link objects that would have too few links to another object of the class.
+    """Add the deletion of an object, and link objects that need it to another object of the class. Return the builder.
 
     If an end is `shared`, one link at this end is given to a third object of the class.
     """
@@ -248,7 +257,10 @@ def _rehome(builder: RuleBuilder, cls: str, shared: End | None = None) -> RuleBu
 
 
 def _go_over(builder: RuleBuilder, end: End, name: str, other: str, elsewhere: int) -> None:
-    """Link objects that would have too few links at an end to the object `other`, if they all fit there."""
+    """Link objects that would have too few links at an end without `name` to the object `other` instead.
+
+    Require that they all fit there; `elsewhere` of the links are given to a third object.
+    """
     if end.held:
         builder.spared(other)
     builder.untouched(end, name)

@@ -70,7 +70,7 @@ class Plan:
         return list(dict.fromkeys(found))
 
     def container(self, node: int) -> int | None:
-        """Return the number of the container of a new object, or None."""
+        """Return the number of the object that the plan makes the container of a new object, or None."""
         for _, end, near, far in self.added:
             if end.reference.containment and node == (far if end.contains else near):
                 return near if end.contains else far
@@ -91,7 +91,10 @@ class Plan:
 
 
 def creation_plans(schema: Schema, cls: str, most: int) -> list[Plan]:
-    """Return the cheapest plans for creating an object of a class; [] if an object that it needs is frozen."""
+    """Return at most `most` plans for creating an object of a class, cheapest first.
+
+    The list is empty if the object needs frozen objects, or more objects or links than the limits of this module.
+    """
     return cheapest_plans(schema, Plan((cls,)), most)
 
 
@@ -209,7 +212,7 @@ def _to_new(schema: Schema, plan: Plan, node: int, end: End) -> Iterator[Plan]:
 
 
 def _around(plan: Plan, node: int, far: int, end: End) -> bool:
-    """Return True if a new object cannot contain another, because this one has a container or is around it already."""
+    """Return True if a new containment link is impossible: the part has a container already, or contains the other."""
     part, container = (far, node) if end.contains else (node, far)
     above: int | None = container
     while above is not None and above != part:
@@ -218,7 +221,7 @@ def _around(plan: Plan, node: int, far: int, end: End) -> bool:
 
 
 def _to_old(plan: Plan, node: int, end: End) -> Iterator[Plan]:
-    """Yield plans that link the object to an existing object with a free place.
+    """Yield plans that link the object to an existing object that may get another link.
 
     If the number of links at the other end is limited, this may be an object that is linked to another new object.
     """
@@ -256,7 +259,7 @@ def _stealing(schema: Schema, plan: Plan, node: int, end: End) -> Iterator[Plan]
 
 
 def _with_another(schema: Schema, plan: Plan, node: int, end: End) -> Iterator[Plan]:
-    """Yield plans that create another object and link to it: a content, or an object that needs this one."""
+    """Yield plans that create another object and link to it: one that this object contains, or both need each other."""
     for cls in schema.metamodel.concrete(end.far):
         if not schema.frozen(cls) and (end.contains or schema.coupled(plan.new[node], cls)):
             larger, far = plan.with_new(cls)

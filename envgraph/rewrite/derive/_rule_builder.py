@@ -37,7 +37,7 @@ from envgraph.rewrite.derive._schema import End, Link, Schema
 class RuleBuilder:
     """A rule under construction. Its finished rule keeps every valid model valid.
 
-    Two variables of the left-hand side may stand for one object unless `differ` forbids it.
+    Two variables of the left-hand side may refer to the same object unless `differ` forbids it.
 
     Attributes:
         name: name of the rule in its group; it begins with the kind of operator.
@@ -99,11 +99,11 @@ class RuleBuilder:
         self.ask([Negation(end.path(near, far))])
 
     def ask(self, constraints: Iterable[Constraint]) -> None:
-        """Add constraints to the LHS, except those that it has."""
+        """Add constraints to the LHS, except those that it already contains."""
         self._constraints += [c for c in constraints if c not in self._constraints]
 
     def differ(self, *names: str) -> None:
-        """Require that LHS variables stand for different objects."""
+        """Require that LHS variables refer to different objects."""
         self._differ.update(map(frozenset, combinations(names, 2)))
 
     def spared(self, name: str) -> None:
@@ -122,7 +122,7 @@ class RuleBuilder:
         *,
         but: Iterable[str] = (),
     ) -> None:
-        """Add a `not` or `forall` block about an object `inner`, which may be an LHS object except one of `but`."""
+        """Add a `not` or `forall` block about a variable `inner`, which may match LHS objects except those in `but`."""
         left = LeftSide((Node(inner, cls),), tuple(edges), tuple(constraints))
         self._blocks.append(Block(kind, left, right=Modification(actions) if actions else None))
         outer = (name for name, known in self.types.items() if self.schema.overlap(known, cls))
@@ -152,9 +152,9 @@ class RuleBuilder:
     # --- containment
 
     def inside(self, outer: str, container: str, part: str, inner: str) -> Iterator[PatternCall]:
-        """Yield pattern calls that hold if `part` (class `inner`) is inside `container` (class `outer`), at any depth.
+        """Yield pattern calls, of which one holds if `part` (class `inner`) is inside `container` (class `outer`).
 
-        There is a pattern for each containment, since a closure would need a common class of all parts.
+        The part may be nested deeper. Each containment has a pattern, as a closure would need a common class of parts.
         """
         overlap = self.schema.overlap
         for end in self.schema.contents(outer):
@@ -181,18 +181,18 @@ class RuleBuilder:
         self._actions += actions
 
     def link(self, end: End, near: str, far: str) -> None:
-        """Add an action that creates a link."""
+        """Add an action that creates a link, and record the link in `changes`."""
         edge = end.edge(near, far)
         self.act(Create((Node(edge.source), Node(edge.target)), (edge,)))
         self.changes.append(Link(1, end, near, far))
 
     def unlink(self, end: End, near: str, far: str) -> None:
-        """Add an action that deletes a link."""
+        """Add an action that deletes a link, and record the link in `changes`."""
         self.act(DeleteEdge(end.edge(near, far)))
         self.lose(end, near, far)
 
     def lose(self, end: End, near: str, far: str) -> None:
-        """Record that a link is removed together with an object at one of its ends, without an action."""
+        """Record a removed link in `changes`, without an action. The finished rule requires that the link exists."""
         self.changes.append(Link(-1, end, near, far))
 
     def move(self, end: End, container: str, part: str) -> None:
@@ -228,7 +228,10 @@ class RuleBuilder:
         self.gone += names
 
     def leave(self, end: End, name: str) -> None:
-        """Add conditions for an object that loses its links at an end: linked objects must be able to spare them."""
+        """Add conditions for an object that loses its links at an end: no linked object is frozen or needs its link.
+
+        If the end is frozen, the object must have no links there.
+        """
         if end.frozen:
             self.absent(end, name)
             return
@@ -239,13 +242,13 @@ class RuleBuilder:
             self.block("not", needy, end.far, [end.edge(name, needy)], [least], but=self.served(end))
 
     def untouched(self, end: End, name: str) -> None:
-        """Forbid links to frozen objects, if the links at the other end belong to these objects."""
+        """Require that an object has no links at an end to frozen objects that own these links."""
         for cls in self.schema.frozen_below(end.far) if end.other.held else ():
             frozen = self.fresh("frozen")
             self.block("not", frozen, cls, [end.edge(name, frozen)])
 
     def served(self, end: End) -> list[str]:
-        """Return LHS objects that may lose a link at an end: they get another link, or are deleted."""
+        """Return the LHS objects that may lose a link to an end without condition: they get another, or are deleted."""
         added = (place for link in self.changes if link.sign > 0 for place in _places(link))
         return [name for place, name in added if place == end.other] + self.gone
 
@@ -272,7 +275,7 @@ class RuleBuilder:
         }
 
     def rule(self) -> Rule:
-        """Return the finished rule under its name in the group, with all conditions."""
+        """Add the conditions that keep a valid model valid, and return the finished rule. Call this once."""
         self._guard()
         package, _, group = self.group.rpartition(".")
         coinciding = [
@@ -318,7 +321,7 @@ class RuleBuilder:
         self.ask(map(Negation, self.inside(self.types[part], part, container, self.types[container])))
 
     def _keep_apart(self, one: Link[str], two: Link[str]) -> None:
-        """Require that two added, or two removed, links differ and do not use the same free place of an end."""
+        """Require different objects for two added, or two removed, links, as each condition is about one link."""
         pairs: list[tuple[str, str]] = []
         if one.end == two.end:
             pairs = [(one.near, two.near), (one.far, two.far)]
@@ -337,6 +340,6 @@ def _places(link: Link[str]) -> list[tuple[End, str]]:
 
 
 def variable_for(cls: str) -> str:
-    """Return a variable name for an object of a class."""
+    """Return a variable name for an object of a class: the simple class name with a lower-case first letter."""
     name = simple_name(cls)
     return name[0].lower() + name[1:]

@@ -33,7 +33,7 @@ class End:
 
     @property
     def other(self) -> End:
-        """Return the opposite end of the same links."""
+        """Return the opposite end of the same links, which is this end itself if the reference is its own opposite."""
         return self if self.symmetric else replace(self, forward=not self.forward)
 
     @property
@@ -85,16 +85,16 @@ class End:
 
     @property
     def held(self) -> bool:
-        """Return True if the links belong to the objects at this end."""
+        """Return True if objects at this end own the links: they have a feature for them or are contained by them."""
         return self.feature is not None or self.contained
 
     @property
     def flexible(self) -> bool:
-        """Return True if the number of links of an object at this end may change."""
+        """Return True if the number of links of an object at this end may vary, because the bounds differ."""
         return self.upper is None or self.lower < self.upper
 
     def edge(self, near: str, far: str) -> Edge:
-        """Return the edge between two variables."""
+        """Return the edge, in rule syntax, for a link between the variables `near` (at this end) and `far`."""
         return Edge(near, self.reference.name, far) if self.forward else Edge(far, self.reference.name, near)
 
     def path(self, near: str, far: str = "_") -> PathConstraint:
@@ -109,7 +109,7 @@ class End:
         return Aggregate("count", self.path(near))
 
     def least(self, near: str) -> Comparison:
-        """Return a comparison that holds if an object has only as many links as it needs."""
+        """Return a comparison that holds if an object has exactly the minimal number of links at this end."""
         return Comparison("==", self.count(near), Constant(self.lower))
 
     def allows(self, near: str, more: int) -> list[Comparison]:
@@ -174,7 +174,10 @@ class Schema:
         return tuple(sub for sub in found if not any(sub != o and self.is_a(sub, o) for o in found))
 
     def left_alone(self, feature: Feature) -> bool:
-        """Return True if operators do not change a feature."""
+        """Return True if operators do not change a feature: it is frozen or derived, or is a multi-valued attribute.
+
+        Features of frozen classes are not changed either.
+        """
         marked = any(annotation.name in LEFT_ALONE for annotation in feature.annotations)
         return marked or _several(feature) or self.frozen(feature.owner)
 
@@ -187,7 +190,7 @@ class Schema:
         return [end for end in self.ends_of(cls) if end.contained]
 
     def _contents(self, cls: str) -> list[End]:
-        """Return the containing ends of the class itself and of all classes that it may contain, at any depth."""
+        """Return the ends at which objects of a class, or objects that they contain at any depth, contain others."""
         inside = reached(self.metamodel.concrete(cls), self._directly_inside)
         return [end for end in self.ends if end.contains and any(self.is_a(one, end.near) for one in inside)]
 

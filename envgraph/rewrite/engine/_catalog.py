@@ -67,7 +67,7 @@ class Catalog:
         self.memos: list[dict[Any, Any]] = [self._asked]
 
     def forget(self) -> None:
-        """Clear all caches by name, because names may have another meaning now."""
+        """Clear all caches that depend on names. Call this after a definition was added, removed or replaced."""
         for memo in self.memos:
             memo.clear()
 
@@ -87,7 +87,7 @@ class Catalog:
     # --- definitions
 
     def free_name(self, function: Callable[..., object], name: str | None, weight: float) -> str:
-        """Return the unused name under which a function is registered.
+        """Return `name`, or by default the name of the function, after checks that the function can be registered.
 
         Raises:
             InvalidArgument: the function is not callable, the name is in use, or the weight is not a number above 0.
@@ -148,13 +148,15 @@ class Catalog:
         except InvalidArgument:
             if not isinstance(name, str) or self.directory.candidates(name) or not self.library.resolve(name):
                 raise
-            raise InvalidArgument(f"`{name}` is a pattern, not a {what}", "it only finds matches") from None
+            raise InvalidArgument(
+                f"`{name}` is a pattern, not a {what}", "call `matches` to find its matches"
+            ) from None
 
     def prepare(self, rule: str) -> RuleRunner:
         """Return the runner of a rule: a fast, unchecked interface for loops that apply a rule often.
 
         Raises:
-            InvalidArgument: the rule is unknown.
+            InvalidArgument: no rule has this name.
         """
         qualified = self.resolve(rule, "rule")
         if qualified not in self.runners:
@@ -186,7 +188,9 @@ class Catalog:
         return tuple(found)
 
     def unnamed_links(self, name: str) -> tuple[UnnamedLinks, ...]:
-        """Return the objects that a rule deletes without mentioning all references that they may have; () for a unit.
+        """Return the objects that a rule deletes without mentioning all references that they may have.
+
+        The result is () for an SPO rule, a Python rule, a unit and a group.
 
         Raises:
             InvalidArgument: the name is unknown.
@@ -234,7 +238,7 @@ class Catalog:
         return Shape(pattern.qualified_name, names, self.library.parameter_types(pattern.qualified_name))
 
     def everything(self) -> Directory:
-        """Return a new directory of all rules, units and groups that also contains the patterns."""
+        """Return a new directory of all rules, units and groups that contains patterns too, with the kind "rule"."""
         directory = Directory(self.directory.signatures.values())
         for pattern in self.library.patterns:
             if "#" not in pattern.name:
@@ -256,7 +260,7 @@ class Catalog:
         return self._asked[name]
 
     def parameters_of(self, name: str) -> tuple[str, tuple[str, ...]]:
-        """Return the qualified name and the parameters of a pattern."""
+        """Return the qualified name and the parameters of a pattern; for a rule those of its LHS."""
         asked = self.asked(name)
         return asked.pattern, asked.shape.names
 
@@ -300,7 +304,7 @@ class Catalog:
         return {name: used - {name} for name, used in found.items()}
 
     def portable(self) -> list[Definition]:
-        """Return the definitions that can be added to another engine: those that call no Python rule or unit."""
+        """Return the definitions that another engine can add: those that never call a Python rule or unit."""
         functions = {name for name, rule in self.runners.items() if isinstance(rule, PythonRule)}
         functions |= {name for name, unit in self.programs.items() if isinstance(unit, PythonUnit)}
         found = list(self.definitions)
@@ -311,7 +315,7 @@ class Catalog:
         return found
 
     def called(self, unit: Unit) -> set[str]:
-        """Return the qualified names of everything that a unit calls."""
+        """Return the qualified names of the rules, units and groups that a unit calls itself or tests in an `if`."""
         steps = all_steps(unit)
         asked = [applicable(step.condition) for step in steps if isinstance(step, If)]
         names = [one.name for one in (*steps, *asked) if isinstance(one, Call | Applicable)]

@@ -79,7 +79,9 @@ class Steps:
             InvalidArgument: a block is still open.
         """
         if len(self._open) > 1:
-            raise InvalidArgument("a block of the unit is still open: use `with`")
+            raise InvalidArgument(
+                "a block of the unit is still open: open each block as in `with steps.alap(): ..`"
+            )
         return Sequence(tuple(self._open[0]))
 
     def call(
@@ -114,7 +116,7 @@ class Steps:
         self._add(Choice(tuple(one if isinstance(one, Call) else _call(one, ()) for one in alternatives)))
 
     def either(self) -> AbstractContextManager[None]:
-        """Open the block `{ .. }` of the first alternative of a choice; the next step must be `alternatively`."""
+        """Open the block `{ .. }` of the first alternative of a choice. `alternatively` opens the next ones."""
         return self._block(lambda body: self._add(Choice((body,))))
 
     def alternatively(self) -> AbstractContextManager[None]:
@@ -268,7 +270,7 @@ def unit_parameters(
 
 
 def _type(argument: Argument, name: str) -> str:
-    """Return the name of the type that an annotation means: `"Hedgehog"`, `int`, `str`."""
+    """Return the type name in an annotation such as `"Hedgehog"` or `int`; raise `InvalidArgument` without a type."""
     found = named_type(argument.annotation)
     if found is None:
         raise InvalidArgument(

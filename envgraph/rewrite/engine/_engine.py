@@ -245,7 +245,7 @@ class Engine:
         return partial(Engine, seed=self.seed, matcher=self._matching), (self.model,), state
 
     def __setstate__(self, state: tuple[Any, ...]) -> None:
-        """Add the definitions and watch the patterns of another engine, after unpickling or copying."""
+        """Take over the random generator, definitions, functions, step limit and watched patterns of another engine."""
         self.runs.rng, definitions, functions, self.step_limit, watched = state
         self.add(*definitions)
         for name, code in functions:

@@ -24,7 +24,10 @@ class EngineHistory:
         self.recorders: list[Trace] = []
 
     def transaction(self) -> AbstractContextManager[Savepoint]:
-        """Open a transaction: if an exception leaves the block, all its changes are undone. Transactions may nest."""
+        """Open a transaction: if an exception leaves the block, all its changes are undone and left out of recordings.
+
+        Transactions may nest. Event rules fire and listeners are notified at the end of the outermost one.
+        """
         plain = not self.recorders and self._events.holding() is None
         return self._model.transaction() if plain else self._transaction()
 
@@ -77,7 +80,7 @@ class EngineHistory:
 
     @guarded
     def listing(self, trace: Trace) -> Iterator[Trace]:
-        """Add the applications inside the block to a trace."""
+        """Record the applications inside the block in one more trace."""
         self.recorders = [*self.recorders, trace]
         try:
             yield trace
@@ -87,7 +90,7 @@ class EngineHistory:
 
     @guarded
     def unrecorded(self) -> Iterator[None]:
-        """Do not record the applications inside the block, because they are part of another application."""
+        """Record no applications inside the block in any trace, because they are part of another application."""
         recorders = self.recorders
         self.recorders = []
         try:
@@ -96,7 +99,7 @@ class EngineHistory:
             self.recorders = recorders
 
     def notice(self) -> None:
-        """Report the current state to the traces before an application: they detect changes made without a rule."""
+        """Pass the current state to the traces before an application, so that they detect changes without a rule."""
         if self.recorders:
             state = self._model.state_hash()
             for recorder in self.recorders:

@@ -19,7 +19,7 @@ from envgraph.rewrite._plan import BlockPlan, RulePlan
 
 @dataclass(frozen=True, slots=True)
 class Loss:
-    """An action of a rule by which an object may be lost.
+    """An action of a rule that may delete an object, merge it into another, or take away its class.
 
     Attributes:
         rule: qualified name of the rule.
@@ -62,7 +62,10 @@ def losses(
     for block in plan.blocks:
 
         def may_be(slot: int, block: BlockPlan = block) -> bool:
-            """Return True if a slot may be the object. Only one slot is the object, unless slots may coincide."""
+            """Return True if a slot may be the object, by `known` or by its class.
+
+            If `known` contains the object, other slots are the object only in a block whose variables may coincide.
+            """
             told, kind = known.get(block.names[slot]), block.classes[slot]
             if told is not None:
                 return told

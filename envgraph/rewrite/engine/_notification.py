@@ -181,7 +181,7 @@ class Events:
         yield from (f"a listener of `{name}`" for name in heard if owner(name) in names)
 
     def holding(self) -> AbstractContextManager[None] | None:
-        """Return a block that delays firings and notifications to its end, or None without rules and listeners."""
+        """Return a context manager that delays firings and notifications; None without event rules and listeners."""
         if self._conflicts is not None:
             return self._conflicts.held()
         matcher = self._catalog.matcher
@@ -197,7 +197,7 @@ class Events:
             matcher.listeners.deliver()
 
     def muted(self) -> AbstractContextManager[None]:
-        """Return a block in which changes do not activate event rules."""
+        """Return a context manager in which changes do not activate event rules."""
         return NOTHING if self._conflicts is None else self._conflicts.muted()
 
     @guarded

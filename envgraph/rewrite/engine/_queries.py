@@ -112,7 +112,10 @@ class Queries:
     def _applicable(
         self, name: str, asked: object, shape: Shape, rows: Sequence[Row], most: int
     ) -> list[Row]:
-        """Return the first `most` rows at which a rule is not refused; raise if `asked` (`applicable`) is not True."""
+        """Return the first `most` rows at which a rule is not refused, by applications that are undone.
+
+        Raise an `InvalidArgument` if `asked`, the value of `applicable`, is not True, or if `name` is no rule.
+        """
         if asked is not True:
             message = f"`applicable` must be True or False, not {asked!r}"
             raise InvalidArgument(
@@ -157,8 +160,7 @@ class Queries:
         """Explain why a pattern or rule has no match: the largest partial match, and the condition that it fails.
 
         A rule that has a match is applied there and undone: `refusal` of the result says why it cannot be applied. A
-        unit
-        is run and undone: the result names the step that fails. For a group, each rule is explained.
+        unit is run and undone: the result names the step that fails. For a group, each rule is explained.
 
         Args:
             name: name of the pattern, rule, unit or group.
@@ -256,7 +258,9 @@ class Queries:
     def question(
         self, name: str, bound: Mapping[str, object] | None = None, values: Mapping[str, object] = _NONE
     ) -> tuple[Shape, str, tuple[object, ...]]:
-        """Return the shape of the matches, the qualified name of the pattern, and its arguments, for the matcher.
+        """Return the shape of the matches, the qualified name of the pattern, and an argument for each parameter.
+
+        Arguments are ids, values, or `FREE` for parameters without a value.
 
         Raises:
             InvalidArgument, TypeMismatch: as `matches`.

@@ -70,7 +70,7 @@ class Registration:
         self.problems = sort_diagnostics(found)
 
     def for_another(self) -> Registration:
-        """Return a registration that another engine can install. This one can be shared, unless it declares functions.
+        """Return this registration, or a new one if it declares functions, for installation in another engine.
 
         Every engine needs its own declarations of functions, because it registers their code there.
         """
@@ -97,7 +97,7 @@ class Registration:
         return [checked.plan for checked in self._rules if checked.plan is not None]
 
     def _derive(self, library: Library, directory: Directory) -> dict[str, Derived]:
-        """Return the generated rules of derivations without errors, by name. Duplicate names are skipped."""
+        """Check all derivations. Return the generated definitions of those without errors and with unused names."""
         found: dict[str, Derived] = {}
         derivations = [one for one in self._definitions if isinstance(one, Derivation)]
         if not derivations:

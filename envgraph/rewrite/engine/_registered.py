@@ -25,8 +25,9 @@ def register_function(
     """Declare a function, unless a file has declared it, and register its code.
 
     Raises:
-        InvalidArgument: the function has code already, or types are missing or differ from the declaration.
-        ResolutionError: a type is unknown or a class, or the name is that of a function of the language.
+        InvalidArgument: the function has code already, has no name or type, or takes another number of arguments.
+        ResolutionError: a type is unknown, a class, or differs from the declaration, or the name is that of a function
+            of the language.
     """
     if not callable(function):
         raise InvalidArgument(f"expected a function to register, not {function!r}")
@@ -91,7 +92,7 @@ def _type(given: object, what: str, name: str) -> str:
     if found is None:
         message = f"{what} of function `{name}` has no type"
         raise InvalidArgument(
-            f'{message}: it is `int`, `float`, `bool`, `str` or the name of an enum, `"Way"`'
+            f'{message}: write `int`, `float`, `bool`, `str` or the name of an enum, such as `"Way"`'
         )
     return found
 

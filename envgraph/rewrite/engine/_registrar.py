@@ -45,6 +45,9 @@ class Registrar:
     def install(self, registration: Registration) -> None:
         """Register definitions that were checked already. Several engines may install the same registration.
 
+        The derived features that they define become readable. Their patterns are watched, as are patterns with the
+        strategy `incremental`.
+
         Raises:
             ResolutionError: a definition has an error; contains all errors. Nothing is added.
         """
@@ -144,7 +147,7 @@ class Registrar:
     # --- adding
 
     def _sound(self, registration: Registration) -> Registration:
-        """Return the registration.
+        """Return the registration if it has no errors.
 
         Raises:
             ResolutionError: the registration has errors.
@@ -177,7 +180,7 @@ class Registrar:
         model.graph.define(model.graph.defined | {one: defined(query) for one, query in new.items()})
 
     def _watch(self, patterns: Iterable[Pattern]) -> None:
-        """Watch patterns as soon as no savepoint or version is in use."""
+        """Watch patterns as soon as no savepoint or version is in use. Do nothing if the matcher cannot watch."""
         if isinstance(self._catalog.matcher, ViewMatcher):
             self._catalog.matcher.watch_later(*(pattern.qualified_name for pattern in patterns))
 
@@ -187,7 +190,11 @@ class Registrar:
         library: Library | None = None,
         directory: Directory | None = None,
     ) -> Registration:
-        """Check definitions against the existing ones, or against another library and directory."""
+        """Check definitions against the existing ones, or against another library and directory. Return the result.
+
+        Raises:
+            InvalidArgument: an argument is no definition, or a field of it has the wrong type.
+        """
         self._check_given(definitions)
         return Registration(
             definitions, library or self._catalog.library, directory or self._catalog.directory
@@ -266,7 +273,7 @@ class Registrar:
         return Directory(signature for name, signature in signatures.items() if owner(name) not in names)
 
     def _drop(self, names: Collection[str]) -> None:
-        """Remove definitions that nothing uses."""
+        """Remove definitions that nothing uses, with their patterns, views and derived features. Clear all caches."""
         catalog, patterns, owner = self._catalog, self._patterns_of(names), self._catalog.owners()
         if isinstance(catalog.matcher, ViewMatcher):
             catalog.matcher.unwatch(*patterns)

@@ -172,10 +172,10 @@ class Rewriting:
     def _fire_elsewhere(
         self, runner: RuleRunner, rows: Sequence[Row], row: Row, error: RuleError, drawn: bool = True
     ) -> tuple[Row, Sequence[Any]]:
-        """Apply a rule, which was refused at `row`, at another row: a random one if `drawn`, else the next one.
+        """Apply a rule, which `error` refused at `row`, at another row: a random one if `drawn`, else a later one.
 
         Raises:
-            RuleError: the rule is refused at all rows.
+            RuleError: the rule is refused at all these rows.
         """
         number = rows.index(row)
         try:

@@ -126,7 +126,7 @@ class Runs:
         return run, outcome, outputs
 
     def failed_step(self, unit: str, values: Mapping[str, object]) -> tuple[str, Span | None] | None:
-        """Run a unit and return the text and span of the step that failed; None if the unit succeeds."""
+        """Run a unit, and return the text and span of the step that failed; None if it succeeds. Changes remain."""
         run, outcome, _ = self.execute(unit, values)
         text, span = run.failure
         told = text if run.refusal is None else f"{text}: {run.refusal.message}"
@@ -193,7 +193,7 @@ class Runs:
 
     @guarded
     def lent(self, rng: Randomness) -> Iterator[Trace]:
-        """Use another random generator inside the block, and record applications only in the returned trace."""
+        """Use another random generator in the block, and record its applications only in the yielded, new trace."""
         recorders, own, trace = self._history.recorders, self._rng, Trace(start=self._model.state_hash())
         self._history.recorders, self._rng = [trace], cast("numpy.random.Generator", rng)
         try:

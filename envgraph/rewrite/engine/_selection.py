@@ -50,7 +50,7 @@ def select(
 
 
 def _best(rows: Sequence[Row], value: Callable[[Row], Any], rule: RuleRunner, top: int | None) -> list[Row]:
-    """Return the rows with the largest values, like `best`, for values that come from a function of the user.
+    """Return the rows with the largest values, largest first, at most `top` if it is set. Values of None are left out.
 
     Raises:
         InvalidArgument: a value is nan, or the values cannot be ordered.
@@ -74,7 +74,9 @@ def among(catalog: Catalog, rule: RuleRunner, rows: Iterable[Row], where: Where 
 def choose_one(
     catalog: Catalog, rule: RuleRunner, rows: Sequence[Row], choose: Choose, pick: Callable[[int], int]
 ) -> Row | None:
-    """Return the chosen row; None if there are no rows or the function `choose` returns None.
+    """Return the row that `choose` chooses; None if there are no rows or a function `choose` returns None.
+
+    `pick` draws a random index below a number.
 
     Raises:
         InvalidArgument: `choose` is no valid choice, or the function returns something other than one of its matches.

@@ -51,7 +51,7 @@ class Trace(list[Firing]):
         self.matches: tuple[Span, ...] = ()
 
     def notice(self, state: int) -> None:
-        """Record the state before the next application. If it differs from the last state, add a gap."""
+        """Record the state before the next application. If it differs from the state after the last one, add a gap."""
         known = self.states.setdefault(len(self), state)
         if known != state:
             if len(self) not in self.gaps:
@@ -74,7 +74,7 @@ class Trace(list[Firing]):
         self.gaps = [gap for gap in self.gaps if gap < length]
 
     def close(self, state: int) -> None:
-        """End the recording in this state.
+        """Record the state at the end, and check that the trace has no gaps.
 
         Raises:
             TraceError: something other than a rule changed the model.
@@ -110,7 +110,7 @@ class Trace(list[Firing]):
         raise TraceError([Diagnostic("other-state", message, self.span(count), hint)])
 
     def refused(self, count: int, error: RuleError | EvaluationError) -> TraceError:
-        """Return the error for an application, of a trace parsed from text, that cannot be made."""
+        """Return the error for an application, numbered from 1, that cannot be made. The trace must have spans."""
         message = f"application {count}: {error.message}"
         notes: tuple[Note, ...] = (Note("this operation failed", error.span),) if error.span else ()
         notes += tuple(map(Note, error.details if isinstance(error, RuleError) else ()))

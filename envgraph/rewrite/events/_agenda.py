@@ -68,7 +68,7 @@ class ConflictSet:
                 rule.came(row)
 
     def remove(self, rule: EventRule) -> None:
-        """Remove an event rule. Do nothing if it is removed already."""
+        """Remove an event rule, which is notified no more. Do nothing if it is removed already."""
         if rule.subscription is None:
             return
         self._matcher.listeners.remove(rule.subscription)
@@ -97,13 +97,15 @@ class ConflictSet:
         return None
 
     def clear(self) -> None:
-        """Empty the conflict set."""
+        """Drop all activations of the conflict set."""
         for rule in self._rules:
             rule.clear()
         self._heap.clear()
 
     def run(self) -> None:
-        """Fire activations until none is pending. Do nothing inside a block, transaction or notification.
+        """Notify listeners and fire activations until none is pending.
+
+        Do nothing while activations are firing or delayed (`held`), or inside a transaction or notification.
 
         Raises:
             EvaluationError: more firings than the step limit of the engine.
@@ -162,7 +164,7 @@ class ConflictSet:
 
     @guarded
     def muted(self) -> Iterator[None]:
-        """Ignore changes inside the block, and empty the conflict set at its end."""
+        """Fire pending activations, then ignore changes inside the block, and empty the conflict set at its end."""
         self.run()
         self._muted = True
         try:

@@ -5,8 +5,7 @@ net change of its matches becomes *activations*:
 
 - `appear`: a match is new;
 - `disappear`: a match disappeared whose appearance was handled: its `appear` has fired, or there is no such job;
-- `update`: in one net change, a match disappeared and another one with the same key is new. A key is a set of
-variables.
+- `update`: in one net change, a match disappeared and another one with the same key (a set of variables) is new.
 
 Activations fire one after the other: first by highest priority, then by the order in which rules were registered, then
 by age (in one net change: `disappear`, `update`, `appear`). Each firing is a transaction, and its net change is handled
@@ -124,7 +123,7 @@ class EventRule:
     # --- net changes of matches
 
     def changed(self, appeared: Sequence[Row], disappeared: Sequence[Row]) -> None:
-        """Turn a net change of the matches into activations."""
+        """Add activations for a net change of the matches, and drop pending ones whose reason no longer exists."""
         pairs, new, old = self._paired(appeared, disappeared)
         for row in old:
             self._left(row)
@@ -141,7 +140,10 @@ class EventRule:
         return paired(appeared, disappeared, self._key)
 
     def came(self, row: Row) -> None:
-        """Handle a match that appeared."""
+        """Add an `appear` activation for a match. If it has a pending `disappear`, only drop this activation.
+
+        If it is the old match of a pending `update`, drop the update and handle the new match of the update so.
+        """
         back = self._gone.pop(row, None)
         if back is not None:
             back.live = False
@@ -203,16 +205,16 @@ class EventRule:
     # --- firing
 
     def take(self, activation: Activation) -> None:
-        """Remove an activation that is about to fire; its match is then handled."""
+        """Remove an activation that is about to fire. Its match counts as handled from now on."""
         self._drop(activation)
 
     def failed(self, activation: Activation) -> None:
-        """Record that the job of an activation has raised an exception."""
+        """Record the match of an `appear` job that has raised an exception. Do nothing for other jobs."""
         if activation.event == "appear":
             self._failed.add(activation.match.row)
 
     def clear(self) -> None:
-        """Drop all pending activations; all current matches are then handled."""
+        """Drop all pending activations. All current matches count as handled from now on."""
         for pending in (self._here, self._gone):
             for activation in pending.values():
                 activation.live = False
@@ -254,7 +256,7 @@ def update_key(pattern: Pattern | None, shape: Shape, key: Iterable[str] | None)
     Args:
         pattern: the pattern, whose annotation may define a key; or None.
         shape: shape of its matches.
-        key: names, or None for the key of the annotation, or else all variables that stand for objects.
+        key: names, or None for the key of the annotation, or else all variables that are bound to objects.
 
     Raises:
         InvalidArgument: a variable is unknown, or the key contains all variables, so that two matches never share it.

@@ -87,7 +87,7 @@ def _named(engine: Engine, shape: Shape, name: str) -> BoundJob:
 
 
 def job_name(job: Job) -> str:
-    """Return the default name of an event rule with this job."""
+    """Return the name of a job: the job itself if it is a name, or else the name of the function or of its class."""
     return job if isinstance(job, str) else getattr(job, "__name__", type(job).__name__)
 
 

@@ -1,4 +1,4 @@
-"""Adapters that call listeners with matches, as listeners of the matcher are called with rows."""
+"""Adapters that are notified of rows by the matcher and call the listeners of the user with matches."""
 
 from __future__ import annotations
 

@@ -100,7 +100,7 @@ class Record:
     goal: int | None = None
 
     def note(self, source: int, target: int, name: str, done: Row | Firings) -> None:
-        """Record a transition."""
+        """Add a transition by a rule or unit. `done` is the row of the rule's match, or the firings of the unit."""
         self.sources.append(source)
         self.targets.append(target)
         self.names.append(name)
@@ -211,7 +211,7 @@ class Exploration:
 
     @property
     def deadlocks(self) -> list[int]:
-        """Return the numbers of the states without outgoing transitions."""
+        """Return the numbers of the states from which all moves were made without any transition."""
         left = set(self._record.sources)
         return sorted(state for state in self._record.expanded if state not in left)
 

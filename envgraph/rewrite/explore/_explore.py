@@ -63,7 +63,7 @@ def _rule_mover(rule: RuleRunner) -> Mover:
 
 
 def _ways() -> Iterator[Branches]:
-    """Yield a `Branches` for each sequence of random choices."""
+    """Yield the same `Branches` once for each sequence of random choices, ready for a run."""
     branches = Branches()
     while branches.advance():
         yield branches
@@ -191,7 +191,10 @@ class Search:
                 yield mover, choice
 
     def _make(self, state: State, mover: Mover, choice: Any) -> Row | Firings | None:
-        """Make a move. Return its match or firings if it leads to a new state; otherwise record it and return None."""
+        """Make a move, and return its match or firings if it leads to a new state.
+
+        Return None if the move leads to a known state (the transition is recorded), is refused or applies nothing.
+        """
         record = self._record
         try:
             done = mover.make(choice)
@@ -210,7 +213,7 @@ class Search:
         return None
 
     def _number(self, new: int) -> int:
-        """Return the number of the current state, or `new` if the state is new."""
+        """Return the number of the current state. A new state gets the number `new`."""
         total = self.model.graph.store.total
         known = self._known.get(total)
         if known is None:
@@ -222,7 +225,10 @@ class Search:
         return known
 
     def _arrive(self, walk: Walk, source: State, name: str, done: Row | Firings) -> Ending | None:
-        """Record the transition to a new state and the state. Return "limit" or "goal" if the search ends here."""
+        """Record a new state and the transition to it. Return "goal" if the search ends here, else None.
+
+        Return "limit", without recording anything, if there are as many states as the limit already.
+        """
         record = self._record
         number = len(record.states)
         if number >= self.limit:

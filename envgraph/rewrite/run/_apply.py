@@ -103,14 +103,17 @@ def _slot(number: int) -> code.Local:
 
 
 def _changes(writer: Writer, body: BlockPlan, kept: tuple[int, ...] = ()) -> code.Body:
-    """Emit the changes of a straight-line rule, in order, with a check of the `kept` slots after deletions."""
+    """Emit code for the changes of a straight-line rule, in order, with a check of the slots `kept` after deletions."""
     changes = [*writer.unlink(body), *writer.delete(body)]
     changes += [writer.keep(kept, body)] if kept else []
     return (*changes, *(statement for phase in PHASES[3:] for statement in getattr(writer, phase)(body)))
 
 
 def _interrupted(end: code.Expression) -> code.Handler:
-    """Emit an exception handler that undoes or completes partly executed changes; see `Interrupted`."""
+    """Emit an exception handler that undoes or completes partly executed changes and raises the exception again.
+
+    `end` is a savepoint for undoing, or a function with its arguments that completes the changes; see `Interrupted`.
+    """
     done = [
         code.method(code.Name("interrupted"), "append", end),
         code.method(code.Name("interrupted"), "repair"),
@@ -235,6 +238,8 @@ class _Block:
     ) -> None:
         """Add the instance with these slots to `found`, then the instances of nested blocks in the current state.
 
+        `fresh` yields the ids of placeholders for created objects.
+
         Raises:
             EvaluationError: there would be more than `most` instances.
         """
@@ -257,7 +262,7 @@ class _Block:
 
 
 class _Staged:
-    """An executor of rules with nested blocks, or of rules whose variables may stand for one object."""
+    """An executor, phase by phase, of rules with nested blocks and rules whose changed objects may coincide."""
 
     def __init__(self, plan: RulePlan, model: Model, matcher: Matcher, again: Again) -> None:
         self.plan = plan
@@ -269,7 +274,7 @@ class _Staged:
         self.block = _Block(plan.body, model, matcher, plan.lossy, self.doomed, endangered)
 
     def apply(self, row: Row) -> Sequence[Any]:
-        """Apply the rule at a match; see `Effect`."""
+        """Apply the rule at a match and return its slots. If it is refused, raise the error and undo all changes."""
         instances: list[Instance] = []
         try:
             self.block.collect(list(row), None, instances, count(-1, -1), self.most)

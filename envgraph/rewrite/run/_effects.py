@@ -16,7 +16,7 @@ ModelLink = tuple[Reference, int, int]
 
 
 def need(value: Value | int | None, feature: str) -> Value | int:
-    """Return the value, which an operator needs.
+    """Return a value that an operator needs. `feature` is the name of the value in the message.
 
     Raises:
         EvaluationError: the value is None.
@@ -53,7 +53,7 @@ class Dragged(RuleError):
 
 
 def check_kept(graph: Graph, nodes: tuple[int, ...], names: tuple[str, ...]) -> None:
-    """Check that objects still exist.
+    """Check that objects still exist. `names` are their names in the rule, or "" for an object that is changed.
 
     Raises:
         Dragged: an object was deleted with its container.
@@ -98,10 +98,11 @@ def inside(graph: Graph, node: int, others: Collection[int]) -> bool:
 
 
 def house(graph: Graph, source: int, reference: Reference, target: int) -> None:
-    """Add a link between a container and an object without a container. Both ends must have room for it.
+    """Add a containment link for an object that must have no container.
 
     Raises:
-        RuleError: the object has a container ("full"), or the container is inside the object ("containment").
+        RuleError: the object has a container or an end is full ("full"), or the container is inside the object
+            ("containment").
     """
     found = graph.metamodel.containment(reference, source, target)
     assert found is not None
@@ -156,14 +157,14 @@ def strip(graph: Graph, node: int) -> list[ModelLink]:
 
 
 def absorb(graph: Graph, kept: int, absorbed: int, links: list[ModelLink], *, lossy: bool) -> None:
-    """Merge two objects: move the links of `absorbed` to `kept`, then delete `absorbed`.
+    """Move the links of `absorbed` to `kept`, then delete `absorbed`. Do nothing if `absorbed` is already deleted.
 
     A link that both have becomes one link, a link between the two becomes a loop. If `kept` has a container, it stays
     there.
 
     Raises:
-        RuleError: the class of `kept` lacks a reference ("lost-link", unless `lossy`), or `kept` has another target
-            of a single-valued reference ("full").
+        RuleError: both are one object ("identification"), the class of `kept` lacks a reference ("lost-link", unless
+            `lossy`), or `kept` has another target of a single-valued reference ("full").
     """
     if kept == absorbed:
         raise RuleError("an object cannot be merged with itself", reason="identification")

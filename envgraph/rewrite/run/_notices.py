@@ -24,7 +24,7 @@ class Notices:
         return tuple(self._told.values())
 
     def existing_link(self, rule: str, link: Link, source: str, target: str) -> None:
-        """Add a notice that a rule creates a link that already exists."""
+        """Add and log a notice that a rule creates a link that already exists, once for each rule and operation."""
         if (rule, link) in self._told:
             return
         message = f"rule `{rule}` creates {source} -{link.reference.name}-> {target}, which exists already"

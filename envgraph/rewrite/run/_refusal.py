@@ -32,7 +32,7 @@ _ADVICE: Final[Mapping[str, str]] = MappingProxyType(
 
 
 def refusal(plan: RulePlan, error: RuleError | EvaluationError, model: Model) -> RuleError | EvaluationError:
-    """Return the error of a refused application, extended by the rule, the span and a hint. The model is as before."""
+    """Return the error of a refused application, with rule, span and hint added. The model must be as before."""
     message = f"rule `{plan.name}` cannot be applied: {error.message}"
     operation, frame = origin_of(error)
     span = getattr(operation, "span", None) or error.span or plan.span

@@ -86,7 +86,7 @@ class Run:
             spent(self, site)
 
     def whole(self, function: Callable[..., Any], *arguments: Any) -> Any:
-        """Run a step and undo its changes if it fails. Return its outcome."""
+        """Run a step, and undo its changes and remove its applications if it fails. Return its outcome."""
         savepoint, length, gaps = self.model.graph.history.savepoint(), len(self.trace), len(self.gaps)
         self.opened.append(savepoint)
         outcome = function(self, *arguments)
@@ -147,7 +147,10 @@ def note_refusal(run: Run, error: RuleError) -> None:
 
 
 def fire_one(run: Run, rule: RuleRunner, rows: Sequence[Row]) -> tuple[Row, Sequence[Any]] | None:
-    """Apply a rule at a random row. If it is refused, try the other rows. Return row and slots, or None."""
+    """Apply a rule at a random row, and after refusals at others. Return the row and the slots of the rule.
+
+    Return None if there are no rows, or if the rule is refused at all rows; `run` then stores the last refusal.
+    """
     if not rows:
         return None
     number = run.pick(len(rows)) if len(rows) > 1 else 0
@@ -162,7 +165,10 @@ def fire_one(run: Run, rule: RuleRunner, rows: Sequence[Row]) -> tuple[Row, Sequ
 def _go_on(
     run: Run, rule: RuleRunner, rows: Iterable[Row], error: RuleError
 ) -> tuple[Row, Sequence[Any]] | None:
-    """Apply a refused rule at the first of the other rows at which it is not refused; None if there is no such row."""
+    """Apply a refused rule at the first of the other rows at which it is not refused. Return this row and the slots.
+
+    Return None if there is no such row; `run` then stores the last refusal.
+    """
     try:
         return rule.fire_next(rows, error)
     except RuleError as refused:
@@ -173,7 +179,10 @@ def _go_on(
 def call_rule(
     run: Run, rule: RuleRunner, rows: Sequence[Row], missing: Site, refused: Site
 ) -> Sequence[Any] | None:
-    """Execute the call of a rule at a random match. The code of `fire_one` is repeated here for speed."""
+    """Apply a rule at a random match, record the application, and return its slots. Return None if the call fails.
+
+    The failure is `missing` if there is no match, and `refused` if the rule is refused at each match.
+    """
     if not rows:
         return _called(run, rule, None, missing)
     number = run.pick(len(rows)) if len(rows) > 1 else 0
@@ -196,7 +205,10 @@ def call_first(
     missing: Site,
     refused: Site,
 ) -> Sequence[Any] | None:
-    """Execute the call of a rule at its first match `row`, or None. `rows` lists all matches, used after a refusal."""
+    """Apply a rule at its first match `row`, record the application, and return its slots; None if the call fails.
+
+    After a refusal, the later matches of `rows` are tried. `missing` and `refused` are as for `call_rule`.
+    """
     if row is None:
         return _called(run, rule, None, missing)
     found: tuple[Row, Sequence[Any]] | None
@@ -220,7 +232,10 @@ def _called(
 
 
 def fire_every(run: Run, rule: RuleRunner, rows: Iterable[Row], site: Site) -> bool | None:
-    """Apply a rule at each of the rows, except rows that are no match any more or at which it is refused."""
+    """Apply a rule at each of the rows, except rows that are no match any more or at which it is refused.
+
+    Return True if the rule was applied at all, else None. Each row counts as a step.
+    """
     changed = None
     for row in rows:
         run.steps -= 1
@@ -241,7 +256,10 @@ def fire_every(run: Run, rule: RuleRunner, rows: Iterable[Row], site: Site) -> b
 
 
 def fire_one_of(run: Run, rules: Sequence[RuleRunner]) -> tuple[RuleRunner, Row, Sequence[Any]] | None:
-    """Draw a rule by weight among those with a match, and apply it at a random match; after a refusal, draw again."""
+    """Draw a rule by weight among those with a match, and apply it at a random match; after a refusal, draw again.
+
+    Return the rule, the row and the slots; None if no rule can be applied.
+    """
     left = [rule for rule in rules if rule.exists()]
     while left:
         rule = left[draw_weighted(run.rng, [rule.weight for rule in left])]
@@ -254,7 +272,7 @@ def fire_one_of(run: Run, rules: Sequence[RuleRunner]) -> tuple[RuleRunner, Row,
 
 
 def apply_one_of(run: Run, rules: Sequence[RuleRunner], site: Site | None = None) -> bool | None:
-    """Execute the call of a group as a step: see `fire_one_of`."""
+    """Apply one rule of a group as a step, and record it: see `fire_one_of`. Return True, or None if this fails."""
     run.count(site)
     run.refusal = None
     found = fire_one_of(run, rules)
@@ -267,7 +285,7 @@ def apply_one_of(run: Run, rules: Sequence[RuleRunner], site: Site | None = None
 
 
 def apply_every_of(run: Run, rules: Sequence[RuleRunner], site: Site) -> bool | None:
-    """Apply all rules of a group at all of their current matches: see `fire_every`."""
+    """Apply all rules of a group at all of their current matches. Return True if any was applied, else None."""
     run.count(site)
     run.refusal = None
     changed = None
@@ -281,7 +299,7 @@ def apply_every_of(run: Run, rules: Sequence[RuleRunner], site: Site) -> bool | 
 def rows_bound_by(
     prepare: Callable[[tuple[str, ...]], Callable[..., Any]], names: Sequence[str], values: Sequence[Any]
 ) -> Any:
-    """Return the matches that agree with all values that are set, by `prepare` or `seek` of a rule."""
+    """Return the matches that agree with all values that are set. `prepare` is that method, or `seek`, of a rule."""
     given = {name: value for name, value in zip(names, values, strict=True) if value is not UNSET}
     return prepare(tuple(given))(*given.values())
 
@@ -309,7 +327,7 @@ Tier = tuple[tuple[Callable[..., Any], ...], tuple[float, ...]]
 def run_one_of(run: Run, tiers: Sequence[Tier], *arguments: Any) -> bool | None:
     """Try alternatives until one succeeds: tier by tier, and in each tier in random order by weight.
 
-    If all fail, the first refusal is recorded as the reason.
+    Return the outcome of this alternative, or None if all fail. Then the first refusal is recorded as the reason.
     """
     refusal = None
     for alternatives, weights in tiers:
@@ -368,7 +386,7 @@ def argument_value(
 
 
 def rounds(run: Run, lower: int, upper: int, span: Span | None) -> int:
-    """Return a random number of rounds between two computed bounds.
+    """Return a random number of rounds from `lower` to `upper`, two computed bounds.
 
     Raises:
         EvaluationError: the upper bound is below the lower bound, or the lower bound is below 0.

@@ -106,7 +106,7 @@ class RuleRunner(ABC):
         return self.matcher.rows(self.pattern, self._arguments(arguments)) if arguments else self.all_rows()
 
     def all_rows(self) -> Sequence[Row]:
-        """Return all matches in a fast way."""
+        """Return all matches, as `rows` does without arguments, by a function that is prepared once."""
         if self._all is None:
             self._all = self.prepare(())
         return self._all()
@@ -119,14 +119,17 @@ class RuleRunner(ABC):
         return (self._live or self.reader())()
 
     def reader(self) -> Find:
-        """Return the fastest function for `live_rows`."""
+        """Return the function that `live_rows` calls, which is created at first use."""
         if self._live is None:
             self._require(())
             self._live = self.matcher.lister(self.pattern)
         return self._live
 
     def rows_known(self, arguments: Mapping[str, Value]) -> Sequence[Row]:
-        """Return the matches for arguments, unchecked: names and types must be right, and objects must exist."""
+        """Return the matches for arguments, unchecked: names and types must be right, and objects must exist.
+
+        Without arguments, the matches may be used only until the model changes.
+        """
         if not arguments:
             return self.live_rows()
         return self.prepare(tuple(arguments))(*arguments.values())
@@ -158,7 +161,10 @@ class RuleRunner(ABC):
         return self._prepared[names]
 
     def seek(self, names: tuple[str, ...]) -> Callable[..., Iterator[Row]]:
-        """Return a function like that of `prepare`, but lazy; its iterator is valid until the model changes."""
+        """Return a function that yields matches lazily, for unchecked values of the variables `names`, in this order.
+
+        The matches may be used only until the model changes.
+        """
         return self._bound(names, self.matcher.seeker)
 
     def seek_known(self, arguments: Mapping[str, Value]) -> Iterator[Row]:
@@ -177,7 +183,7 @@ class RuleRunner(ABC):
     def _bound(
         self, names: tuple[str, ...], make: Callable[[str, tuple[int, ...]], Callable[..., Found]]
     ) -> Callable[..., Found]:
-        """Return a function of values in the order of `names`, from a function in the order of the shape."""
+        """Return the function that `make` makes for these variables, with its arguments in the order of `names`."""
         self._require(names)
         positions = [self.shape.position(name) for name in names]
         order = sorted(range(len(positions)), key=positions.__getitem__)
@@ -301,7 +307,7 @@ class RuleRunner(ABC):
         return self.fire(row)
 
     def application(self, row: Row, result: Sequence[Any]) -> Application:
-        """Return the public description of an application from its row and its slots."""
+        """Return an `Application` for a match and the result of `fire`."""
         return Application(self.name, Match(self.model, self.shape, row), {}, {})
 
 
@@ -342,7 +348,7 @@ class GraphRule(RuleRunner):
         return self._effect(row)
 
     def application(self, row: Row, result: Sequence[Any]) -> Application:
-        """Return the public description of an application, with created objects and outputs."""
+        """Return an `Application` with the created objects and the values of the `out` parameters."""
         plan = self.plan
         match = Match(self.model, self.shape, row)
         if not (plan.outputs or plan.body.creates):
@@ -401,7 +407,7 @@ class ExtentRows(Sequence[Row]):
 
 
 def graph_rule(plan: RulePlan, model: Model, library: Library, matcher: Matcher, report: Report) -> GraphRule:
-    """Return the runner for a plan."""
+    """Return the runner for a plan, an `ExactClassRule` if the plan has an exact class."""
     kind = GraphRule if plan.exact is None else ExactClassRule
     return kind(plan, model, library, matcher, report)
 
@@ -439,7 +445,11 @@ class PythonRule(RuleRunner):
         self._aside = aside
 
     def fire(self, row: Row) -> Sequence[Any]:
-        """Call the function at a match and return the row. If it raises an exception, its changes are undone."""
+        """Call the function at a match and return the row. If it raises an exception, its changes are undone.
+
+        Raises:
+            InvalidArgument: the function returns something other than None.
+        """
         match = Match(self.model, self.shape, row)
         arguments: dict[str, object] = {name: match[name] for name in self._names}
         if self._takes_engine:
@@ -458,6 +468,8 @@ def wanted_arguments(
     function: Callable[..., object], shape: Shape, others: Sequence[str]
 ) -> tuple[tuple[str, ...], tuple[str, ...]]:
     """Return the match variables that a function takes, and its parameters in `others`. Variables take precedence.
+
+    A function with `**` takes all variables.
 
     Raises:
         InvalidArgument: the function has another parameter without a default.

@@ -125,7 +125,7 @@ class Writer:
         return code.Name(name)
 
     def slots(self, numbers: Iterable[int]) -> code.Tuple:
-        """Return a tuple expression of slots."""
+        """Return code for a tuple of the variables of slots."""
         return code.Tuple(tuple(self.slot(number) for number in numbers))
 
     # --- the phases of a block, in order
@@ -166,7 +166,7 @@ class Writer:
         ]
 
     def delete(self, plan: BlockPlan) -> list[code.Statement]:
-        """Emit code that deletes objects."""
+        """Emit code that deletes the objects that still exist."""
         return [self._delete(d, plan) for d in plan.deletes]
 
     def strip(self, plan: BlockPlan) -> list[code.Statement]:

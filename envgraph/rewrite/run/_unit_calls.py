@@ -48,7 +48,7 @@ class UnitCalls:
         self._members = members
 
     def write(self, step: Call, callee: Signature, scope: Scope) -> None:
-        """Emit the call of a rule, group or unit."""
+        """Emit code that calls a rule, group or unit as a step of a unit."""
         if callee.kind == "unit":
             self._unit(step, callee, scope)
         elif callee.kind == "group":

@@ -33,7 +33,7 @@ class Scope:
 
     @property
     def locals(self) -> list[code.Local]:
-        """Return all local variables, which are passed as further arguments."""
+        """Return the local variables, which the functions of inner blocks take as arguments."""
         return [local for local in self.names.values() if isinstance(local, code.Local)]
 
 
@@ -85,7 +85,7 @@ class UnitFunctions:
 
     @contextmanager
     def begun(self) -> Iterator[OpenFunction]:
-        """Open a function for the duration of the block."""
+        """Yield a new function that is the innermost unfinished one inside the block."""
         function = OpenFunction()
         self._open.append(function)
         yield function

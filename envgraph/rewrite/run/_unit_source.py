@@ -134,7 +134,7 @@ class UnitSource:
         self._step(step, scope)
 
     def _inner(self, step: Step, scope: Scope, gives: Sequence[str] = ()) -> code.Name:
-        """Generate a separate function for a block and return its name; it also returns the variables `gives`."""
+        """Generate a function for a block and return its name. It returns its outcome and the values of `gives`."""
         name, within = self._functions.new("b"), scope.inner()
         with self._functions.begun() as function:
             self._body(step, within)
@@ -354,7 +354,7 @@ def _preference(step: Step, calls: Named[int, Signature]) -> tuple[int, float]:
 
 
 def _outputs(step: Step, calls: Named[int, Signature]) -> list[str]:
-    """Return the variables that a block may bind for the enclosing block that shares its scope."""
+    """Return the variables that a block passes to `out` parameters and that the steps after the block can use."""
     match step:
         case Steps(steps):
             return list(dict.fromkeys(name for inner in steps for name in _outputs(inner, calls)))

@@ -32,7 +32,7 @@ class UnitValues:
         checked: the unit.
         functions: the functions being generated.
         matcher: evaluates conditions.
-        members: returns the rules that a name stands for.
+        members: returns the rules of a group, or a rule alone, by name.
     """
 
     def __init__(

@@ -4,23 +4,20 @@ A step *fails* or *succeeds*. A step that succeeds may or may not have changed t
 same kind, the meaning is that of Henshin with `strict` and without `rollback`; `atomic` and `try` undo changes.
 
 - A call of a rule applies it at one of its matches, drawn uniformly. If the rule is refused there (a dangling edge, a
-  full reference ..), the other matches are tried in random order. The call fails if it is refused at all. A call of a
-  group draws a rule by weight among those with a match; if this call fails, another rule is drawn.
+  full reference ..), the other matches are tried in random order. The call fails if the rule has no match or is refused
+  at every match. A call of a group draws a rule by weight among those with a match; if it fails, another is drawn.
 - `first rule` takes the first match, then the others in order. The order of matches depends only on the version.
 - `where` restricts the matches to those for which a condition holds.
 - `a; b;` runs the steps in order and fails at the first that fails; changes of earlier steps remain.
 - `a | b` tries the alternatives until one succeeds: those of the highest `@priority` first, in random order by
-`@weight`.
-  The changes of a failed alternative are undone. The step fails if all alternatives fail.
+  `@weight`. The changes of a failed alternative are undone. The step fails if all alternatives fail.
 - `alap` repeats its body as long as it succeeds and applies a rule. The changes of the last, failed round are undone.
   The step never fails.
 - `repeat n..m` computes its bounds and draws a number of rounds. The first round that fails ends the step and is
-undone.
-  The step fails if fewer than n rounds succeeded, or if a bound has no value.
+  undone. The step fails if fewer than n rounds succeeded, or if a bound has no value.
 - `try` undoes its body if it fails, and then runs `else`. It fails only if `else` fails.
 - `if` runs one branch, and succeeds if the branch is missing. `if rule(x)` tests if the rule is applicable at one of
-its
-  matches by applying it and undoing this.
+  its matches by applying it and undoing this.
 - `atomic` undoes everything if its body fails, and then fails.
 - `all rule` applies the rule at each of its current matches, except matches that no longer hold or at which it is
   refused; it fails if it was never applied. `by` orders the matches, the largest value first; equal values keep
@@ -71,7 +68,7 @@ class UnitProgram:
         self._source = ""
 
     def run(self, run: Run, environment: Environment, site: Site | None = None) -> bool | None:
-        """Execute the unit as part of a run; `site` describes the call in messages.
+        """Execute the unit as part of a run and return its outcome; `site` describes the call in messages.
 
         Raises:
             EvaluationError: too many nested steps, or the step limit is exceeded.

@@ -218,7 +218,7 @@ def test_what_cannot_be_registered() -> None:
     made.function("isOdd", is_odd)
     refused: list[tuple[str, Callable[..., object], str]] = [
         ("isOdd", is_odd, "`isOdd` is already registered"),
-        ("a", lambda x: x, "parameter `x` of function `a` has no type: it is `int`"),
+        ("a", lambda x: x, "parameter `x` of function `a` has no type: write `int`"),
         ("not a name", is_odd, "a function needs a name"),
         ("heavy", is_odd, r"`heavy` must take 2 arguments, but its signature is `\(n: "),
         ("b", lambda *x: x, r"a parameter of function `b` must be positional and have no default: `\*x`"),
