@@ -124,7 +124,7 @@ class AssignmentReader:
     def _values(
         self, name: str, attribute: Attribute, operator: Operator, value: Values, span: Span | None
     ) -> None:
-        """Check an assignment to a multi-valued attribute and add its operations."""
+        """Check an assignment to a multi-valued attribute. Add operations for correct values, and report the others."""
         parts = () if operator == "=" and _is_none(value) else value if isinstance(value, tuple) else (value,)
         slots = [self._value(part, attribute.type, part.span or span, needed=True) for part in parts]
         found = tuple(slot for slot in slots if slot is not None)  # errors of the others are reported already

@@ -138,16 +138,10 @@ def _left_problems(
     called: Mapping[str, StaticType | None],
     told: Sequence[Diagnostic],
 ) -> list[Diagnostic]:
-    """Return the errors and some warnings of the library about left-hand sides, without repetitions.
+    """Return the errors and some warnings of the library (`said`) about left-hand sides, without repetitions of `told`.
 
     A diagnostic is a repetition if its span has a diagnostic already, or if it says that an untyped parameter is
     unreferenced. If all are repetitions and no error is reported yet, all are returned.
-
-    Args:
-        said: the diagnostics of the library.
-        lowering: the lowered left-hand sides.
-        called: the types that pattern calls imply for variables.
-        told: the diagnostics that are reported already.
     """
     places = {problem.span for problem in told if problem.span}
 

@@ -205,7 +205,7 @@ class Conflicts:
     # --- objects
 
     def _go(self, node: int, into: int | None, want: Want) -> None:
-        """Record a deletion (`into` is None) or merge of an object. Raise a `Contradiction` if another one is known."""
+        """Record a deletion (`into` is None) or merge of an object. Raise a `Contradiction` if it has another."""
         other, earlier = self._gone.setdefault(node, (into, want))
         if other != into:
             raise Contradiction(

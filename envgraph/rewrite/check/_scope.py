@@ -110,10 +110,7 @@ class RuleScope:
         return name in self.types or name in self.created
 
     def knows(self, name: str, span: Span | None, *, matched: bool = False) -> bool:
-        """Return True if a name is in scope; otherwise report it, once.
-
-        The hint says how to match the name if `matched`, and otherwise how to create the object.
-        """
+        """Return True if a name is in scope; else report it, once, with a hint to match it (`matched`) or create it."""
         if self.sees(name):
             return True
         if name not in self._reported:

@@ -200,7 +200,7 @@ def weight_of(derivation: Derivation, kind: str) -> float:
 
 
 def ways_of(derivation: Derivation) -> int:
-    """Return the maximal number of operators that create one class, or that retype one class to another, by `@cap`."""
+    """Return the maximal number of operators that create one class or retype it to another: `@cap`, or `MOST_WAYS`."""
     caps = [value for one in derivation.annotations if one.name == "cap" for value in one.arguments]
     return cast("int", caps[0]) if caps else MOST_WAYS
 

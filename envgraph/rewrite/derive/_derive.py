@@ -81,7 +81,7 @@ def _retypings(derivation: Derivation) -> tuple[Rule, ...]:
 
 
 def _operators(derivation: Derivation, metamodel: Metamodel) -> Derived:
-    """Return the operators of a derivation without errors."""
+    """Return the operators of a derivation without errors, with their weights, and the patterns that they call."""
     schema, ways = Schema(metamodel), ways_of(derivation)
     found: dict[str, Rule] = {}
     patterns: dict[str, Pattern] = {}

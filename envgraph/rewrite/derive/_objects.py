@@ -164,7 +164,7 @@ class _Gone:
             yield from self.builder.inside(outer, root, name, cls)
 
     def short(self, end: End) -> Iterator[list[Constraint]]:
-        """Yield pattern bodies that match if links at an end of a deleted object forbid the deletion.
+        """Yield pattern bodies that match if links at a reference end of a deleted object forbid the deletion.
 
         The links are frozen, or a remaining linked object is frozen or would have too few links.
         """
@@ -257,7 +257,7 @@ def _rehome(builder: RuleBuilder, cls: str, shared: End | None = None) -> RuleBu
 
 
 def _go_over(builder: RuleBuilder, end: End, name: str, other: str, elsewhere: int) -> None:
-    """Link objects that would have too few links at an end without `name` to the object `other` instead.
+    """Link objects that would have too few links at a reference end without `name` to the object `other` instead.
 
     Require that they all fit there; `elsewhere` of the links are given to a third object.
     """

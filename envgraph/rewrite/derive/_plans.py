@@ -54,7 +54,7 @@ class Plan:
         return [link for link in self.links if link.sign < 0]
 
     def given(self, node: int) -> list[Link[int]]:
-        """Return the removed links whose far objects are linked to a new object instead."""
+        """Return the removed links whose far objects are linked to the new object `node` instead."""
         return [link for link in self.removed if link.far in self.at(node, link.end)]
 
     @property
@@ -64,7 +64,7 @@ class Plan:
         return [node for node, one in enumerate(containers) if one is None or one < 0]
 
     def at(self, node: int, end: End) -> list[int]:
-        """Return the numbers of the objects to which the plan links an object at an end."""
+        """Return the numbers of the objects to which the plan links an object at a reference end."""
         found = [far for _, one, near, far in self.added if near == node and one == end]
         found += [near for _, one, near, far in self.added if far == node and one.other == end]
         return list(dict.fromkeys(found))
@@ -182,7 +182,7 @@ def _needed_container(schema: Schema, plan: Plan, node: int) -> tuple[End, ...] 
 
 
 def _choices(schema: Schema, plan: Plan, node: int, end: End) -> Iterator[Plan]:
-    """Yield the plans with one more link of an object at an end, for each possible other object."""
+    """Yield the plans with one more link of an object at a reference end, for each possible other object."""
     if end.frozen:
         return
     yield from _to_new(schema, plan, node, end)
@@ -194,7 +194,7 @@ def _choices(schema: Schema, plan: Plan, node: int, end: End) -> Iterator[Plan]:
 
 
 def _room(plan: Plan, node: int, end: End) -> bool:
-    """Return True if an object may have another link at an end in the plan."""
+    """Return True if an object may have another link at a reference end in the plan."""
     return end.upper is None or len(plan.at(node, end)) < end.upper
 
 

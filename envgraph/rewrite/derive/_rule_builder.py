@@ -196,7 +196,7 @@ class RuleBuilder:
         self.changes.append(Link(-1, end, near, far))
 
     def move(self, end: End, container: str, part: str) -> None:
-        """Add an action that moves an object to a container, and the conditions for its old container."""
+        """Add an action that moves an object, record its new link, and add the conditions for its old container."""
         self.act(Move(Variable(part), Variable(container), end.reference.name))
         self.changes.append(Link(1, end, container, part))
         self.absent(end, container, part)
@@ -208,7 +208,7 @@ class RuleBuilder:
                     self.leave(before, part)
 
     def retype(self, name: str, after: str, gained: Iterable[Reference]) -> None:
-        """Add an action that retypes an object, and conditions for the links that the new class does not have.
+        """Record a retyped object, and add the action and the conditions for links that its new class does not have.
 
         The object must have no old links of the `gained` references, by which it gets new links.
         """
@@ -242,7 +242,7 @@ class RuleBuilder:
             self.block("not", needy, end.far, [end.edge(name, needy)], [least], but=self.served(end))
 
     def untouched(self, end: End, name: str) -> None:
-        """Require that an object has no links at an end to frozen objects that own these links."""
+        """Require that an object has no links at a reference end to frozen objects that own these links."""
         for cls in self.schema.frozen_below(end.far) if end.other.held else ():
             frozen = self.fresh("frozen")
             self.block("not", frozen, cls, [end.edge(name, frozen)])

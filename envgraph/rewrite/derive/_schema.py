@@ -221,7 +221,7 @@ class Schema:
         return all(one in inside for one in above)
 
     def _needed_by(self, cls: str) -> Iterator[str]:
-        """Yield the classes to which objects of a class need links, and their only possible container class."""
+        """Yield the classes to which objects of a class need links, and its container class if only one is possible."""
         for end in self.ends_of(cls):
             if end.lower:
                 yield from self.metamodel.concrete(end.far)

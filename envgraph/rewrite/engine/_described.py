@@ -110,7 +110,7 @@ class Steps:
         self._add(replace(_call(name, arguments), every=True, by=order, limit=top, where=tuple(where)))
 
     def choose(self, *alternatives: str | Call) -> None:
-        """Add the step `a | b;`, a choice between names, or `Call`s if they have arguments."""
+        """Add the step `a | b;`, a choice between one or more names, or `Call`s if they have arguments."""
         if not alternatives:
             raise InvalidArgument("`choose` takes at least one rule or unit")
         self._add(Choice(tuple(one if isinstance(one, Call) else _call(one, ()) for one in alternatives)))

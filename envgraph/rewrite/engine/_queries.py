@@ -230,7 +230,7 @@ class Queries:
 
     @property
     def watched(self) -> tuple[str, ...]:
-        """Return the qualified names of the watched patterns."""
+        """Return the qualified names of the watched patterns; () if the matcher cannot watch."""
         return self._catalog.views.watched if isinstance(self._matcher, ViewMatcher) else ()
 
     def watch(self, *names: str) -> None:

@@ -68,7 +68,7 @@ class Trace(list[Firing]):
         self.states[len(self)] = state
 
     def cut(self, length: int) -> None:
-        """Remove all applications from the index `length` on, because they were undone."""
+        """Remove the applications from the index `length` on, their states and gaps, because they were undone."""
         del self[length:]
         self.states = {count: state for count, state in self.states.items() if count <= length}
         self.gaps = [gap for gap in self.gaps if gap < length]

@@ -48,7 +48,7 @@ class ConflictSet:
         return tuple(self._rules)
 
     def add(self, rule: EventRule, pattern: str, existing: bool) -> None:
-        """Watch the pattern of an event rule; if `existing`, activate the rule for its current matches.
+        """Add an event rule and watch its pattern. If `existing`, activate the rule for the current matches.
 
         Raises:
             InvalidArgument, TransactionError: as `Engine.watch`.
@@ -190,12 +190,12 @@ class ConflictSet:
         """Do nothing before a savepoint or commit: activations fire only when the outermost transaction ends."""
 
     def released(self) -> None:
-        """Fire pending activations, as the outermost transaction was committed or a version was created."""
+        """Fire pending activations after the outermost transaction or a commit, but not inside `muted`."""
         if not self._muted:
             self.run()
 
     def checked_out(self) -> None:
-        """Empty the conflict set, as the model was set to another version."""
+        """Empty the conflict set, as the model was set to another version. Do nothing inside `asleep`."""
         if not self._asleep:
             self.clear()
 

@@ -146,7 +146,7 @@ def _endangered(blocks: Sequence[BlockPlan], metamodel: Metamodel) -> set[str]:
 
 
 def _needs_savepoint(body: BlockPlan, metamodel: Metamodel) -> bool:
-    """Return True if a change that may be refused follows another change. A single change is never made partly."""
+    """Return True if a refusable change follows another one, or for moves and merges, which are several changes."""
     if body.moves or body.absorbs:
         return True
     safe = [True] * len(body.unlinks)
@@ -174,7 +174,7 @@ def _always_fits(reference: Reference, metamodel: Metamodel) -> bool:
 
 
 def _always_set(reference: Reference, metamodel: Metamodel) -> bool:
-    """Return True if the model never refuses to replace the targets of a single-valued reference."""
+    """Return True if a reference is single-valued and the model never refuses to replace its target."""
     contains = metamodel.containment(reference, 0, 1) is not None
     return not (reference.many or contains) and metamodel.most_sources(reference) in (None, 1)
 

@@ -358,7 +358,7 @@ def draw_weighted(rng: Randomness, weights: Sequence[float]) -> int:
 
 
 def best(rows: Sequence[Row], value: Callable[[Row], Any], limit: int | None) -> list[Row]:
-    """Return the rows with the largest values, in this order, without rows whose value is None.
+    """Return the rows with the largest values, largest first, at most `limit` if it is set. None values are left out.
 
     Rows with equal values keep their order.
     """

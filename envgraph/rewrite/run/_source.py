@@ -384,7 +384,7 @@ class PathReader:
         self.names = dict(names)
 
     def without_paths(self, node: Term, needed: bool = False) -> Term:
-        """Return the expression with variables in place of paths; `needed` if its operator cannot take None."""
+        """Return the expression with new variables in place of paths. If `needed`, a path without value is an error."""
         match node:
             case Navigation() if is_method(node, self._type(node.object)):
                 return FunctionCall(node.feature, (self.without_paths(node.object, True),), node.span)

@@ -97,7 +97,7 @@ class UnitFunctions:
         return code.Name(name)
 
     def compiled(self, name: str) -> Callable[..., Any]:
-        """Compile all functions and return one of them."""
+        """Compile all functions and return the one with this name."""
         code.define(tuple(self._done), "<unit of envgraph>", self._namespace)
         compiled: Callable[..., Any] = self._namespace[name]
         return compiled
@@ -113,12 +113,12 @@ class UnitFunctions:
         return self._open[-1]
 
     def new(self, letter: str) -> str:
-        """Return an unused name that begins with a letter."""
+        """Return an unused name that begins with the given letter."""
         self._numbers += 1
         return f"{letter}{self._numbers}"
 
     def local(self, letter: str) -> code.Local:
-        """Return a new local variable."""
+        """Return a new local variable whose name begins with the given letter."""
         return code.Local(self.new(letter))
 
     def constant(self, value: object) -> code.Name:
@@ -141,7 +141,7 @@ class UnitFunctions:
             self.now.add(code.Assign(CHANGED, changed, "=" if changed == code.TRUE else "|="))
 
     def give(self, scope: Scope, name: str) -> code.Local:
-        """Return a new local variable for a variable of the unit, which certainly has a value from now on."""
+        """Give a variable of the unit a new local variable, and return it. The variable counts as set from now on."""
         scope.maybe.discard(name)
         local = scope.names[name] = self.local("v")
         return local

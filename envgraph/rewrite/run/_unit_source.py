@@ -126,7 +126,7 @@ class UnitSource:
         return self._functions.source
 
     def _body(self, step: Step, scope: Scope) -> None:
-        """Emit the steps of a function that has just been opened."""
+        """Emit the steps of the innermost function. It tracks changes, unless a success always means a change."""
         function = self._functions.now
         function.tracks = not surely_changes(step, self._checked.calls)
         if function.tracks:

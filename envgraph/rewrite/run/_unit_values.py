@@ -72,7 +72,7 @@ class UnitValues:
         return given, new
 
     def value(self, term: Term, scope: Scope, what: str, span: Span | None = None) -> code.Expression:
-        """Emit code that computes an expression and fails without a value; return the local variable of the result.
+        """Emit code that computes an expression, and that fails without a value. Return an expression for the result.
 
         `what` describes the expression in messages.
         """
