@@ -375,7 +375,10 @@ class ActionReader:
             if not given and self.scope.sees(node.name) and node.name not in self.scope.created:
                 message = f"`{node.name}` exists already, so this creates nothing"
                 self.scope.warn(
-                    "no-creation", message, node.span, "write `create name : Class;`, or leave it out"
+                    "no-creation",
+                    message,
+                    node.span,
+                    "write `create name : Class;` for a new object, or remove this",
                 )
         there = {self.scope.key(arrow) for arrow in self.scope.arrows}
         for edge in edges:
@@ -406,7 +409,7 @@ class ActionReader:
         if earlier is None:
             return
         text = f"`{edge.source} -{edge.reference}-> {edge.target}`"
-        notes = (Note("the first is here", earlier.span),)
+        notes = (Note("the first action is here", earlier.span),)
         if key not in self.changes.redirected and what == "deleted":
             self.scope.warn(
                 "duplicate-action", f"{text} is deleted already", edge.span, "leave one deletion out"

@@ -83,7 +83,7 @@ class AssignmentReader:
         if (name, feature) in self._earlier:
             earlier, where = self._earlier[name, feature]
             if "=" in (operator, earlier):
-                notes = (Note("the first is here", where),)
+                notes = (Note("the first assignment is here", where),)
                 message = f"`{name}.{feature}` gets two values"
                 self.scope.problems.append(
                     Diagnostic("duplicate-assignment", message, span, "leave one of the two out", notes=notes)
@@ -213,7 +213,7 @@ class AssignmentReader:
                     "wrong-type",
                     "`none` cannot be added, removed or listed",
                     expression.span or span,
-                    "write `= none` to clear it",
+                    "write `= none` to clear the feature",
                 )
             ]
         for read in expression_reads(expression, self.scope.types, self.scope.metamodel):

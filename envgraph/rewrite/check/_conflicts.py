@@ -152,7 +152,7 @@ class Conflicts:
             if node in self._classes and not self.metamodel.is_a(self._classes[node][0], owner):
                 cls, retyped = self._classes[node]
                 raise Contradiction(
-                    f"{self.describe(node)} is retyped to `{cls}`, but another change needs `{owner}`",
+                    f"{self.describe(node)} is retyped to `{cls}`, but another change needs class `{owner}`",
                     retyped,
                     want,
                 )

@@ -154,7 +154,7 @@ class LeftLowering:
     # --- types
 
     def _types(self, left: LeftSide, blocks: Sequence[Block], outside: Types) -> Types:
-        """Return the types of all variables in scope, `outside` first, as far as the LHS alone implies them.
+        """Return the types that the LHS alone implies for all variables in scope, `outside` first.
 
         If a type is unknown and there are nested blocks, paths from untyped variables are reported.
         """

@@ -15,9 +15,9 @@ from envgraph.rewrite.check._scope import LinkKey, ResolvedEdge, RuleScope
 
 
 def check_block(changes: Changes, plan: BlockPlan) -> None:
-    """Report contradictions in the changes of a block, and warn about missing required values.
+    """Report contradictions in a block, and warn about missing required values, orphans and links lost by retyping.
 
-    In a `modify` part without nested blocks, also warn about orphans and, under DPO, about links that retyping loses.
+    Orphans are checked only in `modify` parts without nested blocks, and lost links there and only under DPO.
     """
     _check_consistent(changes, plan)
     _check_required(changes, plan)
@@ -171,10 +171,7 @@ def _is_lost(changes: Changes, arrow: ResolvedEdge, name: str) -> bool:
 
 
 def _check_required(changes: Changes, plan: BlockPlan) -> None:
-    """Warn about created or retyped objects that get no target or value for a required feature.
-
-    Single-valued attributes are skipped, as are features that the object had before a retyping.
-    """
+    """Warn about required references and value lists that are new for an object and that it does not get."""
     fresh = {name: set[Feature]() for name in changes.created if name in changes.scope.created}
     for name in changes.retyped:
         before = changes.scope.before(name)

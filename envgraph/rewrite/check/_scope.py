@@ -142,7 +142,7 @@ class RuleScope:
                 "deleted-variable",
                 f"`{name}` is deleted by this rule",
                 span,
-                "remove this, or remove the deletion",
+                f"remove this use of `{name}`, or remove its deletion",
             )
             return False
         return self.was_object(name, span)

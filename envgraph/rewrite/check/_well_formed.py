@@ -16,7 +16,7 @@ def mistake_in(definition: Any) -> str | None:
 
     >>> from envgraph.pattern import Rule
     >>> mistake_in(Rule("burn", left="tile : RoadTile"))
-    "`left` of `burn` is a `LeftSide`, not 'tile : RoadTile'"
+    "`left` of `burn` must be a `LeftSide`, not 'tile : RoadTile'"
     """
     try:
         found = _mistake(definition, type(definition), "")
@@ -26,7 +26,7 @@ def mistake_in(definition: Any) -> str | None:
         return None
     path, wanted, value = found
     name = definition.name if isinstance(definition.name, str) else type(definition).__name__
-    return f"`{path}` of `{name}` is {wanted}, not {value!r}"
+    return f"`{path}` of `{name}` must be {wanted}, not {value!r}"
 
 
 _Mistake = tuple[str, str, Any]

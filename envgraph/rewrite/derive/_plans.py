@@ -1,7 +1,7 @@
 """Plans of new objects: a search for the links that new objects need, and for the objects at the other ends.
 
 A plan starts with one new object. Each link that it needs, including the link to its container, leads to another new
-object, to an existing object with a free place, or to an object that another one gives away. New objects need links
+object, to an existing object with room for it, or to an object that another one gives away. New objects need links
 of their own, so plans grow until nothing is missing. The cheapest plans are found first.
 """
 

@@ -98,7 +98,7 @@ class Catalog:
             raise InvalidArgument(f"the weight is {weight}, but must be a number above 0")
         own = name or job_name(function)
         if own in self.directory.signatures or own in self.library.names():
-            raise InvalidArgument(f"`{own}` is defined already")
+            raise InvalidArgument(f"`{own}` is defined already: pass another name as `name`")
         return own
 
     @property

@@ -105,7 +105,7 @@ class Trace(list[Firing]):
             )
             hint = _CHANGED
         else:
-            message = f"the recorded run began in state {state_text(known)}, but this is {state_text(state)}"
+            message = f"the recorded run began in state {state_text(known)}, but the model is in {state_text(state)}"
             hint = "replay it on the model that it was recorded on"
         raise TraceError([Diagnostic("other-state", message, self.span(count), hint)])
 

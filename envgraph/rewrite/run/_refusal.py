@@ -23,7 +23,7 @@ _ADVICE: Final[Mapping[str, str]] = MappingProxyType(
         "containment": "require in the left side that the container is not inside the object",
         "ambiguous": "restrict the left side of the block, so that its matches make the same changes",
         "dangling": "also delete these links, or write `@semantics(spo)` before the rule to delete them as well",
-        "full": "delete the existing link, write `set` to replace it, or require a free place in the left side",
+        "full": "delete the existing link, write `set` to replace it, or match only objects with fewer links",
         "identification": "require in the left side that they are different, with `!=`",
         "lost-link": "also delete these links, or write `@semantics(spo)` before the rule to remove them",
         "missing-link": "add the link to the left side, so that the rule matches only if it exists",
@@ -57,9 +57,7 @@ def _advice(error: RuleError, operation: object) -> str | None:
         return f"write `{operation.span.text};` in the left side, so that the rule matches only if the link exists"
     if error.reason == "full" and isinstance(operation, Link) and not operation.reference.many:
         name = operation.reference.name
-        return (
-            f"write `set` for `{name}`, which replaces its target, or require a free place in the left side"
-        )
+        return f"write `set` for `{name}`, which replaces its target, or match only objects without a target"
     return _ADVICE.get(error.reason)
 
 

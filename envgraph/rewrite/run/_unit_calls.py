@@ -109,7 +109,9 @@ class UnitCalls:
         for name, value in given:
             if name not in rule.shape.names:  # the parameter is an object that the rule creates
                 there = code.Operation("is not", (value, code.Name("UNSET")))
-                self._functions.fails_if(there, f"`{name}` of `{callee.simple}` is a new object", step.span)
+                self._functions.fails_if(
+                    there, f"`{name}` of `{callee.simple}` is a new object and takes no value", step.span
+                )
         given = [pair for pair in given if pair[0] in rule.shape.names]
         self._check_alive(step, rule, [pair for pair in given if pair[1] not in maybe])
         values = [value for _, value in given]

@@ -46,19 +46,19 @@ def test_only_definitions_are_added() -> None:
 @pytest.mark.parametrize(
     ("definition", "message"),
     [
-        (RuleData("r", left="x : Item"), "`left` of `r` is a `LeftSide`, not 'x : Item'"),  # type: ignore[arg-type]
+        (RuleData("r", left="x : Item"), "`left` of `r` must be a `LeftSide`, not 'x : Item'"),  # type: ignore[arg-type]
         (
             RuleData("r", left=LeftSide((Node_("x", 3),))),
-            "`left.nodes[0].type` of `r` is a `str` or None, not 3",
+            "`left.nodes[0].type` of `r` must be a `str` or None, not 3",
         ),  # type: ignore[arg-type]
-        (RuleData("r", semantics="x"), "`semantics` of `r` is 'dpo' or 'spo', not 'x'"),  # type: ignore[arg-type]
-        (Unit("u", (), "r"), "`body` of `u` is a `Call`, "),  # type: ignore[arg-type]
-        (PatternData("p", (), []), "`bodies` of `p` is a tuple, not []"),  # type: ignore[arg-type]
+        (RuleData("r", semantics="x"), "`semantics` of `r` must be 'dpo' or 'spo', not 'x'"),  # type: ignore[arg-type]
+        (Unit("u", (), "r"), "`body` of `u` must be a `Call`, "),  # type: ignore[arg-type]
+        (PatternData("p", (), []), "`bodies` of `p` must be a tuple, not []"),  # type: ignore[arg-type]
         (
             PatternData("p", (), (Body((Check("x > 1"),)),)),
-            "`bodies[0].constraints[0].expression` of `p` is ",
+            "`bodies[0].constraints[0].expression` of `p` must be ",
         ),  # type: ignore[arg-type]
-        (RuleData(3), "`name` of `Rule` is a `str`, not 3"),  # type: ignore[arg-type]
+        (RuleData(3), "`name` of `Rule` must be a `str`, not 3"),  # type: ignore[arg-type]
     ],
 )
 def test_data_with_a_part_of_the_wrong_type_is_refused(

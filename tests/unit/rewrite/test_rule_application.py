@@ -909,7 +909,7 @@ def test_blocks_that_retype_refuse_what_the_old_class_had() -> None:
         model=chain(1),
     )
     error = refused(made, "ambiguous", a=0)
-    assert "`Item#0` is retyped to `Box`, but another change needs `Item`" in str(error)
+    assert "`Item#0` is retyped to `Box`, but another change needs class `Item`" in str(error)
 
 
 def test_checking_a_rule_that_binds_nothing_tells_so() -> None:

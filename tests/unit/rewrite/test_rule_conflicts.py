@@ -37,12 +37,12 @@ def both(one: str, other: str) -> str:
         (
             "retype b : Box;",
             "set c.done = true;",
-            "`Item#1` is retyped to `Box`, but another change needs `Item`",
+            "`Item#1` is retyped to `Box`, but another change needs class `Item`",
         ),
         (
             "retype b : Box;",
             "create a -links-> c;",
-            "`Item#1` is retyped to `Box`, but another change needs `Item`",
+            "`Item#1` is retyped to `Box`, but another change needs class `Item`",
         ),
         ("set a.links -= b;", "set a.links += c;", "`Item#0` -links-> `Item#1` is both removed and added"),
         ("set a.links = [a];", "set a.links += c;", "`Item#0` gets two values of `Item.links`"),

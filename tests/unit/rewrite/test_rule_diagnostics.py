@@ -154,7 +154,7 @@ def test_rules_made_in_python_are_checked_without_spans() -> None:
     misplaced = RightSide(actions=(Create((Node("b", "Item"),)),))
     assert [d.code for d in engine.check(Rule("r", right=misplaced))] == ["misplaced-action"]
     semantics = Rule("r", semantics="maybe")  # type: ignore[arg-type]
-    with pytest.raises(InvalidArgument, match="`semantics` of `r` is 'dpo' or 'spo', not 'maybe'"):
+    with pytest.raises(InvalidArgument, match="`semantics` of `r` must be 'dpo' or 'spo', not 'maybe'"):
         engine.check(semantics)
 
 
