@@ -17,7 +17,7 @@ from envgraph.rewrite.check._scope import LinkKey, ResolvedEdge, RuleScope
 def check_block(changes: Changes, plan: BlockPlan) -> None:
     """Report contradictions in a block, and warn about missing required values, orphans and links lost by retyping.
 
-    Orphans are checked only in `modify` parts without nested blocks, and lost links there and only under DPO.
+    Orphans are only checked in a `modify` part without nested blocks. So are lost links, and only under DPO.
     """
     _check_consistent(changes, plan)
     _check_required(changes, plan)

@@ -98,7 +98,7 @@ class End:
         return Edge(near, self.reference.name, far) if self.forward else Edge(far, self.reference.name, near)
 
     def path(self, near: str, far: str = "_") -> PathConstraint:
-        """Return the path constraint `Class.reference(near, far)`."""
+        """Return the path constraint `Class.reference(source, target)` between `near` (at this end) and `far`."""
         source, target = (near, far) if self.forward else (far, near)
         return PathConstraint(
             self.reference.owner, (self.reference.name,), Variable(source), Variable(target)

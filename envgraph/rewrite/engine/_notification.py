@@ -139,7 +139,7 @@ class Events:
             priority: rules with higher priorities are executed first.
             name: name for messages; by default the name of the first job.
             key: variables that identify a match; by default those after `forEach` in `@FunctionalDependency`, or else
-                the variables that stand for objects.
+                the variables that are bound to objects.
             existing: if True, current matches count as new: `appear` is executed for them at the next settling.
 
         Raises:
