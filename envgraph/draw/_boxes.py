@@ -16,7 +16,7 @@ _LINKS = 60
 
 
 def picture_text(picture: Diagram) -> str:
-    """Return the picture as text; see `Picture.to_text`."""
+    """Return the picture as text: rows of boxes, each with the edges that start from it, and the note below them."""
     titles = {node.key: node.title for node in picture.nodes}
     links: dict[str, dict[str, list[str]]] = {node.key: {} for node in picture.nodes}
     for edge in picture.edges:
@@ -30,13 +30,13 @@ def picture_text(picture: Diagram) -> str:
 
 
 def _links(targets: Mapping[str, Sequence[str]]) -> Iterator[str]:
-    """Yield the titles of the boxes to which the edges of each label lead, wrapped as one paragraph."""
+    """Yield lines such as "next -> two, three" for a box: each edge label with the titles of its targets, wrapped."""
     for label, ends in targets.items():
         yield from wrap(f"{label} -> {', '.join(ends)}".lstrip(), _LINKS, subsequent_indent="  ")
 
 
 def _box(title: str, lines: list[str]) -> list[str]:
-    """Return the text lines of a box, all of the same width."""
+    """Return the text lines of a box with a title and `lines` below it, all of the same width."""
     width = max(map(_columns, (title, *lines)))
 
     def row(text: str) -> str:
@@ -48,7 +48,7 @@ def _box(title: str, lines: list[str]) -> list[str]:
 
 
 def _rows(boxes: list[list[str]]) -> Iterator[list[list[str]]]:
-    """Yield rows of boxes side by side, each as wide as possible within the maximum width."""
+    """Yield lists of consecutive boxes that fit side by side into 100 columns; a wider box is alone in its list."""
     row: list[list[str]] = []
     used = 0
     for box in boxes:
@@ -69,5 +69,5 @@ def _beside(boxes: list[list[str]]) -> Iterator[str]:
 
 
 def _columns(text: str) -> int:
-    """Return the number of columns of a text on a terminal."""
+    """Return the number of terminal columns that a text takes; wide characters take two."""
     return sum(2 if east_asian_width(letter) in ("W", "F") else 1 for letter in text)

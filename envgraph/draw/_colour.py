@@ -60,7 +60,8 @@ def ink_on(background: Colour, strength: float = 1.0) -> Colour:
 
     Args:
         background: the colour behind the text.
-        strength: below 1 for text closer to the background colour, as far as it stays readable.
+        strength: 1 for pure ink (dark, white or black); below 1, this share of ink is mixed with the background. The
+            share is raised until the text is readable.
     """
     ink = max((INK, PAPER), key=lambda colour: contrast(background, colour))
     if contrast(background, ink) < LEAST_CONTRAST:  # only black is readable on medium colours

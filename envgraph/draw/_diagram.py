@@ -31,11 +31,12 @@ class PictureNode:
     """A box of a picture.
 
     Attributes:
+        key: a unique key, to which edges refer.
         title: the first line; `stereotype` is written small above it.
         lines: further lines, top to bottom.
         fill: "#rrggbb".
-        marks: the names of a highlighted box in the highlighted match; None if the box is not highlighted.
-        slanted: write the title in italics.
+        marks: the variables that a highlighted match binds to this box; None if the box is not highlighted.
+        slanted: True to write the title in italics.
         place: (x, y) with y downwards, in arbitrary units; None if the layout chooses the position.
     """
 
@@ -51,7 +52,7 @@ class PictureNode:
 
 @dataclass(frozen=True, slots=True)
 class PictureEdge:
-    """A line between two boxes, from `source` to `target`; a layered layout puts the source above the target."""
+    """A line from the box with key `source` to the box with key `target`; the layout "dot" draws the source above."""
 
     source: str
     target: str
@@ -62,7 +63,7 @@ class PictureEdge:
 
 @dataclass(frozen=True, slots=True)
 class Diagram:
-    """Boxes and lines in output order; all text is formatted by `envgraph.errors.visible`.
+    """Boxes and lines in output order; control characters in their texts are escaped when the picture is rendered.
 
     Attributes:
         note: a text below the picture; "" for none.
@@ -77,7 +78,7 @@ class Diagram:
 
 
 def markup(text: str) -> str:
-    r"""Escape a text for HTML and SVG, between tags and in attributes.
+    r"""Escape a text for HTML and SVG, between tags and in attributes; control characters become text such as `\x00`.
 
     >>> print(markup('<b> & "Rome"\x00'))
     &lt;b&gt; &amp; &quot;Rome&quot;\x00
@@ -86,12 +87,12 @@ def markup(text: str) -> str:
 
 
 def shortened(text: str, most: int = _LONGEST) -> str:
-    """Return the text, cut with "…" if it is longer than `most` characters."""
+    """Return the text unchanged if it has at most `most` characters, otherwise its start and "…" in that length."""
     return text if len(text) <= most else text[: most - 1] + "…"
 
 
 def shown_value(value: object) -> str:
-    r"""Format a data value in one line: strings in quotes, Booleans as in the languages.
+    r"""Format a data value in one line, cut after 40 characters: strings in quotes, Booleans as `true` and `false`.
 
     >>> print(shown_value('say "hi"\n'), shown_value(True), shown_value(2.0))
     "say \"hi\"\n" true 2.0
@@ -105,7 +106,7 @@ def shown_value(value: object) -> str:
 
 
 def text_on(fill: str) -> str:
-    """Return a text colour that is readable on the fill colour.
+    """Return a text colour "#rrggbb" that is readable on the fill colour "#rrggbb".
 
     >>> text_on("#ffffff"), text_on("#343a40")
     ('#212529', '#ffffff')

@@ -29,7 +29,7 @@ _FONT = "Helvetica,Arial,sans-serif"
 def picture_dot(picture: Diagram) -> str:
     """Return the picture as one `digraph`, with one statement on each line.
 
-    If a box has a position, all boxes get one and are pinned to it; `neato` and `fdp` keep these positions.
+    If at least one box has a position, all boxes get one; the layouts `neato` and `fdp` keep these positions.
     """
     return "\n".join([f"digraph {_quoted(picture.name)} {{", *_statements(picture), "}", ""])
 
@@ -80,7 +80,7 @@ def _node(node: PictureNode, frame: Frame | None) -> str:
 
 
 def _table(node: PictureNode) -> str:
-    """Return the label of a box in Graphviz's HTML."""
+    """Return the HTML-like label of a box for Graphviz: its marks, stereotype, title and lines."""
     head = [f"<i>{_text(mark)}</i>" for mark in node.marks or ()]
     if node.stereotype:
         head.append(f'<font point-size="8">«{_text(node.stereotype)}»</font>')
@@ -94,7 +94,7 @@ def _table(node: PictureNode) -> str:
 
 
 def _text(text: str) -> str:
-    r"""Escape a text inside an HTML label, in which Graphviz also interprets escapes such as `\N` and `\G`."""
+    r"""Escape a text for an HTML-like label, in which Graphviz also interprets `\N`, `\G` and so on; " " for ""."""
     return markup(text).replace("\\", "\\\\") or " "
 
 
@@ -110,14 +110,14 @@ def _edge(edge: PictureEdge, length: float) -> str:
 
 
 def graphviz_svg(text: str, timeout: float) -> str | None:
-    """Return the SVG that the program `dot` creates from a DOT text, from `<svg` on.
+    """Return the `<svg>` element that the program `dot` creates from a DOT text, or None.
 
     Args:
         text: a graph in DOT.
         timeout: the maximum time in seconds.
 
     Returns:
-        None if the program is not on the PATH, fails, takes too long or prints something else.
+        None if the program is not on the PATH, fails, takes too long or prints no SVG.
     """
     import shutil
     import subprocess

@@ -20,7 +20,7 @@ _ROW = 1600.0
 
 @dataclass(slots=True)
 class Frame:
-    """The position of a box: its center, and half of its width and height."""
+    """The position of a box in CSS pixels: its center, and half of its width and height."""
 
     x: float
     y: float
@@ -29,21 +29,22 @@ class Frame:
 
 
 def text_width(text: str) -> float:
-    """Return the approximate width of a text."""
+    """Return the approximate width of a text in pixels."""
     return sum(2 if east_asian_width(letter) in "WF" else 1 for letter in text) * _LETTER
 
 
 def head_lines(node: PictureNode) -> list[str]:
-    """Return the lines above the rule of a box: its names in a match, its stereotype, and its title."""
+    """Return the lines in the upper part of a box: its marks, its stereotype in «», and its title."""
     stereotype = [f"«{node.stereotype}»"] if node.stereotype else []
     return [*(node.marks or ()), *stereotype, node.title]
 
 
 def arrange(picture: Diagram) -> dict[str, Frame]:
-    """Return a frame for each box by its key, at nonnegative coordinates and without overlaps.
+    """Return the frame of each box by its key, at nonnegative coordinates, after overlapping boxes were moved apart.
 
-    If some boxes have positions, these are kept, and other boxes are put beside the boxes linked to them. Otherwise
-    each connected part is laid out by itself, and the parts are put into rows.
+    If boxes have positions, these are multiplied by the size of the largest such box. Any other box is put beside the
+    positioned boxes linked to it, or at the left if it is linked to none or to more than 4 of them. If no box has a
+    position, each connected part is laid out by itself, and the parts are put into rows.
     """
     frames = {node.key: _frame(node) for node in picture.nodes}
     label = max((text_width(edge.label) for edge in picture.edges), default=0.0)
@@ -99,7 +100,7 @@ def _parts(picture: Diagram) -> list[list[str]]:
 
 
 def _spread(picture: Diagram, part: list[str], frames: dict[str, Frame], gap: float) -> None:
-    """Lay out one connected part by a spring layout along its edges, which starts from a spectral layout."""
+    """Set the frames of one connected part by a spring layout along its edges; leave a single box at its position."""
     import networkx as nx
 
     if len(part) == 1:
@@ -160,7 +161,7 @@ def _pin(picture: Diagram, frames: dict[str, Frame], gap: float) -> None:
 
 
 def _push_apart(frames: list[Frame]) -> None:
-    """Move overlapping boxes away from each other, each by half of the overlap, along its shorter side."""
+    """Move overlapping boxes apart along the shorter side of each overlap, in at most 300 rounds."""
     widest = 2 * max((frame.half_width for frame in frames), default=0.0) + _GAP / 2
     for _ in range(_ROUNDS):
         moved = False
@@ -175,7 +176,7 @@ def _push_apart(frames: list[Frame]) -> None:
 
 
 def _part(one: Frame, other: Frame) -> bool:
-    """Move two boxes apart if they overlap; return True if they were moved."""
+    """Move two boxes apart if they overlap or are closer than 15 pixels; return True if they were moved."""
     across = one.half_width + other.half_width + _GAP / 2 - abs(one.x - other.x)
     along = one.half_height + other.half_height + _GAP / 2 - abs(one.y - other.y)
     if across <= 1e-6 or along <= 1e-6:

@@ -13,7 +13,7 @@ TIMEOUT = 10.0
 
 
 class Picture(Diagram):
-    """A diagram that can be rendered; see `Diagram`.
+    """A diagram with methods that render it as DOT, text and SVG.
 
     Attributes:
         name, nodes, edges: the title, and the boxes and lines in output order.
@@ -48,7 +48,8 @@ class Picture(Diagram):
         The positions of boxes depend on the program that draws; do not compare pictures of different machines.
 
         Args:
-            graphviz: True requires Graphviz; False uses networkx to place the boxes; None uses Graphviz if it works.
+            graphviz: True requires Graphviz. False uses networkx to place the boxes. None uses Graphviz, or networkx if
+                Graphviz is missing or fails.
             timeout: the maximum time for Graphviz, in seconds.
 
         Raises:
@@ -58,7 +59,7 @@ class Picture(Diagram):
         return picture_svg(self, graphviz, timeout)
 
     def _repr_svg_(self) -> str | None:
-        """Return the SVG for notebooks; None if nothing can draw it, so that notebooks show the `repr`."""
+        """Return the SVG for notebooks; None, so that they show the `repr`, if neither Graphviz nor networkx works."""
         try:
             return self.to_svg()
         except InvalidArgument:

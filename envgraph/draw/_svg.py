@@ -28,7 +28,10 @@ Point = tuple[float, float]
 
 
 def picture_svg(picture: Diagram, graphviz: bool | None, timeout: float) -> str:
-    """Return the picture as SVG; see `Picture.to_svg`."""
+    """Return the picture as SVG, by Graphviz or, if `graphviz` is False, or None and Graphviz fails, by this module.
+
+    Raise InvalidArgument if `graphviz` is True and Graphviz fails, or if networkx is needed but not installed.
+    """
     if graphviz is not False:
         found = graphviz_svg(picture_dot(picture), timeout)
         if found is not None:
@@ -71,7 +74,7 @@ def drawn_svg(picture: Diagram, frames: dict[str, Frame]) -> str:
 
 
 def picture_title(picture: Diagram) -> str:
-    """Return a sentence that describes the picture for screen readers."""
+    """Return a sentence for screen readers: the picture's name, and the numbers of its boxes and lines."""
     boxes, lines = len(picture.nodes), len(picture.edges)
     return (
         f"{picture.name}: {boxes} box{'es' * (boxes != 1)} and {lines} line{'s' * (lines != 1)} between them"
@@ -115,7 +118,10 @@ def _node(node: PictureNode, frame: Frame) -> Iterator[str]:
 
 
 def _bent(edges: tuple[PictureEdge, ...]) -> Iterator[tuple[PictureEdge, float]]:
-    """Yield each edge with the width of its bend, so that several edges between two boxes are distinguishable."""
+    """Yield each edge with its bend, so that several edges between the same two boxes are drawn apart.
+
+    The bend is the distance of a control point from the straight line in pixels; for a loop, its size 1, 2, ..
+    """
     groups: dict[tuple[str, str], list[PictureEdge]] = {}
     for edge in edges:
         one, other = sorted((edge.source, edge.target))
@@ -174,7 +180,7 @@ def _path(*parts: str | Point) -> str:
 
 
 def _rim(frame: Frame, toward: Point) -> Point:
-    """Return the point where the line from the center of a box to `toward` leaves the box."""
+    """Return the point where the line from the center of a box to `toward` leaves the box; `toward` if it is inside."""
     dx, dy = toward[0] - frame.x, toward[1] - frame.y
     share = max(abs(dx) / frame.half_width, abs(dy) / frame.half_height)
     if share <= 1.0:  # the point is inside

@@ -1,4 +1,4 @@
-"""Read the transitions of Gymnasium environments that publish them, so that `envgraph adopt` can write a domain."""
+"""Read transitions that Gymnasium environments publish as tables, so that `envgraph adopt` can write a domain."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ _TRIED: Final = 2_000
 
 @short_repr
 class Transition(NamedTuple):
-    """One possible outcome of an action in a state."""
+    """A possible outcome of an action in a state; `state` is the number of the next state."""
 
     probability: float
     state: int
@@ -59,7 +59,7 @@ class Adopted:
         return len(self.outcomes[min(self.starts)])
 
     def merged(self, state: int, action: int) -> list[Transition]:
-        """Return the outcomes of an action; outcomes that differ only in probability are merged."""
+        """Return the outcomes with positive probability; outcomes that differ only in probability are merged."""
         found: dict[tuple[int, float, bool], float] = defaultdict(float)
         for outcome in self.outcomes[state][action]:
             found[outcome[1:]] += outcome.probability
@@ -88,9 +88,10 @@ class Adopted:
         ]
 
     def differences(self, table: Tabular) -> Iterator[str]:
-        """Yield a text for each difference to a table that observes state numbers; nothing if both step equally.
+        """Yield a text for each difference to a table whose observations are the numbers of states; nothing if none.
 
-        States in which an episode ends are not compared, because the table makes them absorbing.
+        States in which an episode ends are not compared, because the table makes them absorbing. If the numbers of
+        actions differ, no outcome is compared.
         """
         starts = dict(
             zip(table.observation[table.start_states].tolist(), table.start_probability.tolist(), strict=True)
@@ -120,7 +121,7 @@ def _close(one: Mapping[Any, float], other: Mapping[Any, float]) -> bool:
 
 
 def adopt(id: str, seed: int = 0, **options: Any) -> tuple[Adopted | MiniGridLevel, int | None]:
-    """Return the transitions or the MiniGrid level of a registered environment, and its time limit.
+    """Return the transitions or the MiniGrid level of a registered environment, and its time limit in steps or None.
 
     The unwrapped environment is one of MiniGrid, or has `P`, for each state and action a list of (probability, next
     state, reward, terminated). It may also have `initial_state_distrib` (by default, episodes begin in state 0), and
@@ -132,8 +133,8 @@ def adopt(id: str, seed: int = 0, **options: Any) -> tuple[Adopted | MiniGridLev
         options: options of `gymnasium.make`.
 
     Raises:
-        InvalidArgument: the environment does not exist, publishes no transitions, has a state that ends the episode
-            only sometimes, or is a MiniGrid level with its own rules.
+        InvalidArgument: the environment cannot be made, publishes no valid transitions, makes other steps than the
+            published ones, has a state that ends the episode only sometimes, or is an unsupported MiniGrid level.
 
     >>> adopted, limit = adopt("FrozenLake-v1")
     >>> adopted.rows, adopted.endings, limit
@@ -161,7 +162,7 @@ def adopt(id: str, seed: int = 0, **options: Any) -> tuple[Adopted | MiniGridLev
 
 
 def _try_out(inner: Any, adopted: Adopted) -> None:
-    """Take random steps, and check that each is one of the published transitions.
+    """Take 2,000 random steps in an environment, and check that each is one of its published transitions.
 
     Taxi with `fickle_passenger`, for example, makes transitions that its `P` does not contain.
 
@@ -206,7 +207,10 @@ def _adopted(inner: Any) -> Adopted:
 
 
 def _actions(table: Any, state: int, where: str) -> list[list[Transition]]:
-    """Return the outcomes of each action in a state; raise InvalidArgument if they are malformed."""
+    """Return the outcomes of each action in a state of `P`, which error messages call `where`.
+
+    Raise InvalidArgument if they are malformed.
+    """
     found, place = list[list[Transition]](), f"state {state}"
     try:
         for action in range(len(table[state])):
@@ -223,7 +227,7 @@ def _actions(table: Any, state: int, where: str) -> list[list[Transition]]:
 
 
 def _distribution_problems(outcomes: Sequence[Transition], states: int) -> Iterator[str]:
-    """Yield a text for each problem in the outcomes of an action, or in the initial states."""
+    """Yield a phrase for each probability, state or reward out of range, and for probabilities that do not sum to 1."""
     for probability, state, reward, _ in outcomes:
         if not 0.0 <= probability <= 1.0 + _TOLERANCE:
             yield f"has the probability {probability:g}, but must have one from 0 to 1"
@@ -237,7 +241,7 @@ def _distribution_problems(outcomes: Sequence[Transition], states: int) -> Itera
 
 
 def _starts(inner: Any, states: int) -> dict[int, float]:
-    """Return the probability of each initial state; raise InvalidArgument if they do not sum to 1."""
+    """Return the probability of each initial state, 1 for state 0 by default; raise InvalidArgument if malformed."""
     given = getattr(inner, "initial_state_distrib", None)
     if given is None:
         return {0: 1.0}
@@ -264,7 +268,10 @@ def _letter(given: object) -> str:
 def _endings(
     outcomes: Sequence[Sequence[Sequence[Transition]]], starts: Mapping[int, float]
 ) -> dict[int, bool]:
-    """Return the states in which episodes can end, each with True for success; see `Adopted.endings`."""
+    """Return the states in which episodes can end, each with True if entering it pays the greatest of their rewards.
+
+    Raise InvalidArgument if some transitions into a state end the episode, and others do not.
+    """
     reward: dict[int, float] = {}
     going, todo = {*starts}, [*starts]
     while todo:

@@ -21,11 +21,12 @@ class Seat:
     """One agent of a model, with the behaviour prepared for the agent.
 
     Attributes:
-        name: the key of the agent's object; "" for the single agent of a behaviour without `agent` blocks.
+        name: the agent's unique name, made of the key of its object; "" for a behaviour without `agent` blocks.
         node: the agent's object; None for a behaviour without `agent` blocks.
         block: the number of the agent's `agent` block.
         actions: one entry for each action of the environment; actions that the agent lacks do nothing.
-        components: for each component of the agent's observation, a function that reads it, and its factor in an index.
+        components: for each component of the agent's observation, a function that returns its value, and the factor of
+            the value in the index of the observation.
     """
 
     name: str
@@ -37,7 +38,7 @@ class Seat:
 
 
 class Agents:
-    """The agents of one model in the order of their turns: block by block, within a block by key.
+    """The agents of one model in the order of their turns: block by block, within a block by object index.
 
     An agent whose object is deleted, or no longer of the class, is skipped.
 
@@ -52,8 +53,8 @@ class Agents:
     Attributes:
         seats: the agents.
         action_names: the names of all actions; an action number means the same name for every agent.
-        shape: the sizes of the components of an observation, equal for all agents. With several `agent` blocks, the
-            first component is the block number of the agent whose turn it is.
+        shape: for each component of an observation, the maximum number of values over all agents. With several
+            `agent` blocks, the first component is the block number of the agent whose turn it is.
     """
 
     def __init__(self, behaviour: Behaviour, engine: Engine, keys: KeyIndex) -> None:
@@ -82,7 +83,7 @@ class Agents:
         )
 
     def present(self, seat: Seat) -> bool:
-        """Return True if the agent can act now: its object exists and has the agent's class."""
+        """Return True if the agent has no object, or if its object exists and still has the agent's class."""
         if seat.node is None:
             return True
         model = self._model
@@ -96,9 +97,9 @@ class Agents:
         return node is not None and not self._model.graph.alive(node)
 
     def after(self, turn: int) -> int:
-        """Return the number of the agent that acts after agent `turn`; `turn` itself if no other agent can act.
+        """Return the number of the next agent after `turn` that can act; if no other agent can, `turn` (0 for -1).
 
-        `after(-1)` is the first agent that can act.
+        `after(-1)` is the first agent. Return 0 if agents act simultaneously, or if the behaviour has no `agent` block.
         """
         if self._alone:
             return 0
@@ -110,7 +111,7 @@ class Agents:
         return max(turn, 0)
 
     def observation(self, turn: int) -> int:
-        """Return the index of an agent's observation of the current state; components of a deleted agent are padded."""
+        """Return the index of an agent's current observation; components that start at a deleted object are padded."""
         seat = self.seats[turn]
         index = seat.block if len(self._classes) > 1 else 0
         for read, weight in seat.components:
@@ -131,7 +132,10 @@ def _programs(
 
 
 def named_agents(behaviour: Behaviour, model: Model, keys: KeyIndex) -> list[tuple[str, tuple[int, int]]]:
-    """Return the name, object and block number of each agent of a model, in the order of turns."""
+    """Return the name, object and block number of each agent of a model, in the order of turns.
+
+    Names that several agents share get the variable of their `agent` block as a prefix.
+    """
     found = [
         (name, agent.variable, node, block)
         for block, agent in enumerate(behaviour.agents)
@@ -145,7 +149,7 @@ def named_agents(behaviour: Behaviour, model: Model, keys: KeyIndex) -> list[tup
 
 
 def _named(model: Model, agent: Agent, keys: KeyIndex) -> list[tuple[str, int]]:
-    """Return the name and object of each agent of a block that exists in this model, ordered by index."""
+    """Return the name (key, or variable and index) and object of each existing agent of a block, ordered by index."""
     has_key = bool(key_attributes(model.metamodel, agent.cls))
     objects = zip(keys.of_class(agent.cls), keys.objects(model, agent.cls), strict=True)
     return [
@@ -156,7 +160,7 @@ def _named(model: Model, agent: Agent, keys: KeyIndex) -> list[tuple[str, int]]:
 
 
 def _names(own: Sequence[Sequence[PreparedAction]]) -> tuple[str, ...]:
-    """Return the names of all agents' actions without duplicates, in the order of the agents."""
+    """Return the names of all agents' actions without duplicates, in order; `own` has the actions of each agent."""
     names = [tuple(action.name for action in actions) for actions in own]
     if all(one == names[0] for one in names):
         return names[0]

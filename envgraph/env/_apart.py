@@ -10,7 +10,7 @@ import gymnasium
 
 
 class RewardsApart(gymnasium.Wrapper[Any, Any, Any, Any]):
-    """An environment whose infos contain each named part of a step's reward, as `rewards`.
+    """A wrapper that adds `info["rewards"]` to each step: the parts of the reward by name.
 
     Rewards do not influence transitions, so environments that differ only in rewards have the same episodes. The
     wrapper steps the environment and, for each name, a copy that pays only the rewards of this name.
@@ -28,7 +28,10 @@ class RewardsApart(gymnasium.Wrapper[Any, Any, Any, Any]):
     def reset(
         self, *, seed: int | None = None, options: dict[str, Any] | None = None
     ) -> tuple[Any, dict[str, Any]]:
-        """Reset the environment and its copies; the info of a reset has no `rewards`."""
+        """Reset the environment and its copies; the info of a reset has no `rewards`.
+
+        On a first reset without a seed, each copy gets a copy of the environment's random generator.
+        """
         if not self._begun and seed is None:
             for part in self._parts.values():
                 part.np_random = deepcopy(self.unwrapped.np_random)
@@ -38,7 +41,7 @@ class RewardsApart(gymnasium.Wrapper[Any, Any, Any, Any]):
         return self.env.reset(seed=seed, options=options)
 
     def step(self, action: Any) -> tuple[Any, Any, bool, bool, dict[str, Any]]:
-        """Step the environment and its copies; the sum of `info["rewards"]` is the reward, except for rounding."""
+        """Step the environment and its copies, and add the copies' rewards by name to the info as `rewards`."""
         observation, reward, terminated, truncated, info = self.env.step(action)
         info["rewards"] = {name: part.step(action)[1] for name, part in self._parts.items()}
         return observation, reward, terminated, truncated, info

@@ -50,7 +50,7 @@ def explore(
 ) -> Explored:
     """Enumerate the reachable states of an environment.
 
-    The engine's model is restored afterwards, also inside a transaction.
+    The engine's model is restored afterwards; a transaction may be open.
 
     Args:
         engine: an engine whose model is the initial state.
@@ -92,11 +92,13 @@ class _Search:
     over, even if a step that leads to it ends the episode.
 
     Attributes:
-        most: the maximum number of outcomes.
+        most: the maximum number of outcomes of all actions in all states.
         number: the number of each state by key, in the order of discovery.
         rows: the outcomes of every state; None if the episode is over.
-        did: for every state and action, 1 if one of its outcomes changed something.
+        did: for every state and action, 1 if one of its outcomes changed something; for simultaneous agents, 1 if the
+            action is enabled.
         starts: the probability that an episode begins in a state.
+        made: the number of outcomes so far.
     """
 
     simulator: Simulator
@@ -116,7 +118,7 @@ class _Search:
     _drawn: dict[Scene, Scene] = field(default_factory=dict)
 
     def run(self) -> None:
-        """Visit all states that can be reached from the start states."""
+        """Visit all states that can be reached from the start states, and record their outcomes."""
         simulator, first = self.simulator, self.simulator.turn
         try:
             with walk_of_savepoints(simulator.engine.model) as walk:
@@ -132,7 +134,7 @@ class _Search:
             simulator.turn = first
 
     def _expand(self, walk: SavepointWalk, state: int) -> None:
-        """Add all outcomes of all actions in the current state."""
+        """Record the outcomes of every action in the state, which must be the current state of the model."""
         simulator, row = self.simulator, self.rows[state]
         assert row is not None
         for action, outcomes in enumerate(row):
@@ -147,7 +149,10 @@ class _Search:
             simulator.turn = self.turns[state]
 
     def _number_of(self, walk: SavepointWalk, savepoint: Savepoint, ended: int) -> int:
-        """Return the number of the current state, which is added if it is new; undo the move since the savepoint."""
+        """Return the number of the current state, and undo the move since the savepoint; record the state if it is new.
+
+        A new state waits for its expansion unless the episode is over. Raise TooManyStates at the limit.
+        """
         over = ended != GOES_ON
         key = *self.simulator.state_key(), over
         found = self.number.setdefault(key, len(self.rows))
@@ -169,13 +174,13 @@ class _Search:
         return found
 
     def _masked(self, over: bool) -> bytearray:
-        """Return the initial action mask of a state: all 0, or the final mask if agents act together."""
+        """Return the initial action mask of a state: all 0; for simultaneous agents, if not `over`, the final mask."""
         if self.simulator.together is not None and not over:
             return bytearray(self.simulator.allowed())
         return bytearray(len(self.simulator.action_names))
 
     def _count(self) -> None:
-        """Count an outcome, report progress, and raise an error if there are too many outcomes."""
+        """Count an outcome, call `progress` after every 100; raise TooManyStates if there are too many outcomes."""
         self.made += 1
         if self.made > self.most:
             raise TooManyStates(self.simulator.behaviour, self.limit, outcomes=self.most)
@@ -185,7 +190,7 @@ class _Search:
     # --- arrays
 
     def result(self) -> Explored:
-        """Return the table, with states renumbered breadth-first."""
+        """Return the table and pictures, states renumbered breadth-first; raise TooManyStates if it is too large."""
         simulator, order = self.simulator, self._breadth_first()
         rows, states, place = [self.rows[state] or () for state in order], len(order), np.argsort(order)
         outcomes = max((len(found) for row in rows for found in row), default=0)

@@ -31,7 +31,7 @@ def frozen_lake(explored: Explored, limit: int | None) -> dict[str, Any]:
     Every transition of FrozenLake is compared with the table. Observations of FrozenLake are cell numbers, row by row.
 
     Args:
-        explored: the enumerated environment, with pictures.
+        explored: the enumerated environment; its pictures must show a grid with one token, the walker.
         limit: the number of steps after which an episode is truncated, or None.
 
     Returns:
@@ -57,7 +57,10 @@ def frozen_lake(explored: Explored, limit: int | None) -> dict[str, Any]:
 
 
 def _places(explored: Explored) -> list[Place]:
-    """Return the walker's position in each state."""
+    """Return the walker's position in each state.
+
+    Raise InvalidArgument if a picture is not a grid with one token, or if two states have the same position.
+    """
     places = []
     for scene in explored.pictures:
         if not isinstance(scene, GridScene) or len(scene.marks) != 1:
@@ -81,7 +84,7 @@ def _outcomes(table: Tabular, places: list[Place], state: int, action: int) -> O
 
 
 def _letters(table: Tabular, places: list[Place]) -> tuple[dict[Place, str], dict[str, float]]:
-    """Return the letter of each position that is reached, and the reward for entering a cell of each letter."""
+    """Return the letter (S, F, G, H) of each reached position, and the reward for entering a cell of each letter."""
     letters = dict.fromkeys(places, "F")
     letters |= dict.fromkeys((places[state] for state in table.start_states.tolist()), "S")
     for at in np.argwhere(table.terminated > 0).tolist():
@@ -95,7 +98,7 @@ def _letters(table: Tabular, places: list[Place]) -> tuple[dict[Place, str], dic
 
 
 def _rows(explored: Explored, places: list[Place], letters: Mapping[Place, str]) -> list[str]:
-    """Return the rows of the map; cells that are never reached are holes if they look like reached holes."""
+    """Return the rows of the map; a cell that is never reached is a hole if only reached holes look like it."""
     scene = explored.pictures[0]
     assert isinstance(scene, GridScene)
 
@@ -112,7 +115,7 @@ def _rows(explored: Explored, places: list[Place], letters: Mapping[Place, str])
 
 
 def _success_rate(table: Tabular, places: list[Place]) -> float:
-    """Return the probability that a step goes in the wanted direction, from a step with three possible next cells."""
+    """Return the probability of moving in the chosen direction, from an action with 3 next cells; otherwise 1/3."""
     for state, place in enumerate(places):
         for action, (dx, dy) in enumerate(_WAYS):
             outcomes = _outcomes(table, places, state, action)
@@ -124,7 +127,7 @@ def _success_rate(table: Tabular, places: list[Place]) -> float:
 
 
 def _compare(table: Tabular, places: list[Place], letters: Mapping[Place, str], lake: FrozenLakeEnv) -> None:
-    """Raise InvalidArgument if a transition of the table differs from FrozenLake's."""
+    """Raise InvalidArgument if an action outside holes and goals has other outcomes in the table than in FrozenLake."""
     width = lake.ncol
     for state, place in enumerate(places):
         for action, name in enumerate(table.action_names if letters[place] in "SF" else ()):
@@ -145,7 +148,7 @@ def _same(ours: Outcomes, theirs: Outcomes) -> bool:
 
 
 def _told(outcomes: Outcomes) -> str:
-    """Return a description of the outcomes of an action."""
+    """Format the outcomes of an action for a message."""
     return " or ".join(
         f"{_shown(place)} with reward {reward:g}{' and the end' * ended}" for place, reward, ended in outcomes
     )

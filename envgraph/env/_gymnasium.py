@@ -39,10 +39,10 @@ SUCCESS = 1
 
 
 def view_of_table(tabular: Tabular, kind: ObservationKind) -> View:
-    """Return the view that converts a table's observations to the kind.
+    """Return the view that converts the observation indices of a table to an observation kind.
 
     Raises:
-        InvalidArgument: a table does not support the kind.
+        InvalidArgument: tables do not support the kind.
     """
     shape = tabular.observation_shape or (1,)
     return View(kind, shape, tabular.observation_names or [str(place) for place in range(1, len(shape) + 1)])
@@ -67,7 +67,7 @@ def view_of(
 
 
 def check_render_mode(render_mode: str | None, modes: Sequence[str] = RENDER_MODES, *, drawn: bool) -> None:
-    """Check that a render mode is known and possible.
+    """Raise an error unless a render mode is None, or is supported and can be used now.
 
     Args:
         render_mode: None, or one of the modes.
@@ -75,7 +75,7 @@ def check_render_mode(render_mode: str | None, modes: Sequence[str] = RENDER_MOD
         drawn: True if the behaviour has a `draw` clause.
 
     Raises:
-        InvalidArgument: the mode is unknown or not possible.
+        InvalidArgument: the mode is unknown, the behaviour has no `draw` clause, or no window can be opened.
     """
     if render_mode is not None and render_mode not in modes:
         raise InvalidArgument(f"unknown render mode {render_mode!r}; the render modes are {listed(modes)}")
@@ -86,10 +86,10 @@ def check_render_mode(render_mode: str | None, modes: Sequence[str] = RENDER_MOD
 
 
 def known_options(options: dict[str, Any] | None, known: Sequence[str] = ()) -> dict[str, Any]:
-    """Return the options of a reset, {} for None, after a check that all are known.
+    """Return the options of a reset, or {} if they are None.
 
     Raises:
-        InvalidArgument: an option is unknown.
+        InvalidArgument: an option is not among the known names.
     """
     for name in options or {}:
         if name not in known:
@@ -117,15 +117,15 @@ class OfFamily:
     _variant: str | None = None
 
     def of_family(self, members: Members, place: int) -> None:
-        """Set the family and the current member of the environment, so that `reset` can switch to other members."""
+        """Set the family, and the position of the current member in it, so that `reset` can switch to other members."""
         self.members, self._about = members, members.about(place)
         self._variant = self._about["variant"]
 
     def _options(self, options: dict[str, Any] | None, known: Sequence[str] = ()) -> dict[str, Any]:
-        """Return the options of a reset; switch to the member that the option `variant` names.
+        """Return the options of a reset, {} for None; if option `variant` names another member, first switch to it.
 
         Raises:
-            InvalidArgument: an option is unknown, or the variant does not exist.
+            InvalidArgument: an option is neither in `known` nor `variant` within a family, or the variant is unknown.
         """
         if self.members is None:
             return known_options(options, known)
@@ -140,10 +140,10 @@ class OfFamily:
 
     @abstractmethod
     def _enter(self, found: Any) -> None:
-        """Use a member's table, program or simulator from now on."""
+        """Replace the environment's table, program or simulator by that of another member."""
 
     def _first(self, info: dict[str, Any]) -> dict[str, Any]:
-        """Return the info of a reset: the given info and, within a family, the member's certificates."""
+        """Return the info of a reset: the given info and, within a family, a copy of the member's certificates."""
         return info if self._about is None else {**info, "certificates": dict(self._about["certificates"])}
 
 
@@ -176,20 +176,20 @@ class SingleEnvironment(OfFamily, gymnasium.Env[Any, Any]):
         self._masked = action_masks
 
     def action_masks(self) -> NDArray[np.bool_]:
-        """Return for each action if it does something in the current state [actions]; all True if none does.
+        """Return an array [actions] that is True for each action that does something now; all True if none does.
 
         An action does something if one of its branches is `nothing()`, or calls a rule that has a match, or a unit that
-        can succeed. All are True after the end of an episode. With `action_masks=True` the infos contain the same as
+        can succeed. All are True outside of an episode. With `action_masks=True` the infos contain this mask as
         `action_mask`, int8.
         """
         return self._allowed() if self._running else np.ones(len(self.action_names), dtype=np.bool_)
 
     @abstractmethod
     def _allowed(self) -> NDArray[np.bool_]:
-        """Return the action mask of the current state, within an episode."""
+        """Return the action mask of the current state; an episode must have begun."""
 
     def _told(self, info: dict[str, Any], agent: str | None) -> dict[str, Any]:
-        """Add optional entries (agent, variant, action mask) to an info, and show the state if a window is open."""
+        """Add the agent, variant and action mask, if they apply, to an info, and return it; update an open window."""
         if agent is not None:
             info["agent"] = agent
         if self._variant is not None:
@@ -257,7 +257,7 @@ class EnvgraphEnv(SingleEnvironment):
         action_masks: add `action_mask` to the infos.
 
     Raises:
-        InvalidArgument: an unknown mode, or a mode without pictures.
+        InvalidArgument: an unknown mode, a mode without pictures, or an observation that tables do not support.
     """
 
     def __init__(
@@ -295,7 +295,7 @@ class EnvgraphEnv(SingleEnvironment):
     def reset(
         self, *, seed: int | None = None, options: dict[str, Any] | None = None
     ) -> tuple[Any, dict[str, Any]]:
-        """Begin an episode in one of the start states."""
+        """Begin an episode in a sampled start state or that of option `state`; option `variant` switches the member."""
         wanted = self._options(options, ("state",)).get("state")
         super().reset(seed=seed)
         self._state = self._start(wanted, self.np_random)
@@ -313,7 +313,7 @@ class EnvgraphEnv(SingleEnvironment):
         return int(wanted)
 
     def step(self, action: Any) -> tuple[Any, float, bool, bool, dict[str, Any]]:
-        """Do one action; `truncated` is True if the behaviour truncates the episode, and does not know time limits."""
+        """Do one action. `truncated` is True only if the behaviour truncates the episode, not for a time limit."""
         if type(action) is not int or not self._running or not 0 <= action < self._count:
             action = self._check_step(action)
         flat, generator = self._flat, self._np_random
@@ -421,7 +421,7 @@ class EnvgraphLiveEnv(SingleEnvironment):
     def reset(
         self, *, seed: int | None = None, options: dict[str, Any] | None = None
     ) -> tuple[Any, dict[str, Any]]:
-        """Begin an episode in one of the start states."""
+        """Begin an episode in a sampled start state; the option `variant` first switches to a member of the family."""
         self._options(options)
         super().reset(seed=seed)
         index = self.simulator.reset(self.np_random)
@@ -429,7 +429,7 @@ class EnvgraphLiveEnv(SingleEnvironment):
         return self._observed(index), self._first(self._info(success=False))
 
     def step(self, action: Any) -> tuple[Any, float, bool, bool, dict[str, Any]]:
-        """Do one action; `truncated` is True if the behaviour truncates the episode, and does not know time limits."""
+        """Do one action. `truncated` is True only if the behaviour truncates the episode, not for a time limit."""
         outcome = self.simulator.step(self._check_step(action), self.np_random)
         self._steps += 1
         self._running = not outcome.terminated

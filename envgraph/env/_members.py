@@ -1,4 +1,4 @@
-"""The members of a family that an environment can switch to, and what its infos contain about them."""
+"""Members of a family that an environment can switch to, and the facts about them in its infos."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ class About(TypedDict):
 
 
 class Members(Protocol):
-    """A family, as the environments that switch between its members need it."""
+    """A family whose members an environment can switch to."""
 
     def place(self, variant: int | str) -> int:
         """Return the position of a member, from 0, given its name or its number from 1.
@@ -34,7 +34,7 @@ class Members(Protocol):
     def entered(self, place: int) -> Any:
         """Return the data for stepping a member: a table with pictures, a program, or a simulator.
 
-        The kind depends on the environment.
+        The type of environment that has the family determines the kind of data.
         """
 
 
@@ -55,16 +55,19 @@ class Variants:
         self.names = np.array([about["variant"] for about in self._abouts], dtype=object)
 
     def of(self, which: NDArray[np.int64]) -> NDArray[Any]:
-        """Return the member names of environments as a read-only array, which several infos share."""
+        """Return the member name of each environment as a read-only array, given the number of its member."""
         found = self.names[which]
         found.flags.writeable = False
         return found
 
     def numbers(self, wanted: object, count: int) -> NDArray[np.int64]:
-        """Return the member number for each environment, from one member for all or a list of one for each.
+        """Return the member number for each of `count` environments.
+
+        Args:
+            wanted: the name or number of one member for all environments, or a list of one for each environment.
 
         Raises:
-            InvalidArgument: a member does not exist, or is not part of this vector environment.
+            InvalidArgument: the list has a wrong length, or a member does not exist or is not in this environment.
         """
         each = [wanted] * count if isinstance(wanted, int | str) else list(wanted)  # type: ignore[call-overload]
         if len(each) != count:
@@ -86,7 +89,7 @@ class Variants:
     def certificates(self, which: NDArray[np.int64], begun: NDArray[np.bool_]) -> dict[str, Any]:
         """Return the certificates of the members for an info, in the format of Gymnasium's vector environments.
 
-        The dtype of each array is the type of the first value.
+        Each array has the type of its first value, and 0 or None for environments in which no episode begins.
 
         Args:
             which: the member number of each environment.

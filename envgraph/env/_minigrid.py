@@ -43,7 +43,7 @@ class LevelDoor:
 
 @dataclass(frozen=True, slots=True)
 class LevelThing:
-    """A "Key", "Ball" or "Box" with a name: on a cell, or inside the box whose name is `inside`."""
+    """A "Key", "Ball" or "Box" on a cell or in a box; `inside` is the name of the object that this box contains."""
 
     name: str
     cls: str
@@ -53,7 +53,7 @@ class LevelThing:
 
 
 class MiniGridLevel:
-    """A level of MiniGrid after a reset; its environment is kept to compare others with it step by step.
+    """A level of MiniGrid after a reset; it stores its environment, to compare tables and domains with it step by step.
 
     Attributes:
         end: the kind of success.
@@ -93,7 +93,7 @@ class MiniGridLevel:
 
     @classmethod
     def of(cls, inner: Any, seed: int) -> MiniGridLevel:
-        """Return the level that `reset(seed=seed)` generates.
+        """Reset the environment with a seed and return the level; from now on, its steps return empty observations.
 
         Raises:
             InvalidArgument: its steps or rewards are not MiniGrid's own, or it contains unsupported objects.
@@ -133,7 +133,7 @@ class MiniGridLevel:
         return self.doors[-1].letter
 
     def _thing(self, found: Any, place: _Place | None) -> str:
-        """Add an object, after its content, and return its name."""
+        """Add a key, ball or box to `things`, after the object inside it, and return its name; raise on other kinds."""
         if found.type not in _THINGS:
             raise InvalidArgument(
                 f"the level has a {found.type} at {place}, which is not supported", f"use only {[*_THINGS]}"
@@ -148,6 +148,7 @@ class MiniGridLevel:
         """Yield a text for each difference between the level and a table; nothing if both step equally.
 
         Every action is compared in every state; each state of the level must correspond to one state of the table.
+        A random table, or one with several start states or without exactly 7 actions, yields only one text.
         """
         if len(table.start_states) != 1 or not table.deterministic or table.n_actions != _ACTIONS:
             yield "it has random outcomes or several start states, or not exactly 7 actions"
@@ -173,11 +174,11 @@ class MiniGridLevel:
     def ways(self, most: int) -> tuple[list[list[int]], list[int]]:
         """Return shortest action sequences to new situations and to a success, by breadth-first search.
 
-        The search visits up to `most` states.
+        A situation is the carried object, and which doors are open and locked. The search visits up to `most`
+        states, and ends at the first success.
 
         Returns:
-            The action sequences to the first state of each situation, in which the agent carries another object or a
-            door has changed; and the sequence to a success, [] if none was found.
+            The sequence to the first state of each situation, [] for the start; the sequence to a success, or [].
         """
         known = {hash(_key(self._first)): list[int]()}
         situations = {_key(self._first)[3:]: list[int]()}
@@ -233,7 +234,10 @@ class MiniGridLevel:
     def _compared(
         self, simulator: Simulator, before: _State, action: int, found: tuple[float, int]
     ) -> Iterator[str]:
-        """Yield a text for each difference between an action in the level and its result in the domain."""
+        """Yield a text for each difference between an action in the level and in the domain.
+
+        `found` is the reward and end in the domain. Unless the episode is over, cell and direction are compared, too.
+        """
         told = self._step(before, action)
         yield from _apart(action, told, found)
         (x, y), way = self._state()[1:3]
@@ -242,7 +246,10 @@ class MiniGridLevel:
             yield f"action {action} leads to another cell or direction"
 
     def _step(self, before: _State, action: int) -> tuple[float, int]:
-        """Return the reward and end of an action (0 none, 1 success, 2 failure); steps cost a share of the discount."""
+        """Do an action in the state `before`, and return its reward and end (0 goes on, 1 success, 2 failure).
+
+        The environment stays in the next state. Unless the action succeeds, its reward is reduced by 0.9 / `limit`.
+        """
         inner = self._inner
         cells, inner.agent_pos, inner.agent_dir, inner.carrying, locks = before
         inner.grid.grid, inner.step_count = [*cells], 0
@@ -267,13 +274,13 @@ def is_minigrid(inner: Any) -> bool:
 
 
 def _base(inner: Any) -> Any:
-    """Return MiniGrid's base class if the environment is derived from it, else None; this imports no package."""
+    """Return the class `MiniGridEnv` if the environment is derived from it, else None, without importing MiniGrid."""
     named = (cls for cls in type(inner).__mro__ if cls.__name__ == "MiniGridEnv")
     return next((cls for cls in named if cls.__module__.startswith("minigrid.")), None)
 
 
 def _ends(inner: Any) -> tuple[End, ...]:
-    """Return the possible kinds of success of a level whose `step` extends MiniGrid's."""
+    """Return the possible kinds of success of a level whose `step` extends MiniGrid's; () if none is supported."""
     ends: list[End] = []
     if getattr(inner, "obj", None) is not None and inner.obj in inner.grid.grid:
         ends.append("held")

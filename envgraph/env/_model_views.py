@@ -42,7 +42,7 @@ class ModelView(ABC):
 
 
 def model_view(kind: ObservationKind, behaviour: Behaviour, models: Sequence[Model]) -> ModelView:
-    """Return the view "image" or "graph" for the members of a family.
+    """Return the view of kind "image" or "graph" for the models of all members of a family.
 
     Raises:
         InvalidArgument: agents may not see the whole model, or an image is wanted but no grid is drawn.
@@ -57,12 +57,12 @@ def model_view(kind: ObservationKind, behaviour: Behaviour, models: Sequence[Mod
 
 
 class ImageView(ModelView):
-    """A view of the grid of the `draw` clause as planes, uint8 [height, width, channels], padded with 0.
+    """A view of the grid of the `draw` clause as an image, uint8 [height, width, channels], padded with 0.
 
     Each drawn class (cells or tokens) has a channel: 255 at the positions of its objects. Each `observe` clause has a
-    channel: for an attribute or a number, `255 * (index + 1) // size` at the position of its object, so that 0 means no
-    object; for an object, 255 at its position. A clause without a position fills its channel; `find` fills it with
-    `255 * index // (size - 1)`. With agents, one channel is 255 at the position of the agent that acts next.
+    channel: for an attribute or a number, `255 * (index + 1) // size` at the position of its object; for an object, 255
+    at its position. An object outside of the grid fills the channel with the value, a missing object leaves 0, and
+    `find` fills it with `255 * index // (size - 1)`. With agents, one channel is 255 at the agent that acts next.
 
     Args:
         behaviour: its `draw` and `observe` clauses define the channels.
@@ -116,7 +116,10 @@ class ImageView(ModelView):
 
 
 def _show(plane: NDArray[np.uint8], component: Component, places: dict[int, tuple[int, int]]) -> None:
-    """Write one component of an observation to its channel."""
+    """Write a component to its channel of the image: at the object's (row, column), or everywhere without a position.
+
+    If the object is missing, write nothing.
+    """
     if component.at is None:
         plane[...] = FULL * component.read() // max(component.size - 1, 1)
         return

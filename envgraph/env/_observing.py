@@ -35,7 +35,7 @@ from envgraph.pattern import (
 
 
 class KeyedObjects:
-    """The current objects of a class by index, which follow changes of the model."""
+    """A list of the current objects of a class by index, which is updated after the model has changed."""
 
     def __init__(self, model: Model, keys: KeyIndex, cls: str) -> None:
         self.keys = keys.of_class(cls)
@@ -45,7 +45,7 @@ class KeyedObjects:
         self._revision = model.graph.store.revision
 
     def get(self, position: int) -> int | None:
-        """Return the object that has the index in the current state, or None."""
+        """Return the object that has the index `position` in the current state, or None."""
         node = self._found[position]
         if node is not None and self._is(node, position):
             return node
@@ -64,7 +64,7 @@ class KeyedObjects:
 
 
 def size_of(observation: Observation, types: Types, keys: KeyIndex, metamodel: Metamodel) -> int:
-    """Return the number of values of a clause's components; if objects can be hidden, the last value means hidden."""
+    """Return the number of values of a clause's components, with one more for `or none`, and one for hidden objects."""
     if isinstance(observation, ObserveFind):
         return 2 if observation.up_to is None else observation.up_to + 1
     unseen = observation.visible is not None
@@ -79,7 +79,7 @@ def size_of(observation: Observation, types: Types, keys: KeyIndex, metamodel: M
 
 
 def path_type(observation: ObservePath, types: Types, metamodel: Metamodel) -> StaticType | None:
-    """Return the type of the value or object that a path leads to."""
+    """Return the type of the value or object that an observed path leads to; None if the path has errors."""
     scope: dict[str, StaticType | None] = {name: ObjectType(cls) for name, cls in types.items()}
     if observation.each is not None:
         scope[observation.each.name] = ObjectType(observation.each.type or "")
@@ -104,7 +104,7 @@ def observer(
         model: the model, which names objects for messages.
         read: a function that reads features of objects.
         index: converts the value of the path to the component.
-        padding: see `owner`.
+        padding: the component if the owner's object is missing.
         bound: the values of the other names; if it contains the owner's name, the owner never changes.
     """
     name, value = owner or ("", None)
@@ -132,7 +132,10 @@ def observer(
 def leading_to(
     path: Expression, owner: tuple[str, Callable[[], Value | None]], bound: Scope, read: Reader
 ) -> Callable[[], int | None]:
-    """Return a function that returns the object at the end of a path, or None if the path has no value."""
+    """Return a function that returns the object at the end of a path, or None if the path leads to no object.
+
+    `owner` is the name at which the path begins, and a function that returns its object or None.
+    """
     name, value = owner
 
     def at() -> int | None:
@@ -149,13 +152,13 @@ def leading_to(
 
 
 def clauses_of(behaviour: Behaviour) -> list[Observation]:
-    """Return all distinct `observe` clauses: those of agents, then shared ones."""
+    """Return all distinct `observe` clauses: those of `agent` blocks, then those that all agents share."""
     own = (one for agent in behaviour.agents for one in agent.observations)
     return [*dict.fromkeys([*own, *behaviour.observations])]
 
 
 def clause_name(observation: Observation) -> str:
-    """Return the text of an `observe` clause, with spaces for dots, which PyTorch module names exclude: `hero at`."""
+    """Return the text of an `observe` clause, with spaces for dots (for PyTorch): `hero at`, `count reached(_)`."""
     if isinstance(observation, ObserveFind):
         what = _written(observation.call)
         return what if observation.up_to is None else f"count {what}"
@@ -163,7 +166,10 @@ def clause_name(observation: Observation) -> str:
 
 
 def component_names(behaviour: Behaviour, keys: KeyIndex, count: int) -> tuple[str, ...]:
-    """Return distinct names for the `count` components of an observation."""
+    """Return distinct names for the first `count` components of an observation.
+
+    If the agents of several blocks have different components at one position, "or" joins their names.
+    """
     rows = [
         [name for one, _ in together(own, {}, behaviour.observations, {}) for name in _names(one, keys)]
         for own in ([agent.observations for agent in behaviour.agents] or [()])
@@ -176,12 +182,12 @@ def component_names(behaviour: Behaviour, keys: KeyIndex, count: int) -> tuple[s
 def joint_component_names(
     behaviour: Behaviour, keys: KeyIndex, seats: Iterable[tuple[str, int]]
 ) -> tuple[str, ...]:
-    """Return distinct names for the joint observation of agents that act together: own components, then shared ones.
+    """Return distinct names for the joint observation of simultaneous agents: own components, then shared ones.
 
     Args:
-        behaviour: a behaviour whose agents act together.
+        behaviour: a behaviour whose agents act simultaneously.
         keys: the indices of objects.
-        seats: the names of the agents, and the numbers of their blocks.
+        seats: for each agent its name, and the number of its `agent` block.
     """
     found = []
     for who, number in seats:
@@ -226,7 +232,7 @@ def _written(one: object) -> str:
 
 
 def _gap(model: Model, path: Expression, scope: Scope, read: Reader) -> str:
-    """Return a text that names the object and feature without a value at which a path ends early."""
+    """Return a text such as ": Hero h has no `at`" for the object at which a path ends without a value; or ""."""
     while isinstance(path, Navigation):
         owner = follow(path.object, scope, read)
         if type(owner) is int:
@@ -238,12 +244,12 @@ def _gap(model: Model, path: Expression, scope: Scope, read: Reader) -> str:
 def object_index(
     model: Model, indexer: Callable[[int], int], missing: int | None, cls: str, static: str
 ) -> Callable[[Value | None], int]:
-    """Return a function that converts an object to its index within a class.
+    """Return a function that converts an object to its index within a class, or raises EvaluationError.
 
     Args:
         model: the model of the objects.
         indexer: returns the index of an object of the class.
-        missing: the index for no object; None if no object is an error.
+        missing: the index for no object and for objects of other classes; None if these are errors.
         cls: the class.
         static: the class that a path leads to; objects may have subclasses of it.
     """

@@ -23,10 +23,10 @@ class Choices(Protocol):
     """A source of the random choices of a step, which are made in a fixed order."""
 
     def choose(self, probabilities: Sequence[float]) -> int | None:
-        """Sample an alternative with the given probabilities; return None with the rest (1 minus their sum)."""
+        """Return the position of a sampled alternative; with the probability that is missing to 1, return None."""
 
     def pick(self, count: int) -> int:
-        """Sample one of `count` >= 1 alternatives uniformly."""
+        """Return the position of one of `count` >= 1 alternatives, sampled uniformly."""
 
 
 Perform = Callable[[Sequence[Value | None], Choices, Model], Sequence[Value | None] | None]
@@ -42,12 +42,12 @@ class PreparedCall:
 
     Attributes:
         perform: applies the rule, or runs the unit, for the values of the arguments.
-        possible: returns True if `perform` would do something.
+        possible: returns True if the rule has a match for the values, or the unit can succeed.
         arguments: for each bound parameter a function that evaluates the argument in a scope.
         objects: for each argument True if it is an object.
         outputs: the names that get the outputs.
         call: the call in the behaviour.
-        done: a list to which the call is appended if it did something.
+        done: a list to which the call is appended whenever its rule or unit was applied.
     """
 
     perform: Perform
@@ -59,10 +59,10 @@ class PreparedCall:
     done: list[RuleCall]
 
     def run(self, scope: Scope, choices: Choices, model: Model) -> Scope | None:
-        """Apply the rule at one of its matches, or run the unit; return None if that is not possible.
+        """Apply the rule at one of its matches, or run the unit, and append the call to `done`.
 
         Returns:
-            The scope, extended by the outputs.
+            The scope, extended by the outputs; None, without effect, if an argument is missing or nothing applies.
         """
         values = self._values(scope, model)
         if values is None:
@@ -74,7 +74,7 @@ class PreparedCall:
         return {**scope, **dict(zip(self.outputs, result, strict=True))} if self.outputs else scope
 
     def can_run(self, scope: Scope, model: Model) -> bool:
-        """Return True if `run` would do something."""
+        """Return True if all arguments have values, and the rule has a match for them or the unit can succeed."""
         values = self._values(scope, model)
         return values is not None and self.possible(values)
 
@@ -89,13 +89,13 @@ class PreparedCall:
 
 @dataclass(frozen=True, slots=True)
 class Alternatives:
-    """The branches of a stochastic choice; a call that is None does nothing."""
+    """The branches of a stochastic choice; None in `calls` is the branch `nothing()`."""
 
     probabilities: Callable[[Scope], Sequence[float]]
     calls: tuple[PreparedCall | None, ...]
 
     def run(self, scope: Scope, choices: Choices, model: Model) -> Scope | None:
-        """Sample a branch and run it; return None if no rule was applied, otherwise the extended scope."""
+        """Sample a branch and run it; return the extended scope, or None if no branch was sampled or its call fails."""
         position = choices.choose(self.probabilities(scope))
         if position is None:
             return None
@@ -103,7 +103,10 @@ class Alternatives:
         return scope if call is None else call.run(scope, choices, model)
 
     def can_run(self, scope: Scope, model: Model) -> bool:
-        """Return True if a branch would do something; also if the evaluation fails, so that `run` raises the error."""
+        """Return True if a branch of positive probability is `nothing()` or can be applied.
+
+        Return True also if its evaluation fails, so that `run` raises the error.
+        """
         try:
             branches = zip(self.probabilities(scope), self.calls, strict=True)
             return any(
@@ -121,7 +124,9 @@ class PreparedAction:
     """One action: an `action` clause of the behaviour with one value for each parameter.
 
     Attributes:
-        values: for each parameter a function that returns its current value, as objects are created and deleted.
+        values: for each parameter its name, and a function that returns its current value, as objects are created and
+            deleted.
+        reward, else_reward: the reward if a branch was applied, and otherwise; None for no reward.
         before: how many effects precede the action in the file; rewards are summed in this order.
     """
 
@@ -133,7 +138,7 @@ class PreparedAction:
     before: int
 
     def scope(self, bound: Scope) -> Scope:
-        """Return the values of all names in the current state."""
+        """Return `bound`, extended by the current values of the action's parameters."""
         return {**bound, **{name: value() for name, value in self.values}} if self.values else bound
 
 
@@ -150,6 +155,7 @@ class PreparedClause:
         matches: returns the rows of its named variables in the current state.
         holds: returns True if a row still is a match.
         names: the named variables.
+        ends: the number of the end that a match causes; 0 if the episode goes on.
         weight: the weight for sampling one match; None if all matches are applied.
     """
 
@@ -162,7 +168,7 @@ class PreparedClause:
     weight: Reward | None
 
     def scope(self, bound: Scope, row: Row) -> Scope:
-        """Return the values of all names at one of its matches."""
+        """Return `bound`, extended by the values of the named variables in a row, a match of the clause."""
         return {**bound, **dict(zip(self.names, row, strict=True))}
 
 
@@ -171,9 +177,9 @@ Pending = tuple[Scope, PreparedClause, Row]
 
 
 def run_pending(pending: Sequence[Pending], choices: Choices, model: Model) -> None:
-    """Run the `apply` of pending matches, clause by clause, each only if its match still is one.
+    """Run the `apply` of pending matches, clause by clause; skip a match that earlier ones have made invalid.
 
-    If a clause has weights, one of its matches is sampled, and its `apply` is run.
+    If a clause has weights, only one of its matches, sampled by weight, is used.
 
     Raises:
         EvaluationError: a weight is negative, or has no value.
@@ -192,7 +198,7 @@ def run_pending(pending: Sequence[Pending], choices: Choices, model: Model) -> N
 
 
 def _drawn(turns: Sequence[tuple[PreparedClause, Scope, Row]], choices: Choices) -> int:
-    """Return the position of a match sampled by weight; the number of matches if none has a positive weight."""
+    """Return the position in `turns` of a match sampled by weight; `len(turns)` if none has a positive weight."""
     weights = [0.0 if clause.weight is None else clause.weight(scope) for clause, scope, _ in turns]
     left = reduce(add, weights, 0.0)  # `sum` rounds differently from Python 3.12 on
     for place, weight in enumerate(weights):
@@ -218,7 +224,8 @@ class Component:
         size: the number of values.
         read: returns the current value, from 0.
         observation: the `observe` clause.
-        at: returns the object that the path leads to, or whose attribute it reads, or None; None for `find`.
+        at: returns the object that the path leads to, or whose attribute it reads, or None if it is missing; for
+            `find`, `at` itself is None.
     """
 
     size: int
@@ -233,7 +240,7 @@ class Component:
 
     @property
     def number(self) -> bool:
-        """Return True if the component is a number `in` a range."""
+        """Return True if the clause observes a number within a range."""
         return isinstance(self.observation, ObserveRange)
 
 
@@ -246,7 +253,7 @@ Types = Mapping[str, str]
 def together(
     own: Sequence[Clause], own_types: Types, shared: Sequence[Clause], shared_types: Types
 ) -> list[tuple[Clause, Types]]:
-    """Merge an agent's own and the shared clauses, each with the names in its scope, in the order of the text.
+    """Merge an agent's own and the shared clauses in the order of the text, each with the classes of its names.
 
     Clauses without a source position keep their order, the agent's own first.
     """

@@ -101,9 +101,10 @@ class Program:
         ResolutionError: a parameter cannot be bound to an object.
 
     Attributes:
+        bound: the objects of the parameters and of the agent, by name.
         effects, components: the agent's prepared effects and observation components, in the order of the text.
         shared, shared_components: for each of them, True if it stands outside of `agent` blocks.
-        asked: the effects as clauses, with the names in their scope.
+        asked: the `effects` as clauses of the behaviour, with the classes of the names in their scope.
     """
 
     def __init__(
@@ -160,7 +161,7 @@ class Program:
             yield PreparedAction(name, named, branches, reward, else_reward, before)
 
     def _taking(self, domain: Domain) -> Callable[[Any], Callable[[], Value | None]]:
-        """What makes a function that gives a value of a domain: of objects that which has an index."""
+        """Return `f` such that `f(value)()` is the value; for a domain of objects, the current object of an index."""
         type_ = domain_type(domain, self.model.metamodel)
         return partial(_item, self._keyed(type_.cls)) if isinstance(type_, ObjectType) else _constant
 
@@ -204,7 +205,7 @@ class Program:
         return value
 
     def _of(self, given: Sequence[Expression], scope: Scope) -> str:
-        """Return a text that names the objects an expression reads from, for messages; "" if it reads from none."""
+        """Return a text such as ", where `x` is Tile t" with the objects that expressions read, for messages; or ""."""
         found = {root.name: scope[root.name] for one in given for root in roots(one)}
         told = [
             f"`{name}` is {repr(self.model.node(node))[1:-1]}"
@@ -338,7 +339,7 @@ class Program:
         matches: Callable[[], list[Row]],
         holds: Callable[[Row], bool],
     ) -> tuple[Callable[[], list[Row]], Callable[[Row], bool]]:
-        """Return the functions of a negated condition: it holds if nothing matches, and also for deleted objects."""
+        """Return the functions of a negated condition, changed so that it also holds if a bound object was deleted."""
         bound = [(self.bound[name], types[name]) for name in question.bound]
 
         def gone() -> bool:
@@ -387,7 +388,7 @@ class Program:
     ) -> Callable[[], int]:
         """Return a function that reads a component if its visibility condition holds, and otherwise returns `hidden`.
 
-        If the observed object is missing, the condition is not evaluated.
+        If the observed object is missing, the condition is not evaluated, and the component is read.
         """
         each, call = observation.each, observation.visible
         assert call is not None
@@ -411,7 +412,7 @@ class Program:
         return name, lambda: None if is_gone(self.model, node, cls) else node
 
     def _owners(self, each: Parameter) -> Iterator[tuple[str, Callable[[], Value | None]]]:
-        """Yield for each component of a `for` observation its name and a function that returns the current object."""
+        """Yield for each component of a `for` observation the variable and a function that returns its object."""
         assert each.type is not None
         objects = self._keyed(each.type)
         yield from ((each.name, _item(objects, i)) for i in range(len(objects.keys)))
@@ -419,7 +420,7 @@ class Program:
     def _meaning(
         self, observation: ObservePath, types: Types
     ) -> tuple[int, Callable[[Value | None], int], int]:
-        """Return the number of values, a function from a path's value to its index, and the index without an owner."""
+        """Return a path's number of values, a function from value to index, and the index if the owner is missing."""
         metamodel = self.model.metamodel
         size = size_of(observation, types, self._keys, metamodel)
         type_ = path_type(observation, types, metamodel)
@@ -455,7 +456,10 @@ class Program:
 
 
 def added(engine: Engine, behaviour: str, make: Callable[[str], Question]) -> Question:
-    """Add a helper pattern to the engine under a free name, or reuse an equal pattern that is already there."""
+    """Return the question `make(name)` for the first free name `behaviour#N`, and add its pattern to the engine.
+
+    If an equal pattern is already there under such a name, return the question for this name, and add nothing.
+    """
     library = engine.library
     known = set(library.names())
     number = 0

@@ -24,13 +24,13 @@ def can_end(
     limit: int = REACH_LIMIT,
     progress: Progress | None = None,
 ) -> bool:
-    """Return True if some episode ends in success (1) or in failure (2).
+    """Return True if an episode with the given end, success (1) or failure (2), is found within `limit` states.
 
     This is a best-first search. States with the fewest matches of `on neg find .. terminate` clauses come first; among
     them, states whose observation is new, without numbers in ranges (after best-first width search, Lipovetzky and
     Geffner 2017, with the observation as the only feature). Equal states are taken alternately latest first and
     earliest first. Every state is visited in the end, so the answer is exact up to the limit. The engine's model is
-    restored afterwards, also inside a transaction.
+    restored afterwards; a transaction may be open.
 
     Args:
         engine: an engine whose model is the initial state.
@@ -60,7 +60,7 @@ class _Search:
         self._looks: set[tuple[int, ...]] = set()
 
     def run(self) -> bool:
-        """Return True if the end was found."""
+        """Search from each start state; return True if the end is found, False if not within the limit."""
         with closing(self._simulator.starts()) as starts:
             return any(self._from_here() for _ in starts)
 
@@ -92,7 +92,10 @@ class _Search:
         return False
 
     def _successors(self) -> Iterator[tuple[tuple[int, bool] | None, Savepoint]]:
-        """Move to each new state that an action leads to, and yield its rank, or None if the end is reached."""
+        """Move to each new state that an action leads to; yield its rank and the savepoint before the move.
+
+        The rank is None if the end is reached. The caller must undo each yielded move.
+        """
         simulator, turn = self._simulator, self._simulator.turn
         for action in range(len(simulator.action_names)):
             for _, _, ended, savepoint in simulator.attempts(action):
@@ -104,7 +107,10 @@ class _Search:
             simulator.turn = turn
 
     def _rank(self) -> tuple[int, bool] | None:
-        """Return the priority of the current state in the queue; None if it is known already."""
+        """Record the current state as known and return its rank, lowest first; None if the state was known.
+
+        A rank is the number of matches in the way, and True if the observation was seen before.
+        """
         key = self._simulator.state_key()
         if key in self._known:
             return None

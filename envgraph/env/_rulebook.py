@@ -20,7 +20,7 @@ def applying(
 ) -> tuple[Perform, Possible]:
     """Return a function that applies a rule at a random match, or runs a unit, and a function that tests if it can.
 
-    Choices of a unit are uniform, or by weight.
+    Random choices in a unit are sampled uniformly, or by weight.
 
     Args:
         engine: the engine that has the rule or unit.
@@ -83,7 +83,10 @@ def _running_unit(engine: Engine, name: str, bound: Sequence[str], outputs: Sequ
 
 
 def _succeeding(perform: Perform, model: Model) -> Possible:
-    """Return a function that tests if a unit can succeed: it runs the unit with all choices, and rolls back."""
+    """Return a function that tests if a unit can succeed: it runs the unit with all choices, and rolls back.
+
+    At most 10,000 sequences of choices are tried. An error counts as success, so that `run` raises the error.
+    """
 
     def possible(values: Sequence[Value | None]) -> bool:
         for choices in islice(all_choices(), MOST_OUTCOMES):
@@ -102,7 +105,7 @@ def _succeeding(perform: Perform, model: Model) -> Possible:
 
 
 class _Drawn(Branches):
-    """The choices of a unit, sampled like other choices of a step."""
+    """The random choices of a unit, made by the `Choices` of a step."""
 
     ordered = True
 
@@ -111,11 +114,11 @@ class _Drawn(Branches):
         self._choices = choices
 
     def choose(self, count: int) -> int:
-        """Sample one of `count` alternatives uniformly."""
+        """Return the number of one of `count` alternatives, sampled uniformly."""
         return self._choices.pick(count)
 
     def weigh(self, weights: Sequence[float]) -> int:
-        """Sample an alternative with probability proportional to its weight."""
+        """Return the number of an alternative, sampled with probability proportional to its weight."""
         total = reduce(add, weights)  # `sum` rounds differently from Python 3.12 on
         return self._choices.choose([weight / total for weight in weights]) or 0
 

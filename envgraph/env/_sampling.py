@@ -18,7 +18,7 @@ MOST_OUTCOMES = 10_000
 
 
 class Draw:
-    """A uniform random number, which successive choices use up.
+    """A uniform random number in [0, 1) that decides several choices one after the other; `rest` decides the next ones.
 
     >>> draw = Draw(0.65)
     >>> draw.choose([0.5, 0.5]), round(draw.rest, 12)
@@ -33,7 +33,7 @@ class Draw:
         self.rest = uniform
 
     def choose(self, probabilities: Sequence[float]) -> int | None:
-        """Sample an alternative with the given probabilities; return None with the rest (1 minus their sum)."""
+        """Return the position of a sampled alternative; with the probability that is missing to 1, return None."""
         start = 0.0
         for position, probability in enumerate(probabilities):
             if self.rest < start + probability:
@@ -48,7 +48,7 @@ class Draw:
         return len(probabilities) - 1
 
     def pick(self, count: int) -> int:
-        """Sample one of `count` >= 1 alternatives uniformly."""
+        """Return the position of one of `count` >= 1 alternatives, sampled uniformly."""
         scaled = self.rest * count
         position = min(int(scaled), count - 1)
         self.rest = min(scaled - position, _BELOW_ONE)
@@ -63,7 +63,7 @@ def _within(offset: float, width: float) -> float:
 
 
 def lacking(probabilities: Sequence[float]) -> float:
-    """Return 1 minus the probabilities, added up in order as `Draw` does; `sum` rounds differently in some Pythons."""
+    """Return 1 minus the probabilities, added in order as `Draw` does; `sum` rounds differently in some Pythons."""
     total = 0.0
     for probability in probabilities:
         total += probability
@@ -86,7 +86,10 @@ class Recorded:
         self.probability = 1.0
 
     def choose(self, probabilities: Sequence[float]) -> int | None:
-        """Take the scripted alternative with positive probability; None stands for the rest of the probability."""
+        """Take the scripted alternative among those of positive probability, and return its position.
+
+        If the probabilities sum to less than 1, None is the last alternative.
+        """
         possible: list[tuple[int | None, float]] = [(i, p) for i, p in enumerate(probabilities) if p > 0.0]
         missing = lacking(probabilities)
         if missing > 1e-12:
@@ -96,7 +99,7 @@ class Recorded:
         return position
 
     def pick(self, count: int) -> int:
-        """Take the scripted one of `count` equally likely alternatives."""
+        """Take the scripted one of `count` equally likely alternatives, and return its position."""
         self.probability /= count
         return self._take(count)
 
@@ -108,7 +111,10 @@ class Recorded:
 
 
 def all_choices() -> Iterator[Recorded]:
-    """Yield every possible sequence of choices, in lexicographic order; use each before requesting the next."""
+    """Yield every possible sequence of choices, in lexicographic order.
+
+    Use each for a step before requesting the next, because the step determines which choices exist.
+    """
     script: list[int] = []
     while True:
         choices = Recorded(script)

@@ -52,8 +52,8 @@ class Outcome:
 
     Attributes:
         reward: the sum of all rewards.
-        terminated: 0, or the episode ended in success (1) or in failure (2), or was truncated (-1).
-        observation: the index of the agent's observation.
+        terminated: 0 if the episode goes on; 1 for success, 2 for failure, -1 if it was truncated.
+        observation: the index of the observation of the agent that acts next.
     """
 
     reward: float
@@ -153,7 +153,7 @@ class Simulator:
     # --- live
 
     def reset(self, rng: np.random.Generator) -> int:
-        """Put the model into a start state, sampled with one random number; return the observation."""
+        """Put the model into a start state, sampled with one random number; return the index of the observation."""
         self.close()
         self._start, uniform = self._model.graph.history.savepoint(), rng.random()
         self._begin(Draw(uniform))
@@ -161,7 +161,7 @@ class Simulator:
         return self.observe()
 
     def step(self, action: int, rng: np.random.Generator) -> Outcome:
-        """Do an action, sampled with one random number.
+        """Do an action, whose random choices are all decided by one random number.
 
         Raises:
             InvalidArgument: no episode has begun, or the action does not exist.
@@ -181,7 +181,7 @@ class Simulator:
         return found
 
     def __reduce__(self) -> tuple[Callable[..., Simulator], tuple[Any, ...]]:
-        """Return the data to rebuild a simulator: the initial state, actions and random numbers of the episode."""
+        """Return the data to rebuild a simulator: initial state, actions and random numbers of the episode."""
         engine, key = self.engine, self.state_key()
         shelf = None if self._start is None else self._model.graph.history.shelve(self._start)
         try:
@@ -205,7 +205,7 @@ class Simulator:
         return self.observe()
 
     def close(self) -> None:
-        """Restore the initial state and release the model."""
+        """End the episode: restore the initial state, and close the savepoint. Do nothing if no episode has begun."""
         if self._start is not None:
             self._model.graph.history.rollback(self._start)
             self._start, self._drawn = None, []
@@ -231,7 +231,7 @@ class Simulator:
         return found
 
     def allowed_to(self, number: int) -> NDArray[np.bool_]:
-        """Return the action mask of one agent; all True if the agent cannot act."""
+        """Return the action mask of one agent; all True if the agent cannot act, or if no action would do something."""
         seat, model = self.agents.seats[number], self._model
         if not self.agents.present(seat):
             return np.ones(len(seat.actions), dtype=np.bool_)
@@ -247,17 +247,20 @@ class Simulator:
         return self._model.state_hash(self._fresh), self.turn
 
     def look(self) -> tuple[int, ...]:
-        """Return the components of the observation, except for numbers in ranges."""
+        """Return the component values, except numbers in ranges, of the next agent or of all simultaneous agents."""
         seats = self.agents.seats if self.together else (self.agents.seats[self.turn],)
         components = (component for seat in seats for component in seat.program.components)
         return tuple(component.read() for component in components if not component.number)
 
     def in_the_way(self, end: int) -> Callable[[], int]:
-        """Return a function that counts the matches which must vanish before success (1) or failure (2) is possible."""
+        """Return a function that counts the matches which must vanish before success (1) or failure (2) is possible.
+
+        The matches are those of `on neg find` clauses with that end.
+        """
         return self.agents.seats[0].program.in_the_way(end)
 
     def painter(self) -> Painter:
-        """Return the painter that draws the current state, created at the first call.
+        """Return the painter that draws the current state; the first call creates it and binds parameters.
 
         Raises:
             InvalidArgument: the behaviour has no `draw`.
@@ -277,7 +280,7 @@ class Simulator:
     # --- all outcomes
 
     def starts(self) -> Generator[float]:
-        """Yield the probability of each way to reset, with the model in that start state; states may be repeated."""
+        """Put the model into each start state, yield the probability, and roll back; equal states may be repeated."""
         for probability, _, _, savepoint in self.attempts(None):
             try:
                 yield probability
@@ -300,7 +303,7 @@ class Simulator:
                 self.turn = turn
 
     def attempts(self, action: int | None) -> Iterator[tuple[float, float, int, Savepoint]]:
-        """Yield the outcomes of an action, or the starts for None, each with a savepoint before it.
+        """Do each outcome of an action (None: a reset); yield probability, reward, end, and the savepoint before it.
 
         The caller must undo each outcome before the next: roll back to the savepoint, or shelve it.
 
@@ -376,7 +379,10 @@ class Simulator:
     def _judge(
         self, program: Program, action: PreparedAction, scope: Scope, done: Scope | None
     ) -> tuple[float, int, list[Pending]]:
-        """Return the reward and end of a step in the current state, and the matches whose `apply` is to run."""
+        """Return the reward and end of a step in the current state, and the matches whose `apply` is to run.
+
+        `scope` has the values of names before the action, `done` those after it; None if nothing was applied.
+        """
         effects = program.effects
         total, terminated = 0.0, GOES_ON
         pending: list[Pending] = []
@@ -415,14 +421,14 @@ def _replayed(
 
 
 def _check_needed(program: Program, needed: Sequence[Reading], model: Model) -> None:
-    """Raise an error if an object that each step reads was deleted; now the rule that deleted it is still known."""
+    """Raise an error if an object from which every step reads was deleted; the error names the rule that deleted it."""
     for each in needed:
         if is_gone(model, program.bound[each.name], each.cls):
             raise program.lost(each.name, each.cls, each.what, each.span)
 
 
 def _first_new(model: Model, keys: KeyIndex) -> int | None:
-    """Return the id of the first object that a rule creates; None if keys of other members contain such ids."""
+    """Return the id that the next new object gets; None if keys of other members of the family contain such ids."""
     first = model.graph.store.next_id
     unnamed = (cls for cls in keys.keys if not key_attributes(model.metamodel, cls))
     return None if any(key >= (first,) for cls in unnamed for key in keys.of_class(cls)) else first

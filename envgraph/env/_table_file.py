@@ -98,7 +98,7 @@ def _explored(found: Mapping[str, NDArray[Any]]) -> Explored:
 
 
 def _plain(value: Any) -> Any:
-    """Return scenes as JSON-ready data."""
+    """Return a value as data for JSON: tuples become lists, bytes and dataclasses become dicts."""
     if isinstance(value, tuple):
         return [_plain(one) for one in value]
     if isinstance(value, bytes):
@@ -112,7 +112,7 @@ def _plain(value: Any) -> Any:
 
 
 def _made(value: Any) -> Any:
-    """Return the value from the JSON-ready data of `_plain`."""
+    """Return the value that `_plain` has converted to data for JSON."""
     if isinstance(value, list):
         return tuple(_made(one) for one in value)
     if not isinstance(value, dict):

@@ -1,4 +1,4 @@
-"""The step of agents that act together, and the joint observation of a policy that controls all of them."""
+"""The step of agents that act simultaneously, and the joint observation of a policy that controls all of them."""
 
 from __future__ import annotations
 
@@ -102,7 +102,7 @@ class Together:
         return found
 
     def number(self, actions: Sequence[int]) -> int:
-        """Return the joint action of one action for each agent."""
+        """Return the number of the joint action that consists of these actions, one for each agent."""
         base = len(self._agents.action_names)
         return sum(action * base**place for place, action in enumerate(actions))
 
@@ -111,7 +111,7 @@ class Together:
         return sum(read() * weight for read, weight in self._reads)
 
     def step(self, number: int, choices: Choices) -> tuple[float, int]:
-        """Do a joint action; return the summed reward and the end, and store each agent's reward in `rewards`."""
+        """Do a joint action except for missing agents; return total reward and end, and set `rewards` by agent."""
         there = [self._agents.present(seat) for seat in self._seats]
         clauses = [clause for clause in self._clauses if clause.shared or there[clause.seat]]
         for seat in self._seats:
@@ -155,7 +155,7 @@ def _judged(clause: Clause, pending: list[Pending]) -> tuple[list[float], int]:
 
 
 def _total(move: Move, gained: Sequence[tuple[Clause, list[float]]], *, common: bool) -> float:
-    """Return the reward of one agent, summed in the order of the text; `common` includes shared rewards."""
+    """Return the reward of one agent, summed in the order of the text, with shared rewards if `common`."""
     parts = [
         gains if common or not clause.shared else []
         for clause, gains in gained
@@ -168,7 +168,7 @@ def _total(move: Move, gained: Sequence[tuple[Clause, list[float]]], *, common: 
 def _of_all(
     moves: Sequence[Move], paid: dict[int, float], gained: Sequence[tuple[Clause, list[float]]]
 ) -> float:
-    """Return the reward of all agents: the first one's with shared rewards, the others' without."""
+    """Return the reward of all agents, in which each shared reward is counted once, also if no agent exists."""
     if not moves:
         return reduce(add, chain.from_iterable(gains for _, gains in gained), 0.0)
     return reduce(add, (_total(move, gained, common=False) for move in moves[1:]), paid[moves[0].seat])
@@ -227,7 +227,7 @@ def _parts(program: Program, shared: bool) -> list[Component]:
 
 
 def check_complete(behaviour: Behaviour, model: Model, keys: KeyIndex) -> None:
-    """Check that a member has all agents of its family, so that joint actions mean the same in all members."""
+    """Raise ResolutionError if a member lacks an agent of its family; joint actions must mean the same in all."""
     problems = [
         Diagnostic(
             "missing-agent",

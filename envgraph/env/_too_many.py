@@ -75,7 +75,7 @@ class TooManyObservations(TooManyStates):
 
 
 def check_observations(behaviour: Behaviour, shape: Sequence[int]) -> None:
-    """Check that each observation with components of these sizes can be numbered.
+    """Raise an error if a table cannot number the observations that have components of these sizes.
 
     Raises:
         TooManyStates: the number of observations is too large.
@@ -85,7 +85,7 @@ def check_observations(behaviour: Behaviour, shape: Sequence[int]) -> None:
 
 
 def check_entries(behaviour: Behaviour, shape: tuple[int, int, int]) -> None:
-    """Check that a table [states, actions, outcomes] is not too large.
+    """Raise an error if a table of shape [states, actions, outcomes] would be too large.
 
     Raises:
         TooManyStates: the table would be too large.

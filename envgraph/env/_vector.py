@@ -105,7 +105,7 @@ class VectorEnvironmentBase(VectorEnv[Any, Any, Any]):
 
     @abstractmethod
     def action_masks(self) -> Bools:
-        """Return the action masks [environments, actions] of all environments; see `EnvgraphEnv`."""
+        """Return bool [environments, actions]: True for each action that does something now; all True if none does."""
 
     @abstractmethod
     def _enter(self, mask: Bools, members: Ints) -> None:
@@ -116,11 +116,14 @@ class VectorEnvironmentBase(VectorEnv[Any, Any, Any]):
 
     @abstractmethod
     def _begin(self, mask: Bools) -> None:
-        """Sample a start state for the environments in the mask."""
+        """Put each environment in the mask into a sampled start state."""
 
     @abstractmethod
     def _advance(self, actions: Ints) -> tuple[Floats, Ints, Bools]:
-        """Step all environments; return rewards, ends (0, 1, 2, -1), and the truncated ones; may reset ended ones."""
+        """Step all environments, or begin a new episode where one had ended; return rewards, ends and truncations.
+
+        Ends are 0 (none), 1 (success), 2 (failure) and -1 (truncated by the behaviour).
+        """
 
     @abstractmethod
     def _observed(self) -> Any:
@@ -128,14 +131,15 @@ class VectorEnvironmentBase(VectorEnv[Any, Any, Any]):
 
     @abstractmethod
     def _facts(self) -> dict[str, NDArray[Any]]:
-        """Return the infos that only this kind of environment has."""
+        """Return the info entries that only this kind of environment has."""
 
     def reset(
         self, *, seed: int | None = None, options: dict[str, Any] | None = None
     ) -> tuple[Any, dict[str, Any]]:
         """Begin an episode in every environment, or in those of `options={"reset_mask": mask}`.
 
-        `options={"variant": v}` switches to another available member, or to one member for each environment.
+        `options={"variant": v}` switches to another available member, or to one member for each environment. It is
+        refused if a schedule chooses the members.
         """
         variants = None if self._seats else self.variants  # a schedule chooses the members itself
         wanted = known_options(options, ("reset_mask", "variant") if variants else ("reset_mask",))
@@ -158,13 +162,13 @@ class VectorEnvironmentBase(VectorEnv[Any, Any, Any]):
             self._named = self.variants.of(self._which)
 
     def _choose(self, mask: Bools) -> None:
-        """Let the schedule choose the next members of the environments in the mask."""
+        """Switch the environments in the mask to the members that the schedule chooses; do nothing without schedule."""
         if self._seats:
             self._seats.begin(mask)
             self._go_over(mask, self._seats.member)
 
     def _mask(self, wanted: Any) -> Bools:
-        """Return a mask of the environments to reset, from the option `reset_mask`; all for None."""
+        """Return the option `reset_mask` as an array, all True for None; raise an error if it is not a valid mask."""
         if wanted is None:
             return np.ones(self.num_envs, dtype=np.bool_)
         mask = np.asarray(wanted)
@@ -218,7 +222,10 @@ class VectorEnvironmentBase(VectorEnv[Any, Any, Any]):
         }
 
     def _info(self, success: Bools, mask: Bools | None = None, begun: Bools | None = None) -> dict[str, Any]:
-        """Return the info of the environments in `mask` (None: all); `begun` marks those whose episode just began."""
+        """Return the info of the environments in `mask` (None: all), with certificates for those in `begun`.
+
+        `begun` marks the environments whose episode just began.
+        """
         values: dict[str, NDArray[Any]] = {
             **self._facts(),
             "step": self._steps.copy(),
@@ -340,7 +347,7 @@ class EnvgraphVectorEnv(VectorEnvironmentBase):
         """Do nothing: the tables are joined already, and `_which` selects the table of each environment."""
 
     def action_masks(self) -> Bools:
-        """Return the action masks [environments, actions] of all environments; see `EnvgraphEnv`."""
+        """Return bool [environments, actions]: True for each action that does something now; all True if none does."""
         return np.asarray(self._allowed[self._state])
 
     def _begin(self, mask: Bools) -> None:

@@ -29,7 +29,7 @@ MOST_KNOWN: Final = 2**14
 
 
 def check_kind(kind: object) -> None:
-    """Check that an observation kind is known.
+    """Raise an error if an observation kind is unknown.
 
     Raises:
         InvalidArgument: the kind is unknown.
@@ -44,7 +44,7 @@ class Memory:
         self._known: dict[Hashable, Any] = {}
 
     def get(self, key: Hashable, make: Callable[[], Any]) -> Any:
-        """Return a copy of the observation for a key, which `make` computes if it is not cached."""
+        """Return a copy of the cached observation for a key; if it is not cached, `make` computes it."""
         found = self._known.get(key)
         if found is None:
             if len(self._known) >= MOST_KNOWN:
@@ -104,7 +104,7 @@ class View:
                 return spaces.Dict({name: spaces.Discrete(size) for name, size in sizes})
 
     def of_index(self, index: int) -> Any:
-        """Return the observation that has an index, however large the index is."""
+        """Return a copy of the observation with an index, which may be larger than int64 allows."""
         if self.kind == "index":
             return np.int64(index)
         return self._memory.get(index, lambda: self.of_components(components(index, self._shape)))

@@ -179,7 +179,7 @@ class TurnEnv(_Several, _AEC):  # type: ignore[misc]
         self.metadata["is_parallelizable"] = False
 
     def reset(self, seed: int | None = None, options: dict[str, Any] | None = None) -> None:
-        """Begin an episode."""
+        """Begin an episode in a sampled start state; the option `variant` first switches to a member of the family."""
         self._begin(seed, options)
         self.rewards = dict.fromkeys(self.agents, 0.0)
         self._cumulative_rewards = dict.fromkeys(self.agents, 0.0)
@@ -191,7 +191,7 @@ class TurnEnv(_Several, _AEC):  # type: ignore[misc]
         self.infos = {name: self._first(info) for name, info in self.infos.items()}
 
     def step(self, action: Any) -> None:
-        """Do the action of `agent_selection`; None for an agent that is terminated or truncated."""
+        """Do the action of `agent_selection`; for an agent that is over, the action must be None, and removes it."""
         agent = self.agent_selection
         if self.terminations[agent] or self.truncations[agent]:
             self._was_dead_step(action)
@@ -227,7 +227,7 @@ class TogetherEnv(_Several, _PARALLEL):  # type: ignore[misc]
     def reset(
         self, seed: int | None = None, options: dict[str, Any] | None = None
     ) -> tuple[dict[str, Any], dict[str, dict[str, Any]]]:
-        """Begin an episode; return observations and infos."""
+        """Begin an episode in a sampled start state; return the observations and infos of all agents."""
         self._begin(seed, options)
         infos = self._infos(success=False)
         return self._seen(), {name: self._first(info) for name, info in infos.items()}
@@ -271,7 +271,7 @@ class TogetherEnv(_Several, _PARALLEL):  # type: ignore[misc]
 
 
 def _other(simulator: Simulator, other: str | None) -> InvalidArgument:
-    """Return the error for an environment that needs another interface."""
+    """Return the error that tells to use `envgraph.<other>`, or `envgraph.make` if `other` is None."""
     name = simulator.behaviour.name
     if other is None:
         return InvalidArgument(f"environment `{name}` has no `agent` blocks", "use `envgraph.make`")

@@ -1,6 +1,6 @@
 """Tabular agents, curricula, training and evaluation.
 
-Environments come as `envgraph.env.Tabular`. `run_experiment` trains one agent for each curriculum and seed and
+Environments are tables (`envgraph.env.Tabular`). `run_experiment` trains one agent for each curriculum and seed and
 evaluates it on the target; `train_curriculum` and `evaluate` are its parts. The defaults of `TrainingSettings` are
 the published settings. `value_iteration` computes the best policy of a known table. `chain_transfer` predicts from
 the tables alone how well a family teaches.

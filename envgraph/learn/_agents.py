@@ -33,7 +33,7 @@ from envgraph.solve.learning import (
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Tables:
-    """A family as tables.
+    """A family as tables; a stage is given by the numbers of the members in which its episodes take place.
 
     `tables` has the prepared table of each stage; `members` the environments with renumbered observations; `stages` the
     environment of each stage with its own observation numbers.
@@ -58,25 +58,25 @@ class TableAgent:
         self._exact: ExactScore | None = None
 
     def turn(self, rng: np.random.Generator, place: Place, stage: Stage) -> StageOutcome:
-        """Train for a stage in one environment, or in several between which episodes change."""
+        """Train for a stage in the members numbered `place`; each episode takes place in one of them."""
         if self._exact:
             self._exact.epsilon = stage.epsilon
         return self._loop(self._family.tables[place], stage, self._learned, rng)
 
     def evaluated(self, rng: np.random.Generator) -> Evaluation:
-        """Evaluate the agent on the target."""
+        """Return the evaluation of the agent on the target, the last member."""
         settings, target = self._settings, self._family.members[-1]
         return evaluate(self._values(), target, settings.evaluation_episodes, settings.limit, rng)
 
     def teacher(self, name: str, place: Place) -> Schedule:
-        """Return a new schedule by name for some members. Exact scores read the agent's current values."""
+        """Return a new schedule for the members numbered `place`; exact scores use the agent's current values."""
         if name in EXACT:
             members = [self._family.members[one] for one in place]
             self._exact = ExactScore(name, members, self._settings, self._values)
         return teacher(name, len(place), self._exact)
 
     def trained(self, curve: Curve, epsilon: float) -> Training:
-        """Return the training result, with the agent's current values."""
+        """Return a training result: the agent's current values, its learning curve and its last epsilon."""
         return Training(self._values(), curve, epsilon)
 
     def _values(self) -> NDArray[np.float64]:
@@ -103,22 +103,22 @@ class ProgramAgent:
         self._learner = Learner(family.program, settings.initial_value + 0.0)
 
     def turn(self, rng: np.random.Generator, place: Place, stage: Stage) -> StageOutcome:
-        """Train for a stage in one environment."""
+        """Train for a stage in one member; `place` contains its number."""
         (member,) = place
         return train_stage(
             self._learner, InProgram(self._family.program, self._family.members[member]), stage, rng
         )
 
     def evaluated(self, rng: np.random.Generator) -> Evaluation:
-        """Evaluate the agent on the target."""
+        """Return the evaluation of the agent on the target, the last member."""
         episodes, limit = self._settings.evaluation_episodes, self._settings.limit
         played = self._learner.play(self._family.members[-1], episodes, limit, rng)
         return Evaluation(*played, episodes, exact=False)
 
     def teacher(self, name: str, place: Place) -> Schedule:
-        """Return a new schedule by name for some members."""
+        """Return a new schedule for as many members as `place` has."""
         return teacher(name, len(place))
 
     def trained(self, curve: Curve, epsilon: float) -> ProgramTraining:
-        """Return the training result, with the agent's current values."""
+        """Return a training result: the agent's learner, its learning curve and its last epsilon."""
         return ProgramTraining(self._learner, curve, epsilon)

@@ -69,7 +69,10 @@ class Comparison:
 
     @property
     def verdict(self) -> Verdict:
-        """Return the verdict on the curriculum: "neither" if no agent succeeds, "equal" if within `MARGIN`."""
+        """Return "neither" if no agent succeeds, "better" or "worse" if significant, "equal" within `MARGIN`.
+
+        In all other cases, return "undecided".
+        """
         if self.by == "success" and self.value == self.other == 0:
             return "neither"
         if self.p_value < SIGNIFICANT:
@@ -84,7 +87,7 @@ class Comparison:
         return self.value == self.other or (self.p_value >= SIGNIFICANT and self.seeds >= self.seeds_needed)
 
     def format_mean(self, value: float) -> str:
-        """Format a mean of the measure."""
+        """Format a mean as a percentage if successes are compared, otherwise as a mean return."""
         return f"{100 * value:.3g} %" if self.by == "success" else f"a mean return of {value:z.2f}"
 
     def __str__(self) -> str:
@@ -148,7 +151,8 @@ class BestWay:
 def compare(experiment: Experiment, *, can_succeed: bool = True) -> tuple[Comparison, ...]:
     """Compare the first curriculum of an experiment with each control, and with training on the target alone.
 
-    Runs with another number of steps are left out, and all "optimistic" controls but the best.
+    Runs with another number of steps are left out, and all "optimistic" controls but the best. Without a curriculum,
+    return ().
 
     Args:
         experiment: the runs of all ways.
@@ -187,7 +191,7 @@ def findings(comparisons: Sequence[Comparison]) -> list[str]:
 
 
 def _called(run: RunResult) -> str:
-    """Return a name, for use in sentences, of the way in which an agent was trained."""
+    """Return a phrase for sentences, such as "the curriculum E1-E3", for the way in which an agent was trained."""
     if run.kind != "control":
         return f"the curriculum {run.label}" if run.kind == "curriculum" else f"training on {run.label} alone"
     name, _, values = run.label.partition(" ")
@@ -197,7 +201,10 @@ def _called(run: RunResult) -> str:
 
 
 def _ways(experiment: Experiment) -> list[list[RunResult]]:
-    """Return the runs of the first curriculum, if any, then those of each other way with as many steps, in lists."""
+    """Return the runs of each way in lists: first the first curriculum, if any, then ways with as many steps.
+
+    Of the "optimistic" controls only the best is a way.
+    """
     runs = [
         run for run in experiment.best_optimistic().runs if run.kind != "baseline" or not run.steps_before
     ]
@@ -214,7 +221,7 @@ def _values(way: Sequence[RunResult], can_succeed: bool) -> list[float]:
 
 
 def _comparisons(ways: Sequence[Sequence[RunResult]], can_succeed: bool) -> tuple[Comparison, ...]:
-    """Compare the first way with each other way."""
+    """Return the comparison of the first way with each other way; raise InvalidArgument if their seeds differ."""
     one, seeds, found = ways[0][0], [run.seed for run in ways[0]], []
     first, *others = (_values(way, can_succeed) for way in ways)
     for way in ways:

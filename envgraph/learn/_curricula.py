@@ -66,17 +66,17 @@ class Curriculum:
         return tuple((stage,) if isinstance(stage, str) else stage for stage in self.stages)
 
     def for_seed(self, seed: int) -> Self:
-        """Return the curriculum with its stages in the order of a seed."""
+        """Return the curriculum with its stages in the order of a seed; itself if it has no `orders`."""
         return replace(self, stages=self.orders[seed % len(self.orders)], orders=()) if self.orders else self
 
     def lengths(self, steps: int) -> list[int]:
-        """Return the steps of each stage, if a share of 1 has `steps`. Their sum is exact; a stage may have 0."""
+        """Return the number of steps of each stage, if a share of 1 means `steps`; rounded so that the sum is exact."""
         ends = [int(end * steps) for end in accumulate(map(Fraction, self.shares), initial=Fraction())]
         return [end - start for start, end in pairwise(ends)]
 
 
 def kind_of(text: object) -> Kind:
-    """Parse the kind of a curriculum.
+    """Return the kind of a curriculum from its text.
 
     Raises:
         ValueError: there is no such kind.

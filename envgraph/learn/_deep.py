@@ -47,7 +47,7 @@ class DeepAgent(TableAgent):
         self._model: Any = algorithm("MlpPolicy", self._env, **options)
 
     def turn(self, rng: Generator, place: Place, stage: Stage) -> StageOutcome:
-        """Train for exactly the steps of a stage: PPO in rollouts of equal length, DQN in one call."""
+        """Train for exactly the steps of a stage: PPO in rollouts of about equal length, DQN in one call."""
         model, keeps, self._epsilon = self._model, self._on_policy and stage.learn, stage.epsilon
         _, _, per_step, per_episode, minimum = stage.factors
         log: list[tuple[float, bool, bool]] = []
@@ -93,6 +93,6 @@ class _Episodes(EnvgraphEnv):
         self._limit = limit
 
     def step(self, action: Any) -> tuple[Any, float, bool, bool, dict[str, Any]]:
-        """Do one action."""
+        """Do one action, and truncate the episode after `limit` steps."""
         observed, reward, terminated, truncated, info = super().step(int(action))
         return observed, reward, terminated, truncated or info["step"] >= self._limit, info

@@ -30,7 +30,7 @@ class Journal:
     Invariant: the file has the data of `about` and `known`, in whole lines.
 
     Attributes:
-        path: of the file.
+        path: the path of the file.
         about: the description of the training that `create` was given.
     """
 
@@ -41,13 +41,13 @@ class Journal:
 
     @classmethod
     def create(cls, path: Path, about: Mapping[str, Any]) -> Self:
-        """Create the file, or replace it. `about` must be serialisable as JSON."""
+        """Create or replace the file, and return its journal. `about` must be serialisable as JSON."""
         replace_file(path, json.dumps({"format": FORMAT, **about}, ensure_ascii=False) + "\n")
         return cls(path, about)
 
     @classmethod
     def open(cls, path: Path) -> Self:
-        """Read a file and remove an incomplete last line, to continue the training.
+        """Read a file, remove an incomplete last line from it, and return its journal, to continue the training.
 
         Raises:
             InvalidArgument: the file does not exist, or a line is not a valid result.
@@ -79,11 +79,11 @@ class Journal:
         return sum(map(len, self._found.values()))
 
     def known(self, part: str, target: str) -> tuple[RunResult, ...]:
-        """Return the results of a part of the training that were evaluated on a target."""
+        """Return the results that were added for a part of the training and a target."""
         return tuple(self._found.get((part, target), ()))
 
     def add(self, part: str, target: str, result: RunResult) -> None:
-        """Append the result of an agent to the file."""
+        """Add the result of an agent, and write it to the disk at once; raise OSError if the file was removed."""
         entry = {"part": part, "target": target, "agent": asdict(result)}
         with open(
             os.open(self.path, os.O_WRONLY | os.O_APPEND), "ab"

@@ -52,14 +52,14 @@ class RunResult:
     """The result of one training run, and of its evaluation on the target.
 
     Attributes:
-        kind: that of the curriculum.
+        kind: the kind of the curriculum.
         label: the curriculum's label.
         seed: the run's seed.
         steps: training steps in all.
         episodes: training episodes finished in all.
-        success_rate: of the greedy policy on the target, from 0 to 1.
-        mean_return: of the greedy policy, undiscounted.
-        mean_length: of the greedy policy's episodes, in steps.
+        success_rate: success rate of the greedy policy on the target, from 0 to 1.
+        mean_return: mean return of the greedy policy on the target, undiscounted.
+        mean_length: mean length of the greedy policy's episodes, in steps.
         steps_before: training steps before the agent trains on the target alone; all steps if it never does.
         success_before: success rate on the target before the last stage. Its difference to the success rate without
             training is the jumpstart (Taylor and Stone 2009).
@@ -101,7 +101,7 @@ RUN_COLUMNS = tuple(field.name for field in fields(RunResult) if field.name != "
 
 
 def result_of(values: Mapping[str, Any], curve: Curve, whole: Any = int, real: Any = float) -> RunResult:
-    """Return a run made of values by the names of `RUN_COLUMNS`; `whole` parses ints, `real` floats.
+    """Return the result of a run from values with the names of `RUN_COLUMNS`; `whole` parses ints, `real` floats.
 
     Raises:
         ValueError, TypeError, LookupError: a value is missing or cannot be parsed.
@@ -158,7 +158,7 @@ class Experiment:
         return tuple(_summary(group, confidence) for group in groups.values())
 
     def best_optimistic(self) -> Experiment:
-        """Return the experiment with only the best "optimistic" control: by mean success, then by mean return."""
+        """Return the experiment without "optimistic" controls except the best: by mean success, then by mean return."""
         tried: dict[str, tuple[float, float]] = {}
         for run in self.runs:
             if run.kind == "control" and run.label.startswith(OPTIMISTIC):
@@ -275,7 +275,7 @@ def _text(cell: str) -> str:
 
 
 def _read(path: Path, columns: Sequence[str], parse: Callable[[list[str]], Parsed]) -> list[Parsed]:
-    """Parse every row but the header.
+    """Return what `parse` returns for each row after the header, which must be `columns`.
 
     Raises:
         InvalidArgument: the file cannot be read, or a row cannot be parsed; the message has the line number.

@@ -34,9 +34,9 @@ def permutation_test(values: ArrayLike, others: ArrayLike, *, draws: int = DRAWS
     at least as far from 0 (Phipson and Smyth 2010).
 
     Args:
-        values, others: [seeds], of the same seeds.
+        values, others: the values of two methods, one for each seed, in the same order of seeds.
         draws: number of random sign vectors if the test is not exact.
-        seed: of the draws.
+        seed: the seed of the draws.
 
     Raises:
         InvalidArgument: there are no values, or not equally many.
@@ -68,7 +68,7 @@ def permutation_test(values: ArrayLike, others: ArrayLike, *, draws: int = DRAWS
 
 
 def _exact(away: NDArray[np.int64], least: int) -> float | None:
-    """Return the exact probability of a sum with random signs at least `least` from 0; None for too many sums."""
+    """Return the probability that `away`, summed with random signs, is at least `least` from 0; None if too costly."""
     sums: NDArray[np.int64] = np.zeros(1, np.int64)
     chances: NDArray[np.float64] = np.ones(1)
     for value in away:

@@ -51,7 +51,7 @@ class ExactScore:
         return np.array([self.of(member) for member in outcomes.member.tolist()])
 
     def of(self, member: int) -> float:
-        """Return the score of a member."""
+        """Return the exact regret or learnability of a member, with the learner's current policy."""
         tabular, settings = self._tabulars[member], self._settings
         policy = np.full((tabular.n_states, tabular.n_actions), self.epsilon / tabular.n_actions)
         greedy = self._q().argmax(axis=1)[tabular.observation]

@@ -29,6 +29,8 @@ def run_in_workers(
 ) -> Iterator[T]:
     """Yield the result of the function for each tuple of arguments, in the order in which the calls end.
 
+    With one worker, the calls run in this process.
+
     Raises:
         EnvgraphError: a worker process died. `hint` is the advice that the error shows.
     """
@@ -56,7 +58,7 @@ def run_in_workers(
 
 
 def end_with_parent() -> None:
-    """End this worker process soon after its parent, even if the parent is killed and cannot notify its workers.
+    """Start a thread that ends this worker process soon after its parent, even if the parent is killed.
 
     A worker of a cluster has no parent that Python knows, so it is not ended. The kernel's signal for a dead parent
     (`PR_SET_PDEATHSIG`) does not help: it is sent when the thread that started the worker ends.

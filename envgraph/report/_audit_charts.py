@@ -13,7 +13,7 @@ _PANEL, _LEFT = 200, 40
 
 @dataclass(frozen=True, slots=True)
 class Panel:
-    """One of several scatter plots side by side.
+    """A scatter plot, drawn beside others.
 
     Attributes:
         title: the text above the plot.
@@ -32,7 +32,7 @@ class Interval:
         label: the text on the left.
         value, low, high: the value of the dot, and the ends of the bar.
         text: the text on the right.
-        strong: draw the row in colour.
+        strong: True to draw the row in colour, False in grey.
     """
 
     label: str

@@ -144,20 +144,20 @@ def chart(height: float, title: str, parts: Iterable[str]) -> str:
 
 
 def text(x: float, y: float, words: str, anchor: str = "", *, turned: bool = False) -> str:
-    """Return an SVG text element at a position; `turned` rotates it to be read from bottom to top."""
+    """Return an SVG text element at a position; `anchor` is its `text-anchor`, and `turned` makes it read upwards."""
     style = f' text-anchor="{anchor}"' if anchor else ""
     style += f' transform="rotate(-90 {x:.1f} {y:.1f})"' if turned else ""
     return f'<text x="{x:.1f}" y="{y:.1f}"{style}>{markup(words)}</text>'
 
 
 def line(kind: str, xs: tuple[float, float], ys: tuple[float, float], style: str = "", dash: str = "") -> str:
-    """Return an SVG line from one point to another; `kind` is its class in the style sheet."""
+    """Return an SVG line from (xs[0], ys[0]) to (xs[1], ys[1]); `kind` is its class in the style sheet."""
     ends = f'x1="{xs[0]:.1f}" x2="{xs[1]:.1f}" y1="{ys[0]:.1f}" y2="{ys[1]:.1f}"'
     return f'<line class="{kind}" {ends}' + (f' style="{style}"' if style else "") + f"{dash}/>"
 
 
 def dot(x: float, y: float, style: str, radius: float = 3) -> str:
-    """Return a filled SVG circle."""
+    """Return a filled SVG circle; `style` is its CSS colour."""
     return f'<circle cx="{x:.1f}" cy="{y:.1f}" r="{radius}" style="fill: {style}"/>'
 
 
@@ -237,7 +237,7 @@ def _band(frame: Frame, series: Series, shade: str) -> str:
 
 
 def _dash(place: int, series: Series) -> str:
-    """Return the dash attribute that distinguishes lines of the same colour."""
+    """Return the dash attribute of a dashed line, or of a line whose colour occurs before; "" for a solid line."""
     round_ = place // len(COLOURS)
     dash = [5 + 9 * round_, 4] if series.dashed or round_ else []
     return f' stroke-dasharray="{" ".join(map(str, dash))}"' if dash else ""

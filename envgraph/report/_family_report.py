@@ -64,7 +64,7 @@ def _unverified(family: Family) -> str:
 
 
 def _order(family: Family) -> str:
-    """Return a sentence on the order of the members; an initial model is the target even if others are harder."""
+    """Return a sentence that names the order of the members and the target."""
     target, spec = family.members[-1], family.domain.spec
     if spec.climbs and spec.curriculum.order is None:
         return (
@@ -76,7 +76,7 @@ def _order(family: Family) -> str:
 
 
 def stage_rows(family: Family, trained: Sequence[Trained] = ()) -> list[dict[str, Cell]]:
-    """Return the rows of `stage_table` as numbers: success from 0 to 1, None for unknown values."""
+    """Return the rows of `stage_table` by column, with numbers: success from 0 to 1, None for unknown values."""
     columns, rows = _stage_cells(family, trained)
     return [dict(zip([name for name, _ in columns], row, strict=True)) for row in rows]
 
@@ -107,7 +107,7 @@ def stage_table(family: Family, trained: Sequence[Trained] = ()) -> Table:
 def _stage_cells(
     family: Family, trained: Sequence[Trained]
 ) -> tuple[list[tuple[str, str]], list[tuple[Cell, ...]]]:
-    """Return the columns, each with the format of its numbers, and the rows."""
+    """Return the columns of the stage table, each with its name and number format, and the rows."""
     measures = list(family.members[0].measures)
     varying = family.class_counts()
     reached = [

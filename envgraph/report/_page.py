@@ -17,7 +17,7 @@ from envgraph.report._charts import COLOURS_ON_DARK
 
 @dataclass(frozen=True, slots=True)
 class Card:
-    """One environment of the family on the page.
+    """The picture and facts of one environment of the family on the page.
 
     Attributes:
         name: the name, such as "E6".

@@ -58,9 +58,10 @@ class Trained:
 
 
 def _panels(found: Iterable[tuple[str, str]], target: str) -> dict[str, list[tuple[str, str]]]:
-    """Return the lines (kind, label) of each chart, by chart title; the last chart may show every baseline.
+    """Return the lines (kind, label) of each chart, by chart title.
 
-    Charts of curricula and of controls also show training on the target alone.
+    Charts of curricula and of controls also show training on the target alone. If other baselines exist, or nothing
+    else, the last chart shows all baselines.
     """
     every = list(found)
     taught, compared, alone = (
@@ -218,7 +219,10 @@ def _interval(ends: tuple[float, float] | None, as_: str) -> str:
 
 
 def _profiles(experiment: Experiment, panels: Mapping[str, Sequence[tuple[str, str]]]) -> tuple[str, ...]:
-    """Return a chart of the share of agents whose return exceeds a value, for the first chart with controls; or ()."""
+    """Return one chart of the share of agents whose return exceeds a value, with the lines of the chart of controls.
+
+    Return () without such a chart, or if all returns are equal.
+    """
     panel = next((panel for name, panel in panels.items() if "controls" in name), [])
     numbers = _numbers(panels)
     returns = {
@@ -251,7 +255,7 @@ def runs_of(experiment: Experiment, summary: Summary) -> list[RunResult]:
 
 
 def curve(summary: Summary, runs: Sequence[RunResult]) -> Series:
-    """Return the mean cumulative reward over runs of one curriculum, as a line; all runs have the same checkpoints."""
+    """Return the mean reward curve of runs, with its standard deviation; InvalidArgument if checkpoints differ."""
     steps = runs[0].curve.steps
     if any(run.curve.steps != steps for run in runs):
         raise InvalidArgument(f"the runs of {summary.label} have different checkpoints")
@@ -269,7 +273,7 @@ def curve(summary: Summary, runs: Sequence[RunResult]) -> Series:
 
 
 def thinned(points: Sequence[T]) -> list[T]:
-    """Return at most `_MOST_POINTS` of the points, evenly spaced, including the last one."""
+    """Return at most 401 of the points, evenly spaced, including the last one."""
     stride = -(-len(points) // _MOST_POINTS)
     return [*points[: len(points) - 1 : stride], points[-1]]
 

@@ -46,7 +46,7 @@ class Canvas:
         self._paint(xs, ys, np.clip(half - distance + 0.5, 0.0, 1.0), colour)
 
     def text(self, x: float, y: float, text: str, scale: int, colour: Colour) -> None:
-        """Draw one line of text around a centre."""
+        """Draw one line of text centred at (x, y), with `scale` pixels for each pixel of the font."""
         shape = write(text, scale)
         height, width = shape.shape
         top, left = floor(y - height / 2 + 0.5), floor(x - width / 2 + 0.5)
@@ -56,7 +56,7 @@ class Canvas:
         area[visible] = np.array(colour)
 
     def label(self, x: float, y: float, text: str, scale: int, colour: Colour) -> None:
-        """Draw one line of text on a rectangle in the colour of the paper, so that it is readable above lines."""
+        """Draw one line of text centred at (x, y), on a rectangle in the colour of the paper."""
         height, width = write(text, scale).shape
         self.rectangle(
             round(x - width / 2) - scale,

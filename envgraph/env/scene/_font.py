@@ -86,7 +86,7 @@ _UNKNOWN = ("#####", "#...#", "#...#", "#...#", "#...#", "#...#", "#####")
 
 @cache
 def _glyphs() -> dict[str, NDArray[np.bool_]]:
-    """Return the pixels of every character: 6 columns for each, below a line that lists the characters."""
+    """Return the pixels [7, 5] of every character, parsed from the drawing of the font."""
     lines = _SHAPES.strip("\n").splitlines()
     found = {}
     for band in range(0, len(lines), HEIGHT + 1):

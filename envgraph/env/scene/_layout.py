@@ -57,7 +57,7 @@ def graph_layout(scene: GraphScene, letter_width: float) -> GraphLayout:
     """Place the nodes clockwise on a circle, the first at the top, with labels outside, where no edge crosses them.
 
     Args:
-        scene: what to place.
+        scene: the graph.
         letter_width: width of a letter of a label.
     """
     count = len(scene.labels)

@@ -80,7 +80,7 @@ class Looks:
         return Look(Glyph(letter, colour), tuple(dict.fromkeys(states)), unusual)
 
     def vary(self, cls: str) -> bool:
-        """Return True if attributes change the appearance of the objects of a class."""
+        """Return True if attributes can change the appearance of objects of a class."""
         return bool(self._marks_of(cls))
 
     def _marks_of(self, cls: str) -> tuple[_Marked, ...]:
@@ -100,7 +100,7 @@ def glyph_of(metamodel: Metamodel, cls: str) -> Glyph:
 
 
 def _marked(metamodel: Metamodel, cls: str) -> Iterator[_Marked]:
-    """Yield the attributes that change the appearance of objects: colours, then glyphs, which may override colours."""
+    """Yield each attribute that changes appearances, with its annotation's arguments: colours before glyphs."""
     features = [one for one in metamodel.features(cls).values() if isinstance(one, Attribute)]
     for wanted in ("colour", "glyph"):
         for one in features:
@@ -110,7 +110,7 @@ def _marked(metamodel: Metamodel, cls: str) -> Iterator[_Marked]:
 
 
 def _digit(value: int) -> str:
-    """Return an int as one letter: "-" if it is negative, "+" if it is above 9."""
+    """Return an int as one letter: its digit, "-" if it is negative, "+" if it is above 9."""
     return str(value) if 0 <= value <= 9 else "-" if value < 0 else "+"
 
 

@@ -32,10 +32,10 @@ _DASH = 0.22
 
 
 def scene_rgb(scene: Scene, cell: int = 32) -> NDArray[np.uint8]:
-    """Render a scene.
+    """Render a scene as an array of pixels.
 
     Args:
-        scene: what to draw.
+        scene: the scene.
         cell: side of a cell in pixels, >= 1; letters are readable from 16.
 
     Returns:
@@ -58,7 +58,7 @@ def _canvas(width: float, height: float) -> Canvas:
 
 
 def _scale(cell: int) -> int:
-    """Return the number of pixels for each pixel of the font: a letter fills almost half of a cell's height."""
+    """Return the pixels for each pixel of the font, so that a letter fills almost half of a cell's height."""
     return max(1, round(cell * 0.45 / HEIGHT))
 
 

@@ -86,8 +86,8 @@ class Edge:
 
     Attributes:
         label: text beside the arrow; "" for none.
-        kind: for an object whose `bool` attributes differ from their declaration, its class and these: "Link, not up".
-            The arrow is then dashed. Else "".
+        kind: for an object that differs from its declaration in `bool` attributes with a glyph, its class and their
+            values, such as "Link, not up"; the arrow is then dashed. Otherwise "".
     """
 
     source: int
@@ -102,7 +102,7 @@ class GraphScene:
     """A graph: nodes with a glyph and a label, directed edges between them, and tokens on the nodes.
 
     `kinds` are the classes of the nodes, with the attribute values that change their appearance: "Router, down".
-    `aside` are tokens without a node, as those of a `GridScene` without a cell.
+    `aside` are tokens without a node, in a row below the graph; None if every token always has a node.
     """
 
     labels: tuple[str, ...]
@@ -126,7 +126,10 @@ class Key(NamedTuple):
 
 
 def legend(scenes: Iterable[Scene]) -> tuple[Key, ...]:
-    """Return a legend for some scenes, with each appearance once: cells or nodes, then tokens, then dashed edges."""
+    """Return a legend with each appearance in the scenes once: cells or nodes, then tokens, then dashed edges.
+
+    Tokens that look alike share an entry.
+    """
     below, above, between = dict[str, Key](), dict[str, Key](), dict[str, Key]()
     for scene in scenes:
         drawn = zip(scene.kinds, scene.glyphs, strict=False)
@@ -163,7 +166,7 @@ def scene_of(model: Model, draw: Draw, parameters: Iterable[Parameter] = ()) -> 
 
 
 class Painter:
-    """A producer of scenes for the states of one model. Data that is the same for all states is computed once."""
+    """A producer of scenes for the states of one model; parameters are bound in the state at its creation."""
 
     def __init__(self, model: Model, draw: Draw, parameters: Iterable[Parameter] = ()) -> None:
         self._model = model
@@ -230,7 +233,7 @@ class Painter:
         return [*(token.cls for token, _ in self._tokens if token.cls), *bound]
 
     def _cell_marks(self, place_of: Mapping[int, tuple[int, int]]) -> Iterator[Mark]:
-        """Yield a token for each cell whose attributes change its appearance, for example a spot with a box."""
+        """Yield a token for each cell whose appearance differs from its class, for example a spot with a box."""
         model = self._model
         varying = {cls for cls in self._grid.kinds if self._looks.vary(cls)}
         for node in ordered_objects(model, self._grid.cls) if varying else ():
@@ -249,7 +252,10 @@ class Painter:
     def _marks(
         self, place_of: Mapping[int, tuple[int, int]]
     ) -> tuple[tuple[Mark, ...], tuple[Mark, ...] | None]:
-        """Return the tokens on cells or nodes, and those without a place; None if every token always has a place."""
+        """Return the tokens on cells or nodes, and those without a place, or None if every token always has a place.
+
+        `place_of` has the position of each object that is a cell or node.
+        """
         standing, aside = list[Mark](), list[Mark]()
         for position, node, at in self._placed():
             if at is None:
@@ -271,7 +277,7 @@ class Painter:
         return self._mark(name, cls, look, place)
 
     def _placed(self) -> Iterator[tuple[int, int, int | None]]:
-        """Yield for every token its position in the `draw` clause, its object, and the object below it or None."""
+        """Yield for every existing token its position in the `draw` clause, its object, and the one below or None."""
         model = self._model
         for position, (token, bound) in enumerate(self._tokens):
             nodes = ordered_objects(model, token.cls) if bound is None and token.cls else [bound]
@@ -302,7 +308,7 @@ class Painter:
                         yield self._edge(draw, node, between, number[source], number[target])
 
     def _edge(self, draw: DrawGraph, node: int, cls: Class, source: int, target: int) -> Edge:
-        """Return the edge that represents an object."""
+        """Return the edge that represents an object, with its label, colour and kind."""
         look = self._looks.of(node, cls.glyph or Glyph("", LINE_COLOUR))
         named = (link.label for link in draw.links if self._model.metamodel.is_a(cls.name, link.cls))
         value = next((self._read(node, label) for label in named if label), None)
@@ -322,7 +328,7 @@ def _bound_tokens(
 
 
 def _features(path: Expression) -> str:
-    """Return the names of the features of a path, in order."""
+    """Return the names of the features of a path, in order, joined by spaces."""
     found: list[str] = []
     while isinstance(path, Navigation):
         found.append(path.feature)
@@ -331,7 +337,7 @@ def _features(path: Expression) -> str:
 
 
 def _may_be_empty(metamodel: Metamodel, path: Expression) -> bool:
-    """Return True if a reference of a path may have no target."""
+    """Return True if a path contains the name of a reference that may have no target."""
     while isinstance(path, Navigation):
         if any(one.name == path.feature and one.lower == 0 for one in metamodel.references):
             return True
@@ -371,7 +377,10 @@ class _Grid:
         self._kind = {kind: number for number, kind in enumerate(kinds)}
 
     def cells(self) -> tuple[int, int, bytes, dict[int, tuple[int, int]]]:
-        """Return the width, the height, the kind of every cell, and the (column, row) of every object."""
+        """Return the width, the height, the kind of every cell, and the (column, row) of every object.
+
+        Kinds are indices in `kinds`, row by row, or `EMPTY`. Raise InvalidArgument for more than a million cells.
+        """
         model = self._model
         at: dict[int, tuple[int, int]] = {}
         for node in sorted(

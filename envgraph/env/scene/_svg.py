@@ -26,7 +26,7 @@ def scene_svg(scene: Scene, cell: int = 32) -> str:
     """Render a scene as one `<svg>` element that can be embedded in an HTML page.
 
     Args:
-        scene: what to draw.
+        scene: the scene.
         cell: side of a cell in CSS pixels.
     """
     if isinstance(scene, GridScene):
@@ -121,6 +121,6 @@ def _path(points: Sequence[Point]) -> str:
 
 
 def _title(scene: GraphScene, edge: Edge) -> str:
-    """Return the tooltip of an edge."""
+    """Return the tooltip of an edge: its ends, label and kind."""
     ends = f"{scene.labels[edge.source]} to {scene.labels[edge.target]}"
     return ", ".join(text for text in (ends, edge.label, edge.kind) if text)

@@ -40,7 +40,7 @@ class Window:
         self._clock: Any = None
 
     def show(self, pixels: NDArray[np.uint8]) -> None:
-        """Show a picture [height, width, 3], and resize the window to it."""
+        """Show a picture [height, width, 3] in the window, which is opened or resized for it; wait to keep the rate."""
         import pygame
 
         title, fps = self._given

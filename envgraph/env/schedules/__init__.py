@@ -1,8 +1,8 @@
 """Schedules: they choose the members of a family, or of thousands of levels, that a student plays next.
 
-A `Schedule` is asked for members and told the outcomes. `InOrder` is a curriculum, `Shuffled` domain randomisation,
-`Replay` prioritised level replay, `Sifter` sampling for learnability. `Weighted` samples by statistics of each
-member: learning progress, a band of success rates, learnability. The vector environments, `envgraph train` and
+A `Schedule` returns members by `ask` and gets outcomes by `tell`. `InOrder` is a curriculum, `Shuffled` domain
+randomisation, `Replay` prioritised level replay, `Sifter` sampling for learnability. `Weighted` samples by statistics
+of each member: learning progress, a band of success rates, learnability. The vector environments, `envgraph train` and
 `envgraph audit` use the same schedules.
 
 >>> import numpy as np

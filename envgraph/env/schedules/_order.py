@@ -15,7 +15,7 @@ class InOrder:
     """A curriculum: member 0 for a number of steps, then member 1 and so on; then the last member for ever.
 
     Args:
-        steps: for each member. Steps are counted from the outcomes passed to `tell`.
+        steps: the number of steps for each member, counted from the outcomes passed to `tell`.
     """
 
     def __init__(self, steps: Sequence[int]) -> None:
@@ -38,7 +38,7 @@ class Shuffled:
     """Domain randomisation (Tobin et al. 2017): members in random order, all of them before any is repeated.
 
     Args:
-        members: their numbers.
+        members: the numbers of the members.
     """
 
     def __init__(self, members: Ints) -> None:
@@ -55,7 +55,7 @@ class Shuffled:
         """Do nothing: the order does not depend on outcomes."""
 
     def draw(self, count: int, rng: Generator) -> Ints:
-        """Return the numbers of the next `count` members."""
+        """Remove the next `count` members from the random order, and return their numbers."""
         while len(self._order) < count:
             self._order = np.concatenate([self._order, rng.permutation(self.members)])
         found, self._order = self._order[:count], self._order[count:]

@@ -50,7 +50,7 @@ class BestSeen:
         self._best: dict[int, float] = {}
 
     def __call__(self, outcomes: Outcomes) -> Floats:
-        """Return a score for each outcome."""
+        """Update the highest returns, and return for each outcome the member's highest return minus its mean return."""
         for member, one in zip(outcomes.member.tolist(), outcomes.returns.tolist(), strict=True):
             self._best[member] = max(self._best.get(member, -inf), one)
         return np.array([self._best[one] for one in outcomes.member.tolist()]) - outcomes.returns
@@ -84,7 +84,10 @@ class Replay:
         self._batches = 0
 
     def ask(self, count: int, rng: Generator) -> Batch:
-        """Return members of the buffer, or others in random order; after a replay, edits of the replayed members."""
+        """Return members sampled from the buffer, or, before it is half full and otherwise by chance, the next members.
+
+        With `edit`, the batch after a replay has edits of the replayed members, which are played only to score them.
+        """
         self._batches += 1
         if self._edit and len(self._parents):
             parents, self._parents = np.resize(self._parents, count), self._parents[:0]
@@ -123,7 +126,10 @@ class Kept:
         return len(self._place)
 
     def put(self, members: Ints, scores: Floats, now: int) -> None:
-        """Update the scores of members in the buffer. A new member replaces the lowest one if its score is higher."""
+        """Update the scores of members in the buffer, and add new members at time `now`, counted in batches.
+
+        If the buffer is full, a new member replaces the one with the lowest score if its own score is higher.
+        """
         for member, score in zip(members.tolist(), scores.tolist(), strict=True):
             place = self._place.get(member)
             if place is None:
@@ -138,7 +144,7 @@ class Kept:
             self._scores[place] = score
 
     def chances(self, now: int) -> Floats:
-        """Return the probability that each member is replayed, from the rank of its score and its last replay."""
+        """Return the replay probability of each member in the buffer, from its score's rank and its last replay."""
         settings, count = self._settings, self.filled
         ranks = np.empty(count)
         ranks[np.argsort(-self._scores[:count], kind="stable")] = np.arange(1, count + 1)
@@ -150,7 +156,7 @@ class Kept:
         return np.asarray(found / found.sum())
 
     def draw(self, count: int, now: int, rng: Generator) -> Ints:
-        """Sample members to replay now, without repetition if the buffer holds at least `count`."""
+        """Sample members, and record `now` as their last replay; repeat members only if the buffer has too few."""
         places = rng.choice(self.filled, count, replace=count > self.filled, p=self.chances(now))
         self._stamps[places] = now
         return self._members[places]

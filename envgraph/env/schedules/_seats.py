@@ -1,4 +1,4 @@
-"""Assign members to the environments of a vector environment, as a schedule says."""
+"""Assign members, chosen by a schedule, to the environments of a vector environment."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ class Seats:
     """The member of each environment of a vector environment, chosen by a schedule whenever an episode begins.
 
     Args:
-        schedule: is asked for members, and told the outcomes of episodes.
+        schedule: returns members, and gets the outcomes of episodes.
         count: number of environments.
         members: number of members.
 
@@ -38,11 +38,14 @@ class Seats:
         self._rng = default_rng()
 
     def seed(self, rng: Generator) -> None:
-        """Sample from this generator from now on."""
+        """Set the random generator from which the schedule samples from now on."""
         self._rng = rng
 
     def begin(self, mask: Bools) -> None:
-        """Ask the schedule for members for the environments of a mask, whose episodes begin."""
+        """Assign members that the schedule chooses to the environments in the mask, and set their returns to 0.
+
+        Raise InvalidArgument if the schedule returns a wrong number of members or unknown ones.
+        """
         places = np.flatnonzero(mask)
         if not len(places):
             return
@@ -55,7 +58,10 @@ class Seats:
         self.member[places], self.learn[places], self._returns[places] = members, batch.learn, 0.0
 
     def step(self, reward: Floats, over: Bools, success: Bools, steps: Ints) -> None:
-        """Record a step of all environments, and tell the schedule the outcomes of those whose episodes are over."""
+        """Add up the rewards of a step, and pass the outcomes of episodes that are over to the schedule.
+
+        `steps` has the number of steps of each episode.
+        """
         self._returns += reward
         ended = np.flatnonzero(over)
         if len(ended):

@@ -34,8 +34,8 @@ class Sifting:
 class Sifter:
     """A schedule that samples a share of members from the best of the last search, and plays others in random order.
 
-    The score of a candidate is p (1 - p), where p is the share of its episodes that succeed. A search asks for each
-    candidate once for each episode, not to be learned on.
+    The score of a candidate is p (1 - p), where p is the share of its episodes that succeed. A search returns each
+    candidate once for each of these episodes, with `learn` False.
 
     Args:
         members: their numbers.
@@ -56,7 +56,7 @@ class Sifter:
         self._found: dict[int, list[float]] = {}
 
     def ask(self, count: int, rng: Generator) -> Batch:
-        """Return candidates of the current search to be scored, or else members to learn on."""
+        """Return candidates of the current search, which begins now if it is due, or else members to learn on."""
         if self._since >= self._how.every:
             self._search(rng)
         if len(self._queue):
@@ -70,7 +70,7 @@ class Sifter:
         return Batch(np.concatenate([sifted, self._source.draw(count - chosen, rng)]))
 
     def tell(self, outcomes: Outcomes) -> None:
-        """Record the episodes of candidates, and end the search when each has enough."""
+        """Record the episodes of candidates; when each has enough, end the search and select the best candidates."""
         if not self._found:
             return
         for member, success in zip(outcomes.member.tolist(), outcomes.success.tolist(), strict=True):

@@ -29,7 +29,7 @@ class Known:
         self._told = np.zeros(count, np.bool_)
 
     def tell(self, outcomes: Outcomes) -> None:
-        """Update the averages with outcomes."""
+        """Update both averages of each member that was played with its share of successes."""
         for member, success in zip(outcomes.member.tolist(), outcomes.success.tolist(), strict=True):
             for average, rate in ((self.fast, FAST), (self.slow, SLOW)):
                 average[member] += (rate if self._told[member] else 1.0) * (success - average[member])
@@ -57,8 +57,8 @@ def learnability(known: Known) -> Floats:
 class Band:
     """A weight that is equal for members with a success rate in a band, and 0 for others.
 
-    If no success rate is in the band, the weight is that of the nearest ones. This is the zone of proximal development;
-    compare the goals of intermediate difficulty of Florensa et al. (2018).
+    If no success rate is in the band, only the members nearest to it have a weight. This is the zone of proximal
+    development; compare the goals of intermediate difficulty of Florensa et al. (2018).
 
     Attributes:
         low, high: the band.
@@ -90,7 +90,7 @@ class Weighted:
         self._first: Ints | None = None
 
     def ask(self, count: int, rng: Generator) -> Batch:
-        """Return members that were never played, then members sampled by weight."""
+        """Return members that were never returned before, then members sampled by weight."""
         if self._first is None:
             self._first = rng.permutation(self._count)
         first, self._first = self._first[:count], self._first[count:]
@@ -98,11 +98,11 @@ class Weighted:
         return Batch(np.concatenate([first, drawn]))
 
     def tell(self, outcomes: Outcomes) -> None:
-        """Update the success rates."""
+        """Update the running success rates of the members."""
         self._known.tell(outcomes)
 
     def chances(self) -> Floats:
-        """Return the probability of each member."""
+        """Return the sampling probability of each member: its share of the weights, mixed with a uniform part."""
         weights = self._weight(self._known)
         total = weights.sum()
         share = weights / total if total > 0.0 else np.full(self._count, 1.0 / self._count)

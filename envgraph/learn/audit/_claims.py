@@ -57,7 +57,10 @@ class Finding:
 
     @property
     def verdict(self) -> Verdict:
-        """Return "stands" if the value is significantly above 0, "fails" if below 0 or too small, else "undecided"."""
+        """Return "stands" if the value is significantly above 0, "fails" if below 0 or too small, else "undecided".
+
+        With fewer than 10 seeds, the verdict is always "undecided".
+        """
         if self.seeds < FEWEST_UNITS:
             return "undecided"
         if self.p_value < SIGNIFICANT and self.value > 0.0:
@@ -93,7 +96,7 @@ def _units(differences: Floats) -> list[Floats]:
 
 
 def paired(study: Study, method: str, other: str) -> Floats | None:
-    """Return differences of success on held-out levels [seeds, levels] for common seeds; None if fewer than two."""
+    """Return success of `method` minus `other` on held-out levels [common seeds, levels]; None below two seeds."""
     first, second = study.of(method), study.of(other)
     seeds = sorted(first.keys() & second.keys())
     if len(seeds) < 2:
@@ -105,7 +108,7 @@ def paired(study: Study, method: str, other: str) -> Floats | None:
 
 
 def _contrasted(studies: Sequence[Study], contrasts: Sequence[Contrast]) -> list[Finding]:
-    """Test contrasts in a domain, or in several of equal weight. The claims are about these domains only."""
+    """Return a finding for each contrast whose methods were run in all studies, which have equal weight."""
     found = []
     for one in contrasts:
         every = [paired(study, one.method, one.other) for study in studies]
@@ -135,7 +138,7 @@ def _finding(
 
 
 def rank_values(study: Study, score: str, column: str, rollouts: int = SHOWN_ROLLOUTS) -> list[float]:
-    """Return a column of `Ranking` for each probed student, averaged over the points of its training."""
+    """Return a column of `Ranking` for each student whose score was probed, averaged over points of training."""
     found = []
     for run in study.runs:
         values = [
@@ -147,7 +150,7 @@ def rank_values(study: Study, score: str, column: str, rollouts: int = SHOWN_ROL
 
 
 def _ranked(study: Study) -> list[Finding]:
-    """Test if scores rank solvable levels by their regret. Unsolvable levels have no regret and are left out."""
+    """Return a finding for each score with two or more students: that it ranks solvable levels by their regret."""
     found = []
     for score in PROBED:
         values = np.array(rank_values(study, score, "regret_solvable"))

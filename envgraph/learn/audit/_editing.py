@@ -26,13 +26,13 @@ class Editor:
     training level are hidden from the student.
 
     Args:
-        domain: has the mutation rules and the constraints.
-        settings: of the audit.
-        levels: of the audit.
-        student: gets the tables of new levels.
+        domain: the domain, with its mutation rules and constraints.
+        settings: the settings of the audit.
+        levels: the levels of the audit.
+        student: a student that gets the tables of new levels.
 
     Attributes:
-        levels: those of the audit, then the new ones.
+        levels: the levels of the audit, then the new ones.
     """
 
     def __init__(
@@ -47,7 +47,10 @@ class Editor:
             self._maker.new()
 
     def __call__(self, parents: NDArray[np.int64], rng: Generator) -> NDArray[np.int64]:
-        """Return the number of a new child of each parent, or the parent's own number if no edit makes a new level."""
+        """Return the number of a new child of each parent, or the parent's own number if no edit makes a new level.
+
+        New children are added to `levels`, and the student gets the extended tables.
+        """
         made: list[Level] = []
         before, found = len(self.levels.plan), parents.copy()
         for place, parent in enumerate(parents.tolist()):

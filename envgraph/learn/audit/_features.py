@@ -34,10 +34,10 @@ class StateFeatures:
     of the patterns `knows` are features of all states of the level.
 
     Args:
-        domain: of the levels.
-        engine: holds the model of a level at each call.
+        domain: the domain of the levels.
+        engine: an engine that holds the model of a level at each call.
         keys: the indices of objects.
-        settings: has the patterns.
+        settings: the settings with the patterns.
 
     Attributes:
         numbers: the number of each feature that has occurred.
@@ -51,7 +51,7 @@ class StateFeatures:
         self.numbers: dict[Feature, int] = {}
 
     def of(self, tabular: Tabular) -> list[list[int]]:
-        """Return the numbers of the features of each state of a table of the engine's model."""
+        """Return the features of each state in a table of the engine's model, as numbers; number new features."""
         values = _decoded(tabular)
         known = [self._number(name, row) for name, rows in self._rows(self._knows) for row in rows]
         around: dict[Value, list[tuple[str, tuple[Value, ...]]]] = {}
@@ -86,7 +86,7 @@ class StateFeatures:
             yield name, [_renamed(row, objects) for row in rows] if objects else [*map(tuple, rows)]
 
     def _view(self, name: str, first: int) -> _View:
-        """Prepare a pattern; objects in its rows from position `first` on are named by their keys."""
+        """Return a pattern prepared for matching; objects in its rows from position `first` on are named by keys."""
         library = self._engine.library
         qualified = (library.resolve(name) or library.get(name)).qualified_name
         types = library.parameter_types(qualified)

@@ -39,14 +39,14 @@ class AuditLevels:
     """The levels of an audit. No two levels are the same model.
 
     Attributes:
-        tables: of the levels.
+        tables: the tables of all levels.
         optimum: float64 [levels], the greatest discounted return within the step limit.
         plan: int64 [levels], fewest steps to a success, 0 if there is none within the limit.
         training, probed, held_out, hard: int64, numbers of the levels: any levels for training and probing; solvable
             ones, and solvable ones with long plans, to test students on.
         drawn: number of models drawn, including those that were not valid or the same as an earlier one.
         numbers: int64 [levels], the number that seeds the drawing of each level.
-        features: the features that the inputs of a student stand for, in order.
+        features: the feature that each input of a student means, in order.
     """
 
     tables: LevelTables
@@ -125,8 +125,8 @@ class Maker:
     """A generator of levels. Each level depends only on its number, not on how many levels are drawn.
 
     Attributes:
-        engine: holds the model of the level that was made last.
-        features: of the states of levels.
+        engine: the engine with the model of the level that was made last.
+        features: the features of the states of all levels so far.
     """
 
     def __init__(self, domain: Domain, settings: AuditSettings) -> None:
@@ -144,22 +144,22 @@ class Maker:
         self._hashes: set[int] = set()
 
     def draw(self, number: int) -> tuple[Tabular, int] | None:
-        """Return the table of a number's level and its shortest plan; None if the level is not valid or not new."""
+        """Make the level of a number; return its table and shortest plan in steps, or None if invalid or not new."""
         return self.taken() if self.varied(number) else None
 
     def varied(self, number: int) -> bool:
-        """Make the level of a number from the initial model. Return False if no valid level is found."""
+        """Make the model of a level number from the initial model; return False if no valid model is found."""
         self.engine.checkout(self._origin, discard=True)
         rng = default_rng(SeedSequence(self._domain.spec.seed, spawn_key=(number,)))
         return self.vary(rng, self._bounds)
 
     def vary(self, rng: Generator, bounds: tuple[int, int]) -> bool:
-        """Apply mutation rules, from `bounds[0]` to `bounds[1]`. Return False, and restore the model, on failure."""
+        """Apply `bounds[0]` to `bounds[1]` mutation rules to the model; on failure, restore it and return False."""
         variation = self._variation
         return variation.attempts(rng, lambda rng: variation.several(rng, bounds)) is not None
 
     def taken(self) -> tuple[Tabular, int] | None:
-        """Return the table and shortest plan (0 for none) of the current model; None if the model is not new."""
+        """Record the current model; return its table and shortest plan (0: none), or None if recorded before."""
         if not self.new():
             return None
         tabular = self._tables.table(self.engine, self._keys)
@@ -167,7 +167,7 @@ class Maker:
         return tabular, int(steps) if steps <= min(tabular.n_states, self._settings.policy.limit) else 0
 
     def new(self) -> bool:
-        """Return True if the current model differs from all models that this method was called with before."""
+        """Record the current model; return True if no equal model was recorded before."""
         found = self.engine.model.state_hash()
         known = found in self._hashes
         self._hashes.add(found)
@@ -244,7 +244,7 @@ class _Groups:
         return len(self.plans) == self.total
 
     def wants(self, plan: int) -> list[int] | None:
-        """Return the group for a level with a shortest plan of `plan` steps (0: unsolvable); None if not needed."""
+        """Return the level numbers of the group that needs a level with this shortest plan (0: unsolvable); or None."""
         name = next(name for name, size in self._sizes.items() if len(self.places[name]) < size)
         if name in ("held_out", "hard") and not plan:
             return None
@@ -266,6 +266,6 @@ def _too_few(groups: _Groups, domain: Domain) -> EvaluationError:
 
 
 def joined(levels: Sequence[Level], inputs: int, scale: float, width: int = 1) -> LevelTables:
-    """Return one table of all levels, in order."""
+    """Return the tables of levels joined into one, in order, with the features of their states as inputs."""
     tables, seen = [level.tabular for level in levels], [level.seen for level in levels]
     return LevelTables.of(tables, seen, inputs=inputs, scale=scale, width=width)

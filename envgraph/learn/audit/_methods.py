@@ -19,8 +19,8 @@ class Method:
     """A way to choose levels.
 
     Attributes:
-        name: as shown.
-        score: of levels, by which they are chosen; None for random choice.
+        name: the name in tables and charts.
+        score: the score by which levels are chosen; None for random choice.
         choice: settings of the schedule; None to draw levels at random.
         solvable: True to draw only solvable levels.
         counted: True to count the steps of episodes that are played only to score levels.

@@ -81,11 +81,11 @@ class Ranking:
 def ranking(
     scores: Floats, again: Floats, regret: Floats, success: Floats, solvable: NDArray[np.bool_]
 ) -> Ranking:
-    """Compare a score, estimated twice, with exact values.
+    """Compare how a score, estimated twice, and exact values rank levels.
 
     Args:
-        scores, again: the two estimates, for each level.
-        regret, success: exact, for each level.
+        scores, again: the two estimates of the score of each level.
+        regret, success: the exact regret and success of each level.
         solvable: True for solvable levels.
     """
     count = max(1, round(TOP * len(scores)))

@@ -84,17 +84,17 @@ def run_method(
     domain: Domain | None = None,
     native: bool | None = None,
 ) -> Run:
-    """Train a student by a method.
+    """Train a student by a method, evaluate it, and return the result.
 
     The initial weights and the student's random numbers depend only on the seed, so runs of different methods are
     paired.
 
     Args:
-        levels: to train and test on.
-        settings: of the audit.
-        method: how levels are chosen.
-        seed: of all randomness.
-        domain: of the levels, for methods that edit them.
+        levels: the levels to train and test on.
+        settings: the settings of the audit.
+        method: the method by which levels are chosen.
+        seed: the seed of all randomness.
+        domain: the domain of the levels, for methods that edit them.
         native: see `PolicyLearner`.
     """
     student = PolicyLearner(levels.tables, settings.policy, seed, native=native)
@@ -152,7 +152,7 @@ def run_method(
 
 
 def schedule_of(method: Method, levels: AuditLevels, student: Student, edit: Edit | None = None) -> Schedule:
-    """Return the schedule of a method, which chooses among the levels for training."""
+    """Return the schedule of a method, which chooses among the levels for training; `edit` makes new ones of them."""
     training = levels.training
     members = training[levels.solvable[training]] if method.solvable else training
     choice, score = method.choice, method.score
@@ -173,9 +173,9 @@ def probe(
     Each score is estimated twice from each number of rollouts.
 
     Args:
-        levels: of the audit.
-        student: in its current state; is not changed.
-        seed: of the rollouts.
+        levels: the levels of the audit.
+        student: a student during training; it is not changed.
+        seed: the seed of the rollouts.
         at: progress of the training, from 0 to 1.
 
     Returns:
@@ -201,7 +201,7 @@ def probe(
 def _estimates(
     levels: AuditLevels, student: PolicyLearner, rollouts: int, seed: int, at: float, again: int
 ) -> dict[str, Any]:
-    """Return every score of the probed levels, all from the same episodes."""
+    """Return every score of the probed levels, all from the same new episodes of a copy of the student."""
     key = (_PROBE, seed, rollouts, round(at * POINTS), again)
     rng = default_rng(SeedSequence(seed, spawn_key=key))
     twin = student.twin(int(rng.integers(2**31)))

@@ -20,7 +20,7 @@ class Student(Protocol):
     """A student whose success and return can be computed exactly."""
 
     def evaluate(self, chosen: Ints) -> tuple[Floats, Floats]:
-        """Return the exact success probability and return on levels."""
+        """Return the exact success probability and the exact return on each of the levels with these numbers."""
 
 
 def score_levels(
@@ -29,12 +29,12 @@ def score_levels(
     """Return a score of each level that a student has played. Higher means more useful to learn on.
 
     Args:
-        score: its name.
-        levels: of the audit.
-        chosen: the levels that were played.
-        student: is evaluated if the score is exact.
+        score: the name of the score.
+        levels: the levels of the audit.
+        chosen: the numbers of the levels that were played.
+        student: the student, evaluated if the score is exact.
         played: statistics of the episodes.
-        rng: samples random scores.
+        rng: the generator of random scores.
     """
     match score:
         case "random":

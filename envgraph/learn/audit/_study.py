@@ -36,10 +36,10 @@ class Study:
     """The runs of an audit of one domain.
 
     Attributes:
-        name: of the domain.
-        levels: that students learned on and were tested on.
-        settings: of the audit.
-        runs: by method in the order of `METHODS`, then by seed.
+        name: the name of the domain.
+        levels: the levels that students learned on and were tested on.
+        settings: the settings of the audit.
+        runs: the runs by method in the order of `METHODS`, then by seed.
     """
 
     name: str
@@ -70,13 +70,13 @@ def audit(
     """Run an audit, or continue it: a run whose result is in the directory is not repeated.
 
     Args:
-        domain: of the levels.
-        settings: of the audit.
-        directory: for levels and results; created if it does not exist.
+        domain: the domain of the levels.
+        settings: the settings of the audit.
+        directory: the directory for levels and results; created if it does not exist.
         methods: some of `METHODS` and `EDITING`.
         workers: number of runs at a time; does not change results.
         force: True to replace another audit in the directory.
-        progress: see `Progress`.
+        progress: a callback that gets the numbers of finished and of all units of work, and their name.
 
     Raises:
         InvalidArgument: the directory has another audit, or a result in it cannot be read.
@@ -190,7 +190,7 @@ def _about(domain: Domain, settings: AuditSettings) -> dict[str, Any]:
 
 
 def _claim(directory: Path, about: dict[str, Any], force: bool) -> None:
-    """Raise `InvalidArgument` if a directory has another audit and not `force`; else mark it as that of this audit."""
+    """Mark a directory as that of this audit; delete another audit in it if `force`, otherwise raise an error."""
     path = directory / "audit.json"
     if path.exists():
         try:

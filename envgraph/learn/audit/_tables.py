@@ -108,7 +108,7 @@ def summaries(study: Study) -> list[Summary]:
 
 
 def write_audit(studies: Sequence[Study], findings: Sequence[Finding], directory: Path) -> list[Path]:
-    """Write `methods.csv`, `runs.csv`, `curves.csv`, `levels.csv`, `rankings.csv` and `claims.csv` into a directory.
+    """Write `methods.csv`, `runs.csv`, `curves.csv`, `levels.csv`, `rankings.csv` and `claims.csv`; return their paths.
 
     Equal audits give equal files. `levels.csv` has the success of each run on each held-out level.
     """

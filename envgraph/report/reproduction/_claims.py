@@ -71,7 +71,7 @@ class Claim:
 
     @property
     def verdict(self) -> Verdict:
-        """Return the verdict; "depends on the seed" if only some agents behave as the published agent."""
+        """Return `if_significant` if the test is significant or nothing was tested, otherwise `if_not_significant`."""
         is_clear = self.p_value is None or self.p_value < SIGNIFICANT
         return self.if_significant if is_clear else self.if_not_significant
 
@@ -84,7 +84,7 @@ class Claim:
 
 
 def claims(found: Reproduction) -> list[Claim]:
-    """Return the claims in the order of the paper, without claims that were not trained or measured."""
+    """Return the tested claims in the order of the paper, without those that were not trained or measured."""
     stated = [*_rates(found), *_differences(found), *_times(found)]
     corrected = iter(holm([one.p_value for one in stated if one.p_value is not None]))
     return [one if one.p_value is None else replace(one, p_value=next(corrected)) for one in stated]
@@ -117,7 +117,7 @@ def interval(sample: Sample) -> tuple[float, float]:
 
 
 def _reached_by(budget: Budget, name: str) -> Sequence[float]:
-    """Return a success per family of the sample `name`, or per agent of this curriculum of the published family."""
+    """Return the success of each family of the sample `name`, or of each agent of the curriculum `name`."""
     if name in budget.samples:
         return budget.samples[name].success
     runs = budget.experiment.best_optimistic().runs
@@ -149,9 +149,10 @@ def _rates(found: Reproduction) -> Iterator[Claim]:
 
 
 def _rate(text: str, wanted: float, parts: Mapping[str, Sequence[float]], units: str) -> Claim:
-    """Test if success is near the published 100 % or 0 % in every part, or on the other side of 50 % in some part.
+    """Return a claim, tested: success is near the published 100 % or 0 % in every part, or far from it in some part.
 
-    The first test must be significant in all parts, the second in one. Wilson's interval inverts these score tests.
+    Far means on the other side of 50 %. The first test must be significant in all parts, the second in one. Wilson's
+    interval inverts these score tests.
     """
     number, rates = min(map(len, parts.values())), {name: fmean(part) for name, part in parts.items()}
     alike = [rate if wanted else 1.0 - rate for rate in rates.values()]  # behave as the published agent
@@ -169,7 +170,10 @@ def _score(difference: float, bound: float, number: int) -> float:
 
 
 def _differences(found: Reproduction) -> Iterator[Claim]:
-    """Test `_DIFFERENCES` on the means of the budgets; the tests are paired if both samples have the same units."""
+    """Yield a claim for each of `_DIFFERENCES`, tested on the means of the budgets.
+
+    The tests are paired if both samples have the same units.
+    """
     for text, paper, name, other in _DIFFERENCES:
         pairs = [[_reached_by(budget, one) for budget in found.budgets] for one in (name, other)]
         first, second = (np.mean(one, axis=0) for one in pairs)
@@ -195,9 +199,9 @@ def _tested(
     units: Mapping[str, int],
     otherwise: Verdict = "undecided",
 ) -> Claim:
-    """Return a claim with the result of two one-sided tests: that it holds, and that it does not.
+    """Return a claim from the p-values of two one-sided tests: that it holds, and that it does not.
 
-    With few units, the claim is undecided.
+    With fewer than 10 units, the claim is undecided.
     """
     p_value = min(1.0, 2 * min(sides)) if min(units.values()) >= FEWEST_UNITS else 1.0
     over = " and ".join(f"{number:,} {name}" for name, number in units.items())
@@ -207,7 +211,7 @@ def _tested(
 
 
 def _times(found: Reproduction) -> Iterator[Claim]:
-    """Yield the claim of table 4, about the time of generation."""
+    """Yield the claim of table 4, about the time of generation, if times were measured."""
     if found.times:
         sizes = {size: seconds for size, seconds in found.times[min(found.times)].items()}
         small, large = min(sizes), max(sizes)

@@ -189,7 +189,7 @@ def write_tables(found: Reproduction, directory: Path) -> list[Path]:
 
 
 def _families(found: Reproduction) -> Table:
-    """Return a table of the results of each family of a sample."""
+    """Return a table with one row for each family of each sample."""
     rows = tuple(
         (str(budget.steps), name, str(place), repr(success), repr(mean))
         for budget in found.budgets

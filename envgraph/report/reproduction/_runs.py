@@ -203,7 +203,7 @@ def _trained(
 def _whole(
     family: Sequence[FamilyMember], settings: TrainingSettings, seeds: Sequence[int], backend: Backend
 ) -> Experiment:
-    """Train agents on all members of a family, in order."""
+    """Return the results of agents that are trained on all members of a family, in order."""
     names = [member.name for member in family]
     order = Curriculum("curriculum", "whole", tuple(names), (1,) * len(names))
     return run_experiment(family, settings, [order], seeds=seeds, backend=backend)
@@ -256,7 +256,7 @@ def generation_times(
 
 
 def _write_forest(folder: Path, size: int) -> None:
-    """Write the files of the domain to a folder, with a target of the given size."""
+    """Write the files of the domain to a folder, with a target of `size` x `size` tiles."""
     for file in data_path("rules", FAMILY).parent.glob("*.*"):
         text = file.read_text("utf-8")
         if file.name == "target_8x8.model":
@@ -265,7 +265,7 @@ def _write_forest(folder: Path, size: int) -> None:
 
 
 def _grown(text: str, size: int) -> str:
-    r"""Return rows of letters, extended with roads to the right and below.
+    r"""Return rows of letters, extended to `size` with roads; the goal moves to the lower right corner.
 
     >>> _grown("  SV\n  VG\n", 3)
     '  SVR\n  VRR\n  RRG\n'
