@@ -10,10 +10,10 @@ from envgraph.draw._colour import colour_text, ink_on, parse_colour
 from envgraph.errors import visible
 
 End = Literal["none", "arrow", "diamond", "triangle"]
-"""The symbol at an end of an edge: a diamond marks the container, a triangle the superclass."""
+"""The symbol at an end of an edge: a diamond at a container, a triangle at a superclass."""
 
 LAYOUTS = ("dot", "neato", "fdp", "sfdp", "circo", "twopi")
-"""The layouts of Graphviz that a picture may ask for."""
+"""The layouts of Graphviz that a picture can use."""
 
 INK = "#212529"
 MARK = "#e03131"

@@ -38,13 +38,14 @@ def picture_svg(picture: Diagram, graphviz: bool | None, timeout: float) -> str:
             return found
     if graphviz:
         raise InvalidArgument(
-            "Graphviz did not draw the picture: its program `dot` is not on the PATH, failed or took too long"
+            "Graphviz did not draw the picture: its program `dot` is not on the PATH, failed or took too long; "
+            "install Graphviz, raise `timeout`, or pass `graphviz=False`"
         )
     try:
         frames = arrange(picture)
     except ImportError as error:
         raise InvalidArgument(
-            f"a picture needs Graphviz or networkx, but neither is available: {error}"
+            f"a picture needs Graphviz or networkx; run `pip install networkx`: {error}"
         ) from error
     return drawn_svg(picture, frames)
 

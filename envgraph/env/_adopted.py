@@ -82,7 +82,9 @@ class Adopted:
             message = (
                 f"the start probabilities ({shown}) are not multiples of 1/n for any n up to {_MOST_STARTS:,}"
             )
-            raise InvalidArgument(message, "use start probabilities that are multiples of 1/n")
+            raise InvalidArgument(
+                message, "round `initial_state_distrib` to multiples of 1/n, such as 0.25 and 0.75"
+            )
         return [
             state for one, state in zip(fractions, self.starts, strict=True) for _ in range(int(one * whole))
         ]
@@ -181,7 +183,7 @@ def _try_out(inner: Any, adopted: Adopted) -> None:
         known = {outcome[1:] for outcome in adopted.outcomes[int(state)][action]}
         if (after, reward, terminated) not in known:
             did = f"in state {state} action {action} led to {after}"
-            hint = "remove the option that causes this transition"
+            hint = "make the environment without the option that causes this transition"
             raise InvalidArgument(
                 f"`{type(inner).__name__}` made a transition that its `P` does not contain: {did}", hint
             )
@@ -218,7 +220,7 @@ def _actions(table: Any, state: int, where: str) -> list[list[Transition]]:
             given = table[state][action]
             found.append([Transition(float(p), int(s), float(r), bool(over)) for p, s, r, over in given])
     except (LookupError, TypeError, ValueError, OverflowError):
-        hint = "each state, and each action, from 0 needs a list of (probability, next state, reward, terminated)"
+        hint = "`P[state][action]`, numbered from 0, must be a list of (probability, next state, reward, terminated)"
         raise InvalidArgument(f"{where}: the outcomes of {place} cannot be read", hint) from None
     for action, row in enumerate(found):
         for problem in _distribution_problems(row, len(table)):

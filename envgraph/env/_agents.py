@@ -18,7 +18,7 @@ from envgraph.rewrite import Engine
 
 @dataclass(frozen=True, slots=True)
 class Seat:
-    """One agent of a model, with the behaviour prepared for the agent.
+    """An agent of a model, with the behaviour prepared for this agent.
 
     Attributes:
         name: the agent's unique name, made of the key of its object; "" for a behaviour without `agent` blocks.

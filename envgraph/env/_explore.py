@@ -17,13 +17,13 @@ from envgraph.graph import Savepoint
 from envgraph.rewrite import Engine, SavepointWalk, walk_of_savepoints
 
 DEFAULT_LIMIT = 250_000
-"""Default maximum of states: about 30 s and 0.5 GB until the error that the environment has too many states."""
+"""Default maximum number of states; a larger environment is refused after about 30 s and 0.5 GB."""
 
 OUTCOMES = 10_000_000
-"""Default maximum of outcomes of actions in all states together; they need time and memory, too."""
+"""Default maximum number of outcomes of all actions in all states, which take time and memory, too."""
 
 Progress = Callable[[int, int], None]
-"""A callback that gets the numbers of states and of outcomes of actions so far (0: not counted) from time to time."""
+"""A callback that gets the numbers of states and of outcomes so far; 0 outcomes if they are not counted."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -81,7 +81,7 @@ def explore(
 
 
 Row = list[list[tuple[float, int, float, int]]]
-"""The outcomes of each action: probability, next state, reward, end. Consecutive equal outcomes are merged."""
+"""For each action its outcomes: probability, next state, reward, end. Consecutive equal outcomes are merged."""
 
 
 @dataclass(slots=True)

@@ -86,7 +86,9 @@ class MiniGridLevel:
             values ** (1 + len(self.things)) * 3 ** len(self._locks) * 4 * (len(self.things) + 1)
             > LARGEST_INT
         ):
-            message = f"a level of {values - 1} cells and {len(self.things)} things has too many observations"
+            message = (
+                f"a level of {values - 1} cells and {len(self.things)} objects has too many observations"
+            )
             raise InvalidArgument(
                 message, "choose a smaller level; at most 2**63 - 1 observations can be numbered"
             )
@@ -136,7 +138,8 @@ class MiniGridLevel:
         """Add a key, ball or box to `things`, after the object inside it, and return its name; raise on other kinds."""
         if found.type not in _THINGS:
             raise InvalidArgument(
-                f"the level has a {found.type} at {place}, which is not supported", f"use only {[*_THINGS]}"
+                f"the level has a {found.type} at {place}, which is not supported",
+                f"choose a level whose objects are only {[*_THINGS]}",
             )
         inside = None if found.contains is None else self._thing(found.contains, None)
         target = self.end == "held" and found is self._inner.obj

@@ -182,7 +182,7 @@ def component_names(behaviour: Behaviour, keys: KeyIndex, count: int) -> tuple[s
 def joint_component_names(
     behaviour: Behaviour, keys: KeyIndex, seats: Iterable[tuple[str, int]]
 ) -> tuple[str, ...]:
-    """Return distinct names for the joint observation of simultaneous agents: own components, then shared ones.
+    """Return distinct names for the observed components of all simultaneous agents: own ones, then shared ones.
 
     Args:
         behaviour: a behaviour whose agents act simultaneously.

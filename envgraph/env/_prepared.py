@@ -30,7 +30,7 @@ class Choices(Protocol):
 
 
 Perform = Callable[[Sequence[Value | None], Choices, Model], Sequence[Value | None] | None]
-"""A function that applies a rule or runs a unit with parameter values; returns the outputs, or None without effect."""
+"""A function that applies a rule or runs a unit with parameter values; returns the outputs, or None if impossible."""
 
 Possible = Callable[[Sequence[Value | None]], bool]
 """A function that returns True if a rule has a match with parameter values, or a unit can succeed."""
@@ -121,7 +121,7 @@ Reward = Callable[[Scope], float]
 
 @dataclass(frozen=True, slots=True)
 class PreparedAction:
-    """One action: an `action` clause of the behaviour with one value for each parameter.
+    """An action of an environment: an `action` clause of the behaviour with one value for each parameter.
 
     Attributes:
         values: for each parameter its name, and a function that returns its current value, as objects are created and
@@ -173,7 +173,7 @@ class PreparedClause:
 
 
 Pending = tuple[Scope, PreparedClause, Row]
-"""A match whose `apply` is to run: the scope outside the match, the clause, and the row of the match."""
+"""A match whose `apply` is to run: the values of names outside the clause, the clause, and the row of the match."""
 
 
 def run_pending(pending: Sequence[Pending], choices: Choices, model: Model) -> None:
@@ -218,7 +218,7 @@ class PreparedEach:
 
 @dataclass(frozen=True, slots=True)
 class Component:
-    """One component of an observation.
+    """A component of an observation.
 
     Attributes:
         size: the number of values.
@@ -247,7 +247,7 @@ class Component:
 Clause = TypeVar("Clause", bound=Action | Effect | Observation)
 
 Types = Mapping[str, str]
-"""The names in the scope of a clause, and the classes of their objects."""
+"""The class of the object of each name that a clause can use."""
 
 
 def together(

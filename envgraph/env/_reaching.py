@@ -13,7 +13,7 @@ from envgraph.graph import Savepoint
 from envgraph.rewrite import Engine, walk_of_savepoints
 
 REACH_LIMIT = 50_000
-"""Default maximum of states; bounds the time that the search for a family spends on a model without such an end."""
+"""Default maximum number of states, which bounds the time for a model without such an end."""
 
 
 def can_end(

@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 MOST_OUTCOMES = 10_000
-"""Maximum outcomes of one action in one state, equal ones included: some seconds. Units may have millions."""
+"""Maximum number of outcomes of one action in one state, which take some seconds; units may have millions."""
 
 
 class Draw:

@@ -84,7 +84,7 @@ class Simulator:
     state that earlier agents have left. (b) to (e) happen once, clause by clause in the order of the file; a clause of
     a block runs for each of its agents that existed. An agent gets the rewards of its block and of shared clauses; the
     reward of the step counts shared rewards once. A joint action combines one action of each agent in one number, and
-    the joint observation contains all that the agents observe.
+    its observation contains all that the agents observe.
 
     Args:
         engine: the engine with the model, its patterns and rules.
@@ -96,11 +96,11 @@ class Simulator:
 
     Attributes:
         players: the names of the agents in the order of turns; () for a behaviour without `agent` blocks.
-        agent_names: as `players`, but also () for agents that act together.
+        agent_names: like `players`, but () if agents act together.
         agents: the agents; a single one without object for a behaviour without `agent` blocks.
         together: does the step of agents that act together; None if agents take turns.
         turn: the number of the agent that acts next; 0 if agents act together.
-        action_names, observation_shape, n_observations: of a step.
+        action_names, observation_shape, n_observations: the actions and observations of a step.
         did: True if the action of the last step applied a rule or sampled the branch `nothing()`; always True if agents
             act together.
     """

@@ -35,7 +35,7 @@ _OPTIONAL = {"turn": np.int32, "allowed": np.bool_}
 _NAMES = ("n_observations", "observation_shape", "observation_names", "action_names", "agent_names")
 _DATA = {cls.__name__: cls for cls in (GridScene, GraphScene, Mark, Edge, Glyph)}
 _MOST_BYTES = 2**31
-"""Maximum size of all arrays of a file, unpacked; the largest tables that are written have a fifth of it."""
+"""Maximum size in bytes of all unpacked arrays of a file; the largest tables have a fifth of it."""
 _DAMAGED = (
     OSError,
     ValueError,

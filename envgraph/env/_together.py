@@ -1,4 +1,4 @@
-"""The step of agents that act simultaneously, and the joint observation of a policy that controls all of them."""
+"""The step of agents that act simultaneously, and the observation of a policy that controls all of them."""
 
 from __future__ import annotations
 
@@ -61,7 +61,7 @@ class Together:
 
     Attributes:
         rewards: the reward of each agent in the last step; 0.0 for agents that did not exist.
-        shape: the sizes of the components of a joint observation: each agent's own ones, then the shared ones.
+        shape: the sizes of the components that all agents observe: each agent's own ones, then the shared ones.
         observation_names: the names of these components: "left at", "right at", .. "parcel at".
     """
 
@@ -107,7 +107,7 @@ class Together:
         return sum(action * base**place for place, action in enumerate(actions))
 
     def observation(self) -> int:
-        """Return the index of the joint observation of the current state."""
+        """Return the index of the combined observation of all agents in the current state."""
         return sum(read() * weight for read, weight in self._reads)
 
     def step(self, number: int, choices: Choices) -> tuple[float, int]:
@@ -233,7 +233,7 @@ def check_complete(behaviour: Behaviour, model: Model, keys: KeyIndex) -> None:
             "missing-agent",
             f"agents that act together must exist in every member of a family; this one has no `{agent.cls}` {shown}",
             agent.cls_span or agent.span,
-            "let them take turns, or keep rules from adding and removing agents",
+            "remove `together`, so that agents take turns, or remove rules that create or delete agents",
         )
         for agent in behaviour.agents
         for shown in _missing(agent.cls, model, keys)

@@ -11,7 +11,7 @@ from envgraph.behaviour import MOST_VALUES, Behaviour
 from envgraph.errors import EvaluationError, Span
 
 MOST_ENTRIES: Final = 50_000_000
-"""Maximum size of a table, with 21 bytes for each entry: states, times actions, times the most outcomes of one."""
+"""Maximum number of entries of a table, states x actions x outcomes; an entry takes 21 bytes."""
 
 
 class TooManyStates(EvaluationError):

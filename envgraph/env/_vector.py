@@ -298,7 +298,7 @@ class EnvgraphVectorEnv(VectorEnvironmentBase):
         _check(tables)
         if render_mode is not None and (render_mode != "rgb_array" or len(pictures) != len(tables)):
             raise InvalidArgument(
-                "rendering needs `rgb_array` and the pictures of every table, from a `draw` clause"
+                'rendering needs `render_mode="rgb_array"`, and in `pictures` the scenes of every table'
             )
         first = tables[0]
         super().__init__(

@@ -22,7 +22,7 @@ Control = Literal["direct", "optimistic", "reversed", "shuffled", "randomised", 
 CONTROLS: Final[tuple[Control, ...]] = get_args(Control)
 
 ORDERS: Final = 100
-"""The most orders of "shuffled"."""
+"""Maximum number of different orders of the control "shuffled"."""
 
 LOW_EPSILON: Final = Epsilon(start=0.05, decay=1.0, minimum=0.05)
 """The exploration of "optimistic" agents that explore mostly by their high values."""

@@ -14,7 +14,7 @@ from envgraph.learn._agents import Programs, TableAgent, Tables
 from envgraph.solve.learning import Place, Stage, StageOutcome, TrainingSettings
 
 ROLLOUT: Final = 256
-"""The most steps between two updates of PPO: with the 2,048 of SB3 a short stage would have a single update."""
+"""Maximum number of steps between two updates of PPO; with the 2,048 of SB3 a short stage has only one update."""
 
 OPTIONS: Final[dict[str, dict[str, Any]]] = {
     "sb3:ppo": {"n_steps": ROLLOUT},

@@ -36,7 +36,7 @@ from envgraph.solve.learning import (
 TRAINING, EVALUATION, BEFORE, CHOOSING = 0, 1, 2, 3
 
 _SEVERAL = 2**16
-"""Added to the number of environments of a mixed stage, to distinguish it from as many stages; families are smaller."""
+"""A number above all positions. With the size of a mixed stage added, it marks the stage in the key of a generator."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -247,14 +247,14 @@ def _prepare(
         ready = dict(zip(parts, prepare(numbered), strict=True))
         for place, (name, one) in enumerate(starts.items(), start=len(family)):
             if one.n_states != tables[-1].n_states:
-                raise InvalidArgument(f"`{name}` must be the target with other start states")
+                raise InvalidArgument(f"`{name}` of `starts` must be the target with other start states")
             parts[place,], ready[place,] = one, with_starts(ready[len(family) - 1,], one)
         return _Prepared(positions, Tables(ready, numbered[: len(family)], parts))
     if tables or len({id(one.program) for one in placed}) > 1:
         raise InvalidArgument("all environments must be tables, or all must be members of one program")
     if drawn or starts:
         raise InvalidArgument(
-            "mixed stages and other start states need tables, but there are too many states"
+            "mixed stages and `starts` need tables, but the environments have too many states for tables"
         )
     program = placed[0].program
     program.functions("learn")  # compile before threads ask for it

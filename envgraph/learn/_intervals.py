@@ -16,7 +16,7 @@ RESAMPLES = 2_000
 """The default number of resamples of a bootstrap."""
 
 _BLOCK = 2**22
-"""The most values that are drawn at a time."""
+"""Maximum number of values that are resampled at a time."""
 
 Statistic = Callable[..., NDArray[Any]]
 """A statistic of values along their last axis."""
@@ -30,7 +30,7 @@ def wilson_interval(proportion: float, runs: int, confidence: float = 0.95) -> t
     (0.839, 1.0)
     """
     if not 0.0 <= proportion <= 1.0 or runs < 1:
-        raise InvalidArgument("`proportion` must be from 0 to 1, and `runs` positive")
+        raise InvalidArgument("`proportion` must be from 0 to 1, and `runs` must be at least 1")
     z = NormalDist().inv_cdf(0.5 + _checked(confidence) / 2)
     weight = 1.0 + z * z / runs
     centre = (proportion + z * z / (2 * runs)) / weight
@@ -84,7 +84,7 @@ def bootstrap_interval(
     """
     tail = (1.0 - _checked(confidence)) / 2
     if resamples < 1 or not samples:
-        raise InvalidArgument("`samples` must not be empty, and `resamples` must be positive")
+        raise InvalidArgument("give at least one sample, and `resamples` of at least 1")
     arrays = [np.asarray(sample, np.float64) for sample in samples]
     if min(map(len, arrays)) < 2:
         return None

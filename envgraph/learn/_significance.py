@@ -22,7 +22,7 @@ _ANGLES = 2**14
 """The number of parts of a right angle in the numerical integral of Student's t; see `mean_test`."""
 
 FEWEST_UNITS = 10
-"""Claims from fewer units, such as seeds, stay undecided: if a few agree by chance, their variance is far too small."""
+"""Claims from fewer units, such as seeds, are undecided: if few units agree by chance, their variance is too small."""
 
 
 def permutation_test(values: ArrayLike, others: ArrayLike, *, draws: int = DRAWS, seed: int = 0) -> float:

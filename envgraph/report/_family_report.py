@@ -13,7 +13,7 @@ from envgraph.report._training_report import Trained, budget_charts, thinned, th
 from envgraph.search import Family, Outcome, caption, certificate_texts, measure_texts
 
 History = Sequence[tuple[int, float, int, int]]
-"""Number, diversity, accepted and rejected children of each generation."""
+"""For each generation its number, its diversity, and the numbers of accepted and rejected children."""
 
 
 Cell = str | int | float | None

@@ -26,7 +26,7 @@ from envgraph.report._page import Section, Table
 T = TypeVar("T")
 
 _MOST_POINTS = 400
-"""Maximum number of points of a line; more points than pixels only make the page larger."""
+"""About the maximum number of points of a line; more points than pixels only make the page larger."""
 
 
 @dataclass(frozen=True, slots=True)

@@ -15,15 +15,15 @@ from envgraph.errors import visible
 NODE_RADIUS = 0.42
 _SPACING = 2.4
 _LEAST_RADIUS = 1.6
-"""Of the circle of nodes. A picture of a single node is as large, so that members of a family have equal sizes."""
+"""Minimum radius of the circle of nodes. A single node gets as much room, for equal sizes within a family."""
 _EDGE_LABELS = 3.4
-"""The least distance of nodes if edges between them have labels."""
+"""Minimum distance of neighbouring nodes if edges have labels."""
 
 _LABEL_SHARE = 0.76
 """The position of a label on its edge: nearer to the end, so that labels of opposite edges do not overlap."""
 
 _LONGEST = 24
-"""The most letters of a label; a longer one is shortened."""
+"""Maximum number of letters of a label; a longer label is shortened."""
 
 _LABEL_GAP = NODE_RADIUS + 0.32
 _EDGE_SHIFT = 0.13

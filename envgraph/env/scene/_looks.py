@@ -57,7 +57,7 @@ class Looks:
         self._marked: dict[str, tuple[_Marked, ...]] = {}
 
     def of(self, node: int, plain: Glyph) -> Look:
-        """Return the appearance of an object; `plain` is its glyph if no attribute changes it."""
+        """Return the appearance of an object, whose glyph is `plain` if no attribute changes it."""
         model = self._model
         letter, colour, states, unusual = plain.letter, plain.colour, list[str](), False
         for attribute, letters in self._marks_of(model.graph.class_of(node)):

@@ -6,7 +6,7 @@ from envgraph.env.scene._scene import EMPTY, Edge, GraphScene, GridScene, Mark, 
 from envgraph.errors import visible
 
 _MOST_NAMED = 6
-"""The most tokens that the description of a picture names."""
+"""Maximum number of tokens that the description of a picture names."""
 
 
 def scene_text(scene: Scene) -> str:

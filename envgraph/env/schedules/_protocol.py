@@ -51,7 +51,7 @@ class Outcomes:
 
 
 Score = Callable[[Outcomes], Floats]
-"""Computes a score for each member that was played; higher means more useful to learn on."""
+"""A function that computes a score for each member that was played; higher means more useful to learn on."""
 
 
 @runtime_checkable

@@ -14,7 +14,7 @@ from envgraph.env.schedules._order import Shuffled
 from envgraph.env.schedules._protocol import Batch, Floats, Ints, Outcomes, Score
 
 Edit = Callable[[Ints, Generator], Ints]
-"""Creates a new member from each of some members."""
+"""A function that creates a new member from each of the given members, and returns their numbers."""
 
 FILLED: Final = 0.5
 """The share of a buffer that must be filled before it is replayed, as in JaxUED (Coward et al. 2024)."""

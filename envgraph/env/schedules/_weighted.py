@@ -14,7 +14,7 @@ from envgraph.errors import InvalidArgument
 
 FAST: Final = 0.2
 SLOW: Final = 0.05
-"""Weights of the last outcome in the two averages of success."""
+"""FAST and SLOW are the weights of the last outcome in the two averages of success."""
 
 
 class Known:
@@ -37,7 +37,7 @@ class Known:
 
 
 Weight = Callable[[Known], Floats]
-"""Computes for each member the weight that its probability is proportional to."""
+"""A function that computes for each member a weight, to which its probability is proportional."""
 
 
 def learning_progress(known: Known) -> Floats:

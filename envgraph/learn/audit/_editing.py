@@ -16,7 +16,7 @@ from envgraph.search import Domain
 from envgraph.solve.learning import PolicyLearner
 
 EDITS: Final = (1, 5)
-"""The least and the greatest number of mutation rules that are applied to a level."""
+"""Minimum and maximum number of mutation rules that are applied to a level."""
 
 
 class Editor:

@@ -21,8 +21,8 @@ Feature = tuple[str, tuple[Value, ...]]
 """A name, such as that of a pattern, and the values of a row."""
 
 _View = tuple[str, str, tuple[object, ...], list[tuple[int, Callable[[int], Any]]]]
-"""A pattern's name in the settings and its full name, arguments that ask for all rows, and which values of its rows are
-objects, with what reads their keys."""
+"""A pattern: its name in the settings, its qualified name, arguments that match all rows, and for each parameter that
+is an object, its position and a function that returns the key of an object."""
 
 
 class StateFeatures:

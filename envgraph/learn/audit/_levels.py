@@ -23,13 +23,13 @@ from envgraph.solve import optimal_return, steps_to_success
 from envgraph.solve.learning import LevelTables
 
 MOST_STATES: Final = 20_000
-"""The most states of a level."""
+"""Maximum number of states of a level."""
 
 HARD: Final = 0.8
 """A level is hard if its shortest plan is longer than those of this share of the held-out levels."""
 
 PATIENCE: Final = 20
-"""The most models that are drawn for each level needed, before an error is raised."""
+"""Maximum number of models that are drawn for each level needed; then an error is raised."""
 
 Progress = Callable[[int, int], None]
 
@@ -107,7 +107,9 @@ class AuditLevels:
             tables = LevelTables(**arrays, inputs=sizes[0], actions=sizes[1], width=sizes[2])
             return cls(tables, drawn=drawn, features=features, **found)
         except (OSError, ValueError, KeyError, TypeError, EOFError) as error:
-            raise InvalidArgument(f"{path}: the file does not contain the levels of an audit") from error
+            raise InvalidArgument(
+                f"{path}: the file does not contain the levels of an audit; remove it to make them again"
+            ) from error
 
 
 _OWN: Final = "optimum", "plan", "training", "probed", "held_out", "hard", "numbers"

@@ -28,7 +28,7 @@ _Source = tuple[Bundle, tuple[str, ...]]
 """The texts of a domain, for other processes to read, and the settings that override them."""
 
 Progress = Callable[[int, int, str], None]
-"""Called with the number of finished units of work, the number of all, and their name."""
+"""A callback that gets the number of finished units of work, the number of all units, and their name."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
