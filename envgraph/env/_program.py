@@ -161,7 +161,10 @@ class Program:
             yield PreparedAction(name, named, branches, reward, else_reward, before)
 
     def _taking(self, domain: Domain) -> Callable[[Any], Callable[[], Value | None]]:
-        """Return `f` such that `f(value)()` is the value; for a domain of objects, the current object of an index."""
+        """Return `f` such that `f(value)()` is the value, or for a domain of objects the object with this index.
+
+        The object with an index can change when objects are created and deleted.
+        """
         type_ = domain_type(domain, self.model.metamodel)
         return partial(_item, self._keyed(type_.cls)) if isinstance(type_, ObjectType) else _constant
 
@@ -339,7 +342,7 @@ class Program:
         matches: Callable[[], list[Row]],
         holds: Callable[[Row], bool],
     ) -> tuple[Callable[[], list[Row]], Callable[[Row], bool]]:
-        """Return the functions of a negated condition, changed so that it also holds if a bound object was deleted."""
+        """Return `matches` and `holds`, extended so that a negated condition also holds if an object was deleted."""
         bound = [(self.bound[name], types[name]) for name in question.bound]
 
         def gone() -> bool:

@@ -85,7 +85,7 @@ def _running_unit(engine: Engine, name: str, bound: Sequence[str], outputs: Sequ
 def _succeeding(perform: Perform, model: Model) -> Possible:
     """Return a function that tests if a unit can succeed: it runs the unit with all choices, and rolls back.
 
-    At most 10,000 sequences of choices are tried. An error counts as success, so that `run` raises the error.
+    At most 10,000 sequences of choices are tried. An error counts as success, so that a later run raises it.
     """
 
     def possible(values: Sequence[Value | None]) -> bool:

@@ -200,7 +200,7 @@ class Simulator:
         return Outcome(reward, terminated, self.observe())
 
     def begin(self, uniform: float) -> int:
-        """Do a reset from the model's current state, decided by `uniform` in [0, 1); return the observation."""
+        """Reset from the model's current state, decided by `uniform` in [0, 1); return the observation's index."""
         self._begin(Draw(uniform))
         return self.observe()
 
@@ -253,10 +253,7 @@ class Simulator:
         return tuple(component.read() for component in components if not component.number)
 
     def in_the_way(self, end: int) -> Callable[[], int]:
-        """Return a function that counts the matches which must vanish before success (1) or failure (2) is possible.
-
-        The matches are those of `on neg find` clauses with that end.
-        """
+        """Return a function that counts the matches which must vanish before success (1) or failure (2) is possible."""
         return self.agents.seats[0].program.in_the_way(end)
 
     def painter(self) -> Painter:

@@ -94,7 +94,7 @@ class Together:
         return joint_names([seat.name for seat in self._seats], self._agents.action_names)
 
     def digits(self, number: int) -> list[int]:
-        """Return the action of each agent in a joint action."""
+        """Return the number of each agent's action in the joint action with this number."""
         found, base = [], len(self._agents.action_names)
         for _ in self._seats:
             number, digit = divmod(number, base)

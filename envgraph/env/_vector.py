@@ -131,7 +131,7 @@ class VectorEnvironmentBase(VectorEnv[Any, Any, Any]):
 
     @abstractmethod
     def _facts(self) -> dict[str, NDArray[Any]]:
-        """Return the info entries that only this kind of environment has."""
+        """Return the info entries that only this kind of environment has, such as `state` for tables."""
 
     def reset(
         self, *, seed: int | None = None, options: dict[str, Any] | None = None

@@ -128,7 +128,7 @@ class _Several(OfFamily):
         return scene_text(scene) if self.render_mode == "ansi" else scene_rgb(scene, self._cell)
 
     def close(self) -> None:
-        """Restore the initial state and release the model."""
+        """End the episode: restore the initial state, so that other code may change the model."""
         self.simulator.close()
 
     def _begin(self, seed: int | None, options: dict[str, Any] | None) -> None:

@@ -85,9 +85,9 @@ def make_vec_spec(
     Args:
         spec: the environment to make; its vector entry point does not support the live engine.
         num_envs: the number of environments.
-        vectorization_mode: as in Gymnasium.
+        vectorization_mode: the mode of Gymnasium; by default "sync" for the live engine.
         autoreset_mode: the autoreset mode, in any vectorization mode.
-        vector_kwargs: as in Gymnasium.
+        vector_kwargs: keyword arguments for the vector environment, as in Gymnasium.
         options: passed on to `gymnasium.make_vec`.
 
     Raises:

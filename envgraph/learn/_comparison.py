@@ -43,7 +43,7 @@ class Comparison:
 
     Attributes:
         curriculum, control: the labels of both.
-        called: the control, in words.
+        called: the control in words.
         steps: training steps of an agent in all, the same for both.
         by: the measure that is compared: "success", or "return" if the target cannot end in success.
         seeds, seeds_needed: number of seeds, and the fewest with which the difference can be significant.
@@ -51,7 +51,7 @@ class Comparison:
         difference: 95 % interval of their difference: Newcombe's for success rates, a bootstrap interval for returns;
             None for a single seed.
         improvement: probability that an agent of the curriculum does better than one of the control.
-        p_value: that of `permutation_test`, corrected for the number of comparisons (`holm`).
+        p_value: the p-value of `permutation_test`, corrected for the number of comparisons (`holm`).
     """
 
     curriculum: str
@@ -115,8 +115,8 @@ class BestWay:
 
     Attributes:
         target: name of the target.
-        called: the best way, in words.
-        comparisons: of the best way with each other way, the second best first.
+        called: the best way in words.
+        comparisons: the comparisons of the best way with each other way, the second best first.
         needs_curriculum: False if direct training is among the best and at least half of its agents succeed.
     """
 

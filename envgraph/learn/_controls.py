@@ -50,10 +50,10 @@ def controls(
 
     Args:
         names: the environments from the easiest to the target.
-        kinds: some of those above; schedules are used only if named.
+        kinds: some of the controls above; schedules are used only if named.
         optimism: initial Q-values of "optimistic", see `optimistic_values`; if empty, "optimistic" is left out.
         starts: names of `other_starts`, in its order; if empty, "backplay" and "exploring" are left out.
-        seed: of the shuffled orders.
+        seed: the seed of the shuffled orders.
 
     Raises:
         InvalidArgument: `names` is empty or has a name twice, or a kind is unknown.

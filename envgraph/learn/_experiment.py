@@ -44,8 +44,8 @@ class FamilyMember:
     """An environment of a family.
 
     Attributes:
-        name: its name in curricula.
-        tabular: its table; or its place in a compiled program, if there are too many states for a table.
+        name: the name of the environment in curricula.
+        tabular: its table; or its number in a compiled program, if there are too many states for a table.
         complexity: the measure by which the family is ordered, if known; not used in training.
     """
 
@@ -79,8 +79,8 @@ def run_experiment(
 
     Args:
         family: the environments from the easiest to the target.
-        settings: of the training.
-        curricula: by default the suffixes and the baselines, as in the paper.
+        settings: the settings of the training.
+        curricula: the curricula; by default the suffixes and the baselines, as in the paper.
         seeds: whole numbers from 0; by default 0, 1, ... up to the number in the settings.
         workers: number of runs at a time. Joblib runs them by default in processes for the loop on lists, and in
             threads for the compiled loop.

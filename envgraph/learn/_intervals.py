@@ -74,7 +74,7 @@ def bootstrap_interval(
         statistic: takes an array [.., values] of each sample and `axis=-1`; by default the mean of the only one.
         confidence: share of the resamples between the ends, in (0, 1).
         resamples: number of resamples.
-        seed: of the resampling.
+        seed: the seed of the resampling.
 
     Returns:
         The ends of the interval; None if a sample has fewer than two values.

@@ -116,18 +116,18 @@ class Summary:
     """Statistics of all runs of one curriculum.
 
     Attributes:
-        kind: that of the curriculum.
+        kind: the kind of the curriculum.
         label: the curriculum's label.
         runs: number of runs.
         steps: training steps of each run in all.
-        success_rate: mean over the runs.
+        success_rate: mean success rate over the runs.
         success_interval: Wilson's interval, with each run as one trial.
-        mean_return: mean over the runs.
-        return_interval: of `mean_return`, by `bootstrap_interval`; None for a single run.
+        mean_return: mean return over the runs.
+        return_interval: interval of `mean_return`, by `bootstrap_interval`; None for a single run.
         return_iqm: interquartile mean of the returns.
-        iqm_interval: of `return_iqm`, by `bootstrap_interval`; None for a single run.
-        success_before: mean over the runs.
-        steps_to_threshold: median over the runs, the lower one of two; None if more than half never reach it.
+        iqm_interval: interval of `return_iqm`, by `bootstrap_interval`; None for a single run.
+        success_before: mean success rate before the last stage.
+        steps_to_threshold: median over the runs, the lower of two middle values; None if more than half never reach it.
     """
 
     kind: Kind

@@ -25,9 +25,9 @@ class ExactScore:
     """A score of members: the exact regret or learnability of a learner's current epsilon-greedy policy.
 
     Args:
-        of: a name in `EXACT`.
+        of: the name of the score, one of `EXACT`.
         tabulars: the members.
-        settings: of the learner.
+        settings: the settings of the learner.
         q: returns the learner's current values [observations, actions].
 
     Attributes:

@@ -49,7 +49,7 @@ def scatter_chart(
     """Return an SVG element with rows of three scatter plots, each with its own scale, and a legend of the kinds.
 
     Args:
-        panels: at least one.
+        panels: at least one scatter plot.
         kinds: the names of the kinds of points, each of which has a colour.
         x_label, y_label: the labels of the axes of all panels.
         title: the description for screen readers.
@@ -83,7 +83,7 @@ def interval_chart(rows: Sequence[Interval], *, x_label: str, title: str) -> str
     """Return an SVG element with one row for each value, its interval as a bar, and a line at 0.
 
     Args:
-        rows: at least one, from the top.
+        rows: at least one row, from the top.
         x_label: the label of the axis, with the unit.
         title: the description for screen readers.
     """

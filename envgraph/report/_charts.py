@@ -30,8 +30,8 @@ class Series:
         label: the label in the legend.
         x, y: the coordinates of the points, of equal length.
         low, high: the band's edges at the points, or ().
-        marked: also draw the points.
-        dashed: draw the line dashed, for a baseline. Lines without a colour of their own get longer dashes.
+        marked: True to draw the points, too.
+        dashed: True to dash the line, for a baseline. Lines without a colour of their own get longer dashes.
         number: the number of the line's colour, so that a line has the same colour in several charts; None for the
             position of the line.
     """
@@ -79,7 +79,7 @@ def line_chart(series: Sequence[Series], *, x_label: str, y_label: str, title: s
     """Return an SVG element with axes, grid, lines, bands and a legend below.
 
     Args:
-        series: at least one; drawn in order, later ones on top.
+        series: at least one line; later lines are drawn on top of earlier ones.
         x_label, y_label: the labels of the axes, with the unit.
         title: the description for screen readers.
     """

@@ -67,7 +67,7 @@ class Report:
         title, summary: the head of the page.
         cards: the family, from the easiest environment to the target.
         legend: the symbols that occur on the cards.
-        sections: in order.
+        sections: the sections in their order on the page.
         facts: what is needed to repeat the run (seed, versions, settings), shown at the end.
     """
 

@@ -45,9 +45,9 @@ class Mark:
     """A token: an object that is drawn on a cell or node.
 
     Attributes:
-        name: of the object, with the attribute values that change its appearance: "Door 24, red, open".
+        name: the name of the object, with the attribute values that change its appearance: "Door 24, red, open".
         place: (column, row) of a grid scene, counted from its upper left corner; (node number, 0) of a graph scene.
-        kind: its class, with the same values: "Door, red, open".
+        kind: the class of the object, with the same values: "Door, red, open".
     """
 
     name: str
@@ -62,10 +62,10 @@ class GridScene:
     """A grid of cells, each showing a class, and tokens on the cells.
 
     Attributes:
-        width, height: size in cells.
+        width, height: the size in cells.
         glyphs: the glyph for each kind of cell.
         cells: row by row, for each cell its index in `glyphs`, or `EMPTY`.
-        marks: in the order of the behaviour; later ones are drawn above earlier ones.
+        marks: the tokens in the order of the behaviour; later tokens are drawn above earlier ones.
         kinds: the class of each of `glyphs`.
         aside: tokens without a cell, in a row below the grid that all states have. None if every token always has
             a cell.
@@ -156,7 +156,7 @@ def scene_of(model: Model, draw: Draw, parameters: Iterable[Parameter] = ()) -> 
     Args:
         model: any model of the behaviour's metamodel.
         draw: the clause, checked against that metamodel.
-        parameters: those of the behaviour; a token that is none of them is the object of that name.
+        parameters: the parameters of the behaviour; a token that is no parameter is the object of that name.
 
     Raises:
         EvaluationError: a token's parameter cannot be bound.
@@ -189,7 +189,7 @@ class Painter:
     def places(self) -> tuple[int, int, dict[int, tuple[int, int]]]:
         """Return the width and height of the grid in cells, and (column, row) of each cell and of each token on a cell.
 
-        A token with a letter of its own is a sign of an object and does not count as its place.
+        Tokens with a letter of their own are left out, because they only mark a cell for an object.
         """
         width, height, _, place_of = self._grid.cells()
         for number, node, at in self._placed():

@@ -30,8 +30,8 @@ class Window:
     """A window that opens with the first picture.
 
     Args:
-        title: of the window.
-        fps: pictures per second: `show` waits to keep this rate.
+        title: the title of the window.
+        fps: pictures per second, a rate that `show` keeps by waiting.
     """
 
     def __init__(self, title: str, fps: int) -> None:

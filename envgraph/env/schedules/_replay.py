@@ -62,8 +62,8 @@ class Replay:
     If the buffer holds all members, only replays happen, as in Jiang et al. (2021a) with a fixed set of levels.
 
     Args:
-        members: their numbers.
-        buffer: settings.
+        members: the numbers of all members.
+        buffer: the settings of the buffer; None for the defaults.
         score: computes scores if the outcomes have none.
         edit: creates a new member from each replayed one, to be scored next: ACCEL (Parker-Holder et al. 2022).
     """

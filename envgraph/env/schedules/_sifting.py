@@ -21,7 +21,7 @@ class Sifting:
         every: number of members played between two searches.
         candidates: number of members scored in a search.
         best: number of candidates that are used until the next search.
-        share: share of the played members that is sampled from these.
+        share: the share of the played members that is sampled from the best candidates.
     """
 
     episodes: int | None = 4
@@ -38,8 +38,8 @@ class Sifter:
     candidate once for each of these episodes, with `learn` False.
 
     Args:
-        members: their numbers.
-        sifting: settings.
+        members: the numbers of all members.
+        sifting: the settings; None for the defaults.
         exact: returns exact scores of members, so that candidates need not be played.
     """
 

@@ -61,7 +61,7 @@ class Band:
     development; compare the goals of intermediate difficulty of Florensa et al. (2018).
 
     Attributes:
-        low, high: the band.
+        low, high: the limits of the band.
     """
 
     low: float = 0.1

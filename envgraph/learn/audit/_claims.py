@@ -30,14 +30,14 @@ class Finding:
     """The result of the runs for a claim.
 
     Attributes:
-        domain: its name, or "all domains".
+        domain: the name of the domain, or "all domains".
         part: the part of the ladder that the claim is about, or "rank".
-        claim: in words; it claims that `value` is above 0.
+        claim: the claim in words; it says that `value` is above 0.
         method, other: the methods that are compared; for a rank correlation the score, and "".
         value: mean difference of success on the held-out levels, paired by seeds; or a rank correlation.
         low, high: 95 % interval, over seeds and over levels.
         improvement: probability that a run of `method` is better than one of `other`.
-        p_value: of `mean_test` over seeds and levels, as the interval, corrected for all claims together.
+        p_value: the p-value of `mean_test` over seeds and levels, corrected for all claims together.
         seeds: number of seeds.
         margin: a claim fails if its whole interval is below it, since the effect is too small to matter.
     """

@@ -73,7 +73,7 @@ class Contrast:
     """A claim about two methods, made before anything is run.
 
     Attributes:
-        claim: in words.
+        claim: the claim in words.
         part: the step from domain randomisation to exact scores that the difference is due to.
         method, other: names of methods; the claim is that `method` succeeds more often.
     """

@@ -61,7 +61,7 @@ class Ranking:
         regret: rank correlation with exact regret over all levels; influenced by unsolvable levels, whose regret is 0.
         regret_solvable: rank correlation with exact regret over solvable levels.
         learnability, success: rank correlation with the exact values, over all levels.
-        unsolvable, mastered, hopeless: shares of the tenth of levels with the highest score; hopeless means solvable.
+        unsolvable, mastered, hopeless: shares of the highest-ranked tenth of levels; hopeless levels are solvable.
         capture: mean exact regret of the tenth with the highest score, divided by that with the highest regret.
         repeat: rank correlation with a second estimate from other episodes, over all levels; its square root is the
             greatest correlation with anything that noise allows (Spearman 1904).

@@ -43,9 +43,9 @@ class Run:
         steps, updates: at each point of the curve: environment steps so far, including those for scoring, and number
             of batches that were learned on.
         curve: mean success on the held-out levels at these points.
-        success: of each held-out level, at the end.
+        success: success on each held-out level, at the end.
         hard: success on each hard level, at the end.
-        regret: mean over the held-out levels.
+        regret: mean regret over the held-out levels.
         greedy: mean success of the greedy policy on the held-out levels.
         learned_solvable: share of the levels learned on that are solvable.
         rankings: a `Ranking` for each point, number of rollouts and score; empty for students that are not probed.
@@ -95,7 +95,7 @@ def run_method(
         method: the method by which levels are chosen.
         seed: the seed of all randomness.
         domain: the domain of the levels, for methods that edit them.
-        native: see `PolicyLearner`.
+        native: the `native` of `PolicyLearner`.
     """
     student = PolicyLearner(levels.tables, settings.policy, seed, native=native)
     rng = default_rng(SeedSequence(seed, spawn_key=(_SCHEDULER,)))

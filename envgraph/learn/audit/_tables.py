@@ -29,8 +29,8 @@ class Summary:
 
     Attributes:
         domain, method, seeds: the runs: their domain and method, and the number of seeds.
-        success: mean over seeds and held-out levels.
-        low, high: 95 % interval over seeds; the value itself for a single seed.
+        success: mean success over seeds and held-out levels.
+        low, high: 95 % interval of the success over seeds; the value itself for a single seed.
         gain, gain_low, gain_high: mean paired difference to domain randomisation, with its interval over seeds and
             levels; 0 for domain randomisation itself.
         improvement: probability that a run is better than one of domain randomisation with one of the same seeds.
@@ -63,7 +63,7 @@ class Summary:
 
 
 def summaries(study: Study) -> list[Summary]:
-    """Return a summary for each method, in order."""
+    """Return statistics of the runs of each method in a study, in the order of the methods."""
     base = study.of(BASE)
     found = []
     for method in study.methods:

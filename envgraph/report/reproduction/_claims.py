@@ -57,7 +57,7 @@ class Claim:
         here: the result of the reproduction.
         if_significant: the verdict if the test is significant, or if nothing is tested.
         over: the units of the test, such as "200 searches".
-        p_value: of the two-sided test, with Holm's correction for all tested claims; None: not tested.
+        p_value: the p-value of the two-sided test, with Holm's correction for all claims; None if not tested.
         if_not_significant: the verdict if the test is not significant.
     """
 

@@ -44,7 +44,7 @@ class Sample:
     """The results of agents that were each trained on one family of a set.
 
     Attributes:
-        success, returns: on the target; for each family the mean over its agents.
+        success, returns: success and return on the target; for each family the mean over its agents.
         agents: the number of agents for each family.
         steps, reward, spread: the learning curves: mean and standard deviation over the families of the cumulative
             reward up to a step.
