@@ -54,7 +54,7 @@ if NATIVE:
     advance = njit(nogil=True, **options)(advance)
     machine_code.keep_machine_code(advance, getsource(arrays) + getsource(modules[__name__]), cache_files)
 else:
-    from .plain import *
+    from .python_kernels import *
 
     advance = np.errstate(all="ignore")(advance)
 """
@@ -124,11 +124,11 @@ def program_files(
     text = inspect.getsource(kernels)
     return {
         "__init__.py": inspect.getsource(_exported),
-        "_world.py": inspect.getsource(_world),
+        "_batch_arrays.py": inspect.getsource(_world),
         "program.py": f"{text}\n\n{program.source}\n{_TAIL}",
         **{f"{name}.py": (Path(__file__).parent / f"_{name}.py").read_text("utf-8") for name in _NUMBA},
         "cache_files.py": inspect.getsource(_cache),
-        "plain.py": inspect.getsource(_plain),
+        "python_kernels.py": inspect.getsource(_plain),
         "about.json": json.dumps(about, indent=1) + "\n",
         "data.npz": _packed(program),
         "README.md": _README.format(

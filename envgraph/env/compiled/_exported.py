@@ -19,7 +19,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from ._world import NO_ACTIONS, NO_NUMBERS, Arrays, Rows, World, rows_of, streams
+from ._batch_arrays import NO_ACTIONS, NO_NUMBERS, Arrays, Rows, World, rows_of, streams
 
 __all__ = ["ABOUT", "Environments", "State", "begin", "step"]
 
