@@ -244,7 +244,7 @@ class RunStore:
         self.close()
 
     def settings(self) -> dict[str, Any]:
-        """Return the settings given to `create` or `set`, by key."""
+        """Return all settings by key: those given to `create`, `set` and `write_generation`, and the store's format."""
         with self._reading("the settings"):
             rows = self._db.execute("SELECT key, value FROM setting")
             return {key: json.loads(value) for key, value in rows}
@@ -269,12 +269,12 @@ class RunStore:
             return None if found is None else _text(found)
 
     def damaged(self, message: str) -> InvalidArgument:
-        """Return the error to raise if the content of the store is inconsistent."""
+        """Return the error to raise if the content of the store is inconsistent. `message` says what is wrong."""
         return InvalidArgument(f"{self.path} is damaged: {message}")
 
     @property
     def objective(self) -> dict[str, object]:
-        """Return what is known about the objective of a finished run; {} without an objective.
+        """Return the results for the objective that a finished run stored; {} before the end, or without an objective.
 
         For a curriculum search these are "value", "learnt" and "origin" (see `CurriculumProgress`), and "exempted", the
         constraints that only the target satisfies. Otherwise "values" has the value of each term by its text. In both
@@ -295,18 +295,18 @@ class RunStore:
             }
 
     def set(self, key: str, value: Any) -> None:
-        """Add or replace a setting."""
+        """Add or replace a setting. The value must be JSON-ready."""
         with self._transaction() as db:
             db.execute("INSERT OR REPLACE INTO setting VALUES (?, ?)", (key, dump_json(value)))
 
     def sources(self) -> dict[str, str]:
-        """Return the texts from which the run was made, by path."""
+        """Return the texts of the files from which the run was made, by path."""
         with self._reading("the texts"):
             rows = self._db.execute("SELECT path, text FROM source ORDER BY path")
             return {_text(path): _text(text) for path, text in rows}
 
     def bundle(self) -> Bundle:
-        """Return the texts from which the run was made, as a bundle that can be loaded."""
+        """Return the texts of the files from which the run was made, as a bundle that can be loaded."""
         with self._reading("setting `roots`"):
             roots = _texts(self.settings()["roots"])
             if not roots:
@@ -314,7 +314,7 @@ class RunStore:
         return Bundle(roots, self.sources())
 
     def family_data(self) -> list[Any]:
-        """Return all data from which the family of the last generation is made, ready for JSON."""
+        """Return the settings, the texts of files and the members of the last generation, as JSON-ready lists."""
         last = self.last_generation()
         members = [] if last is None else [_row(self.individual(id_)) for id_ in last.members]
         return [self.settings(), self.sources(), members]
@@ -322,7 +322,10 @@ class RunStore:
     def write_generation(
         self, generation: Generation, born: Iterable[Individual], settings: Mapping[str, Any] | None = None
     ) -> None:
-        """Write a generation, its accepted individuals and new settings, in one transaction."""
+        """Write a generation, its accepted individuals and new settings, in one transaction.
+
+        If the store is still in memory, it is then written to its file, where it replaces an old run.
+        """
         with self._transaction() as db:
             texts = [(key, dump_json(value)) for key, value in (settings or {}).items()]
             db.executemany("INSERT OR REPLACE INTO setting VALUES (?, ?)", texts)
@@ -347,7 +350,7 @@ class RunStore:
             self._write_to_file()
 
     def write_models(self, models: Mapping[int, str]) -> None:
-        """Write the models of individuals, given as JSON text by id."""
+        """Store the models of individuals, given as JSON text by id, and update the hashes of the individuals."""
         with self._transaction() as db:
             for key, model in models.items():
                 db.execute("UPDATE individual SET model = ? WHERE id = ?", (model, key))
@@ -428,14 +431,14 @@ class RunStore:
         return line[::-1]
 
     def next_id(self) -> int:
-        """Return the id of the next individual."""
+        """Return the id for the next individual: the largest stored id plus 1, or 0 in an empty store."""
         with self._reading("the individuals"):
             (last,) = self._db.execute("SELECT max(id) FROM individual").fetchone()
         return 0 if last is None else last + 1
 
     @contextmanager
     def _reading(self, what: str) -> Iterator[None]:
-        """Convert exceptions while `what` is read to the error that the store is damaged."""
+        """Convert exceptions raised while `what` is read, except `EnvgraphError`, to the error of a damaged store."""
         try:
             yield
         except EnvgraphError:
@@ -472,7 +475,10 @@ class RunStore:
 
 
 def _refuse_foreign(store: RunStore, db: sqlite3.Connection) -> None:
-    """Raise `InvalidArgument` for files that are not run stores, before any SQL in them can run."""
+    """Raise `InvalidArgument` for files that are not run stores of this format, before any SQL in them can run.
+
+    A store without a table of hashes gets an empty temporary one.
+    """
     try:
         if strange := db.execute(_FOREIGN_OBJECTS).fetchone():
             raise InvalidArgument(f"it has a view or trigger `{strange[0]}`, which run stores do not have")
@@ -502,7 +508,10 @@ def _refuse_links(path: Path) -> None:
 
 
 def _finish_replacement(path: Path, *, locked: bool = True) -> None:
-    """Remove the old results if a run was replaced, else restore them. Skip runs that other processes lock."""
+    """Delete the results of an old run that were moved aside if the run was replaced; otherwise move them back.
+
+    Do nothing if another process locks the run. `locked` is True if the caller has the lock. Errors are ignored.
+    """
     for aside in sorted(path.parent.glob(f".{escape(path.name)}.replaced-*")):
         if aside.is_symlink() or not aside.is_dir():
             continue
@@ -517,7 +526,7 @@ def _finish_replacement(path: Path, *, locked: bool = True) -> None:
 
 
 def _connect(path: Path) -> tuple[sqlite3.Connection, Exception | None]:
-    """Return a connection to a store, and the error because of which it is read-only or None."""
+    """Open a store. Return the connection, and the error that makes it read-only; None if it can be written."""
     # Transactions are explicit (isolation_level None). With a write-ahead log and synchronous NORMAL no committed data
     # is lost if the process is killed. A power cut loses at most complete generations at the end.
     uri = path.absolute().as_uri()
@@ -538,13 +547,13 @@ def _connect(path: Path) -> tuple[sqlite3.Connection, Exception | None]:
             if address is tried[0] and getattr(error, "sqlite_errorname", "").startswith(_WRITE_ERRORS):
                 tried += _for_reading(path, uri)
     if len(tried) == 2:  # a log exists, and merging it into the file needs write access
-        message = f"{path} was not closed and is not writable: copy its directory to a writable place"
+        message = f"{path} has changes in a log file that cannot be merged, because it is not writable: copy its directory to a writable place, and use the copy"
         raise InvalidArgument(message) from reason
     raise InvalidArgument(f"{path} is not a run store: {reason}") from reason
 
 
 def _is_full(error: Exception) -> bool:
-    """Return True if the disk may be full, so that SQLite cannot write the files beside an open store."""
+    """Return True if SQLite reported a full disk, or an input or output error, which a full disk may cause."""
     return getattr(error, "sqlite_errorname", "").startswith(("SQLITE_FULL", "SQLITE_IOERR"))
 
 
@@ -570,7 +579,7 @@ _ENCODER = json.JSONEncoder(
 
 
 def dump_json(value: Any) -> str:
-    """Return compact JSON text. Equal values give equal texts."""
+    """Return compact JSON text. The keys of a dict keep their order."""
     return _ENCODER.encode(value)
 
 
@@ -588,7 +597,7 @@ def _row(individual: Individual) -> Sequence[object]:
 
 
 def _hash(row: Sequence[object]) -> str:
-    """Return a hash of all stored data of an individual: its model or trace, and its measures."""
+    """Return a hash of a row of the table `individual`, which contains all stored data of an individual."""
     return blake2b(dump_json(row).encode("utf-8", "surrogatepass"), digest_size=16).hexdigest()
 
 

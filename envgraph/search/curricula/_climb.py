@@ -153,7 +153,7 @@ class CurriculumSearch:
         most = self.levels.problem.maximum(self._size)
         if self.settings.demanded == inf == most:
             raise InvalidArgument(
-                "the largest possible diversity is unknown: demand a number instead of infinity"
+                "`demanded` is infinity, but the largest possible diversity is unknown: give a number"
             )
         demanded = self.settings.demanded
         self._demanded = None if demanded is None else min(demanded, most) - _SAME
@@ -198,7 +198,10 @@ class CurriculumSearch:
     def _searched(
         self, starts: Starts, first: Sequence[tuple[Origin, Family]], until: float
     ) -> TrainedFamily | _Lane:
-        """Return the best family found until the share `until` of the effort is spent."""
+        """Return the best family found until the share `until` of the effort is spent; `first` are screened first.
+
+        With a learning objective the family is returned with the success of new learners, otherwise as a lane.
+        """
         start = self._spent()
         lanes = [
             _Lane(
@@ -244,7 +247,10 @@ class CurriculumSearch:
         return CurriculumProgress(found.family, found.success, spent, self.tried, found.origin, learnt)
 
     def _success(self, family: Family, objective: Learning, seeds: int) -> float:
-        """Train `seeds` new learners; return the share that solves the target, 0 if a member has too many states."""
+        """Train `seeds` new learners, and count the effort. Return the share that solves the target.
+
+        Return 0 if a member has too many states and is not compiled.
+        """
         self._steps += max(LEVEL, objective.effort * len(family) * seeds)
         self.tried += 1
         try:
@@ -276,7 +282,10 @@ class CurriculumSearch:
     def _screened(
         self, starts: Starts, first: Sequence[tuple[Origin, Family]], until: float
     ) -> list[Screened]:
-        """Screen the families `first` and sampled ones, and return the best family for each lane, the best first."""
+        """Screen the families `first` and sampled ones, and return the best family for each lane, the best first.
+
+        Sampling ends when the share `until` of the effort is spent, or enough families are good.
+        """
         settings, rng, pool = self.settings, self._rng, list[Screened]()
         births = good = 0
         most_births = BIRTHS + settings.effort // LEVEL
@@ -327,7 +336,10 @@ class CurriculumSearch:
             self.report(CurriculumProgress(lane.best, lane.value, min(1.0, self._spent()), self.tried))
 
     def _epoch(self, lane: _Lane, until: float) -> None:
-        """Judge the lane's family on new seeds, update the lane's best family, and try moves on the family."""
+        """Judge the lane's current family on new seeds, and try moves on it. A child that is not worse replaces it.
+
+        The best family of the lane is updated first. If the current family is clearly worse, the best one replaces it.
+        """
         lacking = 1.0 - min(1.0, max(0.0, lane.value))
         seeds = self._fresh(MOST if lacking * MOST <= 8 else max(FEWEST, int(8 / lacking)))
         scores = self._scores(lane.current, seeds)
@@ -355,7 +367,7 @@ class CurriculumSearch:
                 lane.current, scores, now = child, found, before
 
     def _consider(self, lane: _Lane) -> None:
-        """Make the lane's current family its best one if the current family is better on separate seeds."""
+        """Judge the lane's current family on new seeds, and make it the lane's best family if its value is larger."""
         scores = self._judged(lane.current, POOL)
         if value_of(scores) > lane.value - 0.02:
             more = self._judged(lane.current, JUDGE - POOL)
@@ -364,7 +376,7 @@ class CurriculumSearch:
                 lane.best, lane.value = lane.current, value
 
     def _race(self, family: Family, seeds: range, other: Scores) -> Scores | None:
-        """Return the scores of a family; None if it is worse than the family with the scores `other` on these seeds."""
+        """Return the scores of a family on `seeds`; None as soon as they are worse than the scores `other`."""
         found: list[Scores] = []
         behind = squares = 0.0
         self.tried += 1
@@ -383,7 +395,7 @@ class CurriculumSearch:
     # --- judging
 
     def _judged(self, family: Sequence[Level], seeds: int) -> Scores:
-        """Return the scores of a family on new seeds."""
+        """Return the scores of a family on `seeds` new seeds, and count the family as tried."""
         self.tried += 1
         return self._scores(family, self._fresh(seeds))
 

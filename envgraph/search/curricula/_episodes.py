@@ -42,7 +42,7 @@ class Episode:
 def optimal_episodes(levels: Levels, rng: Generator, *, states: bool) -> list[Episode]:
     """Return sampled optimal episodes of the target; only the shortest plan if a transition table would be too large.
 
-    The engine is left in an arbitrary state.
+    If the behaviour then cannot be compiled, the only episode is empty. The engine is left in an arbitrary state.
 
     Args:
         levels: provides the target and the engine.
@@ -66,7 +66,10 @@ def optimal_episodes(levels: Levels, rng: Generator, *, states: bool) -> list[Ep
 
 
 def _planned(levels: Levels, rng: Generator, states: bool) -> Episode:
-    """Return the episode of the shortest plan; `touched` assumes that all stochastic outcomes are those of the plan."""
+    """Return the episode of the target's shortest plan; an empty episode if the behaviour cannot be compiled.
+
+    `touched` assumes that all stochastic outcomes are those of the plan. `states` is empty unless `states` is True.
+    """
     levels.go_to(levels.target.version)
     plans = Plans(levels.behaviour)
     try:
@@ -84,7 +87,7 @@ def _planned(levels: Levels, rng: Generator, states: bool) -> Episode:
 
 
 def _played(levels: Levels, act: Callable[[int], int], limit: int, rng: Generator) -> Episode:
-    """Play an episode from the start and return it. `act` maps an observation to an action."""
+    """Play an episode of at most `limit` steps on the target and return it. `act` maps an observation to an action."""
     levels.go_to(levels.target.version)
     engine, recorded, lengths, ended = levels.engine, Recorded(), list[int](), 0
     simulator = Simulator(engine, levels.behaviour, levels.keys)
@@ -104,7 +107,7 @@ def _played(levels: Levels, act: Callable[[int], int], limit: int, rng: Generato
 
 
 def _touched(levels: Levels, states: list[Facts]) -> list[int]:
-    """Return the objects of the current model that change between the states, and the objects that they link to."""
+    """Return the ids of the objects that change between the states, and of their linked objects, if they exist now."""
     found = dict[int, None]()
     for before, after in pairwise(states):
         for old, new in zip(before, after, strict=True):

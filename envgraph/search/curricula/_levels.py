@@ -66,7 +66,7 @@ class Level:
         return self.once("place", lambda: self._levels.place_of(self))
 
     def once(self, key: object, make: Callable[[], T]) -> T:
-        """Return the result of `make()` as `Candidate.once` does. Cache a `TooManyStates` error and raise it again."""
+        """Return the result of `make`, or raise its `TooManyStates` error. Both are cached by key after one call."""
         if key not in self._made:
             try:
                 self._made[key] = make()
@@ -125,12 +125,14 @@ class Levels:
             InvalidArgument: the family has no environment.
         """
         if self._behaviour is None:
-            raise InvalidArgument("the family has no environment: name one in the family file")
+            raise InvalidArgument(
+                'the family has no environment: write `environment = "name.environment"` in the family file'
+            )
         return self._behaviour
 
     @cached_property
     def keys(self) -> KeyIndex:
-        """Return the numbers of the target's objects, which all levels share."""
+        """Return the numbers of the target's objects in the classes that the environment indexes. Levels share them."""
         self.go_to(self.origin)
         return KeyIndex.of(self.engine.model, indexed_classes(self.behaviour, self.engine.model.metamodel))
 
@@ -155,9 +157,9 @@ class Levels:
         return True
 
     def exempt(self) -> None:
-        """Drop the queries that the current model violates from the constraints on all members but the target.
+        """Remove the `require`, `forbid` and `count` constraints that the current model violates from the constraints.
 
-        The texts of the dropped constraints are added to `exempted`.
+        Only the target then satisfies them. Their texts are added to `exempted`.
         """
         queries = (one for one in self.problem.constraints if isinstance(one, Require | Forbid | CountWithin))
         violated = [one for one in queries if not one.holds(self.engine)]
@@ -174,10 +176,11 @@ class Levels:
         return None if isinstance(judged, str) else judged
 
     def tabular_of(self, level: Level) -> Tabular:
-        """Return the transition table of a level.
+        """Compute the transition table of a level. The engine is left at this level.
 
         Raises:
-            EvaluationError, RuleError: as `explore`; `TooManyStates` if there are more than 50,000 states.
+            EvaluationError, RuleError: a state of the level causes an error.
+            TooManyStates: there are more than 50,000 states.
         """
         self.made += 1
         tables, keys = self._tables, self.keys
@@ -185,7 +188,7 @@ class Levels:
         return tables.table(self.engine, keys)
 
     def place_of(self, level: Level) -> InProgram:
-        """Return a level as a member of a compiled program. Levels share the text of a program if possible.
+        """Return a level as a member of a compiled program. Levels share the program's code if possible.
 
         Raises:
             NotCompiled: the behaviour has a construct that cannot be compiled.
@@ -198,7 +201,7 @@ class Levels:
         return InProgram(program, 0)
 
     def value(self, measures: Mapping[str, float]) -> float:
-        """Return the value of the measure on which the diversity is computed."""
+        """Return the value of the measure on which the diversity is computed, from the measures of a model."""
         return measures[self.problem.diversity_of]
 
     def diversity(self, family: Sequence[Level]) -> float:
@@ -206,10 +209,12 @@ class Levels:
         return self.problem.diversity.score([self.value(level.measures) for level in family])
 
     def _numbered(self) -> bool:
-        """Return True if all observed objects of the current model exist in the target; else count the reasons."""
+        """Return True if all indexed objects of the current model exist in the target; else count the reasons."""
         here = KeyIndex.of(self.engine.model, [*self.keys.keys]).keys
         new = [name for name, keys in here.items() if not {*keys} <= {*self.keys.keys[name]}]
-        self.rejected.update(f"it has a `{name}` that the target lacks, and that is observed" for name in new)
+        self.rejected.update(
+            f"it has an observed object of class `{name}` that the target does not have" for name in new
+        )
         return not new
 
     def _level(self, version: Version | None, trace: Trace) -> Level | None:

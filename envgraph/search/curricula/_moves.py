@@ -32,7 +32,7 @@ class Moves:
         self._levels, self._demanded = levels, demanded
 
     def draw(self, family: Family, rng: Generator) -> Family | None:
-        """Sample a move, and return the changed family; None if the move fails."""
+        """Sample a move, and return the changed family. Return None if the move fails or changes no member."""
         drafts = list(family)
         changed: dict[int, Trace] = {}
         for _ in range(min(3, int(rng.geometric(0.6)))):
@@ -48,13 +48,16 @@ class Moves:
         return tuple(drafts) if self.allowed(drafts) and drafts != [*family] else None
 
     def allowed(self, family: Sequence[Level]) -> bool:
-        """Return True if all members are distinct and the family has the demanded diversity."""
+        """Return True if all members are distinct and the family has the demanded diversity, if one is demanded."""
         return len({level.state for level in family}) == len(family) and (
             self._demanded is None or self._levels.diversity(family) >= self._demanded
         )
 
     def _change(self, family: Sequence[Level], changed: dict[int, Trace], rng: Generator) -> None:
-        """Sample one change, and append its rule applications to `changed`, by the place of each member."""
+        """Sample one change, and append its rule applications to `changed`, by the place of each member.
+
+        `changed` stays the same if no rule can be applied.
+        """
         levels, last = self._levels, len(family) - 2
         place = int(rng.integers(last + 1))
         levels.go_to(family[place].version)

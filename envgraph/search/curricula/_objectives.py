@@ -30,14 +30,14 @@ class Judged(Protocol):
 
     @property
     def drawn(self) -> bool:
-        """Return True if scores depend on the seed. Otherwise a single seed is enough."""
+        """Return True if scores depend on the seed. If False, a single seed is enough."""
 
     @property
     def most(self) -> float:
-        """Return the largest possible value of a family."""
+        """Return the largest possible value of a family; infinity if it is unknown."""
 
     def scores(self, family: Sequence[Level], seeds: range) -> NDArray[np.float64]:
-        """Return the scores [criteria, seeds] of members in their order, the target last. Seeds are integers from 0."""
+        """Return the scores of a family as an array [criteria, seeds]. The target is the last member of the family."""
 
     @property
     def effort(self) -> int:
@@ -96,7 +96,7 @@ class Learning:
 
     @staticmethod
     def _judged(settings: TrainingSettings, target: Level) -> Callable[[Sequence[Level]], Judge]:
-        """Return a function from a family to its judge. The judge takes random streams and the steps per member."""
+        """Return a function from a family to its judge, a function of random streams and the steps per member."""
         try:
             on_tables = Learners(settings, target.tabular)
         except TooManyStates:
@@ -114,7 +114,7 @@ class Learning:
     def _judgements(
         self, family: Sequence[Level], seeds: range, kind: Literal["scores", "successes"]
     ) -> NDArray[np.float64]:
-        """Return the `kind` of numbers of `Judgement` [lengths of training, seeds]."""
+        """Return the field `kind` of the judgements of all learners, as an array [training lengths, seeds]."""
         judge = self._judge(family)
         sequences = (np.random.SeedSequence(self._seed, spawn_key=(SEARCHING, seed)) for seed in seeds)
         rows = streams([np.random.Generator(np.random.PCG64(one)) for one in sequences])
@@ -125,7 +125,7 @@ class Learning:
 
 
 class Measured:
-    """An objective that is a family measure, without learners."""
+    """An objective whose only score is the value of a family measure, without learners."""
 
     drawn: ClassVar[bool] = False
     effort: ClassVar[int] = 0

@@ -49,8 +49,8 @@ def reverse_curriculum(
 ) -> TrainedFamily | None:
     """Return the reverse curriculum that is good with the fewest training steps in total; of equal ones the smallest.
 
-    If no reverse curriculum is good, return the best one that was tried. Return None if no optimal episode has enough
-    states.
+    If none is good before the effort is spent, return the best one that was tried. Return None if no optimal episode
+    has enough states.
 
     Args:
         starts: makes families of the optimal episodes of the target.
@@ -78,7 +78,7 @@ def reverse_curriculum(
 
 
 def _tried(objective: Learning, sizes: Sequence[int]) -> Iterator[tuple[int, int | None]]:
-    """Yield pairs to try: number of members, and steps per member. None as the steps means those of the objective."""
+    """Yield pairs to try, fewest steps first: number of members, and steps per member (None: the objective's)."""
     if objective.free:
         yield from ((size, max(1, total // size)) for total in TOTALS for size in sizes)
     else:

@@ -123,7 +123,7 @@ class Starts:
         levels.go_to(levels.target.version)
 
     def origin(self, rng: Generator) -> Origin:
-        """Sample an origin; each kind has the same probability."""
+        """Sample an origin. With "auto" and known optimal episodes all three kinds have the same probability."""
         episode = easing = None
         if self._episodes and (self._begin == "episode" or rng.random() < 2 / 3):
             episode = self._episodes[int(rng.integers(len(self._episodes)))]
@@ -133,7 +133,7 @@ class Starts:
         return Origin(episode, easing)
 
     def reversed_episodes(self, size: int) -> Iterator[tuple[Origin, Family]]:
-        """Yield a family for each optimal episode: equally spaced states of the episode, and the target."""
+        """Yield equally spaced states and the target as a family, for each optimal episode with enough valid states."""
         for episode in self._episodes:
             ways = list(accumulate(episode.states))
             places = _evenly_spaced(len(ways), size - 1, np.full(size - 1, 0.5))
@@ -142,7 +142,7 @@ class Starts:
                 yield Origin(episode, None), family
 
     def draw(self, origin: Origin, size: int, rng: Generator) -> Family | None:
-        """Sample a family of `size` members from an origin, the easiest first; None if too few states are valid."""
+        """Sample a family of `size` members from an origin, the easiest first; None if valid states do not form one."""
         easing, wanted = origin.easing, size - 1
         parts: list[Trace] = []
         if easing is not None:
@@ -159,9 +159,10 @@ class Starts:
         return None if chosen is None else self._family(chosen)
 
     def _states_after(self, start: Trace, parts: Sequence[Trace]) -> list[_Step]:
-        """Return the states after the trace `start` and after each further part. Invalid states are left out.
+        """Return the states reached from the target by the trace `start` and then by each part.
 
-        Each state is the trace from the target, with its value for the diversity (0 if no diversity is demanded).
+        Each state is the trace from the target, with its value for the diversity. If no diversity is demanded, this is
+        0, and states may be invalid. Otherwise invalid states are left out. Parts that fail are skipped.
         """
         levels = self._levels
         levels.go_to(levels.target.version)
@@ -191,12 +192,12 @@ class Starts:
     def _chosen(
         self, steps: Sequence[_Step], wanted: int, origin: Origin, rng: Generator
     ) -> list[Trace] | None:
-        """Choose states as members: random ones, or those that maximise the diversity if a diversity is demanded.
+        """Return the traces of `wanted` states in their order; None if there are fewer states.
 
-        Return None if there are fewer than `wanted` states. States of an episode are about equally spaced.
+        The states maximise the diversity if one is demanded. Else they are random; states of an episode equally spaced.
         """
         if len(steps) < wanted:
-            self._levels.rejected[f"too few states lead from the target for {wanted} members"] += 1
+            self._levels.rejected[f"fewer than {wanted} states for members were reached from the target"] += 1
             return None
         order: list[int] = rng.permutation(len(steps)).tolist()
         places, values = order[:wanted], [self._levels.value(self._levels.target.measures)]
@@ -209,7 +210,10 @@ class Starts:
         return [steps[place][0] for place in sorted(places)]
 
     def _one_of_each(self, ways: Sequence[Sequence[_Step]], rng: Generator) -> list[Trace] | None:
-        """Choose a state of each sequence, randomly or for diversity if demanded; None if a sequence is empty."""
+        """Return the trace of a random state of each sequence, or of the most diverse one if a diversity is demanded.
+
+        Return None if a sequence is empty.
+        """
         if not all(ways):
             return None
         values, found = [self._levels.value(self._levels.target.measures)], dict[int, Trace]()
@@ -220,7 +224,7 @@ class Starts:
         return [found[way] for way in sorted(found)]
 
     def _most_diverse(self, steps: Sequence[_Step], places: Sequence[int], values: list[float]) -> int:
-        """Return the place whose value makes `values` the most diverse, and append its value to `values`."""
+        """Return the one of `places` whose value makes `values` the most diverse, and append this value to `values`."""
         score = self._levels.problem.diversity.score
         best = max(places, key=lambda place: round(score([*values, steps[place][1]]), 12))
         values.append(steps[best][1])
@@ -229,7 +233,7 @@ class Starts:
     # --- which rules are applied, and in which order
 
     def _by_effect(self) -> dict[str, list[_Application]]:
-        """Return the applications of mutation rules in the current model, grouped by the effect of the rule."""
+        """Return all matches of mutation rules (not units) in the current model, grouped by the effect of the rule."""
         engine, found = self._levels.engine, dict[str, list[_Application]]()
         members = (member for name in self._levels.problem.mutations for member in engine.catalog.group(name))
         for name in dict.fromkeys(members):
@@ -246,7 +250,7 @@ class Starts:
         return found
 
     def _drawn(self, easing: Easing, rng: Generator) -> list[_Application]:
-        """Sample the rule applications of an easing, in order.
+        """Sample the rule applications of an easing, in order. Some of those on far objects may be left out.
 
         The rules are sorted by blocks or mixed. Within a block they are sorted by distance from a sampled object, with
         noise.
@@ -276,13 +280,13 @@ class Starts:
 
 
 def _evenly_spaced(count: int, wanted: int, within: NDArray[np.float64]) -> list[int]:
-    """Return a place in each of `wanted` equal parts of `count` places, at the position `within` the part, 0 to 1."""
+    """Return a place in each of `wanted` equal parts of `count` places. `within` is the position in a part, 0 to 1."""
     places: list[int] = ((np.arange(wanted) + within) * count / max(1, wanted)).astype(int).tolist()
     return places
 
 
 def _effect(rule: object) -> str:
-    """Return the effect of a rule as text if it only retypes or sets constants; else the name of the rule."""
+    """Return what a rule does, such as "retype Wall", if it only retypes or sets constants; else the rule's name."""
     assert isinstance(rule, Rule), "units have no matches"
     if isinstance(rule.right, Modification) and not rule.blocks and rule.right.actions:
         parts = []
@@ -299,7 +303,7 @@ def _effect(rule: object) -> str:
 
 
 def _links(levels: Levels) -> dict[int, list[int]]:
-    """Return the ids of the linked objects for each object. Containment references are ignored."""
+    """Return the ids of the linked objects for each object, in both directions. Containment references are ignored."""
     model, found = levels.engine.model, dict[int, list[int]]()
     for cls in model.metamodel.class_list:
         if not cls.abstract:

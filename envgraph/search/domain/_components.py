@@ -1,4 +1,4 @@
-"""The components of a search, such as measures and selections, by their names in family files; and custom ones."""
+"""The factories of search components, such as measures and selections, by their names in family files."""
 
 from __future__ import annotations
 
@@ -92,7 +92,7 @@ class Context:
         library: Library,
         initial: Model,
     ) -> Context:
-        """Return the context of a family without errors."""
+        """Return the context of a family without errors. It has a certifier if there is an environment."""
         limit = spec.limit or (behaviour.limit if behaviour else None) or LIMIT
         certifier = Certifier(behaviour, limit) if behaviour else None
         return cls(metamodel, spec, behaviour, library=library, initial=initial, certifier=certifier)
@@ -185,11 +185,11 @@ def _learning(options: Options, context: Context) -> Callable[[Levels, int], Jud
         try:
             return Learning(settings, levels.target, steps, seed, workers)
         except NotCompiled as reason:
-            name, note = levels.behaviour.name, Note("it is here", reason.span)
+            name, note = levels.behaviour.name, Note("this construct cannot be compiled", reason.span)
             message = (
                 f"`{name}` has too many states for tables, and cannot be compiled: it has {reason.construct}"
             )
-            hint = f"remove it, or make the target smaller: a table has at most {MOST_STATES:,} states"
+            hint = f"remove this construct, or make the target smaller: a table has at most {MOST_STATES:,} states"
             notes = (note,) if reason.span else ()
             place = options.spec.span()
             raise LoadError([Diagnostic("not-compiled", message, place, hint, notes=notes)]) from reason
@@ -215,7 +215,7 @@ def _chain_transfer(options: Options, context: Context) -> Callable[[Levels, int
 
 
 def _of(component: type[T]) -> Callable[[Options, Context], T]:
-    """Return a factory for a data class whose fields are read from the options."""
+    """Return a factory of a data class. The factory reads the fields of the data class from the options."""
     return lambda options, context: options.read(component)
 
 
@@ -286,12 +286,12 @@ class Components:
         return _with_all, (added,)
 
     def kinds(self) -> dict[str, tuple[str, ...]]:
-        """Return the known kinds by role, for checking a family file."""
+        """Return the known kinds by role, for checking a family file, without the roles "family" and "function"."""
         roles = ("measure", "diversity", "objective", "parents", "survivors", "strategy")
         return {role: tuple(getattr(self, role)) for role in roles}
 
     def with_(self, role: str, kind: str, factory: Callable[..., object]) -> Components:
-        """Return a copy with one more factory.
+        """Return a copy with one more factory. It replaces a factory of the same role and kind.
 
         The roles are "measure", "diversity", "family", "objective", "parents", "survivors" and "strategy". A factory
         receives its options and the context; a factory of the role "family" receives a `FamilyCall` and the context.
@@ -302,5 +302,5 @@ class Components:
 
 
 def _with_all(added: Iterable[tuple[str, str, Callable[..., object]]]) -> Components:
-    """Return components with the added factories that `Components.__reduce__` returned."""
+    """Return the built-in components with further factories, given as triples of role, kind and factory."""
     return reduce(lambda components, one: components.with_(*one), added, Components())

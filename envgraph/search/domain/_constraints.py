@@ -38,7 +38,7 @@ class Reachable:
         return {"success": 1, "failure": 2}[self.outcome]
 
     def holds(self, engine: Engine) -> bool:
-        """Return True if a plan to the outcome was found."""
+        """Return True if a plan to the outcome is found. If it cannot be compiled, the live engine visits states."""
         from envgraph.env import can_end
         from envgraph.env.compiled import NotCompiled
 
@@ -87,7 +87,7 @@ class Bound:
     behaviour: Behaviour
 
     def holds(self, engine: Engine) -> bool:
-        """Return True if no object is missing."""
+        """Return True if every parameter has an object, and at least one agent can act."""
         return not has_errors(unbound(self.behaviour, engine.model))
 
     def __str__(self) -> str:
@@ -115,7 +115,10 @@ class SameAgents:
 def constraints_of(
     domain: Domain, engine: Engine, measures: Iterable[IndividualMeasure]
 ) -> tuple[Constraint, ...]:
-    """Return the constraints of a domain: conformance, then those of the family file, then those that visit states."""
+    """Return the constraints of a domain: conformance, then those of the family file, then those that visit states.
+
+    Patterns that these constraints query are added to the engine if it does not have them.
+    """
     spec = domain.spec.constraints
     conformance = conformance_patterns(domain.metamodel)
     behaviour = domain.behaviour

@@ -109,7 +109,7 @@ class Domain:
         return domain
 
     def wrong_options(self) -> list[Diagnostic]:
-        """Return diagnostics for all invalid options of components, sorted."""
+        """Return diagnostics for all invalid options of components, sorted and without duplicates."""
         problems: list[Diagnostic] = []
         for make in (
             self._measures, self.settings, self.objective, self.curriculum_search, self.samples, self.strategy
@@ -163,7 +163,7 @@ class Domain:
         return engine
 
     def keys(self, models: Iterable[Model] = ()) -> KeyIndex:
-        """Return indices of objects over the initial model and further models, in this order."""
+        """Return the numbers of the objects that the environment indexes, in the initial model and then `models`."""
         behaviour = self.behaviour
         classes = indexed_classes(behaviour, self.metamodel) if behaviour else ()
         index = KeyIndex.of(self._model(), classes)
@@ -221,7 +221,7 @@ class Domain:
         return objective
 
     def _measures(self) -> tuple[dict[str, IndividualMeasure], dict[str, float], Statistic]:
-        """Return the measures by name, the substitutes for missing values by name, and the diversity."""
+        """Return the measures and the substitutes for missing values by name, and the diversity. Raise `LoadError`."""
         spec, context, problems = self.spec, self._context(), list[Diagnostic]()
         measures: dict[str, IndividualMeasure] = {}
         otherwise: dict[str, float] = {}
@@ -284,9 +284,12 @@ class Domain:
         message = (
             f"up to {families:,} families must be tried in each generation, but `limit` is {survival.limit:,}"
         )
-        hint = "write `hill_climbing`, a smaller `population`, or `binned_entropy`, which needs no trials"
+        hint = (
+            'write `survivors = { name = "hill_climbing" }`, a smaller `population`, or the diversity `binned_entropy`, '
+            "with which not every family is tried"
+        )
         if self.spec.objective is not None:
-            hint = "write `hill_climbing`, or a smaller `population`"
+            hint = 'write `survivors = { name = "hill_climbing" }`, or a smaller `population`'
         return [Diagnostic("too-many-families", message, search.survivors.span(), hint)]
 
     def curriculum_search(self) -> tuple[Callable[[Levels, int], Judged], CurriculumSettings] | None:
@@ -391,12 +394,12 @@ class Domain:
 
 
 def _only(found: Sequence[Placed], file: Name) -> Placed:
-    """Return the definition from the family's own file. Other files may define further models and behaviours."""
+    """Return the model or behaviour that the family's own file `file` defines. Other files may define further ones."""
     return next(one for one in found if one.span and one.span.source.name == file.text)
 
 
 def option_problems(spec: FamilySpec, workspace: Workspace) -> list[Diagnostic]:
-    """Return diagnostics for invalid options of built-in components, even if the family has other errors."""
+    """Return diagnostics for invalid options of built-in components, except at positions that have errors already."""
     if workspace.metamodel is None:
         return []
     known = Components()
@@ -430,7 +433,10 @@ def option_problems(spec: FamilySpec, workspace: Workspace) -> list[Diagnostic]:
 
 
 def domain_problems(spec: FamilySpec, workspace: Workspace) -> list[Diagnostic]:
-    """Return the problems of a family with correct files: invalid options, and constraints violated by the model."""
+    """Return the problems of a family with correct files: invalid options, or constraints that the model violates.
+
+    Constraints are checked only if all options are valid and the family has no `[optimise]`.
+    """
     domain = Domain(spec, workspace)
     problems = domain.wrong_options()
     if not problems and spec.optimise is None:  # an optimisation may start at an invalid model
@@ -458,7 +464,7 @@ def _expressions(spec: ComponentSpec) -> Options:
 
 
 def _climb(options: Options, spec: FamilySpec) -> CurriculumSettings:
-    """Return the settings of a curriculum search from the options that all objectives have."""
+    """Return the settings of a curriculum search from the options of an objective. Problems are added to `options`."""
     demanded, written = options.number_or("diversity", "maximum"), spec.has_key("search", "population")
     return CurriculumSettings(
         population=max(2, spec.search.population) if written or demanded is not None else None,

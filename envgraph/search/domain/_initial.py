@@ -86,7 +86,7 @@ def check_initial(domain: Domain, problem: Problem) -> list[Diagnostic]:
 
 
 def _demanded(domain: Domain, problem: Problem) -> list[Diagnostic]:
-    """Return an error if an objective demands more diversity than a family can have."""
+    """Return an error if an objective demands more diversity than a family can have, or an unknown maximum; else []."""
     objective, size = domain.spec.objective, domain.spec.search.population
     demanded = None if objective is None else objective.options.get("diversity")
     most = problem.maximum(size)
@@ -100,14 +100,14 @@ def _demanded(domain: Domain, problem: Problem) -> list[Diagnostic]:
     message, hint = f"the diversity of {size} members is at most {most:g}", 'write `diversity = "maximum"`'
     if demanded == "maximum":
         message = f"the largest possible diversity by `{domain.spec.diversity.kind}` is unknown"
-        hint = "write a number, the least diversity of a family"
+        hint = "write the least diversity of a family as a number, such as `diversity = 1.5`"
     elif isinstance(demanded, int | float) and demanded <= most:
         return []
     return [Diagnostic("bad-range", message, objective.span("diversity"), hint)]
 
 
 def _outside(domain: Domain, problem: Problem, measured: Mapping[str, float]) -> list[Diagnostic]:
-    """Return a warning if the diversity's measure of the initial model is outside of the range of the bins."""
+    """Return a warning if the diversity's measure of the initial model is outside of the range of the bins; else []."""
     diversity, value = problem.diversity, measured[problem.diversity_of]
     if not isinstance(diversity, BinnedEntropy) or diversity.low <= value <= diversity.high:
         return []
@@ -123,9 +123,10 @@ def _outside(domain: Domain, problem: Problem, measured: Mapping[str, float]) ->
 
 
 def _named_otherwise(domain: Domain, engine: Engine) -> list[Diagnostic]:
-    """Return warnings for objects that are deleted, but whose names no created object can have.
+    """Return warnings for objects of the initial model that mutations may delete, but whose names are never created.
 
-    The environment indexes objects by name, so that each new name makes actions or observations larger.
+    Each class gets at most one warning. The environment indexes objects by name, so that each new name makes actions or
+    observations larger.
     """
     metamodel, behaviour, found = domain.metamodel, domain.behaviour, list[Diagnostic]()
     spread = spread_classes(behaviour, metamodel) if behaviour else ()
@@ -156,7 +157,10 @@ def _remaking(domain: Domain, engine: Engine) -> Iterator[Derivation]:
 
 
 def _other_names(model: Model, cls: str) -> Iterator[tuple[int, str]]:
-    """Yield objects of exactly this class whose string key is not of the form that operators create, with the key."""
+    """Yield objects of exactly this class, with their string keys, if no created object could have the key ("Tile3").
+
+    Nothing is yielded if the keys of the class are not single strings.
+    """
     read = key_reader(model, cls)
     for node in model.graph.extent(cls):
         name, *more = read(node)
@@ -167,7 +171,7 @@ def _other_names(model: Model, cls: str) -> Iterator[tuple[int, str]]:
 
 
 def _evidence(engine: Engine, violated: Constraint) -> tuple[str, str | None]:
-    """Return text about the violation of a constraint, such as a match, and a hint or None."""
+    """Return a text that shows how the model violates a constraint, such as a match, or ""; and a hint or None."""
     if isinstance(violated, Forbid):
         return f": it matches {engine.first(violated.pattern)}", None
     if isinstance(violated, CountWithin):

@@ -98,9 +98,9 @@ class Archive:
         return self._keep(cell, quality), left
 
     def _worst(self, cell: Cell, rng: Generator) -> int | None:
-        """Return the place of the worst member of a cell, sampled among equals, or None.
+        """Return the place of the worst member within a cell, sampled among equals.
 
-        The first of all members is never chosen. None means that the cell has no other member.
+        The first member of the archive is never chosen. Return None if the cell has no other member.
         """
         places = [place for place, one in enumerate(self._cells.get(cell, ())) if one]
         if not places:

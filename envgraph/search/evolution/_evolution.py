@@ -127,7 +127,7 @@ class Evolution:
     # --- the steps of the algorithm
 
     def _initialise(self) -> Generation:
-        """Create the initial population (step 4.1): copies of the initial model with random rule applications."""
+        """Create and store the initial population (step 4.1): initial models with random rule applications."""
         problem, settings, varied = self._problem, self._settings, self._variation
         first = self._accept(0, -1, None, (), self._level(self._levels.origin, problem.measure()))
         members = [first] if settings.keep_initial else []
@@ -186,14 +186,17 @@ class Evolution:
         return Pool([one.level for one in members], problem.family_measures, problem.diversity_of, key)
 
     def _key(self, member: Candidate) -> tuple[float, ...]:
-        """Return the sort key of a member in the curriculum. The initial model is the last of all, or of its equals."""
+        """Return the sort key of a member in the curriculum: its value of the measure for the order.
+
+        The initial model is sorted last of all, or last among equal values, as the family file says.
+        """
         problem = self._problem
         initial = isinstance(member, Level) and member.version is self._levels.origin
         order = member.measures[problem.order or problem.diversity_of]
         return (problem.target_last and initial, order, initial)
 
     def _finished(self) -> bool:
-        """Return True if a termination criterion holds (step 4.5)."""
+        """Update the best diversity, and return True if a termination criterion holds (step 4.5)."""
         settings, current = self._settings, self.current
         self._note(current.number, current.diversity)
         return (
@@ -218,7 +221,7 @@ class Evolution:
         return self._pool(self._members).family(range(len(self._members)))
 
     def _note(self, number: int, diversity: float) -> None:
-        """Update the best diversity and the generation that first reached it."""
+        """Update the best diversity and the generation that first reached it, if `diversity` is larger."""
         if diversity > self._best[0] + _SAME:
             self._best = (diversity, number)
 
@@ -227,14 +230,14 @@ class Evolution:
     def _attempts(
         self, parent: _Member, rng: Generator, vary: Callable[[Generator], Trace | None]
     ) -> tuple[Trace, Level] | None:
-        """Vary the parent until the result is valid. Return the rule applications and the level; None on failure."""
+        """Vary the parent until the result is valid. Return the rule applications and the level, or None."""
         engine = self._problem.engine
         engine.checkout(parent.level.version, discard=True)
         found = self._variation.attempts(rng, vary)
         return None if found is None else (found[0], self._level(engine.commit(), found[1]))
 
     def _level(self, version: Version, measures: Mapping[str, float]) -> Level:
-        """Return the level of the engine's current model."""
+        """Return the level of the engine's current model, of which `version` is the version."""
         return Level(version, (), self._problem.engine.model.state_hash(), measures, self._levels)
 
     def _accept(
@@ -253,7 +256,10 @@ class Evolution:
         return _Member(individual, level)
 
     def _restore(self, id_: int) -> _Member:
-        """Return a stored individual as a member, by replaying the traces of its ancestors from the initial model."""
+        """Return a stored individual as a member, by replaying the traces of its ancestors from the initial model.
+
+        Raise the error of a damaged store if the model is not the stored one, or if a measure is missing.
+        """
         engine = self._problem.engine
         engine.checkout(self._levels.origin, discard=True)
         *_, individual = line = self._store.lineage(id_)

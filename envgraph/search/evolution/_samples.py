@@ -29,7 +29,7 @@ WALK: Final = 16
 _REPORTED: Final = 256
 """Number of attempts after which progress is reported."""
 
-REPEATED: Final = "the model was met before"
+REPEATED: Final = "the model was found before"
 """Reason for which a model that is not new is rejected."""
 
 
@@ -106,7 +106,7 @@ class Sampler:
         return self._archive
 
     def candidates(self, count: int) -> list[Offered]:
-        """Return new models, each one move away from a member of the archive. The archive is not changed.
+        """Return new valid models, each one move away from a member of the archive. The archive is not changed.
 
         Args:
             count: number of models. Fewer are returned if `100 * count` attempts do not find enough.
@@ -134,7 +134,7 @@ class Sampler:
         return SampleProgress(members, len(self._archive.counts()), self._tried, min(1.0, share))
 
     def write(self, store: RunStore) -> None:
-        """Write the members and all their ancestors as the only generation of a run."""
+        """Write the members and all their ancestors to a store, as the only generation of a run."""
         members = [*self._archive]
         kept = dict.fromkeys(members)
         for number in reversed(range(len(self._individuals))):
@@ -153,7 +153,7 @@ class Sampler:
         return enough or self._tried >= self._wanted.attempts
 
     def _walk(self, length: int, offer: Callable[[Offered, Generator], int | None]) -> None:
-        """Walk from a member of the archive over at most `length` valid models, and offer the new ones."""
+        """Walk from a sampled member of the archive over at most `length` valid models, and offer the new ones."""
         engine, variation, rng = self._problem.engine, self._variation, self.generator()
         parent, since = self._archive.draw(rng), Trace()
         engine.checkout(self._versions[parent], discard=True)
@@ -211,6 +211,6 @@ class Sampler:
         return number
 
     def generator(self) -> Generator:
-        """Return a new random generator for the next walk."""
+        """Return a new random generator. Each call counts as a walk and gives another generator."""
         self._walks += 1
         return default_rng(SeedSequence(self._seed, spawn_key=(self._walks - 1,)))

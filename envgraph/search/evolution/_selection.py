@@ -117,7 +117,7 @@ class SimulatedAnnealing:
     def select(
         self, pool: Pool, size: int, pinned: Sequence[int], start: Sequence[int], rng: Generator
     ) -> list[int]:
-        """Return the best family that was met, the last one among equals."""
+        """Return the indices of the best family found, the last one among equals."""
         fixed = list(pinned)
         free = [index for index in start if index not in fixed]
         rest = [index for index in range(len(pool)) if index not in start]
@@ -146,8 +146,8 @@ class SimulatedAnnealing:
     def _lowest_accepted(self, rng: Generator) -> list[float]:
         """Return the smallest accepted change of the score for each round, at most 0.
 
-        It is the solution of `luck < acceptance(-delta, temperature)` for delta. Computing all logarithms at once is
-        fast.
+        It is the solution of `luck < acceptance(-delta, temperature)` for delta, where `luck` is uniform from 0 to 1.
+        Computing all logarithms at once is fast.
         """
         import numpy as np
 
@@ -158,7 +158,7 @@ class SimulatedAnnealing:
 
 
 def _decisive(delta: float, others: Sequence[Swaps], out: int, into: int) -> float:
-    """Return the change of the first measure that an exchange changes; 0.0 if it changes none."""
+    """Return `delta` if it is not about 0, else the first change by `others` that is not; 0.0 if all are."""
     later = (one.delta(out, into) for one in others)
     return next((one for one in chain((delta,), later) if abs(one) > TIE), 0.0)
 
@@ -180,7 +180,7 @@ class HillClimbing:
     def select(
         self, pool: Pool, size: int, pinned: Sequence[int], start: Sequence[int], rng: Generator
     ) -> list[int]:
-        """Return a family that no single exchange improves.
+        """Return the indices of a family that no single exchange improves.
 
         Before the climb each member in turn is exchanged for a random candidate if the score does not fall.
         """
@@ -225,7 +225,7 @@ class BeamSearch:
     def select(
         self, pool: Pool, size: int, pinned: Sequence[int], start: Sequence[int], rng: Generator
     ) -> list[int]:
-        """Return the best family found, or the start if that is better."""
+        """Return the indices of the best family found, or of `start` if that is better."""
         order = rng.permutation(len(pool)).tolist()  # ties are broken at random by this order
         beam: list[tuple[int, ...]] = [tuple(sorted(pinned))]
         for _ in range(size - len(pinned)):
@@ -240,10 +240,10 @@ class BeamSearch:
 def _filled(
     values: Sequence[float], wanted: int, pinned: Sequence[int], others: Sequence[int], measure: BinnedEntropy
 ) -> list[int]:
-    """Return a family of largest entropy by adding candidates one by one, each to a bin with the fewest members.
+    """Return the pinned candidates and `wanted` of the others, added one by one from a bin with the fewest members.
 
-    The greedy choice is optimal because the entropy gain of a bin falls with its number of members. Ties between bins,
-    and within a bin, are broken by the largest distance from the mean.
+    The entropy is largest, because the entropy gain of a bin falls with its number of members. Ties between bins, and
+    within a bin, are broken by the largest distance from the mean.
     """
     mean = fsum(values) / len(values)
     counts, waiting = measure.counts([values[index] for index in pinned]), dict[int, list[int]]()
@@ -275,7 +275,7 @@ class ExactSelection:
     def select(
         self, pool: Pool, size: int, pinned: Sequence[int], start: Sequence[int], rng: Generator
     ) -> list[int]:
-        """Return a best family.
+        """Return the indices of a best family. If there are too many families to try, bins are filled.
 
         Raises:
             InvalidArgument: there are more than `limit` families, and the measure has no bins.
@@ -288,5 +288,7 @@ class ExactSelection:
             match pool.measures:
                 case (Over(statistic=BinnedEntropy() as bins, of=of),):
                     return sorted(_filled(pool.values(of), wanted, pinned, others, bins))
-            raise InvalidArgument(f"{comb(len(others), wanted)} families are too many to try: use annealing")
+            raise InvalidArgument(
+                f"{comb(len(others), wanted)} families are too many to try: use `SimulatedAnnealing`"
+            )
         return sorted(max(([*pinned, *chosen] for chosen in combinations(others, wanted)), key=pool.rank))

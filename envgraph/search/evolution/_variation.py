@@ -45,7 +45,7 @@ class Variation:
     def attempts(
         self, rng: Generator, vary: Callable[[Generator], Trace | None]
     ) -> tuple[Trace, dict[str, float]] | None:
-        """Vary the model until it is valid; return the rule applications and the measures.
+        """Call `vary` until the model is valid; return the rule applications and the measures.
 
         Each attempt that fails is rolled back and its reason is counted. If all attempts fail, return None.
         """

@@ -110,7 +110,7 @@ class Shown:
 
     @cached_property
     def facts(self) -> dict[str, str]:
-        """Return measures and certificates as text for people, by name."""
+        """Return the member's measures and certificates as text for people, by name."""
         return {**dict(caption(self._family, self._member)), **dict(certificate_texts(self._member))}
 
     @cached_property
@@ -120,7 +120,7 @@ class Shown:
 
     @cached_property
     def picture(self) -> str:
-        """Return a picture of the model as text."""
+        """Return a picture of the member's model as text."""
         return self._family.text(self._member)
 
 
@@ -171,7 +171,7 @@ class _Steps:
         return EnvgraphEnv([*self.tables.values()][place])
 
     def files(self) -> dict[str, str | bytes]:
-        """Return the files of the program's package without its README; no files if there are tables."""
+        """Return the files of the program's package by path, without its README; no files if there are tables."""
         if self.program is None:
             return {}
         names = [one.name for one in self._family.members]
@@ -182,7 +182,7 @@ class _Steps:
 
 
 def recorded(environment: EnvgraphEnv | CompiledEnv, member: str, seed: int) -> dict[str, Any]:
-    """Play random actions for 40 steps, and return the results as JSON-ready data. Reset when an episode ends."""
+    """Play 40 random actions, and return actions and results as JSON-ready data. Reset whenever an episode ends."""
     actions = np.random.default_rng(seed).integers(len(environment.action_names), size=_EPISODE).tolist()
     observation, _ = environment.reset(seed=seed)
     observations, rewards, ends = [int(observation)], [], []
@@ -204,7 +204,7 @@ def recorded(environment: EnvgraphEnv | CompiledEnv, member: str, seed: int) -> 
 
 
 def _filled(files: Mapping[str, str | bytes], steps: _Steps | None) -> dict[str, str | bytes]:
-    """Replace the empty placeholder files `tables.npz` and `program` by their content, and return all files."""
+    """Return the files; `tables.npz` and `program` are replaced by their content if they are empty, or are removed."""
     found: dict[str, str | bytes] = {}
     for name, content in files.items():
         last = name.rpartition("/")[2]

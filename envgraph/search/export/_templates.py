@@ -137,7 +137,7 @@ class Templates:
         return self._sources[place]
 
     def _names(self, source: Source, known: set[str]) -> tuple[set[str], list[Diagnostic]]:
-        """Return the names that a template uses, and the diagnostics. The names are added to `used`."""
+        """Return the names that a template uses, and diagnostics for unknown names. The names are added to `used`."""
         try:
             tree = self._environment("").parse(source.text)
             names = find_undeclared_variables(tree) - {*self._environment("").globals}
@@ -159,7 +159,7 @@ def _unknown(source: Source, tree: nodes.Template, name: str, known: set[str]) -
 
 
 def _line(source: Source, number: int) -> Span:
-    """Return the span of a line without its leading and trailing blanks."""
+    """Return the span of the line with this number, from 1, without its leading and trailing blanks."""
     start = len("".join(source.text.splitlines(keepends=True)[: number - 1]))
     text = source.line(number)
     return source.span(start + len(text) - len(text.lstrip()), start + max(len(text.rstrip()), 1))

@@ -149,7 +149,7 @@ def _several(
     limit: int | None,
     options: dict[str, Any],
 ) -> Any:
-    """Return a multi-agent environment of class `kind` on the live engine of a member."""
+    """Return a multi-agent environment of class `kind` that steps a member with a live engine of its model."""
     if family is not None and domain is not None:
         raise InvalidArgument("both a `family` and a `domain` are given: give one of them")
     place = None if domain is None else str(domain)
@@ -207,9 +207,9 @@ def _spec(family: Location | None, domain: Location | None) -> EnvSpec:
 
 
 def _located(family: Location | None, domain: Location | None) -> tuple[dict[str, Any], Record]:
-    """Return the location of a family as keyword arguments, and its record.
+    """Return the arguments that locate a family or domain, and its record. The path of a family is made absolute.
 
-    Paths of families are absolute, so that other processes make the same environment.
+    So other processes make the same environment.
     """
     if family is not None and domain is not None:
         raise InvalidArgument("both a `family` and a `domain` are given: give one of them")
@@ -294,7 +294,10 @@ def make_environment(
 def _environment(
     opened: Opened, place: int, wanted: EngineKind | None, shown: dict[str, Any]
 ) -> tuple[EnvgraphEnv | EnvgraphLiveEnv | CompiledEnv, EngineKind]:
-    """Return the environment of a member with the view options `shown`, and the name of the engine that steps it."""
+    """Return the environment of a member with the view options `shown`, and the name of the engine that steps it.
+
+    Without a `wanted` engine, warn if the live engine is used because tables and compiled programs are impossible.
+    """
     kind = shown.get("observation", "index")
     of_model, pictures = kind in OF_MODEL, shown.get("render_mode") is not None
     found = opened.stepping([place], wanted, pictures=pictures, of_model=of_model)
@@ -390,7 +393,7 @@ def make_vector_environment(
 
 
 def _engine_of(engine: EngineKind | None, live: bool) -> EngineKind | None:
-    """Return the requested engine; None if the first engine that works is to be used."""
+    """Return the requested engine, or None. Raise `InvalidArgument` if it is unknown or contradicts `live`."""
     if engine is not None:
         check_known(engine, ENGINES, f"unknown engine {engine!r}")
     if live and engine not in (None, "live"):
@@ -399,7 +402,7 @@ def _engine_of(engine: EngineKind | None, live: bool) -> EngineKind | None:
 
 
 def _check_observation(kind: ObservationKind, engine: EngineKind | None) -> None:
-    """Raise `InvalidArgument` if the engine cannot make such observations, before any state is visited."""
+    """Raise `InvalidArgument` if the kind of observation is unknown, or if the engine cannot make it."""
     check_kind(kind)
     if kind in OF_MODEL and engine == "table":
         hint = 'leave `engine` out, or give "compiled" or "live"'

@@ -110,7 +110,7 @@ class Family:
 
     @cached_property
     def keys(self) -> KeyIndex:
-        """Return the indices of objects by key, which are equal in all members and in a larger family of these."""
+        """Return the numbers of objects by key. All members share them, and so does a larger family of these."""
         if self._keys is not None:
             return self._keys
         near = sorted(
@@ -132,7 +132,10 @@ class Family:
         """
         behaviour = self.domain.behaviour
         if behaviour is None:
-            raise InvalidArgument(f"family `{self.name}` has no environment: name one in the family file")
+            raise InvalidArgument(
+                f"family `{self.name}` has no environment",
+                'write `environment = "name.environment"` in the family file',
+            )
         return behaviour if self._pays is None else paying(behaviour, self._pays)
 
     @property
@@ -173,7 +176,7 @@ class Family:
         return known
 
     def program(self, members: Sequence[Member]) -> Program:
-        """Return the compiled behaviour for some members.
+        """Return the compiled behaviour for these members, as one program.
 
         Raises:
             InvalidArgument: the family has no environment.
@@ -193,11 +196,11 @@ class Family:
         return self.domain.engine(self.model(member))
 
     def table_name(self, member: Member) -> str:
-        """Return the name of the file in which the table of a member is cached."""
+        """Return the name of the file in which the transition table of a member is cached, without a directory."""
         return table_name(self.domain, self.behaviour, self.model(member), self.keys)
 
     def record(self) -> Record:
-        """Return the data that is needed besides tables to make environments. Raises as `behaviour`."""
+        """Return the data that is needed besides tables to make environments. Raise `InvalidArgument` without one."""
         behaviour = self.behaviour
         tables = {
             one.name: self.table_name(one) if isinstance(one.source, str) else "" for one in self.members
@@ -218,7 +221,7 @@ class Family:
         return member_svg(self, member)
 
     def text(self, member: Member) -> str:
-        """Return the picture of a member as text."""
+        """Return the picture of a member as text, by the `draw` clause of the behaviour if it has one."""
         return member_text(self, member)
 
     def subset(self, members: Iterable[Member | int | str]) -> Family:
@@ -473,7 +476,7 @@ def family_of(store: RunStore, domain: Domain) -> Family:
 
 
 def _worth(store: RunStore, domain: Domain) -> tuple[dict[str, float], dict[str, float]]:
-    """Return the stored values of the objective, and the amounts by which conditions are violated."""
+    """Return the stored values of the objective (with results of learning), and the violations of its conditions."""
     found, spec = store.objective, domain.spec.objective
     try:
         known = {spec.kind: found["value"]} if spec and "value" in found else found.get("values", {})
@@ -492,7 +495,7 @@ def lacking_measures(domain: Domain, measures: Mapping[str, float]) -> list[str]
 
 
 def _with_ancestors(store: RunStore, members: Sequence[int]) -> dict[int, Individual]:
-    """Return individuals by id, with the ancestors of those whose models are not stored."""
+    """Return the given individuals by id, together with the ancestors of each individual whose model is not stored."""
     found: dict[int, Individual] = {}
     for id_ in members:
         individual = store.individual(id_)

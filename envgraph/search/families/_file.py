@@ -60,7 +60,7 @@ def kept(location: str | Path) -> tuple[Tables, str]:
 
 
 def _is_family_file(location: str | Path) -> bool:
-    """Return True for a family file and False for a run. Raise `InvalidArgument` for a file of another format."""
+    """Return True for a family file and False for a run or a missing file. Raise `InvalidArgument` for other files."""
     format = file_format(DiskFiles(), str(location))
     if format not in ("family", "json", "sqlite") and Path(location).is_file():
         what = FORMATS[format] if format else "of an unknown format"

@@ -34,7 +34,10 @@ ENGINES: Final = get_args(EngineKind)
 
 
 class Opened:
-    """A family that is read lazily: its texts are only read if a table, or the record of the family, is not cached."""
+    """A family that is read lazily: its texts are only read if a table, or the record of the family, is not cached.
+
+    `read` reads the family, and `kept` returns the table cache and a hash of the family's data.
+    """
 
     def __init__(self, read: Callable[[], Family], kept: Callable[[], tuple[Tables, str]]) -> None:
         self._read = read
@@ -65,9 +68,13 @@ class Opened:
     def stepping(
         self, places: Sequence[int], engine: EngineKind | None, *, pictures: bool, of_model: bool = False
     ) -> list[Explored] | Program | None:
-        """Return tables or a program that steps the members; None if the live engine steps them.
+        """Return the tables or the program that step the members; None if the live engine has to step them.
 
-        With `of_model` observations need models, so that tables are not used unless `engine` requests them.
+        Without an `engine` tables are used, or a program for too many states or many members. If `of_model`,
+        observations need models, so that tables are used only if `engine` is "table".
+
+        Raises:
+            TooManyStates, EvaluationError: there is no table, or no compiled program, which `engine` demands.
         """
         if engine == "live":
             return None
@@ -94,7 +101,7 @@ class Opened:
             return None
 
     def program(self, places: Sequence[int]) -> Program:
-        """Return the compiled program for some members. Raises `NotCompiled`."""
+        """Return the compiled program for the members at `places`. Raise `NotCompiled` if that is impossible."""
         return self.family.program([self.family.members[place] for place in places])
 
     def simulator(self, place: int) -> Simulator:
@@ -114,7 +121,7 @@ class Opened:
         return {"variant": name, "certificates": dict(self.record.certificates[name])}
 
     def refused(self) -> EvaluationError:
-        """Return the error that the behaviour cannot be compiled, after `stepping` has failed to compile it."""
+        """Return the error that the behaviour cannot be compiled, for use after `stepping` has failed to compile it."""
         assert self._refused is not None
         message = (
             f"environment `{self.family.behaviour.name}` cannot be compiled: it has {self._refused.construct}"
@@ -135,7 +142,7 @@ class Opened:
 
 @dataclass(frozen=True, eq=False)
 class OpenedMembers:
-    """The members between which one environment can be switched. Each member is read once. See `Members`."""
+    """The members between which one environment can be switched. Each table or program is read once. See `Members`."""
 
     domain: str | None
     family: Location | Family
@@ -175,7 +182,10 @@ class OpenedMembers:
 def open_member_family(
     domain: str | None, family: Location | Family | None, variants: Sequence[int | str] = ()
 ) -> Opened:
-    """Return a lazily opened family. For a domain without a family, its only member is the domain's own model."""
+    """Return a lazily opened family. For a domain without a family, its only member is the domain's own model.
+
+    Raise `InvalidArgument` if neither is given, if `variants` are given without a family, or if both do not fit.
+    """
     if isinstance(family, Family):
         return Opened(lambda: family, lambda: (Tables(()), ""))
     if family is not None:
@@ -196,7 +206,9 @@ def open_member_family(
 def of_model(domain: str) -> Family:
     loaded = Domain.load(domain)
     if loaded.behaviour is None:
-        raise InvalidArgument(f"`{domain}` has no environment: name one in its family file")
+        raise InvalidArgument(
+            f"`{domain}` has no environment", 'write `environment = "name.environment"` in its family file'
+        )
     model = dump_json(model_to_json(loaded.initial()))
     return Family(
         loaded.spec.name, loaded.workspace.bundle(), (Member("E1", {}, model, initial=True),), loaded

@@ -20,17 +20,17 @@ class Models(Protocol):
     """A provider of models by number."""
 
     def engine(self, id_: int) -> Engine:
-        """Return an engine that is at a model until another model is requested. Do not change its model."""
+        """Return an engine at the model with this number until another one is requested. Do not change its model."""
 
 
 class Held:
-    """A provider of models that are versions of one engine. Other code may move the engine in the meantime."""
+    """A provider of models that are versions of one engine. Other code may check out other versions in the meantime."""
 
     def __init__(self, engine: Engine, versions: Sequence[Version]) -> None:
         self._engine, self._versions = engine, versions
 
     def engine(self, id_: int) -> Engine:
-        """Check out a version in the engine, and return the engine; see `Models`."""
+        """Check out the version with this number in the engine, discard uncommitted changes, and return the engine."""
         self._engine.checkout(self._versions[id_], discard=True)
         return self._engine
 
@@ -50,7 +50,7 @@ class Replay:
         self._engine: Engine | None = None
 
     def engine(self, id_: int) -> Engine:
-        """Return the engine at the model of an individual; see `Models`.
+        """Return the engine at the model of an individual, until another model is requested.
 
         Raises:
             InvalidArgument: a stored trace cannot be applied, or leads to another model than was stored.
@@ -77,7 +77,7 @@ class Replay:
 
 @dataclass(frozen=True, slots=True)
 class Derived:
-    """A model that is made on demand. Two are equal if their state hashes are equal.
+    """A model that is made when it is needed. Two instances are equal if their state hashes are equal.
 
     Attributes:
         state: hash of the model.
@@ -89,7 +89,7 @@ class Derived:
     _models: Models = field(compare=False, repr=False)
 
     def engine(self) -> Engine:
-        """Return an engine at this model; see `Models`."""
+        """Return an engine whose current model is this model, until another model is requested from the provider."""
         return self._models.engine(self.number)
 
     def __reduce__(self) -> tuple[type[str], tuple[str]]:

@@ -21,7 +21,7 @@ _LETTERS = 27
 
 
 def member_svg(family: Family, member: Member) -> str:
-    """Return the picture of a member as SVG, as `Family.svg` does."""
+    """Return the picture of a member as SVG, by the `draw` clause of the behaviour, else as boxes and lines."""
     scene = family.scene(member)
     if scene is not None:
         return scene_svg(scene)
@@ -31,7 +31,7 @@ def member_svg(family: Family, member: Member) -> str:
 
 
 def member_text(family: Family, member: Member) -> str:
-    """Return the picture of a member as text, as `Family.text` does."""
+    """Return the picture of a member as text, by the `draw` clause of the behaviour, else as a text of its objects."""
     scene = family.scene(member)
     return family.model(member).picture().to_text() if scene is None else scene_text(scene)
 
@@ -50,7 +50,7 @@ def measure_texts(values: Sequence[float]) -> tuple[str, ...]:
 
 
 def caption(family: Family, member: Member) -> list[tuple[str, str]]:
-    """Format a member's measures as pairs of a name and a text for people."""
+    """Return pairs of the name and the value of each measure of a member, formatted by `measure_texts`."""
     place = family.members.index(member)
     return [
         (name, measure_texts([one.measures[name] for one in family.members])[place])
@@ -92,7 +92,7 @@ def _caption(family: Family, member: Member, x: float, y: float) -> list[str]:
 
 
 def _placed(svg: str, x: int, y: int) -> str:
-    """Return an SVG element at a position in another one, scaled to the common size."""
+    """Return an SVG text moved to a position in an enclosing SVG, and scaled to the size of all pictures."""
     head, rest = svg.split(">", 1)
     kept = re.sub(r'\s(width|height)="[^"]*"', "", head)
     return f'{kept} x="{x}" y="{y}" width="{_SIZE}" height="{_SIZE}">{rest}'

@@ -22,7 +22,10 @@ def split(
     apart: int,
     seed: int,
 ) -> tuple[list[int], list[int]]:
-    """Return the places of the training members and of the test members; see `Family.split`."""
+    """Return the places of the training members and of the test members; see `Family.split` for the arguments.
+
+    Training members that differ in fewer than `apart` objects from a test member are left out.
+    """
     everything = range(len(members))
     if callable(test):
         tested = [place for place in everything if test(members[place])]

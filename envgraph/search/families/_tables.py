@@ -124,12 +124,12 @@ class Tables:
         return found
 
     def _paths(self, name: str) -> list[Path]:
-        """Return the path of a file in each directory, without pipes (they would block) and files of other users."""
+        """Return the path of a file in each directory, except pipes and other users' files in the user's cache."""
         paths = [place / name for place in self.places]
         return [path for path in paths if not os.path.exists(path) or _is_trusted(path)]
 
     def read(self, name: str, *, drawn: bool) -> Explored | None:
-        """Read a table from the cache. Return None if it is missing, or lacks pictures although `drawn`."""
+        """Read a table from the cache. Return None if it is missing or damaged, or lacks pictures although `drawn`."""
         for path in self._paths(name):
             try:
                 found = read_explored(path)
@@ -141,7 +141,7 @@ class Tables:
         return None
 
     def _refusal(self, name: str) -> tuple[str, str | None] | None:
-        """Return the cached reason why there are too many states, and a hint or None; None if no reason is cached."""
+        """Return the cached message that there are too many states, and its hint or None; None if nothing is cached."""
         for path in self._paths(name.replace(".npz", ".refusal")):
             with suppress(OSError, ValueError, RecursionError):  # missing or damaged
                 match json.loads(path.read_text("utf-8")):
@@ -173,7 +173,7 @@ class Tables:
         return None
 
     def keep(self, key: str, record: Record) -> None:
-        """Write a record to the first writable directory."""
+        """Write a record to the first writable directory; do nothing if no directory is writable."""
         for path in self._paths(f"{key}.record"):
             with suppress(OSError):
                 replace_file(path, json.dumps(asdict(record)))
@@ -221,7 +221,7 @@ def key_of(*parts: object) -> str:
 
 
 def _tidy(place: Path) -> None:
-    """Remove the least recently used files of a directory if their total size is above the limit."""
+    """Remove the least recently used files of a cache directory until their total size is within the limit."""
     files = [
         (file.stat(), file) for ending in ("npz", "record", "refusal") for file in place.glob(f"*.{ending}")
     ]

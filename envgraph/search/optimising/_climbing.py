@@ -130,7 +130,7 @@ class HillClimb:
 
 
 def _energy(walk: Walk, run: int) -> Energy:
-    """Return the function that a run minimises. With one goal it is the cost."""
+    """Return the function that the run with this number minimises: the cost, or a scalarisation of several costs."""
     goals = len(walk.here.costs)
     if goals == 1:
         return lambda standing: standing.costs[0]

@@ -49,7 +49,10 @@ class Goal:
         return cls(pattern, MatchCount(name), sense)
 
     def cost(self, measured: object) -> float:
-        """Convert a value of the measure to a cost. Lower costs are better; `inf` means that there is no value."""
+        """Convert a value of the measure to a cost. A lower cost is better.
+
+        An infinite value is replaced by `otherwise`; `inf` is returned if there is no value and no substitute.
+        """
         value = number(measured, f"objective `{self.name}`")
         if value in (inf, -inf):
             value = inf if self.otherwise is None else self.otherwise
@@ -58,7 +61,7 @@ class Goal:
         return -value if self.sense == "maximise" else value
 
     def value(self, cost: float) -> float:
-        """Convert a cost back to the value of the measure."""
+        """Convert a cost back to the value of the measure; `inf`, a missing value, stays `inf`."""
         return -cost if self.sense == "maximise" and cost != inf else cost
 
 

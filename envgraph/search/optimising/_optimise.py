@@ -226,7 +226,10 @@ def _check(
 
 @contextmanager
 def _watching(engine: Engine, patterns: Sequence[str]) -> Iterator[None]:
-    """Watch the patterns inside the context, if that is faster and possible, and stop watching them afterwards."""
+    """Watch the patterns inside the context, and stop watching them afterwards.
+
+    Patterns that are watched already, that match faster unwatched or that cannot be watched are left out.
+    """
     known, large = set(engine.watched), len(engine.model) >= _LARGE
     new = []
     for name in patterns:

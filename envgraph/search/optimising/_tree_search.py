@@ -66,7 +66,7 @@ class TreeSearch:
                 visited.reward += reward
 
     def _play(self, walk: Walk, scale: _Scale) -> Found | None:
-        """Return the best state on a sequence of random moves; None if no move succeeded."""
+        """Make random moves from the current state. Return the best state on the way; None if no move succeeded."""
         best: Found | None = None
         for _ in range(self.length):
             if walk.over():

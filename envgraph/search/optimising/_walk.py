@@ -105,10 +105,10 @@ class Walk:
         return passed / self._seconds if passed < self._seconds else 1.0
 
     def attempt(self) -> Standing | None:
-        """Try a random move, and return the evaluation of the new model. Then call `keep` or `undo`.
+        """Try a random move, and return the evaluation of the new model. Then `keep` or `undo` must be called.
 
-        A rule is sampled by weight among the rules that match, then a match. If no rule matches or the move is refused,
-        the model is unchanged and None is returned.
+        A rule is sampled by weight among the rules that match, then a match. If no rule matches, or the move fails or
+        applies nothing, the model is unchanged and None is returned. Then no move is open.
         """
         self.spent += 1
         if self._tell is not None and not self.spent % 256:
@@ -129,7 +129,7 @@ class Walk:
         return standing
 
     def _try(self, chosen: Move) -> Standing | None:
-        """Make a move and leave it open; return its evaluation, or None if it is refused or changes nothing."""
+        """Make a move and leave it open; return the evaluation. If it is refused or changes nothing, return None."""
         model = self._engine.model
         savepoint = model.graph.history.savepoint()
         try:
@@ -147,7 +147,7 @@ class Walk:
         return standing
 
     def keep(self) -> None:
-        """Accept the open move: its result becomes the current state."""
+        """Accept the open move: its result becomes the current state. Archive this state if it is not dominated."""
         assert self._open is not None, "a move is open"
         chosen, self.here = self._open
         if self._made is None:
@@ -178,7 +178,7 @@ class Walk:
         return self._engine.model.state_hash()
 
     def go(self, found: Found) -> None:
-        """Check out a state that was found."""
+        """Check out a state that was found, so that it becomes the current state."""
         self._engine.checkout(found.version, discard=True)
         self.here, self._path, self._choice = found.standing, found.path, None
 

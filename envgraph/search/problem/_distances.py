@@ -24,7 +24,7 @@ class Describer:
         self._numbers: dict[tuple[object, ...], int] = {}
 
     def __call__(self, model: Model) -> NDArray[np.int32]:
-        """Return the number of each object's description [objects], by object id; 0 if no object has that id."""
+        """Return the numbers of the objects' descriptions [objects], by object id; 0 for ids without an object."""
         numbers = self._numbers
         facts = zip(*object_facts(model), strict=True)
         row = [numbers.setdefault(one, len(numbers) + 1) if one[0] != -1 else 0 for one in facts]
@@ -67,16 +67,16 @@ class Distance:
         self._least, self._describe = least, Describer()
 
     def score(self, members: Sequence[Candidate]) -> float:
-        """Return the mean distance, or the distance of the closest pair."""
+        """Return the mean distance, or the distance of the closest pair; 0 for fewer than two members."""
         return self._of(self._between(members), np.arange(len(members)))
 
     def swaps(self, pool: Pool, members: Sequence[int]) -> Swaps:
-        """Return the score changes for exchanging one member. The distances between candidates are computed once."""
+        """Return an object for the score changes if a member is exchanged. It computes all distances once."""
         between = self._between(pool.candidates)
         return _LeastSwaps(self._of, between, members) if self._least else _MeanSwaps(between, members)
 
     def _between(self, members: Sequence[Candidate]) -> NDArray[np.int64]:
-        """Return the distances between all members [members, members]."""
+        """Return the distance between each pair of members as a matrix [members, members]."""
         rows = [self._row(member) for member in members]
         objects = np.zeros((len(rows), max(map(len, rows), default=0)), np.int32)
         for place, row in enumerate(rows):

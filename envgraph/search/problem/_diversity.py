@@ -75,7 +75,7 @@ class BinnedEntropy:
             )
 
     def bin(self, value: float) -> int:
-        """Return the index of the bin that contains a value, from 0."""
+        """Return the index of the bin of a value, from 0. Values outside of the range are in the first or last bin."""
         if value <= self.low:  # values far outside would overflow below
             return 0
         if value >= self.high:
@@ -110,7 +110,7 @@ class BinnedEntropy:
         return len({self.bin(value) for value in range(floor(self.low), ceil(self.high) + 1)})
 
     def swaps(self, values: Sequence[float], members: Sequence[int]) -> Swaps:
-        """Return the entropy changes for exchanging one member, each computed in constant time."""
+        """Return an object for the entropy changes if a member is exchanged, each computed in constant time."""
         return _EntropySwaps(self, values, members)
 
 
@@ -186,7 +186,7 @@ class Variance:
         return fsum((value - mean) ** 2 for value in values) / len(values)
 
     def swaps(self, values: Sequence[float], members: Sequence[int]) -> Swaps:
-        """Return the variance changes for exchanging one member, each computed in constant time."""
+        """Return an object for the variance changes if a member is exchanged, each computed in constant time."""
         return _VarianceSwaps(values, members)
 
 

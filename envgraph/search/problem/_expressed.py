@@ -107,7 +107,7 @@ def parsed_expression(text: str, place: Span | None, hint: str) -> tuple[Express
         case (Comparison(left=Variable(), right=Evaluation(expression=expression)),):
             return expression, []
         case _:
-            return None, [Diagnostic("syntax-error", "this is not one expression", place, hint)]
+            return None, [Diagnostic("syntax-error", "this is not a single expression", place, hint)]
 
 
 def checked_expression(
@@ -135,7 +135,7 @@ def named(expression: Expression) -> tuple[str, ...]:
 def within(span: Span | None, text: str, place: Span | None) -> Span | None:
     """Convert a span inside the parsed pattern to a span in the file.
 
-    Return `place`, the span of the whole text, if the file spells the text otherwise, for example with escapes.
+    Return `place`, the span of the whole text or None, if the file spells the text otherwise, such as with escapes.
     """
     if span is None or place is None or place.text[1:-1] != text:
         return place

@@ -159,7 +159,7 @@ class ShortestPlan:
     _last: tuple[int, dict[int, Plan]] = field(default=(0, {}), init=False, repr=False, compare=False)
 
     def evaluate(self, engine: Engine) -> float:
-        """Return the number of steps of a plan from a start state of the engine's current model.
+        """Return the fewest steps to success that were found from the engine's current model; infinity without a plan.
 
         Raises:
             EvaluationError: the behaviour cannot be compiled, and has too many states to visit all of them.
@@ -176,7 +176,7 @@ class ShortestPlan:
             return shortest_plan(table, native=False)
 
     def plan(self, engine: Engine, outcome: int = 1) -> Plan:
-        """Return a plan for the engine's current model that ends with `outcome` (1 success, 2 failure).
+        """Search a plan for the engine's current model that ends with `outcome` (1 success, 2 failure), and cache it.
 
         Objects are numbered within this model only, not as in other members.
 
@@ -196,7 +196,7 @@ class ShortestPlan:
         return known[outcome]
 
     def why_none(self, engine: Engine, outcome: int = 1) -> tuple[str, str | None]:
-        """Return why no plan was found in the current model, and a hint or None. A complete search has no hint."""
+        """Return a text why no plan was found in the current model, and a hint; None as the hint if no plan exists."""
         from envgraph.env import REACH_LIMIT
         from envgraph.env.compiled import NotCompiled
 
@@ -206,8 +206,8 @@ class ShortestPlan:
             live = f"simplify the behaviour: one that cannot be compiled is searched in at most {REACH_LIMIT:,} states"
             return "no plan was found", live
         hint = (
-            "name a pattern that has ever fewer matches towards the end of an episode as the `guide` of a measure "
-            'with `kind = "shortest_plan"`, or raise `limit`'
+            'write `guide = "name"` in a measure with `kind = "shortest_plan"`, where `name` is a pattern that has fewer '
+            "and fewer matches towards the end of an episode; or raise `limit`"
         )
         return f"no plan was found ({plan})", None if plan.exact else hint
 
@@ -242,7 +242,7 @@ class Distance:
 
 
 class Certifier:
-    """A function that computes the certificates of a model, and caches those of the last model.
+    """A calculator of the certificates of a model, which caches those of the last model.
 
     Args:
         behaviour: the behaviour of the environments.
@@ -303,7 +303,7 @@ class RandomSuccess:
     range: ClassVar = (0.0, 1.0)
 
     def evaluate(self, engine: Engine) -> float:
-        """Return the probability in the engine's current model. Raises as `Certifier.of`."""
+        """Return the probability in the engine's current model. Raise `TooManyStates` as `Certifier.of` does."""
         return self.certifier.of(engine, self.spec).random_success
 
 
@@ -315,5 +315,5 @@ class OptimalReturn:
     spec: ComponentSpec | None = None
 
     def evaluate(self, engine: Engine) -> float:
-        """Return the optimal return in the engine's current model. Raises as `Certifier.of`."""
+        """Return the optimal return in the engine's current model. Raise `TooManyStates` as `Certifier.of` does."""
         return self.certifier.of(engine, self.spec).optimal_return

@@ -33,11 +33,11 @@ class Composed(Protocol):
         """Return the score of a family, given the scores of the other family measures."""
 
     def score(self, members: Sequence[Candidate]) -> float:
-        """Return the score of a family. Raises as `values_of`."""
+        """Return the score of a family. Raise `EvaluationError` if a score of another measure is not finite."""
         return self.of(values_of(self.measures, members))
 
     def swaps(self, pool: Pool, members: Sequence[int]) -> Swaps:
-        """Return the score changes for exchanging one member, computed from those of the other measures."""
+        """Return an object for the score changes if a member is exchanged, computed from the other measures' ones."""
         return _ComposedSwaps(self, pool, members)
 
 
@@ -112,7 +112,7 @@ class Term(Composed):
         return one.maximum(size) if isinstance(one, Bounded) else inf
 
     def swaps(self, pool: Pool, members: Sequence[int]) -> Swaps:
-        """Return the score changes for exchanging one member, by the measure's own `swaps` if it is the whole term."""
+        """Return an object for the score changes if a member is exchanged. A single measure uses its own `swaps`."""
         one = self._alone
         return _ComposedSwaps(self, pool, members) if one is None else swaps_of(one, pool, members)
 
@@ -137,7 +137,7 @@ class Condition:
     right: Term
 
     def excess(self, values: Values) -> float:
-        """Return by how much the comparison is violated; 0 if it holds."""
+        """Return by how much the comparison is violated for these scores; 0 if it holds within a tolerance."""
         above = self.left.value(values) - self.right.value(values)
         wrong = {"<=": above, ">=": -above, "==": abs(above)}[self.operator]
         return wrong if wrong > _ENOUGH else 0.0

@@ -216,7 +216,7 @@ class _Reader:
         return found
 
     def _texts(self, key: str) -> list[tuple[str, Span | None]]:
-        """Return the expressions given for a key, a string or a list of strings, each with its span."""
+        """Return the expressions given for a key, a string or a list of strings, each with its span. Report others."""
         value = self.spec.options.get(key, [])
         if isinstance(value, str):
             return [(value, self.spec.span(key))]
@@ -256,7 +256,8 @@ class _Reader:
     ) -> Expression:
         """Return a copy of an expression in which calls of family measures are replaced by variables.
 
-        The family measures that are called are added to `measures`, keyed by the names of the variables.
+        The family measures that are called are added to `measures`, keyed by the names of the variables. Invalid calls
+        are reported.
         """
         if isinstance(node, Variable):
             call, where = FamilyCall(node.name), node.span

@@ -46,11 +46,12 @@ class Candidate(Protocol):
         """Return the transition table of the member's environment.
 
         Raises:
-            EvaluationError, RuleError: as `explore`; `TooManyStates` if there are more than 50,000 states.
+            EvaluationError, RuleError: a state causes an error.
+            TooManyStates: there are more than 50,000 states.
         """
 
     def once(self, key: object, make: Callable[[], T]) -> T:
-        """Return the result of `make()`, which is called once for each candidate and key and then cached."""
+        """Return the result of `make()`, which is called once for each candidate and key. Later calls use the cache."""
 
 
 class FamilyMeasure(Protocol):
@@ -81,7 +82,7 @@ class Swapping(Protocol):
     """A family measure that caches data between exchanges to compute their score changes."""
 
     def swaps(self, pool: Pool, members: Sequence[int]) -> Swaps:
-        """Return the score changes for exchanging one of `members`, which are indices into `pool`."""
+        """Return an object for the score changes if one of `members`, which are indices into `pool`, is exchanged."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -105,7 +106,7 @@ class Over:
         return self.statistic.maximum(size) if isinstance(self.statistic, Bounded) else inf
 
     def swaps(self, pool: Pool, members: Sequence[int]) -> Swaps:
-        """Return the score changes for exchanging one member. They are recomputed if the statistic has no `swaps`."""
+        """Return an object for the score changes if a member is exchanged: the statistic's own, or `Recomputed`."""
         make = getattr(self.statistic, "swaps", None)
         if make is None:
             return Recomputed(self, pool, members)
@@ -211,12 +212,12 @@ class Pool:
         return tuple(round(score, DIGITS) for score in (*scores, self._spread.of(members)))
 
     def swaps(self, members: Sequence[int]) -> list[Swaps]:
-        """Return the score changes for exchanging one member: one object per measure, then one for the variance."""
+        """Return objects for the score changes if a member is exchanged: one per measure, then one for the variance."""
         return [*(swaps_of(one, self, members) for one in self.measures), self._spread.swaps(members)]
 
 
 def swaps_of(measure: FamilyMeasure, pool: Pool, members: Sequence[int]) -> Swaps:
-    """Return the score changes for exchanging one of `members`; recompute the score if the measure has no `swaps`."""
+    """Return an object for the score changes if a member is exchanged: the measure's own, or one that recomputes it."""
     return (
         measure.swaps(pool, members) if isinstance(measure, Swapping) else Recomputed(measure, pool, members)
     )

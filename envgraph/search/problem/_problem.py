@@ -43,7 +43,7 @@ class Constraint(Protocol):
         """Return True if the engine's current model satisfies the constraint."""
 
     def __str__(self) -> str:
-        """Return the constraint as it is called in messages."""
+        """Return the text by which messages refer to the constraint."""
 
 
 class IndividualMeasure(Protocol):
@@ -152,7 +152,7 @@ def _find(library: Library, name: str) -> PatternCall:
 
 @dataclass(frozen=True, slots=True)
 class _Queries:
-    """Several constraints combined into one query, because asking for a match costs more than finding it."""
+    """Several constraints combined into one query, because one combined query is faster than several queries."""
 
     pattern: str
 
@@ -221,7 +221,7 @@ class Problem:
         return (*([_Queries.of(self.engine.library, queries)] if queries else ()), *others)
 
     def _mutable(self) -> Sequence[Constraint]:
-        """Return the constraints that a mutation of a valid model can violate. The result is computed once."""
+        """Return the constraints that a mutation of a valid model can violate. The first call caches them."""
         if not self._open:
             from envgraph.env.compiled import unaffected
 

@@ -59,7 +59,7 @@ def _same(one: float | None, other: float | None) -> bool:
 
 
 def facts(known: Certificates) -> dict[str, float | None]:
-    """Return the certificates to store, ready for JSON. A shortest plan is None if there is no plan."""
+    """Return the certificates to store, ready for JSON. An infinite value, such as of a missing plan, becomes None."""
     values = {name: getattr(known, name) for name in _KEPT}
     return {name: value if isfinite(value) else None for name, value in values.items()}
 
@@ -114,7 +114,7 @@ class Searched:
 
 
 def keep_certificates(store: RunStore, one: Verification) -> None:
-    """Store the certificates of a verified member in its run."""
+    """Add the certificates of a verified member to its run store, or replace those stored for the member."""
     known = {str(number): said for number, said in store.certificates.items()}
     store.set(CERTIFICATES, {**known, str(one.member.individual): facts(one.certificates)})
 

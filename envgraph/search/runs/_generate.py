@@ -124,7 +124,7 @@ def _found(store: RunStore, domain: Domain) -> Family:
 
 
 def stored(domain: Domain) -> tuple[dict[str, Any], Mapping[str, str]]:
-    """Return the settings and the texts of a domain that a run store contains."""
+    """Return the settings and the texts of a domain that are stored when a run is created."""
     bundle = domain.workspace.bundle()
     settings = {"name": domain.spec.name, "roots": list(bundle.roots), "overrides": list(domain.overrides)}
     return settings, bundle.texts
@@ -158,7 +158,9 @@ def resume(
             raise InvalidArgument(f"{store_path} contains an imported family, which cannot be resumed")
         last = store.last_generation()
         if generations is not None and last is not None and generations <= last.number:
-            raise InvalidArgument(f"{store_path} has {last.number} generations already: give a larger number")
+            raise InvalidArgument(
+                f"{store_path} has {last.number} generations already: give a larger number as `generations`"
+            )
         overrides = list(store.overrides)
         domain = domain_of(store.bundle(), overrides, str(store.path), components)
         if generations is not None and not domain.spec.evolves:
@@ -177,7 +179,7 @@ def resume(
 def _search(
     domain: Domain, problem: Problem, progress: Progress, climbing: Climbing, drawing: Drawing, workers: int
 ) -> Callable[[RunStore], object]:
-    """Return a function that makes the family of a run: by evolution, by curriculum search or by sampling."""
+    """Return a function that makes a family, by evolution, curriculum search or sampling, and writes it to a store."""
     search, settings, seed = domain.curriculum_search(), domain.settings(), domain.spec.seed
     wanted = domain.samples()
     if wanted is not None:

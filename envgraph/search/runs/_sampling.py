@@ -67,7 +67,7 @@ class Sampling:
         """Report the scores of the models from the last `ask`, in their order. A larger score is better.
 
         Returns:
-            For each model True if it is in the archive now.
+            For each model True if it was added to the archive; models that follow may replace it.
 
         Raises:
             InvalidArgument: there is not exactly one finite score for each model.
@@ -93,7 +93,7 @@ class Sampling:
         return self._family(ordered(self._domain, found))
 
     def write(self, store_path: Path) -> None:
-        """Write the members of the archive as a run.
+        """Write the members of the archive and their ancestors as a run.
 
         Raises:
             InvalidArgument: the store exists already.

@@ -176,7 +176,7 @@ def test_an_expression_without_a_value_counts_otherwise() -> None:
         ("complexity + later", "later", "unknown measure `later`"),
         ("mixed + 1", "mixed", "unknown measure `mixed`"),
         ("complexity complexity", "complexity", "unexpected `complexity`"),
-        ("complexity); find other(x", None, "this is not one expression"),
+        ("complexity); find other(x", None, "this is not a single expression"),
         ("complexity > 1", "complexity > 1", "expected `float`, found `bool`"),
         ("complexity.right", "right", ""),
     ],

@@ -165,7 +165,7 @@ def test_where_there_are_few_models_all_are_found_and_it_is_told(garden: Path) -
     assert sorted(one.measures["size"] for one in found.members) == [0, 1, 2, 4, 5, 6]
     with RunStore.open(garden / "run.sqlite") as store:
         told = why_low(found, store)
-        assert sum(store.reasons().values()) + 6 >= 500 and "the model was met before" in store.reasons()
+        assert sum(store.reasons().values()) + 6 >= 500 and "the model was found before" in store.reasons()
     assert told is not None and "only 6 of 50 environments" in told.message and "attempts" in str(told.hint)
 
 

@@ -159,7 +159,7 @@ def test_a_model_with_an_observed_object_that_the_target_lacks_is_no_member() ->
             assert levels.replayed([(rule, row)])
             made.append(levels.here(((rule, row),)))
         assert rows and any(made) == found
-    assert levels.rejected["it has a `Floor` that the target lacks, and that is observed"]
+    assert levels.rejected["it has an observed object of class `Floor` that the target does not have"]
 
 
 def test_families_to_begin_with_are_the_same_where_observations_are_numbered_anew(
