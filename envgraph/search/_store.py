@@ -547,7 +547,7 @@ def _connect(path: Path) -> tuple[sqlite3.Connection, Exception | None]:
             if address is tried[0] and getattr(error, "sqlite_errorname", "").startswith(_WRITE_ERRORS):
                 tried += _for_reading(path, uri)
     if len(tried) == 2:  # a log exists, and merging it into the file needs write access
-        message = f"{path} has changes in a log file that cannot be merged, because it is not writable: copy its directory to a writable place, and use the copy"
+        message = f"{path} has changes in a log file, which only a writable copy can read: copy its directory"
         raise InvalidArgument(message) from reason
     raise InvalidArgument(f"{path} is not a run store: {reason}") from reason
 

@@ -285,8 +285,8 @@ class Domain:
             f"up to {families:,} families must be tried in each generation, but `limit` is {survival.limit:,}"
         )
         hint = (
-            'write `survivors = { name = "hill_climbing" }`, a smaller `population`, or the diversity `binned_entropy`, '
-            "with which not every family is tried"
+            'write `survivors = { name = "hill_climbing" }`, a smaller `population`, or `binned_entropy` in '
+            "`[diversity]`, which does not need to try every family"
         )
         if self.spec.objective is not None:
             hint = 'write `survivors = { name = "hill_climbing" }`, or a smaller `population`'

@@ -206,7 +206,7 @@ class ShortestPlan:
             live = f"simplify the behaviour: one that cannot be compiled is searched in at most {REACH_LIMIT:,} states"
             return "no plan was found", live
         hint = (
-            'write `guide = "name"` in a measure with `kind = "shortest_plan"`, where `name` is a pattern that has fewer '
+            'write `guide = "name"` in a measure with `kind = "shortest_plan"`, where `name` is a pattern with fewer '
             "and fewer matches towards the end of an episode; or raise `limit`"
         )
         return f"no plan was found ({plan})", None if plan.exact else hint
