@@ -285,7 +285,7 @@ class RunStore:
 
     @property
     def certificates(self) -> dict[int, dict[str, float | None]]:
-        """Return the verified values of individuals, by id; {} if none were verified."""
+        """Return the stored certificates of individuals (values by name), by id; {} if none were stored."""
         with self._reading(f"setting `{CERTIFICATES}`"):
             return {
                 int(key): {
@@ -547,7 +547,9 @@ def _connect(path: Path) -> tuple[sqlite3.Connection, Exception | None]:
             if address is tried[0] and getattr(error, "sqlite_errorname", "").startswith(_WRITE_ERRORS):
                 tried += _for_reading(path, uri)
     if len(tried) == 2:  # a log exists, and merging it into the file needs write access
-        message = f"{path} has changes in a log file, which only a writable copy can read: copy its directory"
+        message = (
+            f"{path} has a log but is not writable: copy its directory to a writable place, and use the copy"
+        )
         raise InvalidArgument(message) from reason
     raise InvalidArgument(f"{path} is not a run store: {reason}") from reason
 

@@ -50,7 +50,7 @@ ENOUGH_GOOD: Final = 4
 FEWER_STEPS: Final = 0.64
 """If a reverse curriculum is good, the search looks for a family that is good with this share of its steps."""
 IMPROVING: Final = 0.4
-"""Share of the effort for this search; finding the reverse curriculum takes at most the same share."""
+"""Share of the effort for finding a family with fewer steps; the reverse curriculum takes at most the same share."""
 ENOUGH: Final = 0.99
 """Default value of a learning objective at which the search ends."""
 NEW_LEARNERS: Final = 500
@@ -198,9 +198,9 @@ class CurriculumSearch:
     def _searched(
         self, starts: Starts, first: Sequence[tuple[Origin, Family]], until: float
     ) -> TrainedFamily | _Lane:
-        """Return the best family found until the share `until` of the effort is spent; `first` are screened first.
+        """Return the best family found, among `first` and others, until the share `until` of the effort is spent.
 
-        With a learning objective the family is returned with the success of new learners, otherwise as a lane.
+        With a learning objective the result is the family with the success of new learners, otherwise its lane.
         """
         start = self._spent()
         lanes = [
@@ -376,7 +376,7 @@ class CurriculumSearch:
                 lane.best, lane.value = lane.current, value
 
     def _race(self, family: Family, seeds: range, other: Scores) -> Scores | None:
-        """Return the scores of a family on `seeds`; None as soon as they are worse than the scores `other`."""
+        """Return the scores of a family on `seeds`; None if they are worse than `other`, those of another family."""
         found: list[Scores] = []
         behind = squares = 0.0
         self.tried += 1

@@ -68,7 +68,7 @@ def optimal_episodes(levels: Levels, rng: Generator, *, states: bool) -> list[Ep
 def _planned(levels: Levels, rng: Generator, states: bool) -> Episode:
     """Return the episode of the target's shortest plan; an empty episode if the behaviour cannot be compiled.
 
-    `touched` assumes that all stochastic outcomes are those of the plan. `states` is empty unless `states` is True.
+    `touched` assumes that all stochastic outcomes are those of the plan. The plan is played only if `states` is True.
     """
     levels.go_to(levels.target.version)
     plans = Plans(levels.behaviour)

@@ -157,9 +157,9 @@ class Levels:
         return True
 
     def exempt(self) -> None:
-        """Remove the `require`, `forbid` and `count` constraints that the current model violates from the constraints.
+        """Drop all `require`, `forbid` and `count` constraints that the current model violates from the search problem.
 
-        Only the target then satisfies them. Their texts are added to `exempted`.
+        Only the target, which was checked before, then satisfies them. Their texts are added to `exempted`.
         """
         queries = (one for one in self.problem.constraints if isinstance(one, Require | Forbid | CountWithin))
         violated = [one for one in queries if not one.holds(self.engine)]

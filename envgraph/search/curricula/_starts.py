@@ -142,7 +142,7 @@ class Starts:
                 yield Origin(episode, None), family
 
     def draw(self, origin: Origin, size: int, rng: Generator) -> Family | None:
-        """Sample a family of `size` members from an origin, the easiest first; None if valid states do not form one."""
+        """Sample a family of `size` members from an origin, the easiest first; None if the states form no family."""
         easing, wanted = origin.easing, size - 1
         parts: list[Trace] = []
         if easing is not None:
@@ -194,7 +194,8 @@ class Starts:
     ) -> list[Trace] | None:
         """Return the traces of `wanted` states in their order; None if there are fewer states.
 
-        The states maximise the diversity if one is demanded. Else they are random; states of an episode equally spaced.
+        The states maximise the diversity if one is demanded. Else states of an episode are about equally spaced, and
+        others are random.
         """
         if len(steps) < wanted:
             self._levels.rejected[f"fewer than {wanted} states for members were reached from the target"] += 1

@@ -38,7 +38,7 @@ class Reachable:
         return {"success": 1, "failure": 2}[self.outcome]
 
     def holds(self, engine: Engine) -> bool:
-        """Return True if a plan to the outcome is found. If it cannot be compiled, the live engine visits states."""
+        """Return True if a plan to the outcome is found, by a compiled search if possible, else by visiting states."""
         from envgraph.env import can_end
         from envgraph.env.compiled import NotCompiled
 

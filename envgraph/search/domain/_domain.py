@@ -221,7 +221,7 @@ class Domain:
         return objective
 
     def _measures(self) -> tuple[dict[str, IndividualMeasure], dict[str, float], Statistic]:
-        """Return the measures and the substitutes for missing values by name, and the diversity. Raise `LoadError`."""
+        """Return the measures and substitutes for missing values by name, and the diversity; or raise `LoadError`."""
         spec, context, problems = self.spec, self._context(), list[Diagnostic]()
         measures: dict[str, IndividualMeasure] = {}
         otherwise: dict[str, float] = {}

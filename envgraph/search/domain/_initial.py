@@ -100,7 +100,7 @@ def _demanded(domain: Domain, problem: Problem) -> list[Diagnostic]:
     message, hint = f"the diversity of {size} members is at most {most:g}", 'write `diversity = "maximum"`'
     if demanded == "maximum":
         message = f"the largest possible diversity by `{domain.spec.diversity.kind}` is unknown"
-        hint = "write the least diversity of a family as a number, such as `diversity = 1.5`"
+        hint = "write a number, such as `diversity = 1.5`: the least diversity of a family"
     elif isinstance(demanded, int | float) and demanded <= most:
         return []
     return [Diagnostic("bad-range", message, objective.span("diversity"), hint)]
@@ -123,7 +123,7 @@ def _outside(domain: Domain, problem: Problem, measured: Mapping[str, float]) ->
 
 
 def _named_otherwise(domain: Domain, engine: Engine) -> list[Diagnostic]:
-    """Return warnings for objects of the initial model that mutations may delete, but whose names are never created.
+    """Return warnings for objects of the initial model that mutations may delete, but whose names are not reused.
 
     Each class gets at most one warning. The environment indexes objects by name, so that each new name makes actions or
     observations larger.
@@ -157,7 +157,7 @@ def _remaking(domain: Domain, engine: Engine) -> Iterator[Derivation]:
 
 
 def _other_names(model: Model, cls: str) -> Iterator[tuple[int, str]]:
-    """Yield objects of exactly this class, with their string keys, if no created object could have the key ("Tile3").
+    """Yield objects of exactly this class whose string key is unlike those of created objects ("Tile3"), with the key.
 
     Nothing is yielded if the keys of the class are not single strings.
     """

@@ -49,7 +49,7 @@ def optimise_domain(domain: Domain, *, progress: Progress | None = None) -> tupl
 
 
 def problem_of(domain: Domain, engine: Engine) -> Problem:
-    """Return the search problem of a domain. No constraint demands values of features that the initial model lacks."""
+    """Return the search problem of a domain, in which features without a value in the initial model need none."""
     missing = {
         Forbid(f"conformance.{one.feature.owner}.{one.feature.name}")
         for one in check_conformance(domain.initial())

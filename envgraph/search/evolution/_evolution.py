@@ -127,7 +127,7 @@ class Evolution:
     # --- the steps of the algorithm
 
     def _initialise(self) -> Generation:
-        """Create and store the initial population (step 4.1): initial models with random rule applications."""
+        """Create and store the initial population (step 4.1), by random rule applications to the initial model."""
         problem, settings, varied = self._problem, self._settings, self._variation
         first = self._accept(0, -1, None, (), self._level(self._levels.origin, problem.measure()))
         members = [first] if settings.keep_initial else []
@@ -174,7 +174,7 @@ class Evolution:
         return self._write(number, born)
 
     def _survivors(self, pool: list[_Member], rng: Generator) -> list[_Member]:
-        """Select the survivors from the pool (step 4.4): the members that form the most diverse family."""
+        """Select the survivors from the pool (step 4.4) by the survivor selection of the settings."""
         size = min(self._settings.population, len(pool))
         pinned = [0] if self._settings.keep_initial else []
         chosen = self._settings.survivors.select(self._pool(pool), size, pinned, list(range(size)), rng)

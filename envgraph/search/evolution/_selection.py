@@ -158,7 +158,7 @@ class SimulatedAnnealing:
 
 
 def _decisive(delta: float, others: Sequence[Swaps], out: int, into: int) -> float:
-    """Return `delta` if it is not about 0, else the first change by `others` that is not; 0.0 if all are."""
+    """Return `delta` if it is not about 0, else the first change by `others` that is not; 0.0 if all are about 0."""
     later = (one.delta(out, into) for one in others)
     return next((one for one in chain((delta,), later) if abs(one) > TIE), 0.0)
 

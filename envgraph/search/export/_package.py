@@ -204,7 +204,7 @@ def recorded(environment: EnvgraphEnv | CompiledEnv, member: str, seed: int) -> 
 
 
 def _filled(files: Mapping[str, str | bytes], steps: _Steps | None) -> dict[str, str | bytes]:
-    """Return the files; `tables.npz` and `program` are replaced by their content if they are empty, or are removed."""
+    """Return the files. Empty files `tables.npz` and `program` are replaced by their content, or removed without it."""
     found: dict[str, str | bytes] = {}
     for name, content in files.items():
         last = name.rpartition("/")[2]

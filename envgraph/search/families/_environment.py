@@ -207,9 +207,9 @@ def _spec(family: Location | None, domain: Location | None) -> EnvSpec:
 
 
 def _located(family: Location | None, domain: Location | None) -> tuple[dict[str, Any], Record]:
-    """Return the arguments that locate a family or domain, and its record. The path of a family is made absolute.
+    """Return the arguments that locate a family or domain, and its record.
 
-    So other processes make the same environment.
+    The path of a family is made absolute, so that other processes make the same environment.
     """
     if family is not None and domain is not None:
         raise InvalidArgument("both a `family` and a `domain` are given: give one of them")

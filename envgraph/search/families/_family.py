@@ -200,7 +200,7 @@ class Family:
         return table_name(self.domain, self.behaviour, self.model(member), self.keys)
 
     def record(self) -> Record:
-        """Return the data that is needed besides tables to make environments. Raise `InvalidArgument` without one."""
+        """Return the data that is needed besides tables to make environments. Errors are those of `behaviour`."""
         behaviour = self.behaviour
         tables = {
             one.name: self.table_name(one) if isinstance(one.source, str) else "" for one in self.members

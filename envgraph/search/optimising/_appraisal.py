@@ -32,7 +32,10 @@ class Appraisal:
         self._costs = [self._cost(goal) for goal in goals]
 
     def __call__(self) -> Standing:
-        """Return the constraint violation and the costs of the current model. Plan its queries anew at times."""
+        """Return the constraint violation and the costs of the current model.
+
+        Queries are planned again for it after 64 calls, after four times as many, and so on.
+        """
         self._states += 1
         if self._states == self._next:
             self._next *= 4

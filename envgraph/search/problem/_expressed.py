@@ -135,7 +135,7 @@ def named(expression: Expression) -> tuple[str, ...]:
 def within(span: Span | None, text: str, place: Span | None) -> Span | None:
     """Convert a span inside the parsed pattern to a span in the file.
 
-    Return `place`, the span of the whole text or None, if the file spells the text otherwise, such as with escapes.
+    If the file spells the text otherwise, such as with escapes, return `place`: the span of the whole text, or None.
     """
     if span is None or place is None or place.text[1:-1] != text:
         return place

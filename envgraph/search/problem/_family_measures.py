@@ -156,7 +156,10 @@ class ChainTransfer:
 
     @staticmethod
     def _transfer(before: Candidate | None, member: Candidate) -> float:
-        """Return log10 of the probability of success in `member` under the softened optimal policy of `before`."""
+        """Return log10 of the success probability in `member`, cached; -inf if it is 0.
+
+        The policy is the softened optimal policy of `before`, or a random policy if `before` is None.
+        """
         from envgraph.solve import hit_probability, softened_policy
 
         def found() -> float:

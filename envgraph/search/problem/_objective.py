@@ -37,7 +37,7 @@ class Composed(Protocol):
         return self.of(values_of(self.measures, members))
 
     def swaps(self, pool: Pool, members: Sequence[int]) -> Swaps:
-        """Return an object for the score changes if a member is exchanged, computed from the other measures' ones."""
+        """Return an object for the score changes if a member is exchanged, made from those of the other measures."""
         return _ComposedSwaps(self, pool, members)
 
 

@@ -82,7 +82,7 @@ def certificate_texts(member: Member, family: Sequence[Member] = ()) -> list[tup
 
 
 def apart(family: Family, found: Iterable[Verification]) -> dict[str, list[str]]:
-    """Return the members whose measure of kind `random_success` differs from the certificate, by name of the measure.
+    """Return the names of members whose measure of kind `random_success` differs from the certificate, by measure.
 
     They differ because in a family all members have the union of all actions. A measure sees only one model with the
     actions of its own objects.
