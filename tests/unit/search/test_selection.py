@@ -158,7 +158,7 @@ def test_impossible_annealing_is_refused(arguments: dict[str, float]) -> None:
 
 
 def test_exhaustive_selection_refuses_too_many_families() -> None:
-    with pytest.raises(InvalidArgument, match="annealing"):
+    with pytest.raises(InvalidArgument, match="Annealing"):
         ExactSelection(limit=10).select(pool([0.1] * 20, Variance()), 5, [], list(range(5)), default_rng(0))
 
 
