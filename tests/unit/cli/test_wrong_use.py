@@ -178,7 +178,10 @@ def test_a_way_that_a_beam_may_have_missed(refused: Call, monkeypatch: pytest.Mo
     environment.write_text(environment.read_text().replace("terminate failure", ""))
     said = refused("check", "forest")
     assert re.search(r"was found \(none within \d+ states, by a beam of 1 after the first 3\)", said)
-    assert 'as the `guide` of a measure with `kind = "shortest_plan"`, or raise `limit`' in said
+    assert (
+        'write `guide = "name"` in a measure with `kind = "shortest_plan"`' in said
+        and "or raise `limit`" in said
+    )
     environment.write_text(environment.read_text().replace("terminate success", ""))
     measure = '[measures.plan]\nkind = "shortest_plan"\n[diversity]'
     path.write_text(path.read_text().replace('reachable = ["failure"]', "").replace("[diversity]", measure))
