@@ -264,13 +264,13 @@ class CurriculumSearch:
         return most if self.settings.enough is None else self.settings.enough
 
     def _is_enough(self, lane: _Lane) -> bool:
-        """Return True if the lane's best family has reached the wanted value and the maxima of all other measures."""
+        """Return True if the lane's best family reached the wanted value and the maxima of all preceding measures."""
         most = (one.maximum(len(lane.best)) if isinstance(one, Bounded) else inf for one in self.measures)
         known = zip(lane.before, most, strict=True)
         return lane.value >= self._enough and all(value >= bound - _SAME for value, bound in known)
 
     def _before(self, family: Sequence[Level]) -> tuple[float, ...]:
-        """Return the scores of a family by the measures that take precedence over the objective."""
+        """Return the scores of a family by the measures that take precedence over the objective, rounded."""
         return tuple(round(one.score(family), DIGITS) for one in self.measures)
 
     def _spent(self) -> float:

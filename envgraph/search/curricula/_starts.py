@@ -75,15 +75,15 @@ class _Application:
 class Starts:
     """A sampler of first families that lead to a target.
 
-    "easing": the objects that an optimal episode or a shortest plan touches are near, all others are far. For near and
-    far objects an effect is sampled, such as retyping to one class. All mutations with this effect are applied to the
-    objects one after the other. The states from the target to the end are candidates, and earlier states are harder.
-    The order is random, or leads toward or away from an object.
+    With "easing", the objects that an optimal episode or a shortest plan touches are near, all others are far. For near
+    and far objects an effect is sampled, such as retyping to one class. All mutations with this effect are applied to
+    the objects one after the other. The states from the target to the end are candidates, and earlier states are
+    harder. The order is random, or leads toward or away from an object.
 
-    "episode": the candidates are the states of an optimal episode, and states near its end are easier (reverse
+    With "episode", the candidates are the states of an optimal episode, and states near its end are easier (reverse
     curriculum generation, Florensa et al. 2017, with known episodes). The members are about equally spaced states.
 
-    "auto": families of both kinds, and families whose members are states of an optimal episode that are then eased.
+    With "auto", families of both kinds are sampled, and also families of states of an optimal episode that are eased.
 
     If a state of an optimal episode violates a constraint, such as "the truck is on the start tile", the constraint
     is dropped for all members but the target; see `Levels.exempt`.

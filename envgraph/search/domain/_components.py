@@ -68,7 +68,7 @@ class Context:
         library: the patterns of the family; None if they have errors.
         initial: the initial model; None if it has errors.
         certifier: the certifier that all measures of the family share; None without an environment.
-        others: the measures above a measure, or all measures for an objective, by name. Each comes with its substitute
+        others: the measures above the measure to make, or all for an objective, by name. Each comes with its substitute
             if a model has no value; infinity means no substitute.
         diversity: the diversity of a family; only for objectives.
     """

@@ -43,7 +43,7 @@ class _Member:
 
 
 class _Losses(Sequence[float]):
-    """Fitness for parent selection: the loss of the family's score without each member, computed on first access."""
+    """Fitness for parent selection: the loss of the family's score if a member is removed, computed on first access."""
 
     def __init__(self, measure: FamilyMeasure, pool: Pool) -> None:
         self._measure, self._pool = measure, pool

@@ -23,7 +23,7 @@ Step = tuple[str, tuple[int | float | bool | str, ...]]
 
 
 class Variation:
-    """Mutation of the current model of a problem's engine.
+    """An operator that mutates the current model of a problem's engine.
 
     Args:
         problem: the search problem with mutations, constraints and measures.

@@ -48,7 +48,7 @@ class Member:
     Attributes:
         name: "E1" for the first member in the order of the curriculum, and so on.
         measures: value of every measure, by name.
-        source: the model as JSON text, or an object that makes this text on demand.
+        source: the model as JSON text, or an object that makes this text when it is needed.
         individual: id in the run store, or None.
         initial: True if it is the initial model.
         certificates: the verified values "shortest_plan" (None if there is no plan), "random_success" and
@@ -110,7 +110,7 @@ class Family:
 
     @cached_property
     def keys(self) -> KeyIndex:
-        """Return the numbers of objects by key. All members share them, and so does a larger family of these."""
+        """Return the numbers of objects by key, the same for all members. A subset keeps those of its whole family."""
         if self._keys is not None:
             return self._keys
         near = sorted(

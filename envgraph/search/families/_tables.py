@@ -44,7 +44,7 @@ class Record:
         behaviour: name of its environment.
         limit: steps after which an episode is truncated, or None.
         drawn: True if the behaviour has a `draw` clause.
-        tables: file name of each member's table, by member name; "" for models that are made on demand.
+        tables: file name of each member's table, by member name; "" if its model is made only when needed.
         certificates: verified values of each member, by member name.
     """
 
@@ -68,13 +68,13 @@ class Tables:
 
     @classmethod
     def of_run(cls, store: Path) -> Tables:
-        """Return the cache of a run, which is beside its store, or in the user's cache if that is not writable."""
+        """Return the cache of a run: `tables` beside its store, or the user's cache if `tables` is not writable."""
         user = cls.of_user().places
         return cls((store.parent / "tables", *user)) if user else cls(())
 
     @classmethod
     def of_user(cls) -> Tables:
-        """Return the user's cache, for families without a run: `$ENVGRAPH_CACHE` or `envgraph` in the user's cache."""
+        """Return the user's cache, for families without a run: `$ENVGRAPH_CACHE`, or `envgraph` in `~/.cache`."""
         directory = cache_directory()
         return cls((directory,) if directory else ())
 
