@@ -486,7 +486,9 @@ def _refuse_foreign(store: RunStore, db: sqlite3.Connection) -> None:
     except (InvalidArgument, sqlite3.DatabaseError, UnicodeDecodeError) as error:
         raise InvalidArgument(f"{store.path} is not a run store: {error.__cause__ or error}") from error
     if version != FORMAT:
-        message = f"{store.path} has format {version}, but this version of envgraph reads format {FORMAT}"
+        message = (
+            f"{store.path} has format {version}, but this envgraph reads format {FORMAT}: generate it again"
+        )
         raise InvalidArgument(message)
     if not db.execute("SELECT 1 FROM sqlite_schema WHERE name = 'content'").fetchone():
         db.execute(_TABLES[-1].replace("CREATE", "CREATE TEMP", 1))  # stores of older versions have no hashes
@@ -547,9 +549,7 @@ def _connect(path: Path) -> tuple[sqlite3.Connection, Exception | None]:
             if address is tried[0] and getattr(error, "sqlite_errorname", "").startswith(_WRITE_ERRORS):
                 tried += _for_reading(path, uri)
     if len(tried) == 2:  # a log exists, and merging it into the file needs write access
-        message = (
-            f"{path} has a log but is not writable: copy its directory to a writable place, and use the copy"
-        )
+        message = f"{path} has an unmerged log, and is not writable: copy its directory to a writable place"
         raise InvalidArgument(message) from reason
     raise InvalidArgument(f"{path} is not a run store: {reason}") from reason
 

@@ -404,7 +404,11 @@ class CurriculumSearch:
         try:
             return self.objective.scores(family, seeds)
         except (TooManyStates, NotCompiled) as error:  # a member other than the target failed
-            known = error.message if isinstance(error, TooManyStates) else f"{error} is not compiled"
+            known = (
+                error.message
+                if isinstance(error, TooManyStates)
+                else f"a member cannot be compiled: it has {error}"
+            )
             self.levels.rejected[known] += 1
             return np.full((1, len(seeds)), LEAST)
 

@@ -35,4 +35,7 @@ class CurriculumSettings:
 
     def __post_init__(self) -> None:
         if (self.population or 2) < 2 or self.effort < 1 or self.lanes < 1:
-            raise InvalidArgument("`population` must be at least 2, and `effort` and `lanes` at least 1")
+            raise InvalidArgument(
+                f"`population`, `effort` and `lanes` are {self.population}, {self.effort} and {self.lanes}, "
+                "but must be at least 2, 1 and 1"
+            )

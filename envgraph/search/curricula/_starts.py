@@ -112,7 +112,7 @@ class Starts:
         self._found: dict[Trace, Level | None] = {}
         if begin == "episode" and not self._episodes:
             raise InvalidArgument(
-                "no optimal episode of the target was found that ends in success",
+                "no optimal episode of the target was found in which the agent succeeds",
                 'check with `envgraph check` that the target has a `shortest_plan`, or write `begin = "easing"`',
             )
         for episode in self._episodes:

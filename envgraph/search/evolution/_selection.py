@@ -111,7 +111,8 @@ class SimulatedAnnealing:
     def __post_init__(self) -> None:
         if self.rounds < 0 or self.initial_temperature <= 0 or not 0 < self.cooling_rate <= 1:
             raise InvalidArgument(
-                "simulated annealing needs rounds >= 0, initial_temperature > 0 and 0 < cooling_rate <= 1"
+                f"`rounds`, `initial_temperature` and `cooling_rate` are {self.rounds}, {self.initial_temperature} and "
+                f"{self.cooling_rate}, but must be at least 0, above 0, and above 0 and at most 1"
             )
 
     def select(

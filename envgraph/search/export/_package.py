@@ -138,7 +138,9 @@ class _Steps:
                 self.program = family.program(family.members)
             except NotCompiled as refused:
                 message = f"{many.message}, and it cannot be compiled: it has {refused.construct}"
-                raise EvaluationError(message, refused.span, "remove it, or use smaller models") from None
+                raise EvaluationError(
+                    message, refused.span, "remove this construct, or use smaller models"
+                ) from None
 
     def values(self, episodes: bool) -> Mapping[str, Any]:
         behaviour = self._family.behaviour

@@ -33,7 +33,7 @@ def split(
         count = test if isinstance(test, int) else round(test * len(members))
         if not 0 < count < len(members):
             raise InvalidArgument(
-                f"`test` is {test}, but must leave training and test members of {len(members)} members"
+                f"`test` is {test}, but both families need at least one of the {len(members)} members"
             )
         tested = sorted(default_rng(seed).permutation(len(members))[:count].tolist())
     held = dict.fromkeys(tested)

@@ -203,10 +203,10 @@ def _check(
 ) -> None:
     """Raise `InvalidArgument` or `TransactionError` if an argument is invalid, before anything is changed."""
     names = [goal.name for goal in goals]
-    if not goals or len(set(names)) < len(names):
-        raise InvalidArgument(
-            "`maximise` and `minimise` must contain at least one objective, with different names"
-        )
+    if not goals:
+        raise InvalidArgument('give at least one objective, such as `maximise="pattern"`')
+    if len(set(names)) < len(names):
+        raise InvalidArgument("two objectives have the same name: give `Goal` objects with different names")
     if not moves:
         raise InvalidArgument("`moves` is empty", 'name rules or units, such as `["move", "join"]`')
     for name in moves:

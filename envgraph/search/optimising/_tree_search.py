@@ -45,7 +45,9 @@ class TreeSearch:
 
     def __post_init__(self) -> None:
         if self.exploration < 0 or self.length < 1:
-            raise InvalidArgument("`exploration` must be at least 0, and `length` at least 1")
+            raise InvalidArgument(
+                f"`exploration` and `length` are {self.exploration} and {self.length}, but must be at least 0 and 1"
+            )
 
     def search(self, walk: Walk) -> None:
         """Search by Monte Carlo tree search until the walk is over."""

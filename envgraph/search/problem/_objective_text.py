@@ -126,7 +126,7 @@ def _whole(make: Callable[[], FamilyMeasure]) -> FamilyFactory:
 
 def _transfer(call: FamilyCall, context: Context) -> FamilyMeasure:
     if context.spec.environment is None:
-        hint = 'write `environment = "name.environment"` at the top'
+        hint = 'write `environment = "name.environment"` at the top of the family file'
         raise WrongCall(f"`{call.name}` needs an environment, but the family file names none", hint)
     return _whole(ChainTransfer)(call, context)
 
@@ -175,7 +175,7 @@ def read_objective(
         message = (
             "`maximise` and `minimise` cannot both be given: the order of a single list is the precedence"
         )
-        hint = 'write a minus: `maximise = ["entropy(complexity)", "-mean_distance"]`'
+        hint = 'write terms to minimise with a minus: `maximise = ["entropy(complexity)", "-mean_distance"]`'
         reader.problems.append(Diagnostic("bad-value", message, spec.key_span("minimise"), hint))
     elif any(spec.options[key] == [] for key in keys):
         message, hint = "the list of expressions is empty", 'write `maximise = ["entropy(complexity)"]`'

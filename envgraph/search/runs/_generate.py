@@ -159,7 +159,7 @@ def resume(
         last = store.last_generation()
         if generations is not None and last is not None and generations <= last.number:
             raise InvalidArgument(
-                f"{store_path} has {last.number} generations already: give more `generations`"
+                f"{store_path} has {last.number} generations already: give more, as `generations`"
             )
         overrides = list(store.overrides)
         domain = domain_of(store.bundle(), overrides, str(store.path), components)

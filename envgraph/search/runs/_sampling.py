@@ -31,7 +31,7 @@ class Sampling:
     def __init__(self, domain: Domain) -> None:
         wanted = domain.samples()
         if wanted is None or wanted.best:
-            hint = 'add it with an override such as "samples.count=64"; scores replace `maximise`'
+            hint = 'add the override "samples.count=64", or remove `maximise` and `minimise`: scores replace them'
             raise InvalidArgument(
                 f"`{domain.spec.name}` needs `[samples]` without `maximise` and `minimise`", hint
             )
