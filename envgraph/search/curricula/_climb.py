@@ -249,7 +249,7 @@ class CurriculumSearch:
     def _success(self, family: Family, objective: Learning, seeds: int) -> float:
         """Train `seeds` new learners, and count the effort. Return the share that solves the target.
 
-        Return 0 if a member has too many states and is not compiled.
+        Return 0 if a member has too many states, or cannot be compiled where compiled programs are used.
         """
         self._steps += max(LEVEL, objective.effort * len(family) * seeds)
         self.tried += 1

@@ -123,7 +123,7 @@ class Starts:
         levels.go_to(levels.target.version)
 
     def origin(self, rng: Generator) -> Origin:
-        """Sample an origin. With "auto" and known optimal episodes all three kinds have the same probability."""
+        """Sample an origin that `begin` allows. With "auto" and known episodes the three kinds are equally probable."""
         episode = easing = None
         if self._episodes and (self._begin == "episode" or rng.random() < 2 / 3):
             episode = self._episodes[int(rng.integers(len(self._episodes)))]

@@ -226,9 +226,9 @@ def _check(
 
 @contextmanager
 def _watching(engine: Engine, patterns: Sequence[str]) -> Iterator[None]:
-    """Watch the patterns inside the context, and stop watching them afterwards.
+    """Watch the patterns inside the context, and stop watching them afterwards. Watch none if that is impossible.
 
-    Patterns that are watched already, that match faster unwatched or that cannot be watched are left out.
+    Patterns that are watched already, that match faster unwatched or that have input parameters are left out.
     """
     known, large = set(engine.watched), len(engine.model) >= _LARGE
     new = []
