@@ -10,53 +10,51 @@ import pytest
 from envgraph.code import _block
 from envgraph.graph import Store
 from envgraph.graph.history import _versions
-from envgraph.match.demand import _closure_aggregates, _closures, _condensation, _recursion
-from envgraph.match.plan import _distinct
-from envgraph.match.views.delta import _delta, _joins
-from envgraph.match.views.operators import _closure, _group_aggregates, _sets
-from envgraph.match.views.watch import _kept, _loops, _partial_lookup
+from envgraph.match._costs import DemandCosts, PlanCosts, ViewCosts
+from envgraph.match.views.delta import _joins
+from envgraph.match.views.watch import _kept
 
 PLACES: Final[Mapping[str, tuple[object, str]]] = {
     # The journal: more targets have an index, and longer changes between versions are reduced to their net effect.
     "crowd of targets": (Store, "crowd"),
     "long change between versions": (_versions, "_LONG"),
     # Closures on demand: after so many searches the answer is computed for all nodes, and kept while there is room.
-    "few nodes visited": (_closures, "FEW_VISITED"),
-    "times all nodes visited": (_closures, "TIMES"),
-    "few nodes reached": (_closures, "FEW_REACHED"),
-    "most reached nodes kept": (_closures, "MOST_KEPT"),
-    "largest condensation": (_condensation, "MOST_BYTES"),
+    "few nodes visited": (DemandCosts, "few_visited"),
+    "times all nodes visited": (DemandCosts, "times"),
+    "few nodes reached": (DemandCosts, "few_reached"),
+    "most reached nodes kept": (DemandCosts, "most_reached"),
+    "largest condensation": (DemandCosts, "most_bytes"),
     # Aggregates over closures: class by class, or object by object.
-    "cost of a class": (_closure_aggregates, "CLASS"),
-    "most classes": (_closure_aggregates, "MOST_CLASSES"),
-    "dense set": (_closure_aggregates, "DENSE"),
+    "cost of a class": (DemandCosts, "class_cost"),
+    "most classes": (DemandCosts, "most_classes"),
+    "dense set": (DemandCosts, "dense"),
     # Recursion on demand: after so many questions all rows with a value are computed, and kept while there is room.
-    "few rows of questions": (_recursion, "FEW_ROWS"),
-    "few questions": (_recursion, "FEW_TIMES"),
-    "most rows kept": (_recursion, "MOST_KEPT"),
+    "few rows of questions": (DemandCosts, "few_rows"),
+    "few questions": (DemandCosts, "few_times"),
+    "most rows kept": (DemandCosts, "most_rows"),
     # Plans: equal partial matches are dropped, and long functions are split.
-    "few partial matches": (_distinct, "FEW"),
+    "few partial matches": (PlanCosts, "few_rows"),
     "most loops of a function": (_block, "MOST_LOOPS"),
     # Views: a model that grows so much has its views built anew, a long log is shortened, and large groups are updated.
     "growth of the model": (_kept, "GROWTH"),
     "least growth of the model": (_kept, "LEAST"),
-    "long log": (_sets, "LONG"),
-    "large group": (_group_aggregates, "LARGE"),
-    "few starts of a closure": (_closure, "FEW"),
+    "long log": (ViewCosts, "long_log"),
+    "large group": (ViewCosts, "large"),
+    "few starts of a closure": (ViewCosts, "few_starts"),
     # Views are read, or have an index, where a search would cost more.
-    "expensive search for a change": (_delta, "DEAR"),
-    "expensive search for a question": (_partial_lookup, "EXPENSIVE"),
-    "cost of reading a row": (_partial_lookup, "READ"),
+    "expensive search for a change": (ViewCosts, "dear"),
+    "expensive search for a question": (ViewCosts, "expensive"),
+    "cost of reading a row": (ViewCosts, "read"),
     # Attributes have an index by value where many objects have different values.
-    "many objects": (_joins, "MANY"),
-    "different values": (_joins, "DIFFERENT"),
+    "many objects": (ViewCosts, "many"),
+    "different values": (ViewCosts, "different"),
     "value given by another goal": (_joins, "_met_elsewhere"),
     "attributes tested in a loop": (_joins, "_told_apart"),
     # Loops of units: patterns are watched after so many rows.
-    "long loop": (_loops, "LONG"),
-    "cost of sorting a row": (_loops, "SORTED"),
+    "long loop": (ViewCosts, "long_loop"),
+    "cost of sorting a row": (ViewCosts, "sorted"),
 }
-"""Where the engine keeps each threshold."""
+"""Where the engine keeps each threshold. A value set in a class with slots hides the field of its only instance."""
 
 EAGER: Final[Mapping[str, object]] = {
     "crowd of targets": 2,

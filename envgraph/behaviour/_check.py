@@ -14,6 +14,7 @@ from envgraph.behaviour._data import Action, Agent, Behaviour, Domain, EachStep,
 from envgraph.behaviour._domains import MOST_VALUES, domain_count, domain_type
 from envgraph.behaviour._losing import loss_warnings
 from envgraph.errors import (
+    LIMITS,
     Diagnostic,
     Note,
     Severity,
@@ -27,8 +28,6 @@ from envgraph.errors import (
 from envgraph.metamodel import Scalar
 from envgraph.pattern import Parameter, PatternCall, StaticType, Variable, static_type
 from envgraph.rewrite import Engine
-
-MOST_ACTIONS = 100_000
 
 
 def check_behaviour(behaviour: Behaviour, engine: Engine) -> list[Diagnostic]:
@@ -105,7 +104,7 @@ class _Checker(CallChecking, ViewChecking):
                 who, place = self._who(behaviour, agent)
                 message = f"{who if agent else f'the agent of `{behaviour.name}`'} observes nothing"
                 self.report("no-observation", message, place, "write `observe ..`", Severity.WARNING)
-        most = limit(1_000_000)
+        most = limit("attempts")
         if behaviour.limit is not None and not 1 <= behaviour.limit <= most:
             message = f"`limit` is {behaviour.limit} steps, but must be from 1 to {most:,}"
             hint = "write fewer, or set ENVGRAPH_LIMITS=10" if behaviour.limit else "write 1 or more"
@@ -160,8 +159,8 @@ class _Checker(CallChecking, ViewChecking):
         first |= {name: span for name, span in reversed(named) if name not in first}
         for action in owner.actions:
             total += self._action(action, scope)
-        if total > MOST_ACTIONS:
-            message = f"there are {total} actions, but at most {MOST_ACTIONS} are possible"
+        if total > LIMITS["actions"]:
+            message = f"there are {total} actions, but at most {LIMITS['actions']} are possible"
             self.report(
                 "too-many-actions",
                 message,

@@ -14,7 +14,6 @@ import numpy as np
 from envgraph.cli._new import KINDS, domain_environment, write_files
 from envgraph.cli._output import print_json, print_line
 from envgraph.env import (
-    DEFAULT_LIMIT,
     Adopted,
     MiniGridLevel,
     Simulator,
@@ -23,15 +22,13 @@ from envgraph.env import (
     adopt,
     explore,
 )
-from envgraph.errors import InvalidArgument
+from envgraph.errors import LIMITS, InvalidArgument
 from envgraph.lang import Bundle, format_text
 from envgraph.search import Domain
 
 _LETTERS = "SFHG"
 """The letters of a FrozenLake map: start, frozen, hole, goal."""
 
-_MOST_STATES = 20_000
-"""The maximum number of states of a MiniGrid level to compare completely, which takes half a minute."""
 _STEPS = 200
 """The length of the random walk from the end of each path, for levels with more states."""
 
@@ -196,7 +193,7 @@ class _Tried:
         engine, behaviour = self._domain.engine(), self._domain.behaviour
         assert behaviour is not None
         try:
-            limit = _MOST_STATES if isinstance(adopted, MiniGridLevel) else DEFAULT_LIMIT
+            limit = LIMITS["level states"] if isinstance(adopted, MiniGridLevel) else LIMITS["states"]
             table = explore(engine, behaviour, limit=limit).tabular
         except TooManyStates:
             if not isinstance(adopted, MiniGridLevel):
@@ -210,7 +207,7 @@ class _Tried:
 
     def _ways(self, level: MiniGridLevel, simulator: Simulator) -> Iterator[str]:
         self.actions = len(simulator.action_names)
-        first, plan = level.ways(_MOST_STATES)
+        first, plan = level.ways(LIMITS["level states"])
         if not plan and level.end != "goal":  # Other goals are guessed, so a plan must confirm them.
             yield "no path to success was found, and there are too many states to compare all"
             return

@@ -17,7 +17,14 @@ from envgraph.cli._family import REPORT, TRAINING, run_directory
 from envgraph.cli._output import print_json, print_line, print_table, progress_bar
 from envgraph.env import Tabular, TooManyStates
 from envgraph.env.compiled import NotCompiled
-from envgraph.errors import MOST_STEPS, EvaluationError, InvalidArgument, check_known, listed, parse_within
+from envgraph.errors import (
+    LIMITS,
+    EvaluationError,
+    InvalidArgument,
+    check_known,
+    listed,
+    parse_within,
+)
 from envgraph.files import replace_file, write_lock
 from envgraph.learn import (
     CONTROLS,
@@ -67,10 +74,6 @@ UNFINISHED = "unfinished.jsonl"
 """Name of the journal of an unfinished training, which holds its agents so far for `--resume`."""
 
 
-_MOST_MEMBERS = 100
-"""The maximum size of a family to train on, since each member adds a curriculum and a stage."""
-
-
 def train_agents(
     run: str,
     directory: Path,
@@ -100,10 +103,9 @@ def _train_family(
     run: str, directory: Path, wanted: dict[str, Any], workers: int, resume: bool, force: bool
 ) -> None:
     family = open_family(run, directory)
-    if len(family.members) > _MOST_MEMBERS:
-        message = (
-            f"`{run}` has {len(family.members):,} environments, but a curriculum has at most {_MOST_MEMBERS}"
-        )
+    if len(family.members) > LIMITS["curriculum"]:
+        most = f"a curriculum has at most {LIMITS['curriculum']}"
+        message = f"`{run}` has {len(family.members):,} environments, but {most}"
         hint = "select some of them in Python, with `write_family(family.spaced(6))`"
         raise InvalidArgument(message, hint)
     base = run_directory(run, directory) / TRAINING
@@ -180,7 +182,7 @@ def _begun(journal: Journal) -> dict[str, Any]:
         raise InvalidArgument(f"{journal.path}:1: these are not the options of a training")
     try:
         budgets_of(wanted["steps"] or "1")
-        parse_within(str(wanted["seeds"] or 1), 1, 100_000)
+        parse_within(str(wanted["seeds"] or 1), 1, "members")
     except InvalidArgument as error:
         raise InvalidArgument(f"{journal.path}:1: {error.message}", error.hint) from None
     return wanted
@@ -299,7 +301,7 @@ def budgets_of(steps: str) -> list[int]:
         InvalidArgument: an item is not a number within the limits.
     """
     try:
-        return sorted({parse_within(word.strip(), 1, MOST_STEPS) for word in steps.split(",")})
+        return sorted({parse_within(word.strip(), 1, "steps") for word in steps.split(",")})
     except InvalidArgument as error:
         hint = error.hint or "write one, or several such as `10000,50000`"
         raise InvalidArgument(f"in `--steps` {error.message}", hint) from None

@@ -10,7 +10,7 @@ from typing import Any, Final, TypeVar
 
 import click
 
-from envgraph.errors import LARGEST_INT, MOST_STEPS, InvalidArgument, parse_within
+from envgraph.errors import InvalidArgument, parse_within
 
 RUNS = Path("runs")
 
@@ -107,20 +107,20 @@ overrides_option = click.option(
 
 
 _MOST: Final = {
-    **dict.fromkeys(("--population", "--samples", "--seeds", "--controls"), 100_000),
-    **{"--seed": LARGEST_INT, "--seed-offset": LARGEST_INT, "--times": 1_000_000, "--workers": 256},
+    **dict.fromkeys(("--population", "--samples", "--seeds", "--controls"), "members"),
+    **{"--seed": "seed", "--seed-offset": "seed", "--times": "attempts", "--workers": "workers"},
 }
-"""The maximum of each numeric option; `MOST_STEPS` for all other options."""
+"""The limit of each numeric option; "steps" for all other options."""
 
 
 class _WholeNumber(click.IntRange):
-    """A type of integer options: from `min` to the maximum of the option in `_MOST`."""
+    """A type of integer options: from `min` to the limit of the option in `_MOST`."""
 
     def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> int:
         """Parse the number, or report it as an error of the command line."""
         assert param is not None and self.min is not None
         try:
-            return parse_within(str(value), int(self.min), _MOST.get(param.opts[0], MOST_STEPS))
+            return parse_within(str(value), int(self.min), _MOST.get(param.opts[0], "steps"))
         except InvalidArgument as error:
             self.fail(str(error), param, ctx)
 

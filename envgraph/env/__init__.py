@@ -46,7 +46,7 @@ if TYPE_CHECKING:
     )
     from envgraph.env._adopted import Adopted as Adopted, Transition as Transition, adopt as adopt
     from envgraph.env._apart import RewardsApart as RewardsApart
-    from envgraph.env._explore import DEFAULT_LIMIT as DEFAULT_LIMIT, Explored as Explored, explore as explore
+    from envgraph.env._explore import Explored as Explored, explore as explore
     from envgraph.env._frozen_lake import frozen_lake as frozen_lake
     from envgraph.env._gymnasium import (
         EnvgraphEnv as EnvgraphEnv,
@@ -63,7 +63,7 @@ if TYPE_CHECKING:
         model_view as model_view,
         torch_graph as torch_graph,
     )
-    from envgraph.env._reaching import REACH_LIMIT as REACH_LIMIT, can_end as can_end
+    from envgraph.env._reaching import can_end as can_end
     from envgraph.env._simulator import Outcome as Outcome, Simulator as Simulator
     from envgraph.env._table_file import read_explored as read_explored, write_explored as write_explored
     from envgraph.env._tabular import Tabular as Tabular

@@ -13,13 +13,10 @@ import gymnasium
 import numpy as np
 
 from envgraph.code import dataclass, short_repr
-from envgraph.env._explore import DEFAULT_LIMIT
 from envgraph.env._minigrid import MiniGridLevel, is_minigrid
 from envgraph.env._tabular import MOST_REWARD, Tabular
-from envgraph.errors import EnvgraphError, InvalidArgument
+from envgraph.errors import LIMITS, EnvgraphError, InvalidArgument
 
-_MOST_STARTS: Final = 10_000
-"""Maximum number of equally likely start states."""
 _TOLERANCE: Final = 1e-9
 _MINIGRID: Final = ("MiniGrid-", "BabyAI-")
 _TRIED: Final = 2_000
@@ -72,16 +69,15 @@ class Adopted:
             InvalidArgument: the probabilities are not multiples of 1/n for any n up to 10,000.
         """
         chances = [*self.starts.values()]
-        fractions = [Fraction(chance).limit_denominator(_MOST_STARTS) for chance in chances]
+        most = LIMITS["start states"]
+        fractions = [Fraction(chance).limit_denominator(most) for chance in chances]
         whole = lcm(*(one.denominator for one in fractions))
         exact = all(
             abs(float(one) - chance) < _TOLERANCE for one, chance in zip(fractions, chances, strict=True)
         )
-        if not exact or whole > _MOST_STARTS or sum(fractions) != 1:
+        if not exact or whole > most or sum(fractions) != 1:
             shown = ", ".join(f"{chance:g}" for chance in chances[:5]) + (", .." if len(chances) > 5 else "")
-            message = (
-                f"the start probabilities ({shown}) are not multiples of 1/n for any n up to {_MOST_STARTS:,}"
-            )
+            message = f"the start probabilities ({shown}) are not multiples of 1/n for any n up to {most:,}"
             raise InvalidArgument(
                 message, "round `initial_state_distrib` to multiples of 1/n, such as 0.25 and 0.75"
             )
@@ -196,8 +192,10 @@ def _adopted(inner: Any) -> Adopted:
         message = f"`{type(inner).__name__}` has no `P`, a table of its transitions"
         raise InvalidArgument(message, "write the domain by hand; `envgraph new` creates a template")
     states, where = len(table), f"`P` of `{type(inner).__name__}`"
-    if states > DEFAULT_LIMIT:
-        raise InvalidArgument(f"{where} has {states:,} states, but at most {DEFAULT_LIMIT:,} can be adopted")
+    if states > LIMITS["states"]:
+        raise InvalidArgument(
+            f"{where} has {states:,} states, but at most {LIMITS['states']:,} can be adopted"
+        )
     outcomes = [_actions(table, state, where) for state in range(states)]
     starts = _starts(inner, states)
     endings, actions = _endings(outcomes, starts), max(1, len(outcomes[min(starts)]))

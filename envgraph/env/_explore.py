@@ -13,14 +13,9 @@ from envgraph.env._simulator import GOES_ON, Simulator
 from envgraph.env._tabular import Tabular, allowed_or_all
 from envgraph.env._too_many import TooManyStates, check_entries, check_observations
 from envgraph.env.scene._scene import Painter, Scene
+from envgraph.errors import LIMITS
 from envgraph.graph import Savepoint
 from envgraph.rewrite import Engine, SavepointWalk, walk_of_savepoints
-
-DEFAULT_LIMIT = 250_000
-"""Default maximum number of states; a larger environment is refused after about 30 s and 0.5 GB."""
-
-OUTCOMES = 10_000_000
-"""Default maximum number of outcomes of all actions in all states, which take time and memory, too."""
 
 Progress = Callable[[int, int], None]
 """A callback that gets the numbers of states and of outcomes so far; 0 outcomes if they are not counted."""
@@ -43,8 +38,8 @@ def explore(
     behaviour: Behaviour,
     keys: KeyIndex | None = None,
     *,
-    limit: int = DEFAULT_LIMIT,
-    outcomes: int = OUTCOMES,
+    limit: int = LIMITS["states"],
+    outcomes: int = LIMITS["all outcomes"],
     pictures: bool = False,
     progress: Progress | None = None,
 ) -> Explored:

@@ -9,11 +9,9 @@ from heapq import heappop, heappush
 from envgraph.behaviour import Behaviour
 from envgraph.env._explore import Progress
 from envgraph.env._simulator import Simulator
+from envgraph.errors import LIMITS
 from envgraph.graph import Savepoint
 from envgraph.rewrite import Engine, walk_of_savepoints
-
-REACH_LIMIT = 50_000
-"""Default maximum number of states, which bounds the time for a model without such an end."""
 
 
 def can_end(
@@ -21,7 +19,7 @@ def can_end(
     behaviour: Behaviour,
     outcome: int,
     *,
-    limit: int = REACH_LIMIT,
+    limit: int = LIMITS["searched states"],
     progress: Progress | None = None,
 ) -> bool:
     """Return True if an episode with the given end, success (1) or failure (2), is found within `limit` states.

@@ -8,8 +8,8 @@ from itertools import islice
 from operator import add
 
 from envgraph.env._prepared import Choices, Perform, Possible
-from envgraph.env._sampling import MOST_OUTCOMES, all_choices
-from envgraph.errors import RuleError
+from envgraph.env._sampling import all_choices
+from envgraph.errors import LIMITS, RuleError
 from envgraph.graph import Model, Node
 from envgraph.metamodel import Value
 from envgraph.rewrite import Branches, Engine, Firing
@@ -89,7 +89,7 @@ def _succeeding(perform: Perform, model: Model) -> Possible:
     """
 
     def possible(values: Sequence[Value | None]) -> bool:
-        for choices in islice(all_choices(), MOST_OUTCOMES):
+        for choices in islice(all_choices(), LIMITS["outcomes"]):
             savepoint = model.graph.history.savepoint()
             try:
                 done = perform(values, choices, model) is not None

@@ -13,9 +13,6 @@ from collections.abc import Iterator, Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-MOST_OUTCOMES = 10_000
-"""Maximum number of outcomes of one action in one state, which take some seconds; units may have millions."""
-
 
 class Draw:
     """A uniform random number in [0, 1) that decides several choices one after the other; `rest` decides the next ones.

@@ -34,12 +34,12 @@ from envgraph.env._prepared import (
     run_pending,
 )
 from envgraph.env._program import Program, worst
-from envgraph.env._sampling import MOST_OUTCOMES, Draw, all_choices
+from envgraph.env._sampling import Draw, all_choices
 from envgraph.env._tabular import allowed_or_all
 from envgraph.env._together import Together
 from envgraph.env._too_many import TooManyOutcomes
 from envgraph.env.scene._scene import DRAW_HINT, Painter
-from envgraph.errors import InvalidArgument, ResolutionError, Severity
+from envgraph.errors import LIMITS, InvalidArgument, ResolutionError, Severity
 from envgraph.graph import Model, Savepoint
 from envgraph.rewrite import Engine
 
@@ -309,8 +309,8 @@ class Simulator:
         """
         turn = self.turn
         for number, choices in enumerate(all_choices()):
-            if action is not None and number >= MOST_OUTCOMES:
-                raise TooManyOutcomes(self.behaviour, self.action_names[action], MOST_OUTCOMES)
+            if action is not None and number >= LIMITS["outcomes"]:
+                raise TooManyOutcomes(self.behaviour, self.action_names[action], LIMITS["outcomes"])
             self.turn = turn
             savepoint = self._model.graph.history.savepoint()
             try:

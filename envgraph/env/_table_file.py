@@ -19,7 +19,7 @@ from numpy.typing import NDArray
 from envgraph.env._explore import Explored
 from envgraph.env._tabular import Tabular
 from envgraph.env.scene._scene import Edge, GraphScene, GridScene, Mark, Scene
-from envgraph.errors import InvalidArgument
+from envgraph.errors import LIMITS, InvalidArgument
 from envgraph.metamodel import Glyph
 
 _ARRAYS = {
@@ -34,8 +34,6 @@ _ARRAYS = {
 _OPTIONAL = {"turn": np.int32, "allowed": np.bool_}
 _NAMES = ("n_observations", "observation_shape", "observation_names", "action_names", "agent_names")
 _DATA = {cls.__name__: cls for cls in (GridScene, GraphScene, Mark, Edge, Glyph)}
-_MOST_BYTES = 2**31
-"""Maximum size in bytes of all unpacked arrays of a file; the largest tables have a fifth of it."""
 _DAMAGED = (
     OSError,
     ValueError,
@@ -73,8 +71,8 @@ def read_explored(path: Path) -> Explored:
     """
     try:
         with zipfile.ZipFile(path) as archive:
-            if sum(part.file_size for part in archive.infolist()) > _MOST_BYTES:
-                raise ValueError(f"its arrays have more than {_MOST_BYTES:,} bytes")
+            if sum(part.file_size for part in archive.infolist()) > LIMITS["table bytes"]:
+                raise ValueError(f"its arrays have more than {LIMITS['table bytes']:,} bytes")
             bad = archive.testzip()  # before any damaged size is used
         if bad is not None:
             raise ValueError(f"`{bad}` is damaged")

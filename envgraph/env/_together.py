@@ -14,11 +14,8 @@ from envgraph.env._agents import Agents, Seat
 from envgraph.env._observing import joint_component_names
 from envgraph.env._prepared import Choices, Component, Pending, PreparedClause, PreparedEach, run_pending
 from envgraph.env._program import Program, worst
-from envgraph.errors import Diagnostic, EvaluationError, ResolutionError
+from envgraph.errors import LIMITS, Diagnostic, EvaluationError, ResolutionError
 from envgraph.graph import Model
-
-MOST_JOINT_ACTIONS = 100_000
-"""Maximum number of joint actions; a single agent may have as many actions."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -212,8 +209,8 @@ def joint_names(agents: Sequence[str], actions: Sequence[str]) -> tuple[str, ...
         EvaluationError: the number of joint actions is too large.
     """
     count = len(actions) ** len(agents)
-    if count > MOST_JOINT_ACTIONS:
-        message = f"{count:,} joint actions of all agents, but at most {MOST_JOINT_ACTIONS:,} are possible"
+    if count > LIMITS["actions"]:
+        message = f"{count:,} joint actions of all agents, but at most {LIMITS['actions']:,} are possible"
         raise EvaluationError(
             message, None, "use `envgraph.make_parallel`, which takes one action for each agent"
         )

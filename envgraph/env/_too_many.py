@@ -5,13 +5,9 @@ from __future__ import annotations
 from collections.abc import Sequence
 from decimal import Decimal
 from math import prod
-from typing import Final
 
 from envgraph.behaviour import MOST_VALUES, Behaviour
-from envgraph.errors import EvaluationError, Span
-
-MOST_ENTRIES: Final = 50_000_000
-"""Maximum number of entries of a table, states x actions x outcomes; an entry takes 21 bytes."""
+from envgraph.errors import LIMITS, EvaluationError, Span
 
 
 class TooManyStates(EvaluationError):
@@ -90,5 +86,5 @@ def check_entries(behaviour: Behaviour, shape: tuple[int, int, int]) -> None:
     Raises:
         TooManyStates: the table would be too large.
     """
-    if prod(shape) > MOST_ENTRIES:
+    if prod(shape) > LIMITS["table entries"]:
         raise TooLargeTable(behaviour, *shape)

@@ -35,9 +35,9 @@ if TYPE_CHECKING:
         check_known as check_known,
     )
     from envgraph.errors._limits import (
+        LIMITS as LIMITS,
         MOST_ERRORS as MOST_ERRORS,
         MOST_NESTED as MOST_NESTED,
-        MOST_STEPS as MOST_STEPS,
         RAISE_LIMIT as RAISE_LIMIT,
         limit as limit,
         parse_within as parse_within,

@@ -3,14 +3,9 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from typing import Final
 
 from envgraph.errors import RAISE_LIMIT, EvaluationError, limit
 from envgraph.pattern import Pattern
-
-MOST_MATCHES: Final = 1_000_000
-"""The largest number of matches, or of tested combinations, of a pattern with unconnected variables. Listing so many
-takes about a second and, for a dozen variables, 200 MB."""
 
 
 def at_most(pattern: Pattern, searched: bool) -> Callable[..., None]:
@@ -24,7 +19,7 @@ def at_most(pattern: Pattern, searched: bool) -> Callable[..., None]:
         pattern: the pattern of the search, named in the error.
         searched: if True, combinations tested since the last match are counted, too.
     """
-    most = limit(MOST_MATCHES)
+    most = limit("matches")
     known = tried = 0
 
     def check(number: int | None = None, variable: str = "") -> None:

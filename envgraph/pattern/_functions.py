@@ -9,14 +9,14 @@ from math import isfinite
 from reprlib import repr as short
 
 from envgraph.code import dataclass
-from envgraph.errors import Diagnostic, FunctionError, Note, Span
+from envgraph.errors import LIMITS, Diagnostic, FunctionError, Note, Span
 from envgraph.metamodel import AttributeType, Metamodel, Value, accepts
 from envgraph.pattern._bodies import Data, rewritten
 from envgraph.pattern._lowered import ObjectType
 from envgraph.pattern._queries import Parameter
 from envgraph.pattern._terms import Expression, FunctionCall
 from envgraph.pattern._types import coerced, static_type, type_hint, type_text
-from envgraph.pattern.expressions._operations import FUNCTIONS, MOST_CHARACTERS
+from envgraph.pattern.expressions._operations import FUNCTIONS
 
 
 @dataclass(frozen=True, slots=True)
@@ -115,7 +115,7 @@ class DeclaredFunction:
 def _fits(value: object, type_: AttributeType) -> bool:
     if isinstance(value, float) and not isfinite(value):
         return False
-    return accepts(type_, value) and not (isinstance(value, str) and len(value) > MOST_CHARACTERS)
+    return accepts(type_, value) and not (isinstance(value, str) and len(value) > LIMITS["characters"])
 
 
 Functions = Mapping[str, DeclaredFunction]

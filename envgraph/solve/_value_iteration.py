@@ -7,11 +7,9 @@ from numpy.typing import NDArray
 
 from envgraph.code import dataclass
 from envgraph.env import Tabular
-from envgraph.errors import EvaluationError, InvalidArgument
+from envgraph.errors import LIMITS, EvaluationError, InvalidArgument
 from envgraph.solve._evaluation import accumulate
 from envgraph.solve._running import flat, run
-
-MOST_ITERATIONS = 1_000_000
 
 # Actions are equally good below this difference, relative to the largest value: well above the tolerance of the
 # values, well below what a step costs at any sensible discount.
@@ -57,10 +55,10 @@ def value_iteration(tabular: Tabular, discount: float = 0.99, tolerance: float =
         )
     scale = max(1.0, float(np.abs(tabular.reward).max()))
     enough = scale * tolerance * ((1.0 - discount) / discount if 0.0 < discount < 1.0 else 1.0)
-    values, change = _settled(tabular, discount, enough, MOST_ITERATIONS)
+    values, change = _settled(tabular, discount, enough, LIMITS["sweeps"])
     if change > enough:
         raise EvaluationError(
-            f"values do not converge in {MOST_ITERATIONS} sweeps: use a `discount` below {discount}"
+            f"values do not converge in {LIMITS['sweeps']} sweeps: use a `discount` below {discount}"
         )
     onward = np.where(tabular.terminated == 0, discount * values[tabular.next_state], 0.0)
     action_values = (tabular.probability * (tabular.reward + onward)).sum(axis=2)

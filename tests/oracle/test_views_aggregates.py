@@ -11,6 +11,7 @@ from envgraph.graph import Model, Store
 from envgraph.lang import from_text
 from envgraph.match import FREE, CompiledMatcher, ViewMatcher
 from envgraph.match._aggregates import aggregate
+from envgraph.match._costs import ViewCosts
 from envgraph.match.views.operators import _group_aggregates as _folds
 from envgraph.match.views.operators._running_aggregates import Totals
 from envgraph.metamodel import Attribute, Class, Metamodel, Reference, Scalar
@@ -122,7 +123,7 @@ def episode(dice: Dice, stock: Stock, nested: int) -> None:
 @given(seed=st.integers(0, 2**32), large=st.sampled_from((0, 2, 5)))
 def test_running_aggregates_are_those_of_the_group(seed: int, large: int) -> None:
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(_folds, "LARGE", large)
+        patch.setattr(ViewCosts, "large", large)
         dice = Dice(seed)
         stock = Stock(dice.number(1, 12))
         for _ in range(dice.number(0, 20)):

@@ -31,7 +31,6 @@ if TYPE_CHECKING:
     from envgraph.env.compiled._member import Borrowed as Borrowed
     from envgraph.env.compiled._native import functions as functions, has_numba as has_numba
     from envgraph.env.compiled._planning import (
-        MOST_STATES as MOST_STATES,
         Plan as Plan,
         Plans as Plans,
         PlanSearch as PlanSearch,

@@ -11,8 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from envgraph.behaviour import Behaviour, KeyIndex
-from envgraph.env._explore import DEFAULT_LIMIT, OUTCOMES, Explored, Progress, explore
-from envgraph.env._sampling import MOST_OUTCOMES
+from envgraph.env._explore import Explored, Progress, explore
 from envgraph.env._tabular import Tabular, allowed_or_all
 from envgraph.env._too_many import TooManyStates, check_entries, check_observations
 from envgraph.env.compiled._batch import Batch, longer
@@ -25,10 +24,9 @@ from envgraph.env.compiled._refused import NotCompiled
 from envgraph.env.compiled._world import space_of
 from envgraph.env.compiled.kernels import CAPACITY, FULL
 from envgraph.env.scene._scene import Scene
+from envgraph.errors import LIMITS
 from envgraph.rewrite import Engine
 
-CHOICES: Final = 1_000
-"""The most random choices in one step."""
 FIRST: Final = 1_024
 """The initial capacity for states and for outcomes."""
 TOLD: Final = 100_000
@@ -38,7 +36,7 @@ Array = NDArray[Any]
 
 
 def enumerated(
-    program: Program, member: int = 0, *, limit: int = DEFAULT_LIMIT, progress: Progress | None = None
+    program: Program, member: int = 0, *, limit: int = LIMITS["states"], progress: Progress | None = None
 ) -> Tabular:
     """Return the table of a member's reachable states. The table equals that of `explore`, including all numbering.
 
@@ -71,13 +69,11 @@ def _visited(
             tabular = visit.table()
             return Explored(tabular, visit.pictures(tabular.n_states) if pictures else ())
         except NotCompiled:
-            if not visit.full or program.spare >= MOST_SPARE:
+            if not visit.full or program.spare >= LIMITS["created objects"]:
                 raise
         program = grown(program)
 
 
-MOST_SPARE: Final = 1_024
-"""The most space for created objects: environments small enough for a table do not need more."""
 FEW: Final = 2_000
 FEW_OUTCOMES: Final = 20_000
 """States and outcomes that the live engine visits in less time than it takes to load a compiled program."""
@@ -88,7 +84,7 @@ def explored(
     behaviour: Behaviour,
     keys: KeyIndex | None = None,
     *,
-    limit: int = DEFAULT_LIMIT,
+    limit: int = LIMITS["states"],
     pictures: bool = False,
     progress: Progress | None = None,
 ) -> Explored:
@@ -119,7 +115,7 @@ class Tables:
         limit: the largest number of states of a table.
     """
 
-    def __init__(self, behaviour: Behaviour, limit: int = DEFAULT_LIMIT) -> None:
+    def __init__(self, behaviour: Behaviour, limit: int = LIMITS["states"]) -> None:
         self._behaviour, self._limit = behaviour, limit
         self._visited = 0
         self._programs: dict[Any, Program] = {}
@@ -161,7 +157,7 @@ class Visit:
         self._tables = program.tables
         self._space = space_of(program.space)
         self.full = False
-        self._draw = np.zeros(3 + 2 * CHOICES)
+        self._draw = np.zeros(3 + 2 * LIMITS["random choices"])
         self._actions = len(program.action_names)
         self.states = np.zeros((FIRST, arrays.ints.shape[1]), dtype=np.int64)
         self.floats = np.zeros((FIRST, arrays.floats.shape[1]))
@@ -190,7 +186,7 @@ class Visit:
                 used,
                 made,
                 self._actions,
-                MOST_OUTCOMES,
+                LIMITS["outcomes"],
                 self._limit,
                 made + TOLD,
                 self.starts,
@@ -202,8 +198,8 @@ class Visit:
             )
             if states > self._limit:
                 raise TooManyStates(self._program.behaviour, self._limit)
-            if made > OUTCOMES:
-                raise TooManyStates(self._program.behaviour, self._limit, outcomes=OUTCOMES)
+            if made > LIMITS["all outcomes"]:
+                raise TooManyStates(self._program.behaviour, self._limit, outcomes=LIMITS["all outcomes"])
             if how == DONE:
                 return self._result(states, used, beginnings, chances)
             if how not in (SPACE, PAUSED):

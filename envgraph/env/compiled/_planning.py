@@ -15,13 +15,13 @@ from envgraph.behaviour import Behaviour, KeyIndex, ObserveFind, OnFind, indexed
 from envgraph.code import dataclass
 from envgraph.env._explore import Progress
 from envgraph.env._prepared import never_acts
-from envgraph.env._sampling import MOST_OUTCOMES
 from envgraph.env._simulator import Simulator
 from envgraph.env._too_many import TooManyStates
 from envgraph.env.compiled._batch import longer
 from envgraph.env.compiled._enumeration import FEW, FEW_OUTCOMES, FIRST, TOLD, Visit
 from envgraph.env.compiled._listing import DONE, FOUND, PAUSED, SPACE
 from envgraph.env.compiled._program import Program, program_over
+from envgraph.errors import LIMITS
 from envgraph.pattern import Negation, PatternCall, Variable
 from envgraph.rewrite import Engine
 
@@ -30,8 +30,6 @@ WIDTH: Final = 500
 """Default number of states visited breadth-first, and default number of states that a beam keeps of a layer."""
 NARROW: Final = 1_000, 100
 """Limit and width of the first search if any plan will do: it finds 6 of 7 `warehouse` plans in 1/4 of the time."""
-MOST_STATES: Final = 200_000
-"""Number of states after which `Plans` aborts a search: 80 ms with numba, 20 s in Python."""
 SEARCHES_OF_PYTHON: Final = 20
 """Number of small searches that `Plans` runs in Python before it compiles; together they take at most about 20 s."""
 MOST_MATCHES: Final = 255
@@ -157,14 +155,14 @@ class Plans:
             slow.outcomes = FEW_OUTCOMES
             searches.append(slow)
         if not self._shortest:
-            searches.append(PlanSearch(program, self._outcome, *NARROW, MOST_STATES, progress))
+            searches.append(PlanSearch(program, self._outcome, *NARROW, LIMITS["planned states"], progress))
         for search in searches:
             with suppress(TooManyStates):
                 plan = search.plan(guides)
                 if isfinite(plan.steps) or plan.exact:
                     return search, plan
             self._searches = SEARCHES_OF_PYTHON  # later searches are compiled
-        search = PlanSearch(program, self._outcome, BREADTH, WIDTH, MOST_STATES, progress)
+        search = PlanSearch(program, self._outcome, BREADTH, WIDTH, LIMITS["planned states"], progress)
         return search, search.plan(guides)
 
     def _guided(self, engine: Engine) -> tuple[Program, int]:
@@ -317,7 +315,7 @@ class PlanSearch(Visit):
                 states,
                 self._made,
                 self._tried,
-                MOST_OUTCOMES,
+                LIMITS["outcomes"],
                 self._made + TOLD if self.outcomes is None else self.outcomes,
                 self._outcome,
                 self.before,

@@ -23,9 +23,7 @@ from envgraph.env.scene._layout import (
     label_place,
 )
 from envgraph.env.scene._scene import EMPTY, GraphScene, GridScene, Mark, Scene
-from envgraph.errors import InvalidArgument
-
-MOST_PIXELS = 64_000_000
+from envgraph.errors import LIMITS, InvalidArgument
 
 _DASH = 0.22
 """Length of a dash, and of the gap after it."""
@@ -50,7 +48,7 @@ def scene_rgb(scene: Scene, cell: int = 32) -> NDArray[np.uint8]:
 
 
 def _canvas(width: float, height: float) -> Canvas:
-    if width * height > MOST_PIXELS:
+    if width * height > LIMITS["pixels"]:
         raise InvalidArgument(
             f"a picture of {width:.0f} x {height:.0f} pixels is too large: use smaller cells"
         )

@@ -22,7 +22,7 @@ from envgraph.behaviour import (
 from envgraph.code import dataclass, short_repr
 from envgraph.draw import LINE_COLOUR
 from envgraph.env.scene._looks import Look, Looks, glyph_of, token_colour
-from envgraph.errors import InvalidArgument
+from envgraph.errors import LIMITS, InvalidArgument
 from envgraph.graph import Model
 from envgraph.metamodel import Attribute, Class, Glyph, Metamodel, Scalar
 from envgraph.pattern import Expression, Navigation, Parameter
@@ -34,8 +34,6 @@ EMPTY = 255
 
 DRAW_HINT = "write a clause such as `draw graph Class label name`"
 """The hint of errors about a behaviour that has no `draw` clause."""
-
-MOST_CELLS = 1_000_000
 
 _PLAIN_NODE = Glyph("", "#a5d8ff")
 
@@ -394,9 +392,9 @@ class _Grid:
         left, top = min(x for x, _ in at.values()), min(y for _, y in at.values())
         width = max(x for x, _ in at.values()) - left + 1
         height = max(y for _, y in at.values()) - top + 1
-        if width * height > MOST_CELLS:
+        if width * height > LIMITS["drawn cells"]:
             raise InvalidArgument(
-                f"a grid of {width} x {height} cells is too large: at most {MOST_CELLS:,} can be drawn"
+                f"a grid of {width} x {height} cells is too large: at most {LIMITS['drawn cells']:,} can be drawn"
             )
         cells = bytearray([EMPTY]) * (width * height)
         places = {node: (x - left, y - top) for node, (x, y) in at.items()}

@@ -4,10 +4,10 @@ from __future__ import annotations
 
 from dataclasses import field, replace
 from math import inf
-from typing import Final, Literal, get_args
+from typing import Literal, get_args
 
 from envgraph.code import dataclass
-from envgraph.errors import MOST_STEPS, Source
+from envgraph.errors import Source
 from envgraph.lang.family._section import ComponentSpec, Name, Section, counts, cover, key
 
 Sequences = Literal["suffixes", "full", "baselines", "direct"]
@@ -22,9 +22,6 @@ Scheduled = Literal[
     "exact_learnability",
 ]
 Strength = Literal["single", "heavy_tailed"]
-
-_MOST: Final = 100_000
-"""The maximum number of members of a family, and of agents for each curriculum."""
 
 EXPRESSIONS = "expressions"
 """The kind of an objective that is given by expressions over measures of families."""
@@ -61,8 +58,8 @@ class MutationSpec:
 
     rules: tuple[Name, ...] = key((), Section.names)
     rate: float = key(0.85, Section.number, low=0, high=1)
-    initial_applications: tuple[int, int] = key((1, 5), Section.interval, most=10_000)
-    max_attempts: int = key(50, Section.integer, low=1, most=1_000_000)
+    initial_applications: tuple[int, int] = key((1, 5), Section.interval, most="applications")
+    max_attempts: int = key(50, Section.integer, low=1, most="attempts")
     strength: Strength = key("single", Section.choice, known=get_args(Strength))
 
 
@@ -78,16 +75,16 @@ class SearchSpec:
         stagnation: number of generations without improvement after which the search stops, or None.
     """
 
-    population: int = key(6, Section.integer, low=1, most=_MOST)
+    population: int = key(6, Section.integer, low=1, most="members")
     generations: int | None = key(
-        1000, Section.unless_false, off=None, read=Section.integer, low=0, most=MOST_STEPS
+        1000, Section.unless_false, off=None, read=Section.integer, low=0, most="steps"
     )
     keep_initial: bool = key(True, Section.boolean)
     parents: ComponentSpec = key(ComponentSpec("parents", "random"), Section.chosen)
     survivors: ComponentSpec = key(ComponentSpec("survivors", "simulated_annealing"), Section.chosen)
     time_limit: float | None = key(None, Section.number, low=0)
     target: float | None = key(None, Section.unless_false, off=inf, read=Section.number)
-    stagnation: int | None = key(None, Section.integer, low=1, most=MOST_STEPS)
+    stagnation: int | None = key(None, Section.integer, low=1, most="steps")
 
 
 @dataclass(frozen=True, slots=True)
@@ -105,7 +102,7 @@ class OptimiseSpec:
     maximise: tuple[Name, ...] = key((), Section.names)
     minimise: tuple[Name, ...] = key((), Section.names)
     strategy: ComponentSpec = key(ComponentSpec("strategy", "simulated_annealing"), Section.chosen)
-    steps: int = key(10_000, Section.integer, low=1, most=MOST_STEPS)
+    steps: int = key(10_000, Section.integer, low=1, most="steps")
     time_limit: float | None = key(None, Section.number, low=0)
     target: float | None = key(None, Section.number)
 
@@ -122,11 +119,11 @@ class SamplesSpec:
         attempts: number of models to try; None for ten times the number of members.
     """
 
-    count: int = key(1_000, Section.integer, low=2, most=_MOST)
+    count: int = key(1_000, Section.integer, low=2, most="members")
     cover: tuple[ComponentSpec, ...] = key((), cover)
     maximise: tuple[Name, ...] = key((), Section.names)
     minimise: tuple[Name, ...] = key((), Section.names)
-    attempts: int | None = key(None, Section.integer, low=1, most=MOST_STEPS)
+    attempts: int | None = key(None, Section.integer, low=1, most="steps")
 
 
 @dataclass(frozen=True, slots=True)
@@ -176,11 +173,11 @@ class TrainingSpec:
     learning_rate: float = key(0.1, Section.positive, high=1)
     discount: float = key(0.99, Section.number, low=0, high=1)
     epsilon: EpsilonSpec = key(EpsilonSpec(), _epsilon)
-    steps_per_environment: int = key(50_000, Section.integer, low=1, most=MOST_STEPS)
-    evaluation_episodes: int = key(3_000, Section.integer, low=1, most=100_000_000)
-    seeds: int = key(30, Section.integer, low=1, most=_MOST)
+    steps_per_environment: int = key(50_000, Section.integer, low=1, most="steps")
+    evaluation_episodes: int = key(3_000, Section.integer, low=1, most="episodes")
+    seeds: int = key(30, Section.integer, low=1, most="members")
     initial_value: float = key(0.0, Section.number)
-    n_step: int = key(1, Section.integer, low=1, most=1_000_000)
+    n_step: int = key(1, Section.integer, low=1, most="attempts")
     ties: Literal["lowest", "random"] = key("lowest", Section.choice, known=("lowest", "random"))
 
 

@@ -11,7 +11,7 @@ from pathlib import Path
 from typing import Final
 
 from envgraph.code import dataclass
-from envgraph.errors import LARGEST_INT, Diagnostic, LoadError, Source, Span, did_you_mean, quoted
+from envgraph.errors import Diagnostic, LoadError, Source, Span, did_you_mean, quoted
 from envgraph.lang.family._family import (
     EXPRESSIONS,
     ConstraintsSpec,
@@ -168,8 +168,8 @@ class _Reader:
             model=model or Name(""),
             environment=environment,
             imports=imports,
-            seed=top.integer("seed", 0, 0, LARGEST_INT),
-            limit=top.integer("limit", None, 1, 1_000_000),
+            seed=top.integer("seed", 0, 0, "seed"),
+            limit=top.integer("limit", None, 1, "attempts"),
             constraints=top.table("constraints").read(ConstraintsSpec),
             measures=measures,
             diversity=self._diversity(top),

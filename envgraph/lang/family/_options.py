@@ -39,8 +39,8 @@ class Options:
         """Return a number from `low` to `high`, both included; the default if it is missing or wrong."""
         return float(self._table.number(name, default, low, high))
 
-    def integer(self, name: str, default: int, low: int, most: int) -> int:
-        """Return an integer of at least `low` and at most `most` (times `ENVGRAPH_LIMITS`); the default otherwise."""
+    def integer(self, name: str, default: int, low: int, most: str) -> int:
+        """Return an integer from `low` to the limit `most` (times `ENVGRAPH_LIMITS`); the default if wrong or missing."""
         found: int = self._table.integer(name, default, low, most)
         return found
 
@@ -67,7 +67,7 @@ class Options:
             return tuple(found)
         return self._wrong(name, "a name or a list of names", (), '["..."]')
 
-    def integers(self, name: str, default: list[int], low: int, most: int) -> tuple[int, ...]:
+    def integers(self, name: str, default: list[int], low: int, most: str) -> tuple[int, ...]:
         """Return an integer or a nonempty list of integers, from `low` to `most`; the default or `(low,)` if wrong."""
         value = self._table.take(name) if self.given(name) else default
         found = value if isinstance(value, list) else [value]

@@ -154,7 +154,7 @@ class Section:
         self.error("unknown-choice", f"`{key}` cannot be `{value}`", self.span(key), hint)
         return default
 
-    def integer(self, key: str, default: Any, low: int, most: int) -> Any:
+    def integer(self, key: str, default: Any, low: int, most: str) -> Any:
         value = self.take(key)
         if value is None:
             return default
@@ -264,7 +264,7 @@ class Section:
             self.text, (*self.path, key), value or {}, self.diagnostics, self.homes, value is not None
         )
 
-    def interval(self, key: str, default: tuple[int, int], most: int) -> tuple[int, int]:
+    def interval(self, key: str, default: tuple[int, int], most: str) -> tuple[int, int]:
         value = self.take(key)
         if value is None:
             return default

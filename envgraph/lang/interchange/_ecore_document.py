@@ -8,7 +8,7 @@ from functools import cache
 from importlib.resources import files as package_files
 from urllib.parse import unquote
 
-from envgraph.errors import Source, Span
+from envgraph.errors import LIMITS, Source, Span
 from envgraph.lang.read._ecore_types import ECORE, ECORE_TYPES, EXTENDED, FEATURE_MAP, library_types
 from envgraph.lang.syntax._files import Files
 from envgraph.lang.syntax._xml import XMI, Element, XmlPlaces, read_tree
@@ -16,8 +16,6 @@ from envgraph.lang.syntax._xml import XMI, Element, XmlPlaces, read_tree
 _NAMING = ("eType", "eSuperTypes", "eOpposite", "eClassifier")
 _SKIPPED = ("eOperations", "eAnnotations")
 _PARTS = ("eClassifiers", "eSubpackages", "eStructuralFeatures", "eLiterals", "eTypeParameters")
-_MOST = 1000
-"""Maximal number of other files that are searched; names of further files are reported as missing."""
 _UP = 12
 """Number of directories above a file that are searched for a project of Eclipse."""
 
@@ -82,7 +80,7 @@ class EcoreDocument:
         known = {""}
         for element, key, word in self._words():
             document = word.rpartition("#")[0]
-            if document not in known and len(known) <= _MOST:
+            if document not in known and len(known) <= LIMITS["Ecore files"]:
                 known.add(document)
                 if library_types(document) is None:
                     found[document] = self.places.attribute(element.byte, key, word)

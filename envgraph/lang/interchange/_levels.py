@@ -15,8 +15,6 @@ from envgraph.lang.syntax._formats import suffix_of
 from envgraph.lang.syntax._xml import Element, XmlPlaces, read_tree
 
 BLANK = " "
-_MOST_LEVELS, _MOST_CELLS = 5_000, 100_000
-"""Limits for one file; 100,000 cells take 4 s and 240 MB as a model."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -67,8 +65,8 @@ def read_levels(source: Source, letters: Collection[str]) -> tuple[Level, ...]:
     for title, rows in _des_levels(source) if suffix == "des" else _text_levels(source, letters):
         width = max(len(row.text) for row in rows)
         cells += width * len(rows)
-        if len(found) == limit(_MOST_LEVELS) or cells > limit(_MOST_CELLS):
-            most = f"{limit(_MOST_LEVELS):,} levels and {limit(_MOST_CELLS):,} cells"
+        if len(found) == limit("levels") or cells > limit("cells"):
+            most = f"{limit('levels'):,} levels and {limit('cells'):,} cells"
             message = f"up to this level the file has {len(found) + 1:,} levels and {cells:,} cells"
             message += f", but at most {most} are read"
             raise LoadError.of("too-many-cells", message, rows[0].where, f"divide the file; {RAISE_LIMIT}")
@@ -237,8 +235,8 @@ def _size(width: object, height: object, where: Span) -> tuple[int, int]:
     columns, rows = parse_int(str(width)) or 0, parse_int(str(height)) or 0
     if columns <= 0 or rows <= 0:
         raise LoadError.of("bad-map", "this is not a map of Tiled: it has no `width` and `height`", where)
-    if columns * rows > limit(_MOST_CELLS):
-        message = f"the map has more than {limit(_MOST_CELLS):,} cells"
+    if columns * rows > limit("cells"):
+        message = f"the map has more than {limit('cells'):,} cells"
         raise LoadError.of("bad-map", message, where, RAISE_LIMIT)
     return columns, rows
 

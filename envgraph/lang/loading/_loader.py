@@ -61,9 +61,6 @@ _LIBRARIES = (ECORE, "http://www.eclipse.org/emf/2003/XMLType")
 
 _Kind = TypeVar("_Kind")
 
-_MOST_FILES = 10_000
-"""The maximum number of files, all imports included."""
-
 
 def directory_of(files: Files, path: str) -> str | None:
     """Return the directory that a path names, possibly that of a bundled domain; None if it names no directory."""
@@ -133,7 +130,7 @@ class Loader:
     def _read(self, first: str, asked: Import | None = None) -> None:
         """Read a file and all its imports, depth first; if too many files are read together, report this and stop."""
         waiting: list[tuple[str, Import | None]] = [(first, asked)]
-        most = limit(_MOST_FILES)
+        most = limit("files")
         while waiting:
             name, asked = waiting.pop()
             if name not in self.read:

@@ -10,21 +10,15 @@ from pathlib import Path
 from typing import NoReturn, Protocol
 
 from envgraph.code import dataclass
-from envgraph.errors import RAISE_LIMIT, LoadError, Source, did_you_mean, limit, listed
+from envgraph.errors import LIMITS, RAISE_LIMIT, LoadError, Source, did_you_mean, limit, listed
 from envgraph.files import open_input
 from envgraph.lang.syntax._formats import HEAD, UNCLEAR, format_of
 from envgraph.lang.syntax._xml import decoded, xml_source
 
-LARGEST_FILE = 16 * 1024 * 1024
-LARGEST_MODEL = 256 * 1024 * 1024
-"""Maximal size in bytes of files written by programs: traces, and models as XMI or JSON."""
-LARGEST_QUERIES = 1024 * 1024
-"""Maximal size in bytes of files whose definitions are checked together: about 10 seconds for each MB."""
-
 _XML = ("ecore", "xmi")
 _WRITTEN = ("xmi", "json", "family", "trace")
 _DIVIDED = ("query", "vql", "rules", "environment")
-_LARGEST = dict.fromkeys(_WRITTEN, LARGEST_MODEL) | dict.fromkeys(_DIVIDED, LARGEST_QUERIES)
+_BYTES = dict.fromkeys(_WRITTEN, "model bytes") | dict.fromkeys(_DIVIDED, "query bytes")
 
 
 class Files(Protocol):
@@ -33,7 +27,7 @@ class Files(Protocol):
     def name(self, path: str, beside: str | None = None) -> str:
         """Return the name for a path; a relative path starts at the directory of the file named `beside`, if given."""
 
-    def read(self, name: str, most: int = LARGEST_FILE) -> bytes:
+    def read(self, name: str, most: int = LIMITS["file bytes"]) -> bytes:
         """Return the contents of a file; of a file with more than `most` bytes at least `most + 1` bytes.
 
         Raises:
@@ -63,7 +57,7 @@ class DiskFiles:
         inside = full == here or full.startswith(here.rstrip(os.sep) + os.sep)
         return Path(os.path.relpath(full, here) if inside else full).as_posix()
 
-    def read(self, name: str, most: int = LARGEST_FILE) -> bytes:
+    def read(self, name: str, most: int = LIMITS["file bytes"]) -> bytes:
         """Return the contents of a file, or at least `most + 1` bytes of a larger file."""
         with open_input(name) as file:
             # Allocate no more memory than the file needs: the limit may be raised beyond all memory.
@@ -100,7 +94,7 @@ class TextFiles:
         """Return the normalised path; it starts at the directory of the file named `beside`, if given."""
         return posixpath.normpath(posixpath.join(posixpath.dirname(beside or ""), path))
 
-    def read(self, name: str, most: int = LARGEST_FILE) -> bytes:
+    def read(self, name: str, most: int = LIMITS["file bytes"]) -> bytes:
         """Return the text with this name in UTF-8, whatever its size; raise FileNotFoundError if there is none."""
         if name not in self._texts:
             raise FileNotFoundError(2, "No such file", name)
@@ -170,7 +164,7 @@ def read_source(files: Files, name: str) -> Source:
             or else to the start of the file.
     """
     format = file_format(files, name)
-    most = limit(_LARGEST.get(format or "", LARGEST_FILE))
+    most = limit(_BYTES.get(format or "", "file bytes"))
     try:
         if files.is_directory(name):
             raise IsADirectoryError

@@ -29,7 +29,6 @@ _PLAIN = re.compile(r"[^,\]}#\n]+")
 _PLACE = re.compile(r" \(at (?:line (\d+), column (\d+)|end of document)\)$")
 _PARTS = r"(?<![\w.-])(?:(?:[\w-]++|\"[^\"\n]*+\"|'[^'\n]*+')[ \t]*+\.[ \t]*+)"
 """Matches one leading part of a dotted key; it also matches in strings and comments, but rarely many times."""
-_DEEPEST = 50
 _SIZES = f"an int has 64 bits: write {LARGEST_INT} at most"
 _WORD = re.compile(r"[A-Za-z_][\w./-]*")
 _NO_TEXTS = ("true", "false", "inf", "nan")
@@ -120,7 +119,7 @@ def _check_depth(source: Source) -> None:
     Raises:
         LoadError: a line or a key exceeds the limit.
     """
-    deepest = limit(_DEEPEST)
+    deepest = limit("nesting of TOML")
     at = 0
     for line in source.text.split("\n"):
         if line.count("[") + line.count("{") > deepest:

@@ -12,7 +12,7 @@ import re
 from collections.abc import Callable, Mapping
 from dataclasses import field
 from itertools import accumulate
-from typing import Final, NoReturn
+from typing import NoReturn
 from xml.parsers import expat
 
 from envgraph.code import dataclass
@@ -183,12 +183,6 @@ class XmlPlaces:
         return self._words
 
 
-_MOST_OPEN: Final = 100_000
-"""Maximal nesting of tags; deeper files are refused."""
-_MOST_TAGS: Final = 100_000
-"""Maximal number of tags in a file that is read as a tree; the metamodel of UML has 10,000."""
-
-
 class Stop(Exception):
     """An exception that a handler raises to end the parse early without an error."""
 
@@ -203,7 +197,7 @@ class Reader:
     def __init__(self, places: XmlPlaces) -> None:
         self.places = places
         self.open: list[tuple[str, int]] = []
-        self._most_open = limit(_MOST_OPEN)
+        self._most_open = limit("open tags")
         self._parser = expat.ParserCreate("utf-8")
         self._parser.buffer_text = True
 
@@ -372,7 +366,7 @@ def read_tree(places: XmlPlaces) -> tuple[Element | None, Diagnostic | None]:
     reader = Reader(places)
     roots: list[Element] = []
     path: list[Element] = []
-    count, most = 0, limit(_MOST_TAGS)
+    count, most = 0, limit("tags")
 
     def start(tag: str, attributes: dict[str, str]) -> None:
         nonlocal count

@@ -14,16 +14,13 @@ from numpy.typing import NDArray
 from envgraph.code import dataclass
 from envgraph.env import Tabular
 from envgraph.env.compiled import Tables
-from envgraph.errors import EvaluationError, InvalidArgument
+from envgraph.errors import LIMITS, EvaluationError, InvalidArgument
 from envgraph.files import replacing
 from envgraph.learn.audit._features import Feature, StateFeatures
 from envgraph.learn.audit._settings import AuditSettings
 from envgraph.search import Domain, Variation
 from envgraph.solve import optimal_return, steps_to_success
 from envgraph.solve.learning import LevelTables
-
-MOST_STATES: Final = 20_000
-"""Maximum number of states of a level."""
 
 HARD: Final = 0.8
 """A level is hard if its shortest plan is longer than those of this share of the held-out levels."""
@@ -141,7 +138,7 @@ class Maker:
         self._origin = self.engine.commit()
         self._keys = domain.keys()
         assert domain.behaviour is not None, "the settings were checked"
-        self._tables = Tables(domain.behaviour, MOST_STATES)
+        self._tables = Tables(domain.behaviour, LIMITS["level states"])
         self.features = StateFeatures(domain, self.engine, self._keys, settings)
         self._hashes: set[int] = set()
 

@@ -2,17 +2,13 @@
 
 from __future__ import annotations
 
-from typing import Final
-
 from envgraph.code import dataclass
-from envgraph.errors import MOST_STEPS, Diagnostic, LoadError, did_you_mean
+from envgraph.errors import Diagnostic, LoadError, did_you_mean
 from envgraph.lang import ComponentSpec, FamilySpec, Workspace
 from envgraph.metamodel import Scalar
 from envgraph.pattern import ObjectType
 from envgraph.search import Domain, Options
 from envgraph.solve.learning import PolicySettings
-
-MOST_LEVELS: Final = 100_000
 
 
 @dataclass(frozen=True, slots=True)
@@ -92,15 +88,15 @@ def audit_settings(domain: Domain) -> AuditSettings:
     settings = AuditSettings(
         sees=tuple(names),
         knows=tuple(known),
-        levels=options.integer("levels", 6000, 64, MOST_LEVELS),
-        held_out=options.integer("held_out", 400, 20, MOST_LEVELS),
-        probed=options.integer("probed", 300, 20, MOST_LEVELS),
-        steps=options.integer("steps", 1_000_000, 8 * 4096, MOST_STEPS),
-        seeds=options.integer("seeds", 100, 2, MOST_LEVELS),
-        controls=options.integer("controls", 30, 2, MOST_LEVELS),
+        levels=options.integer("levels", 6000, 64, "members"),
+        held_out=options.integer("held_out", 400, 20, "members"),
+        probed=options.integer("probed", 300, 20, "members"),
+        steps=options.integer("steps", 1_000_000, 8 * 4096, "steps"),
+        seeds=options.integer("seeds", 100, 2, "members"),
+        controls=options.integer("controls", 30, 2, "members"),
         scale=options.number("scale", 1.0, 1e-6, 1e6),
         policy=PolicySettings(
-            hidden=options.integer("hidden", 64, 1, 4096),
+            hidden=options.integer("hidden", 64, 1, "hidden units"),
             learning_rate=options.number("learning_rate", 0.002, 1e-9, 1.0),
             entropy=options.number("entropy", 0.05, 0.0, 10.0),
             discount=options.number("discount", 0.97, 0.0, 1.0),

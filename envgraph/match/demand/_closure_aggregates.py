@@ -8,15 +8,7 @@ from typing import Any, Final
 
 from envgraph.code import dataclass
 from envgraph.match._aggregates import aggregate, total
-
-MOST_CLASSES: Final = 256
-"""The largest number of classes whose members are stored as bits of an integer."""
-CLASS: Final = 2
-"""The number of reached nodes that a search visits in the time needed for one class."""
-SLOW_BITS: Final = 1024
-"""The number of bits of an integer that add the time of one visited node to the work for each class."""
-DENSE: Final = 8
-"""All nodes are scanned if at least one in this many nodes is reached."""
+from envgraph.match._costs import DEMAND
 
 Number = int | float
 Rows = Iterable[tuple[Any, ...]]
@@ -82,7 +74,7 @@ class ClosureAggregate:
             layer == 0 for _, layer in self._classes
         )
         self._weights = {node: values[0] for node, values in weights.items()} if plain else None
-        self._masks = [0] * self.classes if self.classes <= MOST_CLASSES else []
+        self._masks = [0] * self.classes if self.classes <= DEMAND.most_classes else []
         self._weighted = 0
         self._column: list[Number] = []
 
@@ -120,9 +112,12 @@ class ClosureAggregate:
     def value(self, reached: int) -> tuple[Number | None] | None:
         """Return the value for a bit set of reached nodes as a 1-tuple; None if a new search is cheaper."""
         number = reached.bit_count()
-        if self._masks and len(self._masks) * (CLASS + len(self._column) // SLOW_BITS) <= number:
+        if (
+            self._masks
+            and len(self._masks) * (DEMAND.class_cost + len(self._column) // DEMAND.slow_bits) <= number
+        ):
             return (self.sum_up(reached),)
-        if self._weights is not None and len(self._column) <= DENSE * number:
+        if self._weights is not None and len(self._column) <= DEMAND.dense * number:
             return (self._look_at_all(reached),)
         return None
 

@@ -8,21 +8,12 @@ ends that are queried repeatedly are cached. If the searches have visited twice 
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Iterator
-from typing import Any, Final, Protocol
+from typing import Any, Protocol
 
 from envgraph.graph import Model
+from envgraph.match._costs import DEMAND
 from envgraph.match.demand._closure_aggregates import ClosureAggregate, ClosureAggregation
 from envgraph.match.demand._condensation import Condensation, TooLarge
-
-MOST_KEPT: Final = 100_000
-"""The largest number of reached nodes that are cached for one state of the model, condensations excluded."""
-FEW_VISITED: Final = 1_000
-"""The number of visited nodes up to which no work is done for all nodes."""
-TIMES: Final = 2
-"""Searches must visit this many times the number of nodes before work is done for all nodes."""
-
-FEW_REACHED: Final = 16
-"""The number of reached nodes below which a new search is cheaper than counting bits."""
 
 Search = Callable[[Any], list[Any]]
 Meeting = Callable[[Any, Any, list[Any]], bool]
@@ -97,7 +88,7 @@ class ClosureView:
     def _forget(self) -> None:
         """Discard all cached answers and counts. From now on, cached answers are those of the present model."""
         self._drop(0)
-        self._visited, self._enough, self._counted = 0, FEW_VISITED, False
+        self._visited, self._enough, self._counted = 0, DEMAND.few_visited, False
         self._condensed.clear()
         self._too_large = False
         self._revision = (
@@ -249,7 +240,7 @@ class ClosureView:
         That is the case for few nodes, and at the first call with the same aggregation and arguments.
         """
         call = aggregation, given
-        if reached.bit_count() < FEW_REACHED:
+        if reached.bit_count() < DEMAND.few_reached:
             return None
         if call not in self._aggregates:
             self._aggregates[call] = None
@@ -362,14 +353,14 @@ class ClosureView:
     def _remember(self, size: int) -> None:
         """Count `size` more cached nodes. If there are too many, discard the cache."""
         self._size += size
-        if self._size > MOST_KEPT:
+        if self._size > DEMAND.most_reached:
             self._drop(size)
 
     def _paid(self) -> bool:
         """Return True if searches have visited so many nodes since the last change that work for all nodes pays off."""
         if self._visited > self._enough and not self._counted:
             self._counted = True
-            self._enough = max(FEW_VISITED, TIMES * self._steps.nodes())
+            self._enough = max(DEMAND.few_visited, DEMAND.times * self._steps.nodes())
         return self._visited > self._enough
 
     def _condensation(self, forward: bool) -> Condensation | None:

@@ -3,12 +3,10 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable
-from typing import Any, Final
+from typing import Any
 
+from envgraph.match._costs import DEMAND
 from envgraph.metamodel import components
-
-MOST_BYTES: Final = 64_000_000
-"""The largest total size of the integers, about that of a chain of 30,000 nodes."""
 
 
 class TooLarge(Exception):
@@ -100,7 +98,7 @@ class Condensation:
                 if node in known:
                     bits |= known[node] | 1 << place[node]
             self._bytes += bits.bit_length() >> 3
-            if self._bytes > MOST_BYTES:
+            if self._bytes > DEMAND.most_bytes:
                 raise TooLarge
             known.update(dict.fromkeys(component, bits))
         return known[start]

@@ -11,6 +11,7 @@ from typing import Any, Final
 from envgraph.code import define
 from envgraph.graph import Model
 from envgraph.match._aggregates import least, mean, most, total
+from envgraph.match._costs import DEMAND, PLAN
 from envgraph.match._limits import at_most
 from envgraph.match._matcher import Row
 from envgraph.match.demand._closure_aggregates import ClosureAggregation
@@ -39,7 +40,7 @@ from envgraph.match.generate._symbols import (
 )
 from envgraph.match.passes._calls import CallGraph
 from envgraph.match.plan._estimate import Sizes
-from envgraph.match.plan._options import OPAQUE_COST, Unplannable
+from envgraph.match.plan._options import Unplannable
 from envgraph.match.plan._plan import ViewKey
 from envgraph.match.plan._planner import Planner
 from envgraph.match.plan._sharing import Ends
@@ -54,13 +55,6 @@ _BUILTINS: Final = {
     "total": total,
 }
 _NOWHERE: Final[frozenset[str]] = frozenset()
-MOST_PATHS: Final = 64
-"""The number of call paths from a pattern above which its results are cached until the model changes."""
-MOST_REMEMBERED: Final = 10_000
-"""The largest number of cached calls of one pattern."""
-
-MOST_WORSE: Final = 8
-"""The factor by which one direction of a closure may be more expensive than the other for both to be used."""
 
 Function = Callable[..., Any]
 Place = tuple[ViewKey, Mode, frozenset[str]]
@@ -111,10 +105,10 @@ class Program:
     def cost(self, pattern: str, bound: tuple[int, ...]) -> float:
         """Return the estimated cost of all rows; infinity if objects of a class are scanned or there is no plan.
 
-        A recursive pattern has the constant cost `OPAQUE_COST`.
+        A recursive pattern has the constant cost `PLAN.opaque_cost`.
         """
         if self.calls.recursive(pattern):
-            return OPAQUE_COST
+            return PLAN.opaque_cost
         key = self.key(pattern, bound, Mode.ROWS)
         try:
             self.function(key, Mode.ROWS)
@@ -198,7 +192,7 @@ class Program:
                 return at_most(self.library.get(pattern.partition("/")[0]), searched)
             case View(key, mode):
                 function = self.function(key, mode)
-                many = self.calls.of(key.pattern).paths > MOST_PATHS
+                many = self.calls.of(key.pattern).paths > DEMAND.most_paths
                 return self._remembering(function) if many else function
             case Recursive(pattern, bound):
                 within = self.calls.component(pattern) == inside
@@ -229,7 +223,7 @@ class Program:
                 revision = store.revision
                 answers.clear()
             if values not in answers:
-                if len(answers) >= MOST_REMEMBERED:
+                if len(answers) >= DEMAND.most_calls:
                     answers.clear()
                 answers[values] = function(*values)
             return answers[values]
@@ -289,7 +283,7 @@ class _Steps:
     @cached_property
     def both_ways(self) -> bool:
         one, other = sorted((self._cost((1,), (0,)), self._cost((0,), (1,))))
-        return other <= MOST_WORSE * (one + 1)
+        return other <= DEMAND.most_worse * (one + 1)
 
     def _cost(self, bound: tuple[int, ...], outputs: tuple[int, ...]) -> float:
         """Return the estimated cost of a step in a direction: 0 if it is recursive, infinity if there is no plan."""

@@ -11,23 +11,15 @@ from collections import Counter
 from collections.abc import Callable
 from contextlib import suppress
 from functools import cached_property
-from typing import Any, Final
+from typing import Any
 
 from envgraph.errors import RAISE_LIMIT, EvaluationError, limit
 from envgraph.graph import Model
+from envgraph.match._costs import DEMAND
 from envgraph.match._matcher import Row
 from envgraph.match.passes._calls import CallGraph
 from envgraph.match.plan._options import Unplannable
 from envgraph.pattern import Library, ObjectType
-
-MOST_ROWS: Final = 1_000_000
-"""The largest number of rows and calls of one evaluation; only an `eval` that creates ever new values exceeds it."""
-MOST_KEPT: Final = 200_000
-"""The largest number of rows and calls that are cached for one state of the model."""
-FEW_TIMES: Final = 3
-"""The number of fully bound calls with the same value after which all rows with this value are computed."""
-FEW_ROWS: Final = 1_000
-"""The number of cached rows and calls up to which fully bound calls are evaluated one by one."""
 
 Evaluate = Callable[..., None]
 """Evaluates a call. Arguments: the table of the call, and its values at bound positions; see `evaluation_source`."""
@@ -127,7 +119,7 @@ class Run:
         self.pending: list[tuple[Calls, Table, tuple[Any, ...]]] = []
         self.open: list[Table] = []
         self._size = 0
-        self._most = limit(MOST_ROWS)
+        self._most = limit("matches")
 
     def grow(self, pattern: str) -> None:
         """Count one more row or call.
@@ -336,7 +328,7 @@ class Recursion:
         (position,) = calls.bound
         place = calls.pattern, position, row[position]
         self._asked[place] += 1
-        return self._asked[place] > FEW_TIMES and self._kept > FEW_ROWS
+        return self._asked[place] > DEMAND.few_times and self._kept > DEMAND.few_rows
 
     def _look(self) -> None:
         """Discard all cached tables if the model has changed."""
@@ -350,7 +342,7 @@ class Recursion:
         table = calls.tables.get(values)
         if table is not None:
             return table
-        if self._kept > MOST_KEPT:
+        if self._kept > DEMAND.most_rows:
             self._forget()
         try:
             table = calls.table(values)

@@ -11,11 +11,7 @@ from operator import ge, gt, le, lt
 from typing import Any, Final
 
 from envgraph.graph import Store
-
-FEW: Final = 2
-"""The number of lookups that scan all objects; the next lookup builds the index."""
-FOLLOWED: Final = 8
-"""An index is updated if at most one in this many objects has changed, else rebuilt: see the benchmark `questions`."""
+from envgraph.match._costs import DEMAND
 
 Entries = Callable[[Iterable[int]], Iterator[tuple[Any, Any, int]]]
 """Yields for each of the given objects, in order, its key, its value compared with bounds, and the object."""
@@ -87,12 +83,12 @@ class ValueIndex:
         return range(low, high)
 
     def _ready(self, entries: Entries) -> bool:
-        """Bring the index up to date, or build it after `FEW` lookups. Return False if there is no index yet."""
+        """Bring the index up to date, or build it after a few lookups. Return False if there is no index yet."""
         if self._revision != self._store.revision:
             self._follow(entries)
         if not self._made:
             self._asked += 1
-            if self._asked > FEW:
+            if self._asked > DEMAND.few_lookups:
                 self._table, self._filed = {}, {}
                 for key, value, node in entries(chain.from_iterable(self._extents)):
                     self._table.setdefault(key, []).append((value, node) if self._operators else node)
@@ -111,7 +107,7 @@ class ValueIndex:
         if store.touched is None:
             store.touched = {}
         if self._alone and store.touched is self._touched:
-            most = sum(map(len, self._extents)) // FOLLOWED + 1
+            most = sum(map(len, self._extents)) // DEMAND.followed + 1
             recent = takewhile(lambda each: each[1] > since, reversed(store.touched.items()))
             nodes = [node for node, _ in islice(recent, most + 1)] if made else []
             if len(nodes) <= most:

@@ -8,7 +8,6 @@ from typing import Any
 
 from envgraph.code import Block, Body, Call, Constant, Local, call, dataclass, tuple_of, with_counters
 from envgraph.errors import limit
-from envgraph.match._limits import MOST_MATCHES
 from envgraph.match.generate._generate import Executed, Translation
 from envgraph.match.generate._sinks import Sink
 from envgraph.match.generate._symbols import Held, Source
@@ -47,7 +46,7 @@ def trace(planner: Planner, body: BodyPlan, bound: dict[int, Any], build: Build)
     counts = [0] * len(body.plan.steps)
     first: list[dict[int, Any] | None] = [None] * len(counts)
 
-    most = limit(MOST_MATCHES)
+    most = limit("matches")
 
     def note(step: int, values: tuple[tuple[int, Any], ...]) -> bool:
         counts[step] += 1

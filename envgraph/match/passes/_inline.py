@@ -4,9 +4,9 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import replace
-from typing import Final
 
 from envgraph.code import dataclass
+from envgraph.match._costs import INLINING
 from envgraph.match.passes._bodies import Bodies
 from envgraph.match.passes._implied import drop_implied, drop_implied_inside
 from envgraph.match.passes._repeated import drop_repeated
@@ -21,17 +21,6 @@ from envgraph.pattern import (
     renumbered,
     variables,
 )
-
-MOST_INLINED: Final = 8
-"""The largest number of goals, goals inside negations included, of a body that may be inlined."""
-MOST_GOALS: Final = 64
-"""The number of goals of the calling body from which no more calls are inlined."""
-MOST_ALTERNATIVES: Final = 4
-"""The largest number of bodies of a negated pattern that may be inlined."""
-MOST_EXPANDED: Final = 8
-"""The largest number of bodies that a pattern may have after `expanded` has multiplied out the bodies of its calls."""
-MOST_LOCAL: Final = 2
-"""The largest number of local variables of a body inlined into a view: each one can multiply derivations of a match."""
 
 Test = Callable[[Conjunction], bool]
 
@@ -57,7 +46,7 @@ def _inlined(body: Conjunction, bodies: Bodies, fits: Test, fits_negated: Test) 
         match goal:
             case CallAtom(pattern, called):
                 found = _inlinable(bodies, pattern, fits)
-                if found is not None and len(found) == 1 and len(goals) < MOST_GOALS:
+                if found is not None and len(found) == 1 and len(goals) < INLINING.calling:
                     goals.extend(draft.inlined(found[0], called))
                     continue
             case Absence(((relation,),)):
@@ -69,7 +58,7 @@ def _inlined(body: Conjunction, bodies: Bodies, fits: Test, fits_negated: Test) 
 def _alternatives(goal: Goal, bodies: Bodies, draft: _Draft, fits: Test) -> tuple[tuple[Goal, ...], ...]:
     """Return the alternatives of a negation of one goal: the called pattern's bodies if inlined, else the goal."""
     found = _inlinable(bodies, goal.pattern, fits) if isinstance(goal, CallAtom) else None
-    if found is None or len(found) > MOST_ALTERNATIVES or not isinstance(goal, CallAtom):
+    if found is None or len(found) > INLINING.alternatives or not isinstance(goal, CallAtom):
         return ((goal,),)
     return tuple(tuple(draft.inlined(body, goal.arguments)) for body in found)
 
@@ -87,7 +76,7 @@ def expanded(bodies: Bodies, pattern: str) -> tuple[Conjunction, ...]:
         pending[:0] = alternatives
         if not alternatives:
             found.append(body)
-        if len(found) + len(pending) > MOST_EXPANDED:
+        if len(found) + len(pending) > INLINING.expanded:
             return bodies.of(pattern)
     return tuple(found)
 
@@ -152,9 +141,9 @@ class _Draft:
 
 
 def small(body: Conjunction) -> bool:
-    """Return True if a body has at most `MOST_INLINED` goals, and its parameters are distinct and not constant."""
+    """Return True if a body has at most `INLINING.goals` goals, and its parameters are distinct and not constant."""
     return (
-        sum(map(_size, body.goals)) <= MOST_INLINED
+        sum(map(_size, body.goals)) <= INLINING.goals
         and len(set(body.parameters)) == len(body.parameters)
         and not any(number in body.parameters for number, _ in body.constants)
     )
@@ -164,7 +153,7 @@ def few_locals(body: Conjunction) -> bool:
     """Return True if a body is small and has at most two local variables."""
     fixed = {number for number, _ in body.constants}
     used = {number for goal in body.goals for number in variables(goal)}
-    return small(body) and len(used - fixed - set(body.parameters)) <= MOST_LOCAL
+    return small(body) and len(used - fixed - set(body.parameters)) <= INLINING.local
 
 
 def single(body: Conjunction) -> bool:

@@ -12,14 +12,11 @@ from collections.abc import Callable, Iterable, Sequence
 from typing import Final
 
 from envgraph.code import dataclass
-from envgraph.match.plan._options import CALL
-from envgraph.match.plan._order import WIDEST
+from envgraph.match._costs import PLAN
 from envgraph.match.plan._plan import Kind, Step
 from envgraph.match.plan._sharing import mentioned
 from envgraph.pattern import Goal
 
-FEW: Final = 50.0
-"""The estimated number of partial matches from which removing duplicates before a loop costs less than it saves."""
 OUTSIDE: Final = -1
 """The step number that stands for a loop around the plan."""
 
@@ -75,7 +72,9 @@ def distinct_places(
                 first = min(place[v] for v in looped if v not in fixed)
                 outer = known.union(v for v in live if place[v] < first)
                 key = _key(sorted(v for v in live if place[v] >= first), goals, outer, determined)
-                if key and (number == len(steps) or (len(key) <= WIDEST and _many(steps, first, number))):
+                if key and (
+                    number == len(steps) or (len(key) <= PLAN.widest and _many(steps, first, number))
+                ):
                     found[number] = Distinct(first, key)
                     fresh = set(key)
         if number < len(steps):
@@ -96,13 +95,13 @@ def _needed(steps: Sequence[Step], results: Iterable[int]) -> list[set[int]]:
 
 def _heavy(step: Step) -> bool:
     """Return True if a step is worth a duplicate filter before it: a loop, or as costly as a function call."""
-    return step.kind is Kind.LOOP or step.cost >= CALL
+    return step.kind is Kind.LOOP or step.cost >= PLAN.call
 
 
 def _many(steps: Sequence[Step], first: int, number: int) -> bool:
-    """Return True if `first` is `OUTSIDE`, or if estimates grow at least `FEW`-fold from step `first` to `number`."""
+    """Return True if `first` is `OUTSIDE`, or if estimates grow many times from step `first` to `number`."""
     before = steps[first - 1].rows if first > 0 else 1.0
-    return first == OUTSIDE or steps[number - 1].rows >= FEW * before
+    return first == OUTSIDE or steps[number - 1].rows >= PLAN.few_rows * before
 
 
 def _key(

@@ -8,16 +8,8 @@ from __future__ import annotations
 from collections import defaultdict
 from collections.abc import Iterable, Iterator, Mapping
 
+from envgraph.match._costs import PLAN
 from envgraph.metamodel import Attribute, Metamodel, Reference, components
-
-MANY = 10.0
-"""The assumed number of links of a many-valued reference."""
-PARTS = 50.0
-"""The assumed number of objects in a many-valued containment reference."""
-UNKNOWN = 100.0
-"""The assumed number of objects of a class that is neither contained nor contains other objects."""
-MOST = 10_000.0
-"""The largest estimate for a class whose objects are contained."""
 
 
 class Sizes:
@@ -33,7 +25,7 @@ class Sizes:
 
         A class that contains others and is not contained is the root of the model: one object. Contained classes have
         as many objects as their containers hold, in equal shares for the classes that the containment reference allows.
-        A class that neither contains nor is contained has `UNKNOWN` objects.
+        A class that neither contains nor is contained has `PLAN.unknown` objects.
         """
         if cls not in self._extents:
             self._extents[cls] = sum(self.exact_extent(name) for name in self._metamodel.concrete(cls))
@@ -48,7 +40,7 @@ class Sizes:
     def forward(self, reference: Reference | Attribute) -> float:
         """Return the estimated number of targets of an object, or of its values of a many-valued attribute."""
         if reference.many:
-            return MANY if reference.upper is None else min(float(reference.upper), MANY)
+            return PLAN.many if reference.upper is None else min(float(reference.upper), PLAN.many)
         return 1.0 if reference.lower else 0.9
 
     def backward(self, reference: Reference | Attribute) -> float:
@@ -63,7 +55,7 @@ class Sizes:
         ratio = (
             self.extent(reference.owner) * self.forward(reference) / max(self.extent(reference.target), 1.0)
         )
-        return min(max(ratio, 0.1), MANY)
+        return min(max(ratio, 0.1), PLAN.many)
 
     def link(self, reference: Reference | Attribute) -> float:
         """Return the estimated probability that two objects are linked, or that an attribute contains a value."""
@@ -102,10 +94,10 @@ class _Populations:
                 self._below[above].append(cls.name)
         concrete = [cls.name for cls in metamodel.class_list if not cls.abstract]
         roots = [name for name in concrete if name not in parts]
-        self.sizes = {name: 1.0 if name in owners else UNKNOWN for name in roots}
+        self.sizes = {name: 1.0 if name in owners else PLAN.unknown for name in roots}
         for nodes, _ in components([("exact", name) for name in concrete], self._containers):
             self._estimate(dict.fromkeys(nodes))
-        self.sizes = dict.fromkeys(concrete, UNKNOWN) | self.sizes  # the others contain only each other
+        self.sizes = dict.fromkeys(concrete, PLAN.unknown) | self.sizes  # the others contain only each other
 
     def _containers(self, node: tuple[str, str]) -> Iterator[tuple[str, str]]:
         """Yield the graph nodes one step from a class towards the classes that may contain its objects.
@@ -130,7 +122,9 @@ class _Populations:
         into = [reference for kind, name in nodes if kind == "part" for reference in self._into[name]]
         inner = [reference for reference in into if ("owner", reference.owner) in nodes]
         self._distribute(into, self.sizes)
-        while wave := {name: min(max(self._held[name], 1.0), MOST) for name in left if name in self._held}:
+        while wave := {
+            name: min(max(self._held[name], 1.0), PLAN.most_contained) for name in left if name in self._held
+        }:
             self.sizes.update(wave)
             left = [name for name in left if name not in wave]
             self._distribute(inner, wave)
@@ -139,7 +133,7 @@ class _Populations:
         """Add the objects that the owners contain to the counts of the target classes, in equal shares."""
         shares: defaultdict[str, float] = defaultdict(float)
         for reference in references:
-            held = PARTS if reference.upper is None else min(float(reference.upper), PARTS)
+            held = PLAN.parts if reference.upper is None else min(float(reference.upper), PLAN.parts)
             known = (owners[name] for name in self._metamodel.concrete(reference.owner) if name in owners)
             shares[reference.target] += held * sum(known)
         for target, size in shares.items():

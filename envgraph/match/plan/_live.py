@@ -4,15 +4,12 @@ from __future__ import annotations
 
 from collections import Counter
 from collections.abc import Sequence, Sized
-from typing import Final
 
 from envgraph.graph import Store
+from envgraph.match._costs import PLAN
 from envgraph.match.plan._estimate import Sizes
 from envgraph.metamodel import Attribute, Reference
 from envgraph.pattern import Library
-
-SAMPLE: Final = 256
-"""The number of objects whose links are counted for an estimate."""
 
 
 class LiveSizes(Sizes):
@@ -73,8 +70,8 @@ class LiveSizes(Sizes):
         return self._degrees[key]
 
     def _sample(self, cls: str) -> list[int]:
-        """Return at least `SAMPLE` objects of a class, evenly spaced, or all objects if the class has fewer."""
+        """Return at least `PLAN.sample` objects of a class, evenly spaced, or all objects if the class has fewer."""
         extents = [self._store.extents[self._numbers[name]] for name in self._metamodel.concrete(cls)]
         total = sum(map(len, extents))
-        step = max(1, total // SAMPLE)
+        step = max(1, total // PLAN.sample)
         return [node for extent in extents for node in extent[::step]]

@@ -5,9 +5,10 @@ from __future__ import annotations
 from collections import Counter
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from math import fsum, inf
-from typing import Final, Protocol
+from typing import Protocol
 
 from envgraph.code import dataclass
+from envgraph.match._costs import PLAN
 from envgraph.match.passes._calls import CallGraph
 from envgraph.match.plan._estimate import Sizes
 from envgraph.match.plan._plan import Kind, Plan, ViewKey, ViewPlan
@@ -31,27 +32,6 @@ from envgraph.pattern import (
     inputs,
     variables,
 )
-
-ACCESS: Final = 1.0
-"""The unit of cost: one access to the store."""
-EXPRESSION: Final = 2.0
-"""The cost of evaluating an expression."""
-CALL: Final = 4.0
-"""The cost of a function call, without the work of the function."""
-REACHED: Final = 30.0
-"""The smallest estimate of the number of objects that a closure reaches."""
-REACHED_SHARE: Final = 3.0
-"""A closure is estimated to reach one in this many objects."""
-MEETING_SHARE: Final = 8.0
-"""The number of questions "does one end reach the other" that cost as much as one search, since searches share work."""
-OPAQUE_ROWS: Final = 10.0
-"""The assumed matches of a recursive pattern, for each unbound parameter whose value is needed."""
-OPAQUE_COST: Final = 500.0
-"""The assumed cost of one call of a recursive pattern."""
-OPAQUE_WHOLE: Final = 100.0
-"""The factor on rows and cost of a recursive pattern if no parameter is bound."""
-DEEPEST: Final = 12
-"""The longest chain of calls that is followed for an estimate."""
 
 
 class Unplannable(Exception):
@@ -132,8 +112,8 @@ class Options:
                 if owner not in bound:
                     return None
                 if value in bound:
-                    return Option(Kind.TEST, goal, (), ACCESS, 0.2)
-                return Option(Kind.BIND, goal, (value,), ACCESS, 0.99)
+                    return Option(Kind.TEST, goal, (), PLAN.access, 0.2)
+                return Option(Kind.BIND, goal, (value,), PLAN.access, 0.99)
             case LinkAtom():
                 return self._link(goal, bound, uses)
             case CallAtom():
@@ -148,18 +128,18 @@ class Options:
         """Return the candidate for an inequality, expression, aggregate or negation whose inputs all have values."""
         match goal:
             case UnequalAtom():
-                return Option(Kind.TEST, goal, (), ACCESS, 0.9)
+                return Option(Kind.TEST, goal, (), PLAN.access, 0.9)
             case Condition():
-                return Option(Kind.TEST, goal, (), EXPRESSION, 0.5)
+                return Option(Kind.TEST, goal, (), PLAN.expression, 0.5)
             case Valuation(_, _, result):
-                return self._value(goal, result, bound, EXPRESSION)
+                return self._value(goal, result, bound, PLAN.expression)
             case AggregateAtom():
                 inner = self._plans_inside(goal)
-                return self._value(goal, goal.result, bound, CALL + inner[0].cost, inner)
+                return self._value(goal, goal.result, bound, PLAN.call + inner[0].cost, inner)
             case Absence():
                 inner = self._plans_inside(goal)
                 return Option(
-                    Kind.ABSENT, goal, (), ACCESS + fsum(plan.cost for plan in inner) / 2, 0.5, inner
+                    Kind.ABSENT, goal, (), PLAN.access + fsum(plan.cost for plan in inner) / 2, 0.5, inner
                 )
         raise AssertionError(goal)
 
@@ -186,14 +166,14 @@ class Options:
     def _instance(self, goal: InstanceAtom, bound: Bound, uses: Counter[int]) -> Option | None:
         """Return a class test as a candidate; None if its variable has no value and is used elsewhere."""
         if goal.variable in bound or uses[goal.variable] == 1:
-            return Option(Kind.TEST, goal, (), ACCESS, 0.3)
+            return Option(Kind.TEST, goal, (), PLAN.access, 0.3)
         return None
 
     def _link(self, goal: LinkAtom, bound: Bound, uses: Counter[int]) -> Option | None:
         """Return a link as a test, or as a binding if its other end is at most one object; None if it needs a loop."""
         reference, source, target = goal.reference, goal.source, goal.target
         if source in bound and target in bound:
-            return Option(Kind.TEST, goal, (), ACCESS, self._sizes.link(reference))
+            return Option(Kind.TEST, goal, (), PLAN.access, self._sizes.link(reference))
         if source in bound:
             single, end, size = not reference.many, target, self._sizes.forward(reference)
         elif target in bound:
@@ -201,8 +181,8 @@ class Options:
         else:
             return None
         if uses[end] == 1:
-            return Option(Kind.TEST, goal, (), ACCESS, min(0.9, size))
-        return Option(Kind.BIND, goal, (end,), ACCESS, min(0.99, size)) if single else None
+            return Option(Kind.TEST, goal, (), PLAN.access, min(0.9, size))
+        return Option(Kind.BIND, goal, (end,), PLAN.access, min(0.99, size)) if single else None
 
     def _test_of_call(self, goal: CallAtom, bound: Bound) -> Option | None:
         """Return a call as a test that a match exists; None if the pattern has no plan for these bound variables."""
@@ -232,29 +212,29 @@ class Options:
 
     def _opaque(self, pattern: str) -> bool:
         """Return True if a pattern gets fixed estimates: it is recursive, or its chains of calls are too long."""
-        return self._views.calls.recursive(pattern) or self._views.calls.of(pattern).height > DEEPEST
+        return self._views.calls.recursive(pattern) or self._views.calls.of(pattern).height > PLAN.deepest
 
     def _closure_cost(self, goal: ClosureAtom, bound: Bound) -> float:
         """Return the cost of a search from the bound end or all sources; for two bound ends, the cost of two tests."""
         from_source, from_target = goal.source in bound, goal.target in bound
         if self._opaque(goal.step):
-            cost = OPAQUE_COST
+            cost = PLAN.opaque_cost
         else:
             keys = [ViewKey(goal.step, (0,), (1,))] if from_source or not from_target else []
             if from_target:
                 keys.append(ViewKey(goal.step, (1,), (0,)))
             cost = min(self._views.view(key).cost for key in keys)
         if from_source and from_target:
-            return REACHED * (cost + CALL) / MEETING_SHARE
+            return PLAN.reached * (cost + PLAN.call) / PLAN.meeting_share
         ends = self._ends(goal)
         starts = 1.0 if from_source or from_target else ends[0]
-        reached = max(REACHED, ends[from_source or not from_target] / REACHED_SHARE)
-        return starts * reached * (cost + CALL)
+        reached = max(PLAN.reached, ends[from_source or not from_target] / PLAN.reached_share)
+        return starts * reached * (cost + PLAN.call)
 
     def _follow(self, goal: ClosureAtom, free: tuple[int, ...], cost: float, forward: bool) -> Option:
         """Return the loop over the unbound ends of a closure. `forward` is True if its targets are enumerated."""
         ends = self._ends(goal)
-        rows = max(REACHED, ends[forward] / REACHED_SHARE)
+        rows = max(PLAN.reached, ends[forward] / PLAN.reached_share)
         if len(free) > 1:
             return Option(Kind.LOOP, goal, free, cost, rows * ends[0])
         all_ = ends[forward]
@@ -271,7 +251,7 @@ class Options:
         if found is None:
             types = (self._conjunction.types[end] for end in (goal.source, goal.target))
             source, target = (
-                self._sizes.extent(t.cls) if isinstance(t, ObjectType) else REACHED for t in types
+                self._sizes.extent(t.cls) if isinstance(t, ObjectType) else PLAN.reached for t in types
             )
             found = self._closure_ends[id(goal)] = source, target
         return found
@@ -288,10 +268,10 @@ class Options:
         if unbound:
             raise Unplannable(frozenset(unbound))
         if self._opaque(goal.pattern):
-            times = 1.0 if not bound.isdisjoint(goal.arguments) else OPAQUE_WHOLE
-            return times * OPAQUE_ROWS ** len(needed), times * OPAQUE_COST
+            times = 1.0 if not bound.isdisjoint(goal.arguments) else PLAN.opaque_whole
+            return times * PLAN.opaque_rows ** len(needed), times * PLAN.opaque_cost
         view = self._views.view(call_key(goal, bound, needed))
-        return view.rows, view.cost + CALL
+        return view.rows, view.cost + PLAN.call
 
     def loops(
         self, goals: Iterable[Goal], bound: Bound, uses: Counter[int], known: dict[int, list[Option]]

@@ -9,23 +9,12 @@ from collections import Counter
 from collections.abc import Iterable, Sequence
 from dataclasses import field, replace
 from math import inf, prod
-from typing import Final
 
 from envgraph.code import dataclass
-from envgraph.match.plan._options import ACCESS, Option, Options, Unplannable, Views
+from envgraph.match._costs import PLAN
+from envgraph.match.plan._options import Option, Options, Unplannable, Views
 from envgraph.match.plan._plan import Kind, Plan, Step
 from envgraph.pattern import CallAtom, ClosureAtom, Conjunction, Goal, InstanceAtom, variables
-
-MOST_BRANCHES: Final = 4
-"""The number of alternative loops tried at one place of a plan; the cheapest complete plan is chosen."""
-MOST_PLANS: Final = 48
-"""The number of complete plans of a conjunction that are compared; after that the best ranked loop is taken."""
-MOST_EXPLORED: Final = 24
-"""The number of goals above which only the best ranked loop is tried."""
-WIDEST: Final = 2
-"""The largest number of key variables of a duplicate filter before a loop: with more, duplicates are rare."""
-_ENOUGH: Final = 1e100
-"""The upper limit of estimates: a product of hundreds of fanouts would exceed the range of floats."""
 
 
 @dataclass(slots=True)
@@ -66,8 +55,8 @@ class Draft:
         cost, rows = self.rows * option.cost, self.rows * option.fanout
         if together and option.together is not None:
             cost, rows = min(cost, option.together[0]), min(rows, option.together[1])
-        self.cost = min(self.cost + cost, _ENOUGH)
-        self.rows = min(rows, _ENOUGH)
+        self.cost = min(self.cost + cost, PLAN.most)
+        self.rows = min(rows, PLAN.most)
         self.bound.update(option.binds)
         self.steps.append(Step(option.kind, option.goal, option.binds, option.cost, self.rows, option.inner))
 
@@ -84,8 +73,8 @@ class Search:
     """
 
     options: type[Options] = Options
-    most_plans = MOST_PLANS
-    most_explored = MOST_EXPLORED
+    most_plans = PLAN.most_plans
+    most_explored = PLAN.most_explored
     counts_abandoned = False
     """True if abandoned plans also count towards `most_plans`."""
 
@@ -140,7 +129,7 @@ class Search:
                     unbound = {v for key in draft.remaining for v in self._variables[key]} - draft.bound
                     raise Unplannable(frozenset(unbound))
                 if self._plans_left > 0 and len(loops) > 1:
-                    return self._best(draft, loops[:MOST_BRANCHES], limit)
+                    return self._best(draft, loops[: PLAN.most_branches], limit)
                 self._enter(draft, loops[0])
             self._filter(draft)
         self._plans_left -= 1
@@ -195,7 +184,7 @@ class Search:
         loops = (n for n, step in enumerate(steps) if step.kind is Kind.LOOP)
         first = next((n for n in loops if not all(draft.uses[v] for v in steps[n].binds)), len(steps))
         key = [v for step in steps[first:] for v in step.binds if draft.uses[v]]
-        if not 0 < len(key) <= WIDEST:
+        if not 0 < len(key) <= PLAN.widest:
             return inf
         return prod(map(self._options.values, key), start=steps[first - 1].rows if first else 1.0)
 
@@ -245,7 +234,9 @@ class Search:
         for group in groups:
             known = frozenset(self._names(group) & draft.bound)
             plan = type(self)(self._views, self._conjunction, known, frozenset(), explore=False).plan(group)
-            draft.add(Option(Kind.EXISTS, group[0], (), plan.cost / 2 + ACCESS, min(0.5, plan.rows), (plan,)))
+            draft.add(
+                Option(Kind.EXISTS, group[0], (), plan.cost / 2 + PLAN.access, min(0.5, plan.rows), (plan,))
+            )
             self._drop(draft, group)
         return bool(groups)
 

@@ -4,9 +4,9 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 from dataclasses import replace
-from typing import Final
 
 from envgraph.code import dataclass
+from envgraph.match._costs import PLAN
 from envgraph.match.generate._sinks import Sink
 from envgraph.match.plan._options import Unplannable, call_key
 from envgraph.match.plan._order import Search
@@ -23,9 +23,6 @@ from envgraph.pattern import (
     arguments,
     variables,
 )
-
-MOST_JOINED: Final = 24
-"""The largest number of goals of an existence test that is planned in two ways: more goals take too long."""
 
 
 def shared_searches(steps: Sequence[Step], sink: Sink) -> dict[int, int]:
@@ -103,7 +100,7 @@ def join_of(planner: Planner, conjunction: Conjunction, plan: Plan, known: froze
         known: the variables with values, without constants.
     """
     goals = list(_goals(plan))
-    if len(goals) > MOST_JOINED:
+    if len(goals) > PLAN.most_joined:
         return None
     fixed = frozenset(number for number, _ in conjunction.constants)
     for closure in goals:
@@ -220,7 +217,7 @@ def plans_of_ends(planner: Planner, ends: Ends) -> list[tuple[Conjunction, int, 
         known = frozenset(n for n, _ in conjunction.constants) | {parameters[p] for p in ends.given}
         wanted = frozenset({end, *(parameters[place] for place in ends.wanted)}) - known
         others = [goal for goal in conjunction.goals if goal is not closure]
-        if end in known or len(others) > MOST_JOINED:
+        if end in known or len(others) > PLAN.most_joined:
             return None
         try:
             found.append((conjunction, end, Search(planner, conjunction, known, wanted).plan(others)))

@@ -6,7 +6,7 @@ from collections.abc import Iterator, Mapping, Sequence
 from itertools import zip_longest
 from typing import Final
 
-from envgraph.errors import Diagnostic, Note, Severity, Span, defined_twice, name_hint
+from envgraph.errors import LIMITS, Diagnostic, Note, Severity, Span, defined_twice, name_hint
 from envgraph.metamodel import SUPPRESS, Annotation, Metamodel
 from envgraph.pattern._queries import Body, Comparison, Negation, PathConstraint, Pattern
 from envgraph.pattern._types import static_type, type_hint
@@ -20,9 +20,6 @@ KNOWN_ANNOTATIONS: Final = (
     SUPPRESS,
 )
 
-MOST_STEPS: Final = 1000
-"""The maximal number of constraints and path steps of a body, for which planning takes a few seconds."""
-
 OF_TOOLS: Final = (
     *("Bind", "ContainsItem", "DerivedFeature", "Edge", "Format", "Item"),
     *("ObservableValue", "PatternUI", "QueryExplorer", "Tooltip"),
@@ -35,7 +32,7 @@ _SEVERITIES: Final = ("error", "warning", "info")
 
 
 def too_long(body: Body) -> bool:
-    """Return True if a body has more than `MOST_STEPS` constraints and path steps. Inequalities are not counted."""
+    """Return True if a body has too many constraints and path steps. Inequalities are not counted."""
     steps = 0
     for constraint in body.constraints:
         relation = constraint.relation if isinstance(constraint, Negation) else constraint
@@ -43,7 +40,7 @@ def too_long(body: Body) -> bool:
             steps += len(relation.features)
         elif not (isinstance(relation, Comparison) and relation.operator == "!="):
             steps += 1
-    return steps > MOST_STEPS
+    return steps > LIMITS["constraints"]
 
 
 def check_duplicates(patterns: Sequence[Pattern], known: Mapping[str, Pattern]) -> Iterator[Diagnostic]:
@@ -70,7 +67,7 @@ def check_header(pattern: Pattern, metamodel: Metamodel) -> Iterator[Diagnostic]
             hint = "write `check(true)` for a body that always holds"
             yield Diagnostic("empty-body", "a body needs a constraint", body.span or pattern.span, hint)
         elif too_long(body):
-            message = f"the body has more than {MOST_STEPS} constraints and steps of paths"
+            message = f"the body has more than {LIMITS['constraints']} constraints and steps of paths"
             hint = "move a part of it into another pattern, and call that pattern with `find`"
             yield Diagnostic("body-too-long", message, body.span or pattern.span, hint)
 

@@ -21,7 +21,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import Final
 
-from envgraph.errors import MOST_NESTED, Diagnostic, Span, did_you_mean, name_hint, with_article
+from envgraph.errors import LIMITS, MOST_NESTED, Diagnostic, Span, did_you_mean, name_hint, with_article
 from envgraph.metamodel import Attribute, EnumType, Metamodel, Reference, Scalar
 from envgraph.pattern._bodies import children, depth, none_test, size
 from envgraph.pattern._lowered import ObjectType, StaticType
@@ -49,9 +49,6 @@ from envgraph.pattern._types import (
 )
 from envgraph.pattern.expressions._function_calls import OF_JAVA, call_type
 from envgraph.pattern.expressions._operations import FUNCTIONS
-
-MOST_PARTS: Final = 50_000
-"""The maximal number of operands and operators of an expression, because exact ints grow with every product."""
 
 
 def check_expression(
@@ -89,8 +86,8 @@ def _too_large(expression: Expression) -> str | None:
     if depth(expression) > MOST_NESTED:
         return f"the expression has more than {MOST_NESTED} levels of nesting"
     return (
-        f"the expression has more than {MOST_PARTS} operands and operators"
-        if size(expression) > MOST_PARTS
+        f"the expression has more than {LIMITS['operands']} operands and operators"
+        if size(expression) > LIMITS["operands"]
         else None
     )
 

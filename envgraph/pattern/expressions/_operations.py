@@ -13,11 +13,8 @@ from functools import partial
 from typing import Any, Final, Literal
 
 from envgraph.code import dataclass
-from envgraph.errors import EvaluationError
+from envgraph.errors import LIMITS, EvaluationError
 from envgraph.metamodel import Scalar, Value
-
-MOST_CHARACTERS: Final = 1_000_000
-"""The maximal length of a string that is the value of a whole expression."""
 
 _INT_LOW, _INT_HIGH = -(2**63), 2**63 - 1
 
@@ -46,8 +43,8 @@ def bounded(value: Any) -> Any:
     """
     if type(value) is int and not _INT_LOW <= value <= _INT_HIGH:
         raise EvaluationError("overflow: the result does not fit 64 bits", hint=_SMALLER)
-    if type(value) is str and len(value) > MOST_CHARACTERS:
-        raise EvaluationError(f"overflow: the result has more than {MOST_CHARACTERS} characters")
+    if type(value) is str and len(value) > LIMITS["characters"]:
+        raise EvaluationError(f"overflow: the result has more than {LIMITS['characters']} characters")
     return value
 
 
@@ -180,8 +177,8 @@ def _substring(string: str, start: int, end: int | None = None) -> str:
 
 def _replace(string: str, old: str, new: str) -> str:
     # The length is checked before the string is built, because one replacement can square the length.
-    if len(string) + string.count(old) * max(0, len(new) - len(old)) > MOST_CHARACTERS:
-        raise EvaluationError(f"overflow: the result has more than {MOST_CHARACTERS} characters")
+    if len(string) + string.count(old) * max(0, len(new) - len(old)) > LIMITS["characters"]:
+        raise EvaluationError(f"overflow: the result has more than {LIMITS['characters']} characters")
     return string.replace(old, new)
 
 

@@ -7,6 +7,7 @@ from itertools import accumulate
 from typing import Final, cast
 
 from envgraph.errors import (
+    LIMITS,
     RAISE_LIMIT,
     Diagnostic,
     Severity,
@@ -22,17 +23,11 @@ from envgraph.pattern import Derivation
 from envgraph.rewrite.check._containment import homeless
 from envgraph.rewrite.check._header import check_annotations, check_weight
 from envgraph.rewrite.derive._objects import retyping_starts
-from envgraph.rewrite.derive._plans import MOST_PLANS, creation_plans, first_need
+from envgraph.rewrite.derive._plans import creation_plans, first_need
 from envgraph.rewrite.derive._schema import Schema
 
 KINDS: Final = ("create", "delete", "add", "remove", "change", "swap", "move", "retype", "set")
 """The kinds of operators. All kinds have the same total weight, unless `@weight` changes it."""
-
-MOST_RULES: Final = 10_000
-"""Maximal number of rules of a derivation: the ordered pairs of 100 classes, which take 4 s and 100 MB."""
-
-MOST_WAYS: Final = 8
-"""Default number of operators that create one class or retype one class to another; `@cap` changes it."""
 
 ANNOTATIONS = {"retype": ("weight",), "operators": ("cap", "weight")}
 
@@ -58,8 +53,10 @@ def check_derivation(derivation: Derivation, metamodel: Metamodel) -> list[Diagn
             Diagnostic("too-few-classes", message, derivation.span, "write `retype among { A, B }`")
         )
     number = len(derivation.classes) * (len(derivation.classes) - 1)
-    if number > limit(MOST_RULES):
-        message = f"`{derivation.name}` would derive {number:,} rules, but the limit is {limit(MOST_RULES):,}"
+    if number > limit("derived rules"):
+        message = (
+            f"`{derivation.name}` would derive {number:,} rules, but the limit is {limit('derived rules'):,}"
+        )
         hint = f"divide the classes among several derivations; {RAISE_LIMIT}"
         problems.append(Diagnostic("too-many-rules", message, derivation.span, hint))
     if not has_errors(problems):
@@ -118,7 +115,7 @@ def _check_operators(derivation: Derivation, metamodel: Metamodel) -> Iterator[D
     yield from annotations
     schema = Schema(metamodel)
     if not annotations and _exceeds_limit(schema, derivation):
-        message = f"`{derivation.name}` would derive more than {limit(MOST_RULES):,} rules"
+        message = f"`{derivation.name}` would derive more than {limit('derived rules'):,} rules"
         hint = "write `@weight(retype = 0)` before it, or name a class with fewer subclasses"
         yield Diagnostic("too-many-rules", message, derivation.span, f"{hint}; {RAISE_LIMIT}")
         return
@@ -142,10 +139,10 @@ def _check_operators(derivation: Derivation, metamodel: Metamodel) -> Iterator[D
 
 def _exceeds_limit(schema: Schema, derivation: Derivation) -> bool:
     """Return True if a lower bound on the number of retyping rules exceeds the limit; computed without plans."""
-    ways = min(ways_of(derivation), MOST_PLANS)
+    ways = min(ways_of(derivation), LIMITS["creation plans"])
     starts = (start for cls in derivation.classes for _, start in retyping_starts(schema, cls))
     numbers = accumulate(ways if first_need(schema, start) else 1 for start in starts)
-    return weight_of(derivation, "retype") > 0 and any(number > limit(MOST_RULES) for number in numbers)
+    return weight_of(derivation, "retype") > 0 and any(number > limit("derived rules") for number in numbers)
 
 
 def _without_creation(schema: Schema, classes: Iterable[str], derivation: Derivation) -> Iterator[Diagnostic]:
@@ -202,7 +199,7 @@ def weight_of(derivation: Derivation, kind: str) -> float:
 def ways_of(derivation: Derivation) -> int:
     """Return the maximal number of operators that create one class or retype it to another: `@cap`, or `MOST_WAYS`."""
     caps = [value for one in derivation.annotations if one.name == "cap" for value in one.arguments]
-    return cast("int", caps[0]) if caps else MOST_WAYS
+    return cast("int", caps[0]) if caps else LIMITS["operators"]
 
 
 def _is_cap(value: object) -> bool:

@@ -8,6 +8,7 @@ from itertools import product
 from math import prod
 from typing import Final
 
+from envgraph.errors import LIMITS
 from envgraph.metamodel import Attribute, EnumType, Scalar, Value, type_name
 from envgraph.pattern import (
     Aggregate,
@@ -31,9 +32,6 @@ from envgraph.pattern import (
 from envgraph.rewrite.derive._rule_builder import RuleBuilder
 from envgraph.rewrite.derive._schema import Schema
 
-MOST_KEYS: Final = 64
-"""Maximal number of keys of enum literals and truth values that are tried."""
-
 _LARGEST_FLOAT: Final = float(2**52)
 """Above this number, adding 1 does not always result in another float."""
 
@@ -51,7 +49,7 @@ def new_key(builder: RuleBuilder, classes: Sequence[str], position: int) -> list
     """Return assignments that give a created object a key that no other object has. Add their conditions to the rule.
 
     Numbers, and numbers at the end of strings (after the class name), become larger than all in use. A key of only enum
-    literals and truth values becomes any unused combination. If there are more than `MOST_KEYS` combinations, only the
+    literals and truth values becomes any unused combination. If there are too many combinations, only the
     default values are tried.
 
     Args:
@@ -157,7 +155,7 @@ def _choice(builder: RuleBuilder, owner: str, attributes: Sequence[Attribute]) -
     relations = [
         PathConstraint(owner, (a.name,), one, column) for a, column in zip(attributes, columns, strict=True)
     ]
-    many = prod(len(_range(attribute)) for attribute in attributes) > MOST_KEYS
+    many = prod(len(_range(attribute)) for attribute in attributes) > LIMITS["keys"]
     ranges = [[_value(a, a.initial)] if many else [_value(a, one) for one in _range(a)] for a in attributes]
     taken = PatternCall(builder.pattern(f"#taken.{owner}", types, [relations]), tuple(columns))
     bodies = [

@@ -11,19 +11,10 @@ from collections.abc import Callable, Iterator
 from dataclasses import replace
 from heapq import heappop, heappush
 from itertools import chain, zip_longest
-from typing import Final
 
 from envgraph.code import dataclass
+from envgraph.errors import LIMITS
 from envgraph.rewrite.derive._schema import End, Link, Schema
-
-MOST_NEW: Final = 4
-"""Maximal number of objects that one operator creates."""
-
-MOST_LINKS: Final = 12
-"""Maximal number of links that one operator creates."""
-
-MOST_PLANS: Final = 400
-"""Maximal number of complete and incomplete plans that are considered for one class."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -116,7 +107,7 @@ def _cheapest(schema: Schema, start: Plan, most: int, cost: Callable[[Plan], tup
     found: list[Plan] = []
     seen: set[object] = set()
     queue: list[tuple[tuple[int, ...], int, Plan]] = [((), 0, start)]
-    while queue and len(found) < most and len(seen) < MOST_PLANS:
+    while queue and len(found) < most and len(seen) < LIMITS["creation plans"]:
         plan = heappop(queue)[-1]
         need = first_need(schema, plan)
         if need is None:
@@ -125,7 +116,11 @@ def _cheapest(schema: Schema, start: Plan, most: int, cost: Callable[[Plan], tup
         node, ends = need
         for larger in (larger for end in ends for larger in _choices(schema, plan, node, end)):
             shape = _shape(larger)
-            if len(larger.new) <= MOST_NEW and len(larger.added) <= MOST_LINKS and shape not in seen:
+            if (
+                len(larger.new) <= LIMITS["new objects"]
+                and len(larger.added) <= LIMITS["new links"]
+                and shape not in seen
+            ):
                 seen.add(shape)
                 heappush(queue, (cost(larger), len(seen), larger))
     return found

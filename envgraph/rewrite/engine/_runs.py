@@ -17,7 +17,7 @@ from envgraph.rewrite.engine._catalog import Catalog, bindings
 from envgraph.rewrite.engine._history import EngineHistory
 from envgraph.rewrite.engine._notification import NOTHING, Events
 from envgraph.rewrite.engine._trace import Trace
-from envgraph.rewrite.run._run import STEP_LIMIT, UNSET, Environment, Run, apply_one_of, fire_one
+from envgraph.rewrite.run._run import UNSET, Environment, Run, apply_one_of, fire_one
 from envgraph.rewrite.run._runner import Randomness, RuleRunner
 from envgraph.rewrite.run._units import RunResult, UnitProgram
 
@@ -35,7 +35,7 @@ class Runs:
 
     def __init__(self, catalog: Catalog, events: Events, history: EngineHistory, seed: int) -> None:
         self.seed = seed
-        self.step_limit = limit(STEP_LIMIT)
+        self.step_limit = limit("steps of a run")
         self._catalog = catalog
         self._model = catalog.model
         self._events = events

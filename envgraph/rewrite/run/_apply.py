@@ -34,9 +34,6 @@ Raises:
 
 Again = Callable[[Link, int, int], None]
 
-MOST_INSTANCES: Final = 100_000
-"""Maximal number of block matches in one application, against a `forall` that enlarges the model each time."""
-
 PHASES: Final = ("compute", "unlink", "delete", "strip", "retype", "create", "link", "assign")
 
 
@@ -268,7 +265,7 @@ class _Staged:
         self.plan = plan
         self.model = model
         self.again = again
-        self.most = limit(MOST_INSTANCES)
+        self.most = limit("instances")
         self.doomed: set[int] = set()
         endangered = _endangered(plan.blocks, model.metamodel)
         self.block = _Block(plan.body, model, matcher, plan.lossy, self.doomed, endangered)

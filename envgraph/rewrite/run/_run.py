@@ -19,12 +19,6 @@ from envgraph.rewrite._branches import Branches
 from envgraph.rewrite._match import Firing, Row
 from envgraph.rewrite.run._runner import REFUSALS, Randomness, RuleRunner, others
 
-STEP_LIMIT: Final = 100_000
-"""Default maximal number of calls and loop rounds in one run."""
-
-MOST_RUNNING: Final = 200
-"""Maximal nesting of steps in a run, including called units; deeper nesting would exhaust the stack of Python."""
-
 Environment = dict[str, Value]
 
 Site = tuple[str, Span | None]

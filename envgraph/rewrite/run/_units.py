@@ -33,14 +33,14 @@ from types import MappingProxyType
 from typing import Any
 
 from envgraph.code import short_repr
-from envgraph.errors import EvaluationError, RuleError
+from envgraph.errors import LIMITS, EvaluationError, RuleError
 from envgraph.graph import Model, Node
 from envgraph.match import Matcher
 from envgraph.metamodel import Value
 from envgraph.rewrite._match import Firing, Match
 from envgraph.rewrite._names import Signature
 from envgraph.rewrite.check._unit_check import CheckedUnit, depth
-from envgraph.rewrite.run._run import MOST_RUNNING, Environment, Run, Site, at, firings
+from envgraph.rewrite.run._run import Environment, Run, Site, at, firings
 from envgraph.rewrite.run._runner import RuleRunner
 from envgraph.rewrite.run._unit_source import UnitSource
 
@@ -75,9 +75,9 @@ class UnitProgram:
         """
         run.count(site)
         run.levels += self.levels
-        if run.levels > MOST_RUNNING:
+        if run.levels > (most := LIMITS["nested steps"]):
             raise EvaluationError(
-                f"steps are nested more than {MOST_RUNNING} levels deep; `{self.name}` is one of the called units",
+                f"steps are nested more than {most} levels deep; `{self.name}` is one of the called units",
                 site and site[1],
                 "use `alap` or `repeat` instead of units that call each other without an end",
             )

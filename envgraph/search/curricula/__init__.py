@@ -13,7 +13,7 @@ if TYPE_CHECKING:
         CurriculumProgress as CurriculumProgress,
         CurriculumSearch as CurriculumSearch,
     )
-    from envgraph.search.curricula._levels import MOST_STATES as MOST_STATES, Level as Level, Levels as Levels
+    from envgraph.search.curricula._levels import Level as Level, Levels as Levels
     from envgraph.search.curricula._moves import Moves as Moves
     from envgraph.search.curricula._objectives import (
         Judged as Judged,

@@ -6,20 +6,17 @@ from collections import Counter
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import field, replace
 from functools import cached_property
-from typing import Any, Final, TypeVar, cast
+from typing import Any, TypeVar, cast
 
 from envgraph.code import dataclass
 from envgraph.env import Behaviour, KeyIndex, Tabular, TooManyStates, indexed_classes
 from envgraph.env.compiled import Program, Tables, program_over
-from envgraph.errors import EvaluationError, InvalidArgument, RuleError
+from envgraph.errors import LIMITS, EvaluationError, InvalidArgument, RuleError
 from envgraph.graph import Model, Version
 from envgraph.rewrite import Row
 from envgraph.search._store import Trace
 from envgraph.search.problem._problem import CountWithin, Forbid, Problem, Require
 from envgraph.solve.learning import InProgram, Table, flatten
-
-MOST_STATES: Final = 50_000
-"""Largest number of states of a member's transition table, because thousands of members are tried."""
 
 T = TypeVar("T")
 
@@ -138,7 +135,7 @@ class Levels:
 
     @cached_property
     def _tables(self) -> Tables:
-        return Tables(self.behaviour, MOST_STATES)
+        return Tables(self.behaviour, LIMITS["searched states"])
 
     def here(self, trace: Trace) -> Level | None:
         """Commit the current model and return its level. If it is not a member, count the reason and return None."""

@@ -10,7 +10,7 @@ from types import MappingProxyType
 from typing import TYPE_CHECKING, Any, TypeVar
 
 from envgraph.code import dataclass
-from envgraph.errors import Diagnostic, LoadError, Note
+from envgraph.errors import LIMITS, Diagnostic, LoadError, Note
 from envgraph.graph import Model
 from envgraph.lang import Options, numeric_parameters
 from envgraph.metamodel import Metamodel, Scalar
@@ -47,8 +47,6 @@ from envgraph.search.problem._problem import IndividualMeasure
 from envgraph.solve.learning import TrainingSettings
 
 T = TypeVar("T")
-
-MOST_BINS, _MOST_STEPS = 100_000, 100_000_000
 
 if TYPE_CHECKING:
     from envgraph.behaviour import Behaviour
@@ -163,7 +161,7 @@ def _value(options: Options, context: Context) -> IndividualMeasure:
 
 def _binned_entropy(options: Options, context: Context) -> Statistic:
     low, high = options.range("range", getattr(context.measured, "range", (0.0, 1.0)))
-    bins = options.integer("bins", context.spec.search.population, 1, MOST_BINS)
+    bins = options.integer("bins", context.spec.search.population, 1, "members")
     return BinnedEntropy(bins, low, high, whole=getattr(context.measured, "whole", False))
 
 
@@ -172,7 +170,7 @@ def _learning(options: Options, context: Context) -> Callable[[Levels, int], Jud
     steps = (
         ()
         if spec.steps_are_free
-        else options.integers("steps", [training.steps_per_environment], 1, _MOST_STEPS)
+        else options.integers("steps", [training.steps_per_environment], 1, "episodes")
     )
     limit = context.spec.limit or (context.behaviour.limit if context.behaviour else None)
     settings = TrainingSettings.from_spec(context.spec.training, limit=limit)
@@ -180,7 +178,7 @@ def _learning(options: Options, context: Context) -> Callable[[Levels, int], Jud
 
     def made(levels: Levels, workers: int) -> Judged:
         from envgraph.env.compiled import NotCompiled
-        from envgraph.search.curricula import MOST_STATES, Learning
+        from envgraph.search.curricula import Learning
 
         try:
             return Learning(settings, levels.target, steps, seed, workers)
@@ -189,7 +187,7 @@ def _learning(options: Options, context: Context) -> Callable[[Levels, int], Jud
             message = (
                 f"`{name}` has too many states for tables, and cannot be compiled: it has {reason.construct}"
             )
-            hint = f"remove this construct, or make the target smaller: a table has at most {MOST_STATES:,} states"
+            hint = f"remove this construct, or make the target smaller: a table has at most {LIMITS['searched states']:,} states"
             notes = (note,) if reason.span else ()
             place = options.spec.span()
             raise LoadError([Diagnostic("not-compiled", message, place, hint, notes=notes)]) from reason

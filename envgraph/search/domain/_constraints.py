@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 
 from envgraph.behaviour import Behaviour, KeyIndex, indexed_classes, unbound
 from envgraph.code import dataclass
-from envgraph.errors import has_errors
+from envgraph.errors import LIMITS, has_errors
 from envgraph.files import counting
 from envgraph.pattern import conformance_patterns, key_patterns
 from envgraph.rewrite import Engine
@@ -51,11 +51,11 @@ class Reachable:
 
     def why_not(self, engine: Engine) -> str:
         """Return the reason for rejecting a model: no plan to the outcome exists, or the search was stopped."""
-        from envgraph.env.compiled import MOST_STATES, NotCompiled
+        from envgraph.env.compiled import NotCompiled
 
         with suppress(NotCompiled):
             if not self.plan.plan(engine, self.end).exact:
-                return f"no plan to {self.outcome} was found within {MOST_STATES:,} states"
+                return f"no plan to {self.outcome} was found within {LIMITS['planned states']:,} states"
         return f"`{self}` is violated"
 
     def __str__(self) -> str:

@@ -31,7 +31,7 @@ from envgraph.lang import (
 from envgraph.metamodel import Metamodel
 from envgraph.rewrite import Engine
 from envgraph.search.curricula import Begin, CurriculumSettings
-from envgraph.search.domain._components import MOST_BINS, Components, Context
+from envgraph.search.domain._components import Components, Context
 from envgraph.search.domain._constraints import constraints_of
 from envgraph.search.domain._initial import check_initial
 from envgraph.search.evolution._selection import ExactSelection, SurvivorSelection
@@ -45,7 +45,7 @@ if TYPE_CHECKING:
     from envgraph.search.curricula import Judged, Levels
     from envgraph.search.optimising import Strategy
 
-EFFORT, MOST_LANES = 1_000_000_000, 1_000
+EFFORT = 1_000_000_000
 """Default effort of a curriculum search in training steps, up to half a minute; and the largest number of lanes."""
 
 Placed = TypeVar("Placed", ModelText, Behaviour)
@@ -347,7 +347,7 @@ class Domain:
                 )
                 problems.append(Diagnostic("missing-key", message, one.span("bins"), f"write `{hint}`"))
             low, high = options.range("range", known or (0.0, 1.0))
-            bins = options.integer("bins", 10, 1, MOST_BINS)
+            bins = options.integer("bins", 10, 1, "members")
             problems += _finished(options)
             cover.append((one.name, BinnedEntropy(bins, low, high, whole=getattr(measure, "whole", False))))
         if has_errors(problems):
@@ -469,7 +469,7 @@ def _climb(options: Options, spec: FamilySpec) -> CurriculumSettings:
     return CurriculumSettings(
         population=max(2, spec.search.population) if written or demanded is not None else None,
         effort=int(options.number("effort", EFFORT, 1, 1e15)),
-        lanes=options.integer("lanes", 4, 1, MOST_LANES),
+        lanes=options.integer("lanes", 4, 1, "rounds"),
         enough=options.number("enough", 1.0, -LARGEST, LARGEST) if options.given("enough") else None,
         demanded=inf if isinstance(demanded, str) else demanded,
         begin=cast(Begin, options.word("begin", "auto", get_args(Begin))),

@@ -11,7 +11,7 @@ from math import comb, exp, fsum
 from typing import TYPE_CHECKING, Protocol
 
 from envgraph.code import dataclass
-from envgraph.errors import MOST_STEPS, InvalidArgument
+from envgraph.errors import InvalidArgument
 from envgraph.lang import Options, key
 from envgraph.search.problem._diversity import BinnedEntropy, Swaps
 from envgraph.search.problem._pool import DIGITS, TIE, Over, Pool
@@ -57,7 +57,7 @@ class RandomParents:
 class TournamentParents:
     """Tournament selection: each parent is the fittest of `rounds` uniformly sampled members; the first wins ties."""
 
-    rounds: int = key(2, Options.integer, low=1, most=1_000)
+    rounds: int = key(2, Options.integer, low=1, most="rounds")
 
     def select(self, fitness: Sequence[float], count: int, rng: Generator) -> list[int]:
         """Return the winners of `count` independent tournaments."""
@@ -104,7 +104,7 @@ class SimulatedAnnealing:
         cooling_rate: factor by which the temperature falls in each round, in (0, 1].
     """
 
-    rounds: int = key(500, Options.integer, low=0, most=1_000_000)
+    rounds: int = key(500, Options.integer, low=0, most="attempts")
     initial_temperature: float = key(0.1, Options.number, low=1e-9, high=1e9)
     cooling_rate: float = key(0.95, Options.number, low=1e-9, high=1.0)
 
@@ -221,7 +221,7 @@ class BeamSearch:
         width: number of families that are extended at each size.
     """
 
-    width: int = key(16, Options.integer, low=1, most=100_000)
+    width: int = key(16, Options.integer, low=1, most="width")
 
     def select(
         self, pool: Pool, size: int, pinned: Sequence[int], start: Sequence[int], rng: Generator
@@ -271,7 +271,7 @@ class ExactSelection:
         limit: largest number of families to try. If the measure has no bins, more families are refused.
     """
 
-    limit: int = key(200_000, Options.integer, low=1, most=MOST_STEPS)
+    limit: int = key(200_000, Options.integer, low=1, most="steps")
 
     def select(
         self, pool: Pool, size: int, pinned: Sequence[int], start: Sequence[int], rng: Generator

@@ -20,7 +20,7 @@ from typing import TYPE_CHECKING
 from envgraph import __version__
 from envgraph.code import dataclass
 from envgraph.env import Behaviour, Explored, KeyIndex, TooManyStates, read_explored, write_explored
-from envgraph.errors import InvalidArgument
+from envgraph.errors import LIMITS, InvalidArgument
 from envgraph.files import CACHE_VARIABLE, cache_directory, counting, is_own, replace_file, replacing
 from envgraph.graph import Model, model_to_json
 from envgraph.search._store import dump_json
@@ -30,9 +30,6 @@ if TYPE_CHECKING:
 
 FORMAT = 5
 """Version of tables and files; increased if the same texts give another table or file than before."""
-
-MOST_BYTES = 2**30
-"""Largest total size of the files in a directory; the least recently used files are removed."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -228,5 +225,5 @@ def _tidy(place: Path) -> None:
     total = 0
     for stat, file in sorted(files, key=lambda pair: pair[0].st_mtime, reverse=True):
         total += stat.st_size
-        if total > MOST_BYTES:
+        if total > LIMITS["cached bytes"]:
             file.unlink(missing_ok=True)

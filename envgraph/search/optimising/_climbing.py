@@ -11,7 +11,7 @@ from collections.abc import Callable
 from math import inf
 
 from envgraph.code import dataclass
-from envgraph.errors import MOST_STEPS, InvalidArgument
+from envgraph.errors import InvalidArgument
 from envgraph.lang import Options, key
 from envgraph.search.evolution._selection import acceptance
 from envgraph.search.optimising._goals import Standing
@@ -36,7 +36,7 @@ class Annealing:
             runs per goal for several goals.
     """
 
-    runs: int | None = key(None, Options.integer, low=1, most=100_000)
+    runs: int | None = key(None, Options.integer, low=1, most="width")
 
     def __post_init__(self) -> None:
         if self.runs is not None and self.runs < 1:
@@ -100,7 +100,7 @@ class HillClimb:
         patience: number of moves without improvement after which it restarts from the initial model.
     """
 
-    patience: int = key(1000, Options.integer, low=1, most=MOST_STEPS)
+    patience: int = key(1000, Options.integer, low=1, most="steps")
 
     def __post_init__(self) -> None:
         if self.patience < 1:

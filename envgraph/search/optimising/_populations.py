@@ -21,8 +21,8 @@ class Beam:
         branching: number of moves that are tried from each state.
     """
 
-    width: int = key(20, Options.integer, low=1, most=100_000)
-    branching: int = key(5, Options.integer, low=1, most=100_000)
+    width: int = key(20, Options.integer, low=1, most="width")
+    branching: int = key(5, Options.integer, low=1, most="width")
 
     def __post_init__(self) -> None:
         if self.width < 1 or self.branching < 1:

@@ -41,7 +41,7 @@ class TreeSearch:
     """
 
     exploration: float = key(0.1, Options.number, low=0, high=1e9)
-    length: int = key(10, Options.integer, low=1, most=100_000)
+    length: int = key(10, Options.integer, low=1, most="width")
 
     def __post_init__(self) -> None:
         if self.exploration < 0 or self.length < 1:

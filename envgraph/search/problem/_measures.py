@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, ClassVar, Final
 
 from envgraph.behaviour import Behaviour, KeyIndex, indexed_classes
 from envgraph.code import dataclass
+from envgraph.errors import LIMITS
 from envgraph.files import counting
 from envgraph.graph import Model
 from envgraph.lang import ComponentSpec
@@ -197,13 +198,13 @@ class ShortestPlan:
 
     def why_none(self, engine: Engine, outcome: int = 1) -> tuple[str, str | None]:
         """Return a text why no plan was found in the current model, and a hint; None as the hint if no plan exists."""
-        from envgraph.env import REACH_LIMIT
         from envgraph.env.compiled import NotCompiled
 
         try:
             plan = self.plan(engine, outcome)
         except NotCompiled:
-            live = f"simplify the behaviour: one that cannot be compiled is searched in at most {REACH_LIMIT:,} states"
+            most = f"{LIMITS['searched states']:,} states"
+            live = f"simplify the behaviour: one that cannot be compiled is searched in at most {most}"
             return "no plan was found", live
         hint = (
             'write `guide = "name"` in a measure with `kind = "shortest_plan"`, where `name` is a pattern with fewer '

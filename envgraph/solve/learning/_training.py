@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 
 from envgraph.code import dataclass
 from envgraph.env import Tabular
-from envgraph.errors import InvalidArgument, check_known
+from envgraph.errors import LIMITS, InvalidArgument, check_known
 from envgraph.solve.learning._settings import TrainingSettings
 from envgraph.solve.learning._stage import Stage, StageOutcome, Table, flatten
 
@@ -29,9 +29,6 @@ COMPILING_PAYS = 4_000_000, 500_000
 
 Each lies between the break-even points with and without a compiled loop in the cache: `python -m benchmarks learn`.
 """
-
-MOST_Q_VALUES = 10**8
-"""The most action values in a table: 800 megabytes."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -129,7 +126,7 @@ def occurring(tabulars: Sequence[Tabular]) -> Sequence[Tabular]:
     """
     _agree(tabulars)
     first = tabulars[0]
-    if first.n_observations * first.n_actions <= MOST_Q_VALUES:
+    if first.n_observations * first.n_actions <= LIMITS["action values"]:
         return tabulars
     for one in tabulars:
         one.check()
@@ -156,10 +153,10 @@ def prepare(tabulars: Sequence[Tabular]) -> tuple[Table, ...]:
     """
     _agree(tabulars)
     first = tabulars[0]
-    if first.n_observations * first.n_actions > MOST_Q_VALUES:
+    if first.n_observations * first.n_actions > LIMITS["action values"]:
         raise InvalidArgument(
             f"a table of values for {first.n_observations:,} observations and {first.n_actions} actions is too large, "
-            f"at most {MOST_Q_VALUES:,} are possible",
+            f"at most {LIMITS['action values']:,} are possible",
             "observe less or smaller ranges, or use `run_experiment`: its tables have only observations that occur",
         )
     for tabular in tabulars:

@@ -17,7 +17,7 @@ import pytest
 
 from envgraph.env import Tabular, explore
 from envgraph.env.compiled import CompiledVectorEnv, NotCompiled, Program, enumerated, export, program_of
-from envgraph.errors import EnvgraphError, EvaluationError, RuleError
+from envgraph.errors import LIMITS, EnvgraphError, EvaluationError, RuleError
 from tests.profile import NIGHTLY
 from tests.unit.env import test_sight, test_together, test_truncation
 from tests.unit.env.corners import (
@@ -79,10 +79,9 @@ def table(family: Family, *, native: bool = False) -> None:
     """
     program = family.native if native else family.program
     with pytest.MonkeyPatch.context() as few:
-        for name in ("_simulator.MOST_OUTCOMES", "compiled._enumeration.MOST_OUTCOMES"):
-            few.setattr(f"envgraph.env.{name}", LIMIT)
-        for name in ("TOLD", "OUTCOMES"):
-            few.setattr(f"envgraph.env.compiled._enumeration.{name}", 20 * LIMIT)
+        few.setitem(LIMITS, "outcomes", LIMIT)
+        few.setitem(LIMITS, "all outcomes", 20 * LIMIT)
+        few.setattr("envgraph.env.compiled._enumeration.TOLD", 20 * LIMIT)
         for number, engine in enumerate(family.engines):
             found = tried(partial(enumerated, program, number, limit=LIMIT))
             known = partial(explore, engine, family.behaviour, family.keys, limit=LIMIT, outcomes=20 * LIMIT)

@@ -21,7 +21,7 @@ from envgraph.env.compiled import (
     has_numba,
     program_of,
 )
-from envgraph.errors import EvaluationError
+from envgraph.errors import LIMITS, EvaluationError
 from envgraph.rewrite import Engine
 from tests.profile import NIGHTLY
 from tests.unit.env.corners.domains import files
@@ -80,11 +80,11 @@ def test_outcomes_are_bounded_like_states_and_told(tmp_path: Path, monkeypatch: 
     engine, behaviour = die(tmp_path)
     program, told = program_of(engine, behaviour, native=False), list[tuple[int, int]]()
     monkeypatch.setattr("envgraph.env.compiled._enumeration.TOLD", 10)
-    monkeypatch.setattr("envgraph.env.compiled._enumeration.OUTCOMES", 40)
+    monkeypatch.setitem(LIMITS, "all outcomes", 40)
     wanted = explore(engine, behaviour, outcomes=40).tabular
     assert_equal_tables(enumerated(program, progress=lambda *counts: told.append(counts)), wanted)
     assert told == [(2, 20)]
-    monkeypatch.setattr("envgraph.env.compiled._enumeration.OUTCOMES", 39)
+    monkeypatch.setitem(LIMITS, "all outcomes", 39)
     with pytest.raises(TooManyStates, match="more than 39 outcomes of actions in its states"):
         enumerated(program)
     with pytest.raises(TooManyStates, match="more than 39 outcomes"):
@@ -95,8 +95,7 @@ def test_too_many_outcomes_of_one_action_are_too_many_for_a_table(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     engine, behaviour = die(tmp_path)
-    for module in ("_simulator", "compiled._enumeration"):
-        monkeypatch.setattr(f"envgraph.env.{module}.MOST_OUTCOMES", 9)
+    monkeypatch.setitem(LIMITS, "outcomes", 9)
     with pytest.raises(TooManyStates, match="action `roll` has more than 9 outcomes in one state"):
         enumerated(program_of(engine, behaviour, native=False))
     with pytest.raises(TooManyStates, match="action `roll` has more than 9 outcomes in one state"):
@@ -106,9 +105,9 @@ def test_too_many_outcomes_of_one_action_are_too_many_for_a_table(
 def test_a_table_with_too_much_room_is_not_made(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     engine, behaviour = die(tmp_path)
     program = program_of(engine, behaviour, native=False)
-    monkeypatch.setattr("envgraph.env._too_many.MOST_ENTRIES", 40)
+    monkeypatch.setitem(LIMITS, "table entries", 40)
     assert_equal_tables(enumerated(program), explore(engine, behaviour).tabular)
-    monkeypatch.setattr("envgraph.env._too_many.MOST_ENTRIES", 39)
+    monkeypatch.setitem(LIMITS, "table entries", 39)
     message = "is too large: 2 states, 2 actions, up to 10 outcomes of an action"
     with pytest.raises(TooManyStates, match=message):
         enumerated(program)

@@ -23,6 +23,7 @@ from envgraph.env.compiled import (
     has_numba,
     program_of,
 )
+from envgraph.errors import LIMITS
 from envgraph.pattern import PatternCall, Variable
 from envgraph.rewrite import Engine
 from envgraph.solve import shortest_plan
@@ -260,7 +261,7 @@ def test_a_guide_is_a_pattern_of_the_domain(monkeypatch: pytest.MonkeyPatch) -> 
 
 @pytest.mark.parametrize("shortest", [True, False])
 def test_a_search_is_given_up_after_so_many_states(monkeypatch: pytest.MonkeyPatch, shortest: bool) -> None:
-    monkeypatch.setattr(_planning, "MOST_STATES", 100)
+    monkeypatch.setitem(LIMITS, "planned states", 100)
     monkeypatch.setattr(_planning, "FEW", 10)
     monkeypatch.setattr(_program, "has_numba", lambda: False)
     engine, behaviour = opened(SOKOBAN / "small.model", SOKOBAN / "sokoban.environment")

@@ -68,7 +68,11 @@ def test_a_probability_of_an_object_that_is_gone_is_0() -> None:
 @pytest.mark.parametrize(
     ("chance", "message", "place"),
     [
-        ("(coin.value - 3.0)", "-1 is not a probability from 0 to 1, where `coin` is Coin#", "coin.value - 3.0"),
+        (
+            "(coin.value - 3.0)",
+            "-1 is not a probability from 0 to 1, where `coin` is Coin#",
+            "coin.value - 3.0",
+        ),
         ("(coin.over.value / 4.0)", "a probability has no value", "coin.over"),
         ("(coin.value / 2.0)", "the probabilities add up to 1.5, which is above 1, where `coin` is", "0.5"),
     ],

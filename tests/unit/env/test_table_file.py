@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 
 from envgraph.env import Explored, explore, read_explored, write_explored
-from envgraph.errors import InvalidArgument
+from envgraph.errors import LIMITS, InvalidArgument
 from tests.unit.env import forest
 from tests.unit.env.coins import loaded
 
@@ -91,7 +91,7 @@ def test_nothing_in_a_file_is_run(tmp_path: Path) -> None:
 
 
 def test_a_file_that_unpacks_to_gigabytes_is_refused(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("envgraph.env._table_file._MOST_BYTES", 10_000)
+    monkeypatch.setitem(LIMITS, "table bytes", 10_000)
     np.savez_compressed(tmp_path / "bomb.npz", reward=np.zeros(10_000))
     with pytest.raises(InvalidArgument, match="its arrays have more than 10,000 bytes"):
         read_explored(tmp_path / "bomb.npz")

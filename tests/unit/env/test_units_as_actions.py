@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from envgraph.env import EnvgraphEnv, EnvgraphLiveEnv, Simulator, Tabular, explore
-from envgraph.errors import EvaluationError, LoadError, RuleError
+from envgraph.errors import LIMITS, EvaluationError, LoadError, RuleError
 from tests.unit.env.coins import RULES, loaded
 
 UNITS = """
@@ -122,7 +122,7 @@ def test_a_unit_that_the_model_refuses_is_an_error_that_leaves_the_model_as_it_w
 
 
 def test_too_many_ways_through_a_unit_are_told(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("envgraph.env._simulator.MOST_OUTCOMES", 3)
+    monkeypatch.setitem(LIMITS, "outcomes", 3)
     with pytest.raises(
         EvaluationError, match=r"`x` has more than 3 outcomes in one state[\s\S]*write `all r;`"
     ):

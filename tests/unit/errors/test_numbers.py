@@ -2,11 +2,16 @@
 
 from __future__ import annotations
 
+import ast
+import re
+from pathlib import Path
+
 import pytest
 
-from envgraph.errors import InvalidArgument, limit, parse_float, parse_int, parse_within
+from envgraph.errors import LIMITS, InvalidArgument, limit, parse_float, parse_int, parse_within
 
 LONG = "9" * 5000
+ROOT = Path(__file__).parents[3]
 
 
 @pytest.mark.parametrize(
@@ -59,18 +64,71 @@ def test_numbers_are_ascii_digits_that_fit_64_bits(text: str, whole: int | None,
         ("many", "`many` is not a whole number from 1 to 100", False),
     ],
 )
-def test_a_number_out_of_its_range_is_named_with_the_range(text: str, message: str, raisable: bool) -> None:
+def test_a_number_out_of_its_range_is_named_with_the_range(
+    text: str, message: str, raisable: bool, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setitem(LIMITS, "width", 100)
     with pytest.raises(InvalidArgument) as caught:
-        parse_within(text, 1, 100)
+        parse_within(text, 1, "width")
     assert caught.value.message == message
     assert ("ENVGRAPH_LIMITS=10" in str(caught.value.hint)) == raisable
 
 
 def test_limits_are_raised_a_million_times_at_most(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setenv("ENVGRAPH_LIMITS", "1e6")
-    assert limit(50) == 50_000_000 and parse_within("50000000", 1, 50) == 50_000_000
+    assert limit("rounds") == 1_000_000_000 and parse_within("1000000000", 1, "rounds") == 1_000_000_000
     for wrong in ("1000001", "1e18", "1e400", LONG, "1_0", "inf", ""):
         monkeypatch.setenv("ENVGRAPH_LIMITS", wrong)
         with pytest.raises(InvalidArgument, match="ENVGRAPH_LIMITS is `") as caught:
-            limit(50)
+            limit("rounds")
         assert caught.value.hint == "set it to a number such as 10, or unset it"
+
+
+ROWS = {
+    "file bytes": "any other file",
+    "model bytes": "a model that programs write",
+    "query bytes": "a file with queries",
+    "files": "files that are read together",
+    "tags": "tags of an `.ecore` file",
+    "open tags": "tags of an `.xmi` file",
+    "nesting of TOML": "parts of a key",
+    "levels": "levels of a file",
+    "cells": "cells of all levels",
+    "members": "members of a family",
+    "width": "`width`",
+    "rounds": "`rounds` of `tournament`",
+    "applications": "`initial_applications`",
+    "attempts": "`rounds` of `simulated_annealing`",
+    "episodes": "`evaluation_episodes`",
+    "steps": "any other number of steps",
+    "hidden units": "`hidden`",
+    "workers": "`--workers`",
+    "seed": "a seed",
+    "matches": "matches of a pattern",
+    "instances": "matches of the blocks",
+    "steps of a run": "steps of a run",
+    "derived rules": "rules that one `derive`",
+}
+"""The limits that `ENVGRAPH_LIMITS` raises, each with the begin of its row in the documentation."""
+
+
+def test_the_documented_limits_are_those_that_are_raised() -> None:
+    text = (ROOT / "docs" / "languages.md").read_text()
+    table = dict(re.findall(r"^\| (.*?) \| ([\d,]+(?: MB)?) \|$", text.split("**Limits**")[1], re.MULTILINE))
+    for name, begin in ROWS.items():
+        (most,) = (most for what, most in table.items() if what.startswith(begin))
+        number = int(most.removesuffix(" MB").replace(",", "")) * (2**20 if most.endswith("MB") else 1)
+        assert number == LIMITS[name], name
+
+
+def test_only_documented_limits_are_raised() -> None:
+    kept, raised = set[str](), set[str]()
+    for path in (ROOT / "envgraph").rglob("*.py"):
+        for node in ast.walk(ast.parse(path.read_text())):
+            if isinstance(node, ast.Subscript) and ast.unparse(node.value) == "LIMITS":
+                kept |= {ast.literal_eval(node.slice)} if isinstance(node.slice, ast.Constant) else set()
+            elif isinstance(node, ast.Call) and ast.unparse(node.func) == "limit" and node.args:
+                raised |= (
+                    {ast.literal_eval(node.args[0])} if isinstance(node.args[0], ast.Constant) else set()
+                )
+    assert raised <= ROWS.keys() and kept - ROWS.keys() == LIMITS.keys() - ROWS.keys()

@@ -280,7 +280,9 @@ def test_what_is_neither_text_nor_data_is_refused() -> None:
         InvalidArgument, match="the name of a rule must be a string that is not empty, not None"
     ):
         Rule(None)  # type: ignore[arg-type]
-    with pytest.raises(InvalidArgument, match="`a b` is not a name; a name consists of letters, digits and `_`"):
+    with pytest.raises(
+        InvalidArgument, match="`a b` is not a name; a name consists of letters, digits and `_`"
+    ):
         Rule("a b")
     assert to_text(Rule("rule")).startswith("rule rule {"), "a word of the language is a name like any other"
 

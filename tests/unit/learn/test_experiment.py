@@ -7,7 +7,7 @@ import pytest
 from joblib import parallel_config
 
 from envgraph.env import Tabular
-from envgraph.errors import InvalidArgument
+from envgraph.errors import LIMITS, InvalidArgument
 from envgraph.learn import (
     Curriculum,
     Experiment,
@@ -55,7 +55,7 @@ def test_results_do_not_depend_on_workers_or_loop(backend: Backend) -> None:
 
 def test_of_too_many_observations_those_that_occur_have_values(monkeypatch: pytest.MonkeyPatch) -> None:
     """Results are those of a table of values with a row for each."""
-    monkeypatch.setattr("envgraph.solve.learning._training.MOST_Q_VALUES", 10_000)
+    monkeypatch.setitem(LIMITS, "action values", 10_000)
     assert max(member.tabular.observation.max() for member in FAMILY) == 6  # type: ignore[union-attr]
     wide = [replace(member, tabular=scattered(member.tabular)) for member in FAMILY]  # type: ignore[arg-type]
     drawn = Curriculum("control", "drawn", (tuple(NAMES), "E3"), (2, 1))

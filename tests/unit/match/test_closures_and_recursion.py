@@ -13,11 +13,9 @@ from envgraph.errors import MOST_NESTED, EvaluationError
 from envgraph.graph import Model
 from envgraph.match import FREE, CompiledMatcher, ViewMatcher
 from envgraph.match._aggregates import aggregate
+from envgraph.match._costs import DemandCosts
 from envgraph.match.demand import (
-    _closure_aggregates,
-    _closures as closures,
     _program as compiled,
-    _recursion as recursion,
 )
 from envgraph.match.demand._closure_aggregates import ClosureAggregate
 from envgraph.match.demand._condensation import Condensation
@@ -89,7 +87,7 @@ def test_a_dense_grid_does_not_materialise_its_pairs() -> None:
 
 
 def test_what_is_remembered_of_reached_objects_is_bounded(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(closures, "MOST_KEPT", 50)
+    monkeypatch.setattr(DemandCosts, "most_reached", 50)
     model = grid(5, 5)
     matcher = CompiledMatcher(model, library(STEP, REACHES))
     for _ in range(3):
@@ -266,7 +264,7 @@ def test_answers_of_recursive_patterns_are_copies() -> None:
 
 
 def test_what_is_remembered_of_recursive_patterns_is_bounded(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(recursion, "MOST_KEPT", 10)
+    monkeypatch.setattr(DemandCosts, "most_rows", 10)
     matcher = CompiledMatcher(chain(8), library(RIGHT))
     for start in range(8):
         assert matcher.count("right", (start, FREE)) == 7 - start
@@ -506,10 +504,10 @@ def test_a_closure_aggregate_agrees_with_the_aggregate_of_the_tuples(
     dice = Random(f"{function} {kind}")
     rows = rows_of(kind, dice)
     if way == "by class":
-        monkeypatch.setattr(_closure_aggregates, "CLASS", 0)
+        monkeypatch.setattr(DemandCosts, "class_cost", 0)
     elif way == "by object":
-        monkeypatch.setattr(_closure_aggregates, "MOST_CLASSES", 0)
-        monkeypatch.setattr(_closure_aggregates, "DENSE", 1_000)
+        monkeypatch.setattr(DemandCosts, "most_classes", 0)
+        monkeypatch.setattr(DemandCosts, "dense", 1_000)
     column = 0 if function == "count" else 2
     closure = ClosureAggregate(function, column, rows)
     nodes: list[int] = []

@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import pytest
 
-from envgraph.match.plan._estimate import MOST, UNKNOWN, Sizes
+from envgraph.match._costs import PLAN
+from envgraph.match.plan._estimate import Sizes
 from envgraph.metamodel import Class, Metamodel, Reference
 
 
@@ -23,7 +24,12 @@ def test_estimates_of_parts_follow_from_their_owners() -> None:
         Class("Lamp"),
         Class("Free"),
     )
-    assert [found.extent(name) for name in ("Root", "Room", "Lamp", "Free")] == [1.0, 50.0, 152.0, UNKNOWN]
+    assert [found.extent(name) for name in ("Root", "Room", "Lamp", "Free")] == [
+        1.0,
+        50.0,
+        152.0,
+        PLAN.unknown,
+    ]
 
 
 def test_references_back_into_a_cycle_add_no_objects() -> None:
@@ -60,10 +66,13 @@ def test_a_supertype_met_on_two_ways_counts_once() -> None:
 def test_hundreds_of_classes_that_contain_each_other_are_estimated_fast(number: int) -> None:
     leaves = [Class(f"C{i}", supertypes=("Element",)) for i in range(number)]
     found = sizes(Class("Element", abstract=True, features=(part("parts", "Element"),)), *leaves)
-    assert found.extent("Element") == number * UNKNOWN
+    assert found.extent("Element") == number * PLAN.unknown
     found = sizes(
         Class("Root", features=(part("all", "Element"),)),
         Class("Element", abstract=True, features=(part("parts", "Element"),)),
         *leaves,
     )
-    assert found.extent("Element") == pytest.approx(max(50.0, number)) and found.extent("C0") <= MOST
+    assert (
+        found.extent("Element") == pytest.approx(max(50.0, number))
+        and found.extent("C0") <= PLAN.most_contained
+    )

@@ -18,7 +18,7 @@ from gymnasium.utils.env_checker import check_env
 import envgraph.env
 from envgraph.cli import main
 from envgraph.env import Explored, TooManyStates
-from envgraph.errors import InvalidArgument
+from envgraph.errors import LIMITS, InvalidArgument
 from envgraph.lang import bundled_domain
 from envgraph.search import (
     Components,
@@ -313,7 +313,7 @@ def test_what_nobody_has_used_for_longest_makes_room(
     for name, age in (("old.npz", 600), ("used.npz", 0), ("notes.txt", 9000)):
         (cache / name).write_bytes(b"x" * 1_000_000)
         os.utime(cache / name, (time.time() - age,) * 2)
-    monkeypatch.setattr("envgraph.search.families._tables.MOST_BYTES", 1_500_000)
+    monkeypatch.setitem(LIMITS, "cached bytes", 1_500_000)
     make_environment(family=exported, variant=1)
     assert [path.name for path in kept(cache)][1:] == ["used.npz"]
     assert (cache / "notes.txt").exists()

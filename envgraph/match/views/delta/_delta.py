@@ -13,6 +13,7 @@ from typing import Final
 
 from envgraph import code
 from envgraph.code import dataclass
+from envgraph.match._costs import VIEWS
 from envgraph.match.generate._bindings import Bindings
 from envgraph.match.generate._generate import Translation
 from envgraph.match.generate._relations import Relations, forward_column
@@ -63,8 +64,6 @@ class Delta:
     queued: bool = False
 
 
-DEAR: Final = 60.0
-"""The estimated cost of a search above which a view has an index of its own rows."""
 SINKS: Final = {True: "derive", False: "underive"}
 
 
@@ -150,7 +149,7 @@ def own_positions(planner: ViewPlanner, delta: Delta) -> tuple[int, ...] | None:
     ):
         return None
     cost = delta_plan(planner, delta).cost
-    return tuple(heads.index(v) for v in dict.fromkeys(columns)) if columns and cost > DEAR else None
+    return tuple(heads.index(v) for v in dict.fromkeys(columns)) if columns and cost > VIEWS.dear else None
 
 
 def _write_lookup(

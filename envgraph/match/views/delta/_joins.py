@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from typing import Final
 
 from envgraph.graph import Store
+from envgraph.match._costs import VIEWS
 from envgraph.match.plan._options import Unplannable
 from envgraph.match.plan._plan import Kind, Plan, held_value
 from envgraph.match.views.delta._occurrences import Role, occurrences
@@ -25,13 +25,6 @@ from envgraph.pattern import (
     variables,
 )
 
-MANY: Final = 100.0
-"""The number of tested objects from which a view of their values pays off."""
-SAMPLE: Final = 512
-"""The number of objects of a class whose values are sampled."""
-DIFFERENT: Final = 8
-"""The number of different values from which a lookup by value is selective."""
-
 
 def joined_by_value(store: Store, planner: ViewPlanner, body: Conjunction) -> frozenset[int]:
     """Return the indices of the attributes by which the search of a body would test many objects for a known value.
@@ -46,7 +39,7 @@ def joined_by_value(store: Store, planner: ViewPlanner, body: Conjunction) -> fr
         for goal in body.goals
         if (held := held_value(goal))
         and _met_elsewhere(body, goal)
-        and planner.sizes.extent(held[0].owner) > MANY
+        and planner.sizes.extent(held[0].owner) > VIEWS.many
         and _telling(store, planner.library.metamodel, held[0])
     }
     if not possible:
@@ -102,9 +95,9 @@ def _telling(store: Store, metamodel: Metamodel, attribute: Attribute) -> bool:
     different: set[Value | Values] = set()  # only its size is used
     for cls, extent in zip(metamodel.class_list, store.extents, strict=True):
         if metamodel.is_a(cls.name, attribute.owner):
-            values = (value for node in extent[:SAMPLE] if (value := column[node]) is not None)
+            values = (value for node in extent[: VIEWS.sample] if (value := column[node]) is not None)
             different.update(tuple(value) if isinstance(value, list) else value for value in values)
-    return len(different) >= DIFFERENT
+    return len(different) >= VIEWS.different
 
 
 def _searches(body: Conjunction) -> Iterator[tuple[set[int], list[int]]]:
@@ -124,7 +117,7 @@ def _told_apart(plan: Plan, known: set[int]) -> Iterator[int]:
     rows, before = 1.0, set(known)
     looped: dict[int, set[int]] = {}
     for step in plan.steps:
-        if step.kind is Kind.LOOP and step.rows > MANY * rows:
+        if step.kind is Kind.LOOP and step.rows > VIEWS.many * rows:
             looped.update((variable, before.copy()) for variable in step.binds)
         held = held_value(step.goal)
         if held and step.kind is Kind.TEST and held[2] in looped.get(held[1], ()):

@@ -5,12 +5,13 @@ from __future__ import annotations
 from collections import Counter
 from collections.abc import Iterator, Sequence
 from contextlib import suppress
-from typing import Final, Protocol
+from typing import Protocol
 
+from envgraph.match._costs import PLAN, VIEWS
 from envgraph.match.passes._calls import CallGraph
 from envgraph.match.plan._estimate import Sizes
 from envgraph.match.plan._live import LiveSizes
-from envgraph.match.plan._options import ACCESS, EXPRESSION, Bound, Option, Options, PlanInside, Unplannable
+from envgraph.match.plan._options import Bound, Option, Options, PlanInside, Unplannable
 from envgraph.match.plan._order import Draft, Search
 from envgraph.match.plan._plan import Kind, Plan, ViewKey, ViewPlan, held_value
 from envgraph.match.plan._planner import determined, disjoint
@@ -31,10 +32,6 @@ from envgraph.pattern import (
     LinkAtom,
     variables,
 )
-
-MOST_ORDERED: Final = 100_000
-"""The largest estimate of rows for which a negated or counted pattern with an inequality `x < y` has a view; see the
-benchmark `growth`."""
 
 
 class Held(Protocol):
@@ -100,7 +97,7 @@ class ViewPlanner:
         for body in bodies:
             if any(map(_is_ordering, body.goals)):
                 with suppress(Unplannable):
-                    if self.plan(body, body.goals, frozenset()).rows > MOST_ORDERED:
+                    if self.plan(body, body.goals, frozenset()).rows > VIEWS.most_ordered:
                         return True
         return False
 
@@ -124,15 +121,15 @@ class ViewOptions(Options):
         if _from_value(goal, bound):
             return None
         if isinstance(goal, AttributeAtom) and goal.object in bound and goal.value in bound:
-            return Option(Kind.TEST, goal, (), ACCESS, self._live.selectivity(goal.attribute.index))
+            return Option(Kind.TEST, goal, (), PLAN.access, self._live.selectivity(goal.attribute.index))
         return super().filter(goal, bound, uses)
 
     def _derived(self, goal: Goal, bound: Bound) -> Option:
         match goal:
             case AggregateAtom():
-                return self._value(goal, goal.result, bound, EXPRESSION)
+                return self._value(goal, goal.result, bound, PLAN.expression)
             case Absence():
-                return Option(Kind.TEST, goal, (), ACCESS, 0.5)
+                return Option(Kind.TEST, goal, (), PLAN.access, 0.5)
             case _:
                 return super()._derived(goal, bound)
 
@@ -147,16 +144,16 @@ class ViewOptions(Options):
         if not positions:
             rows = self._held.rows(goal.pattern)
         elif len(positions) == len(goal.arguments):
-            return min(0.5, self._held.rows(goal.pattern)), 2 * ACCESS
+            return min(0.5, self._held.rows(goal.pattern)), 2 * PLAN.access
         else:
             rows = self._held.matching(goal.pattern, positions)
-        return rows, rows + ACCESS
+        return rows, rows + PLAN.access
 
     def _closure_cost(self, goal: ClosureAtom, bound: Bound) -> float:
         forward, starts, each = self._held.reached(goal.step)
         start, other = (goal.source, goal.target) if forward else (goal.target, goal.source)
         if start in bound:
-            return 2 * ACCESS if other in bound else each
+            return 2 * PLAN.access if other in bound else each
         return starts if other in bound else starts * each
 
     def _relations(self, goals: Sequence[Goal], bound: Bound, uses: Counter[int]) -> Iterator[Option]:

@@ -4,10 +4,11 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from itertools import chain
-from typing import Any, Final
+from typing import Any
 
 from envgraph.code import Block
 from envgraph.graph import Store
+from envgraph.match._costs import VIEWS
 from envgraph.match.explain._trace import noted
 from envgraph.match.generate._sinks import Sink
 from envgraph.match.generate._symbols import Held, Source
@@ -27,9 +28,6 @@ from envgraph.pattern import (
     InstanceAtom,
     LinkAtom,
 )
-
-SAMPLE: Final = 64
-"""The number of tuples that are tried, evenly spaced among all tuples of the relation."""
 
 Build = Callable[[Source, Callable[[Held], object]], Callable[..., Any]]
 """Creates a function of source; the second argument returns the values of `Held` symbols."""
@@ -55,7 +53,7 @@ def actual_rows(
         averages over a sample of the tuples; empty if there are no tuples.
     """
     known = list(tuples)
-    sample = known[:: max(1, len(known) // SAMPLE)]
+    sample = known[:: max(1, len(known) // VIEWS.tried)]
     counts = [0] * len(delta_plan(planner, delta).steps)
 
     def note(step: int, _: object) -> bool:

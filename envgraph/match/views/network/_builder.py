@@ -5,10 +5,11 @@ from __future__ import annotations
 from collections.abc import Callable, Container, Iterable, Iterator, Sequence
 from dataclasses import replace
 from math import inf
-from typing import Any, Final, TypeVar
+from typing import Any, TypeVar
 
 from envgraph.code import dataclass
 from envgraph.graph import Store
+from envgraph.match._costs import VIEWS
 from envgraph.match.generate._symbols import Source
 from envgraph.match.passes import FOR_VIEWS, Bodies
 from envgraph.match.passes._calls import CallGraph
@@ -49,10 +50,6 @@ Build = Callable[[Source], Any]
 """Creates a function of generated source. Values of operator symbols come from the network."""
 Evaluate = Callable[[str], Callable[[], Sequence[Any]]]
 """Returns a function that lists all rows of a pattern on demand."""
-
-
-MOST_GOALS: Final = 40
-"""The largest number of goals of a body with delta functions: each goal has its own function and plan."""
 
 
 class NotIncremental(Exception):
@@ -223,7 +220,7 @@ class NetworkBuilder:
 
     def _prepared(self, name: str, number: int, body: Conjunction) -> Conjunction:
         """Return a body rewritten to read only the model and operators of the network; create missing operators."""
-        if len(body.goals) > MOST_GOALS:
+        if len(body.goals) > VIEWS.most_goals:
             raise NotIncremental
         body = self._with_apart(body, f"{name}/{number}/apart")
         return self._with_values(replace(body, goals=tuple(self._goals(body, f"{name}/{number}"))))

@@ -9,15 +9,10 @@ from typing import Any, Final
 from envgraph.errors import EvaluationError
 from envgraph.graph import SET, Store
 from envgraph.match._components import Reached, Tree, reachable_sets
+from envgraph.match._costs import VIEWS
 from envgraph.match.views.operators._operators import Operator, Rows
 from envgraph.match.views.operators._sets import MatchSet, Row, become
 from envgraph.metamodel import components
-
-FEW: Final = 12
-"""The number of starts up to which each is searched separately; more starts share strongly connected components."""
-
-PART: Final = 8
-"""The search for affected starts visits at most the number of starts divided by this; see the benchmark `closure`."""
 
 NOTHING: Final[Reached] = {}
 ABSENT: Final = object()
@@ -160,7 +155,7 @@ class ClosureOperator(Operator):
         anew: list[Any] = []
         patches: list[Patch] = []
         changes: list[tuple[Any, Reached]] = []
-        share = len(self.begun) > FEW
+        share = len(self.begun) > VIEWS.few_starts
         first, common = None, NOTHING
         for start in self._concerned(lost, gained):
             old = self.reached[start]
@@ -302,8 +297,8 @@ class ClosureOperator(Operator):
 
     def _concerned(self, lost: list[Step], gained: list[Step]) -> Collection[Any]:
         """Return the starts that may have reached a changed edge; all starts if a search for them takes too long."""
-        before, most = self._steps.before, len(self.begun) // PART
-        if len(self.begun) > FEW:
+        before, most = self._steps.before, len(self.begun) // VIEWS.part
+        if len(self.begun) > VIEWS.few_starts:
             gone: dict[Any, list[Any]] = {}
             for node, other in lost:
                 gone.setdefault(other, []).append(node)
@@ -322,7 +317,7 @@ class ClosureOperator(Operator):
 
     def _solve(self, starts: Sequence[Any]) -> dict[Any, Reached]:
         """Search anew from each of some starts, and return the nodes that it reaches, by start."""
-        if len(starts) > FEW:
+        if len(starts) > VIEWS.few_starts:
             return reachable_sets(starts, self._steps.next, self.reflexive)
         return {start: self._reach(start) for start in starts}
 

@@ -4,16 +4,14 @@ from __future__ import annotations
 
 from collections.abc import Callable, Collection, Mapping, Sequence
 from itertools import islice
-from typing import Any, Final, Protocol
+from typing import Any, Protocol
 
 from envgraph.graph import SET, Store
 from envgraph.match._aggregates import aggregate
+from envgraph.match._costs import VIEWS
 from envgraph.match.views.operators._operators import Hook, Operator, Rows
 from envgraph.match.views.operators._running_aggregates import Change, Extremes, Totals
 from envgraph.match.views.operators._sets import Row, become
-
-LARGE: Final = 32
-"""The number of tuples in a group above which its aggregate is updated by each change."""
 
 
 class Grouped(Protocol):
@@ -136,7 +134,7 @@ class Fold(Operator):
         """Return the new value of a group: recomputed or, for a group that is or was large, by a running aggregate."""
         assert self.column is not None
         running, rows = self._running.get(key), self._rows(key)
-        if running is None and len(rows) <= LARGE:
+        if running is None and len(rows) <= VIEWS.large:
             return self._computed(key)
         if running is None:
             kind = Totals if self.function in ("sum", "avg") else Extremes

@@ -7,15 +7,12 @@ suffice, since on a cycle rows can derive each other.
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from typing import Any, Final
+from typing import Any
 
 from envgraph.errors import RAISE_LIMIT, EvaluationError, limit
 from envgraph.graph import Store
 from envgraph.match.views.operators._operators import Hook, Operator, Rows
 from envgraph.match.views.operators._sets import Row
-
-MOST_ROWS: Final = 1_000_000
-"""The largest number of rows of one pattern; only an `eval` that creates ever new values exceeds it."""
 
 
 class Member(Rows):
@@ -66,7 +63,7 @@ class Component(Operator):
     def __init__(self, name: str, store: Store, members: Sequence[Member]) -> None:
         super().__init__(name, store)
         self.members = tuple(members)
-        self._most = limit(MOST_ROWS)
+        self._most = limit("matches")
 
     @property
     def pending(self) -> bool:

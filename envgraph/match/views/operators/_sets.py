@@ -3,12 +3,10 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from typing import Any, Final
+from typing import Any
 
 from envgraph.graph import EXCHANGE, IN, OUT, SET, IndexedSet, Store
-
-LONG: Final = 256
-"""The number of log items from which shortening the log is worthwhile."""
+from envgraph.match._costs import VIEWS
 
 Row = tuple[Any, ...]
 
@@ -24,7 +22,7 @@ class Log(list[Any]):
 
     def shorten(self) -> None:
         """Replace the log by its net changes, deletions first, if it has more than doubled since it was shortened."""
-        if len(self) > 2 * self._shortest + LONG:
+        if len(self) > 2 * self._shortest + VIEWS.long_log:
             appeared, disappeared = net(self)
             gone = [part for row in disappeared for part in (row, False)]
             self[:] = [

@@ -4,22 +4,19 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Iterator
 from operator import itemgetter
-from typing import TYPE_CHECKING, Any, Final
+from typing import TYPE_CHECKING, Any
 
-from envgraph.errors import EvaluationError
+from envgraph.errors import LIMITS, EvaluationError
 from envgraph.graph import guarded
+from envgraph.match._costs import VIEWS
 from envgraph.match._matcher import Row
-from envgraph.match.views.operators._sets import LONG, Log, MatchSet, net
+from envgraph.match.views.operators._sets import Log, MatchSet, net
 
 if TYPE_CHECKING:
     from envgraph.match.views.watch._kept import KeptViews
 
 Change = Callable[[list[Row], list[Row]], object]
 """A subscriber's callback. Arguments: the inserted matches and the deleted matches."""
-
-
-MOST_ROUNDS: Final = 1_000
-"""The largest number of notification rounds in which callbacks change the model again."""
 
 
 class BoundedLog(Log):
@@ -29,13 +26,13 @@ class BoundedLog(Log):
 
     def __init__(self) -> None:
         super().__init__()
-        self._most = 2 * LONG
+        self._most = 2 * VIEWS.long_log
 
     def extend(self, parts: Iterable[Any]) -> None:
         """Append entries: a row, then True if it was inserted, else False. First shorten the log if it has doubled."""
         if len(self) > self._most:  # first, since an interruption leaves only the last entry in doubt
             self.shorten()
-            self._most = 2 * (len(self) + LONG)
+            self._most = 2 * (len(self) + VIEWS.long_log)
         super().extend(parts)
 
 
@@ -116,7 +113,7 @@ class Listeners:
             return
         self.notifying = True
         try:
-            for _ in range(MOST_ROUNDS):
+            for _ in range(LIMITS["rounds of callbacks"]):
                 changing = self._note(restored)
                 if not self._news:
                     return

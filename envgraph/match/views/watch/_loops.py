@@ -4,19 +4,12 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from math import inf
-from typing import Final
 
+from envgraph.match._costs import VIEWS
 from envgraph.match._matcher import FREE, Row
 from envgraph.match.demand._compiled import CompiledMatcher
 from envgraph.match.views.watch._kept import KeptViews
 from envgraph.metamodel import reached
-
-LONG: Final = 100_000
-"""The number of rows listed in the time needed to make a view: 10 ms, see `benchmarks/bench_questions.py`."""
-SPREAD: Final = 4
-"""The largest number of matches per object for which a view is made; other patterns are searched every round."""
-SORTED: Final = 16
-"""Accesses to the model in the time needed to sort one row into the order of a search; see the benchmark `growth`."""
 
 
 class Loops:
@@ -67,7 +60,7 @@ class Loops:
             self.due = len(made[1]) < len(costly)
             if made != self._made:
                 self._made = made
-                if self._kept.watch_briefly(*made, SPREAD * len(self._kept.model) + LONG):
+                if self._kept.watch_briefly(*made, VIEWS.spread * len(self._kept.model) + VIEWS.long_loop):
                     self._owner = self.depth
 
     def end(self) -> None:
@@ -98,7 +91,7 @@ class Loops:
 
         def few(number: int) -> bool:
             """Return True if sorting this number of rows is cheaper than a search."""
-            return number < 2 or (key is not None and SORTED * number < self._demand.work(pattern))
+            return number < 2 or (key is not None and VIEWS.sorted * number < self._demand.work(pattern))
 
         if view is not None and few(len(view.rows)):
             rows = sorted(view.rows, key=key)
@@ -113,16 +106,16 @@ class Loops:
     def _is_costly(self, pattern: str) -> bool:
         """Count a search. Return True if a view is now worth its cost and allowed, and not already due."""
         number = self._searches[pattern] = self._searches.get(pattern, 0) + 1
-        if self._costly.get(pattern, 0) >= self.depth or number * len(self._kept.model) <= LONG:
+        if self._costly.get(pattern, 0) >= self.depth or number * len(self._kept.model) <= VIEWS.long_loop:
             return False
         work = self._demand.work(pattern)
-        dear = number * work > LONG + 2 * work
+        dear = number * work > VIEWS.long_loop + 2 * work
         return dear and pattern not in self._kept.too_large and self._watchable(pattern)
 
     def listed(self, pattern: str, rows: int) -> None:
         """Count matches that searches of a pattern have listed. At a limit decide if the pattern is worth a view."""
         seen = self._listed[pattern] = self._listed.get(pattern, 0) + rows
-        if seen > LONG:
+        if seen > VIEWS.long_loop:
             self._listed[pattern] = -inf  # so that this is decided only once
             if self._worth_watching(pattern):
                 self._wanted[pattern] = None
@@ -136,7 +129,7 @@ class Loops:
     def _worth_watching(self, pattern: str) -> bool:
         """Return True if loops may watch a pattern and it has few enough matches."""
         free = (FREE,) * len(self._demand.library.parameter_types(pattern))
-        most = SPREAD * len(self._kept.model)
+        most = VIEWS.spread * len(self._kept.model)
         return self._watchable(pattern) and self._demand.count(pattern, free) <= most
 
     def _watchable(self, pattern: str) -> bool:

@@ -3,16 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Collection, Sequence
-from typing import Any, Final
+from typing import Any
 
+from envgraph.match._costs import VIEWS
 from envgraph.match.demand._compiled import CompiledMatcher
 from envgraph.match.views.operators._operators import Rows
 from envgraph.match.views.operators._sets import Index, Row, key_of
-
-EXPENSIVE: Final = 400.0
-"""The estimated accesses of a search below which a search is as fast as a lookup."""
-READ: Final = 2.0
-"""The number of accesses of a search that take as long as reading one row of a view."""
 
 Positions = tuple[int, ...]
 
@@ -43,11 +39,11 @@ class PartialLookup:
     def worthwhile(self, pattern: str, view: Rows, positions: Positions) -> bool:
         """Return True if a lookup in the view is faster than a search, for values at these positions (ascending)."""
         held = (positions, None) in view.groups and self._demand.calls.of(pattern).searches
-        return held or self._cost(pattern, positions) >= EXPENSIVE
+        return held or self._cost(pattern, positions) >= VIEWS.expensive
 
     def possible(self, pattern: str, positions: Positions) -> bool:
         """Return True if a lookup by these positions in a view of the pattern may be faster than a search."""
-        return self._cost(pattern, positions) >= EXPENSIVE or self._demand.calls.of(pattern).searches
+        return self._cost(pattern, positions) >= VIEWS.expensive or self._demand.calls.of(pattern).searches
 
     def rows(self, pattern: str, view: Rows, positions: Positions, wanted: Any) -> Sequence[Row]:
         """Return the rows that have the wanted values at the positions. The sequence must not be modified or stored.
@@ -97,7 +93,7 @@ class PartialLookup:
         if len(positions) == len(rows[0]):
             row = wanted if len(positions) > 1 else (wanted,)
             return (row,) if row in rows.position else ()
-        spent, whole = self._spent.get(place, 0.0), READ * len(rows)
+        spent, whole = self._spent.get(place, 0.0), VIEWS.read * len(rows)
         cost = self._cost(pattern, positions)
         if spent + cost < whole:
             self._spent[place] = spent + cost

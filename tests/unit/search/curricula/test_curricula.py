@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from envgraph.env import Tabular, TooManyStates
 from envgraph.env.compiled import Plans, explored, program_of
-from envgraph.errors import InvalidArgument
+from envgraph.errors import LIMITS, InvalidArgument
 from envgraph.graph import model_to_json
 from envgraph.search import Domain
 from envgraph.search.curricula import (
@@ -25,7 +25,6 @@ from envgraph.search.curricula import (
     Moves,
     Starts,
     _climb,
-    _levels,
     value_of,
 )
 from envgraph.search.problem._family_measures import ChainTransfer
@@ -106,7 +105,7 @@ def test_families_to_begin_with_lead_to_the_target_by_valid_members(name: str) -
 def test_families_may_begin_on_the_way_of_an_optimal_episode(
     name: str, most: int, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(_levels, "MOST_STATES", most)  # with fewer there is no table, but a plan
+    monkeypatch.setitem(LIMITS, "searched states", most)  # with fewer there is no table, but a plan
     levels, rng = levels_of(name), np.random.default_rng(1)
     plans = Plans(levels.behaviour)
     starts = Starts(levels, Moves(levels), None, rng, "episode")
@@ -126,7 +125,7 @@ def test_families_may_begin_on_the_way_of_an_optimal_episode(
 
 
 def test_without_a_table_easing_plays_no_plan(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(_levels, "MOST_STATES", 10)
+    monkeypatch.setitem(LIMITS, "searched states", 10)
     levels, rng = levels_of("sokoban/diverse.toml"), np.random.default_rng(1)
     before = rng.bit_generator.state
     Starts(levels, Moves(levels), None, rng)
@@ -169,7 +168,7 @@ def test_families_to_begin_with_are_the_same_where_observations_are_numbered_ane
         [level.trace for level in family]
         for family in started(levels_of("burning_forest/paper.toml"), 4, None, 8)
     ]
-    monkeypatch.setattr("envgraph.solve.learning._training.MOST_Q_VALUES", 1)
+    monkeypatch.setitem(LIMITS, "action values", 1)
     assert [
         [level.trace for level in one] for one in started(levels_of("burning_forest/paper.toml"), 4, None, 8)
     ] == wanted
@@ -308,7 +307,7 @@ def test_workers_and_repetition_change_nothing() -> None:
 def test_learning_without_tables_is_what_training_in_a_program_comes_to(
     workers: int, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(_levels, "MOST_STATES", 20)
+    monkeypatch.setitem(LIMITS, "searched states", 20)
     domain, levels = Domain.load("keydoor/diverse.toml"), levels_of("keydoor/diverse.toml")
     behaviour, training = domain.behaviour, TrainingSettings(limit=100)
     assert behaviour is not None
@@ -330,7 +329,7 @@ def test_learning_without_tables_is_what_training_in_a_program_comes_to(
 
 @needs_numba
 def test_workers_change_nothing_without_tables(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(_levels, "MOST_STATES", 20)
+    monkeypatch.setitem(LIMITS, "searched states", 20)
 
     def found(workers: int) -> tuple[float, list[int]]:
         levels = levels_of("keydoor/diverse.toml")

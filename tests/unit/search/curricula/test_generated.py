@@ -11,7 +11,7 @@ import pytest
 from numpy.typing import NDArray
 
 from envgraph.env.registration import BUNDLED
-from envgraph.errors import InvalidArgument, LoadError, Severity
+from envgraph.errors import LIMITS, InvalidArgument, LoadError, Severity
 from envgraph.lang import data_path, load_workspace
 from envgraph.report import family_report
 from envgraph.search import (
@@ -216,7 +216,7 @@ def test_a_family_without_a_grid_teaches_what_the_target_alone_does_not(tmp_path
 def test_what_is_wrong_with_the_target_is_said_before_there_is_a_run(
     kind: str, step: str, message: str, hint: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(curricula._levels, "MOST_STATES", 50)
+    monkeypatch.setitem(LIMITS, "searched states", 50)
     folder = tmp_path / "domain"
     copytree(data_path("rules", "network"), folder)
     behaviour = folder / "network.environment"
