@@ -6,6 +6,7 @@ from collections.abc import Callable, Iterable, Mapping
 
 from envgraph.behaviour._data import Agent, Behaviour
 from envgraph.errors import (
+    SHOWN,
     Diagnostic,
     EvaluationError,
     InvalidArgument,
@@ -18,9 +19,6 @@ from envgraph.errors import (
 from envgraph.graph import Model
 from envgraph.metamodel import Attribute, Metamodel, Reference, Value
 from envgraph.pattern import Expression, Navigation, Parameter, Variable
-
-MOST_NOTES = 4
-"""The maximum number of objects shown in notes of an error."""
 
 Reader = Callable[[int, str], Value | int | None]
 """A function that reads a single-valued feature of an object: the value, the id of the target, or None."""
@@ -121,7 +119,7 @@ def bind_parameter(model: Model, parameter: Parameter, spans: Mapping[int, Span]
     )
     places = [spans[node] for node in instances if node in spans] if spans else []
     notes = tuple(
-        Note(f"object {number} is here", span) for number, span in enumerate(places[:MOST_NOTES], 1)
+        Note(f"object {number} is here", span) for number, span in enumerate(places[: SHOWN.objects], 1)
     )
     raise ResolutionError([Diagnostic("unbound-parameter", message, parameter.span, hint, notes=notes)])
 

@@ -22,16 +22,13 @@ from envgraph.behaviour._data import (
 )
 from envgraph.behaviour._signatures import signature_of
 from envgraph.code import dataclass
-from envgraph.errors import Diagnostic, EvaluationError, Note, Severity, Span, listed
+from envgraph.errors import SHOWN, Diagnostic, EvaluationError, Note, Severity, Span, listed
 from envgraph.graph import Model
 from envgraph.pattern import Expression, Navigation, Negation, Variable, children
 from envgraph.rewrite import Engine, Loss
 
 HERE = {"delete": "deletes", "merge": "merges", "retype": "retypes"}
 PAST = {"delete": "deleted", "merge": "merged away", "retype": "retyped"}
-
-MOST_NOTES = 5
-"""The maximum number of notes of a diagnostic."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -240,7 +237,7 @@ def loss_warnings(behaviour: Behaviour, engine: Engine) -> Iterator[Diagnostic]:
             reading.span,
             _hint(behaviour, reading.name, reading.what),
             Severity.WARNING,
-            tuple(Note(_deed(loss), loss.span) for loss in found[:MOST_NOTES]),
+            tuple(Note(_deed(loss), loss.span) for loss in found[: SHOWN.notes]),
         )
 
 
@@ -307,5 +304,5 @@ def lost(
         called = [f"`{call.rule}`" for call in done]
         after = f" after {' and '.join(called)}" if called else ""
         message = f"`{name}` no longer exists{after}, but this {what} reads it"
-    notes = tuple(Note(_deed(loss), loss.span) for loss in found[:MOST_NOTES])
+    notes = tuple(Note(_deed(loss), loss.span) for loss in found[: SHOWN.notes])
     return EvaluationError(message, span, _hint(behaviour, name, what), notes)

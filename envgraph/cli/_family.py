@@ -19,7 +19,7 @@ from envgraph.cli._output import (
 )
 from envgraph.cli._query import spelled
 from envgraph.env import scene_text
-from envgraph.errors import Diagnostic, EnvgraphError, InvalidArgument
+from envgraph.errors import SHOWN, Diagnostic, EnvgraphError, InvalidArgument
 from envgraph.lang import DiskFiles, read_source
 from envgraph.search import (
     Domain,
@@ -43,9 +43,6 @@ from envgraph.search import (
     why_low,
 )
 from envgraph.search.curricula import CurriculumProgress
-
-_MOST_SHOWN = 100
-"""The maximum number of members that are printed one by one."""
 
 TRAINING, REPORT = "training", "report.html"
 """Names in the directory of a run: the directory of training results (with one for each budget), and the page."""
@@ -179,7 +176,7 @@ def show_family(run: str, directory: Path, variant: str | None) -> None:
         return
     if variant is None:
         _print_family(family, None)
-    if len(members) > _MOST_SHOWN:
+    if len(members) > SHOWN.rows:
         print_line(f"`--variant {members[0].name}` shows an environment")
         return
     for member in members:
@@ -286,7 +283,7 @@ def _print_family(family: Family, path: Path | None, low: Diagnostic | None = No
         }
     ):
         return
-    if len(family.members) > _MOST_SHOWN:
+    if len(family.members) > SHOWN.rows:
         _print_summary(family, outcome)
         if path is not None:
             print_line(f"run: {path.parent}")

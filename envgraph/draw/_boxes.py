@@ -6,13 +6,7 @@ from collections.abc import Iterator, Mapping, Sequence
 from textwrap import wrap
 from unicodedata import east_asian_width
 
-from envgraph.draw._diagram import Diagram
-
-_WIDTH = 100
-"""Maximum width of a row of boxes in columns, unless one box is wider."""
-
-_LINKS = 60
-"""Maximum width of a list of link targets in columns, unless one name is longer."""
+from envgraph.draw._diagram import STYLE, Diagram
 
 
 def picture_text(picture: Diagram) -> str:
@@ -32,7 +26,7 @@ def picture_text(picture: Diagram) -> str:
 def _links(targets: Mapping[str, Sequence[str]]) -> Iterator[str]:
     """Yield lines such as "next -> two, three" for a box: each edge label with the titles of its targets, wrapped."""
     for label, ends in targets.items():
-        yield from wrap(f"{label} -> {', '.join(ends)}".lstrip(), _LINKS, subsequent_indent="  ")
+        yield from wrap(f"{label} -> {', '.join(ends)}".lstrip(), STYLE.targets, subsequent_indent="  ")
 
 
 def _box(title: str, lines: list[str]) -> list[str]:
@@ -53,7 +47,7 @@ def _rows(boxes: list[list[str]]) -> Iterator[list[list[str]]]:
     used = 0
     for box in boxes:
         width = _columns(box[0]) + 1
-        if row and used + width > _WIDTH:
+        if row and used + width > STYLE.columns:
             yield row
             row, used = [], 0
         row.append(box)

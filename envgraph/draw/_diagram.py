@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from html import escape
-from typing import Literal
+from typing import Final, Literal
 
 from envgraph.code import dataclass
 from envgraph.draw._colour import colour_text, ink_on, parse_colour
@@ -23,7 +23,26 @@ LINE_COLOUR = "#5c636a"
 PALE = ("#e7f5ff", "#fff3bf", "#ebfbee", "#fff0f6", "#f3f0ff", "#e6fcf5", "#fff4e6", "#f1f3f5")
 """Fill colours of boxes, one for each kind of object, repeated if there are more kinds."""
 
-_LONGEST = 40
+
+@dataclass(frozen=True, slots=True)
+class DiagramStyle:
+    """The sizes of boxes and lines, in CSS pixels; those of pictures as text are in columns."""
+
+    longest: int = 40  # letters of a text; a longer one is shortened
+    line: float = 14.0  # height of a line of text
+    letter: float = 6.3  # width of a letter
+    gap: float = 30.0  # between boxes
+    widest_gap: float = 100.0  # between boxes whose line has a label
+    border: float = 20.0  # around the picture
+    row: float = 1600.0  # width of a row of parts that nothing connects
+    rounds: int = 300  # in which overlapping boxes are moved apart
+    inch: float = 72.0  # pixels of an inch of Graphviz
+    curved: int = 50  # most boxes of a picture with curved lines
+    columns: int = 100  # of a row of boxes, unless one box is wider
+    targets: int = 60  # columns of a list of link targets, unless one name is longer
+
+
+STYLE: Final = DiagramStyle()
 
 
 @dataclass(frozen=True, slots=True)
@@ -86,7 +105,7 @@ def markup(text: str) -> str:
     return escape(visible(text))  # XML cannot even name control characters
 
 
-def shortened(text: str, most: int = _LONGEST) -> str:
+def shortened(text: str, most: int = STYLE.longest) -> str:
     """Return the text unchanged if it has at most `most` characters, otherwise its start and "…" in that length."""
     return text if len(text) <= most else text[: most - 1] + "…"
 
@@ -100,7 +119,7 @@ def shown_value(value: object) -> str:
     if isinstance(value, bool):
         return "true" if value else "false"
     if isinstance(value, str):
-        text = value[: _LONGEST + 1].replace("\\", "\\\\").replace('"', '\\"')
+        text = value[: STYLE.longest + 1].replace("\\", "\\\\").replace('"', '\\"')
         return f'"{shortened(visible(text))}"'
     return shortened(str(value))
 

@@ -10,6 +10,7 @@ from envgraph.draw._diagram import (
     INK,
     LINE_COLOUR,
     MARK,
+    STYLE,
     Diagram,
     End,
     PictureEdge,
@@ -21,8 +22,6 @@ from envgraph.draw._layout import Frame, arrange
 from envgraph.errors import visible
 
 _ENDS: Mapping[End, str] = {"none": "none", "arrow": "vee", "diamond": "diamond", "triangle": "onormal"}
-_INCH = 72.0
-_CURVED = 50
 _FONT = "Helvetica,Arial,sans-serif"
 
 
@@ -41,7 +40,7 @@ def _statements(picture: Diagram) -> Iterator[str]:
     if picture.layout != "dot":
         graph.update(overlap=str(pinned).lower(), outputorder="edgesfirst", start="1")
         # Routing edges around many boxes takes seconds.
-        graph.update(splines="true" if len(picture.nodes) <= _CURVED else "line")
+        graph.update(splines="true" if len(picture.nodes) <= STYLE.curved else "line")
     if picture.note:
         graph.update(label=picture.note, labelloc="b")
     yield f"  graph {_attributes(graph)};"
@@ -75,7 +74,7 @@ def _node(node: PictureNode, frame: Frame | None) -> str:
     if node.marks is not None:
         attributes.update(color=MARK, penwidth="3")
     if frame is not None:
-        attributes.update(pos=f"{frame.x / _INCH:.2f},{0.0 - frame.y / _INCH:.2f}!")
+        attributes.update(pos=f"{frame.x / STYLE.inch:.2f},{0.0 - frame.y / STYLE.inch:.2f}!")
     return f"{_attributes(attributes)[:-1]}, label=<{_table(node)}>]"
 
 

@@ -6,16 +6,7 @@ from collections.abc import Sequence
 from unicodedata import east_asian_width
 
 from envgraph.code import dataclass
-from envgraph.draw._diagram import Diagram, PictureNode
-
-LINE = 14.0
-"""Height of a line of text; all lengths in this module are in CSS pixels."""
-
-_LETTER = 6.3
-_GAP = 30.0
-_WIDEST_GAP = 100.0
-_ROUNDS = 300
-_ROW = 1600.0
+from envgraph.draw._diagram import STYLE, Diagram, PictureNode
 
 
 @dataclass(slots=True)
@@ -30,7 +21,7 @@ class Frame:
 
 def text_width(text: str) -> float:
     """Return the approximate width of a text in pixels."""
-    return sum(2 if east_asian_width(letter) in "WF" else 1 for letter in text) * _LETTER
+    return sum(2 if east_asian_width(letter) in "WF" else 1 for letter in text) * STYLE.letter
 
 
 def head_lines(node: PictureNode) -> list[str]:
@@ -48,7 +39,7 @@ def arrange(picture: Diagram) -> dict[str, Frame]:
     """
     frames = {node.key: _frame(node) for node in picture.nodes}
     label = max((text_width(edge.label) for edge in picture.edges), default=0.0)
-    gap = min(_GAP + label, _WIDEST_GAP)
+    gap = min(STYLE.gap + label, STYLE.widest_gap)
     if any(node.place is not None for node in picture.nodes):
         _pin(picture, frames, gap)
         return _from_zero(frames, frames)
@@ -57,20 +48,22 @@ def arrange(picture: Diagram) -> dict[str, Frame]:
         _spread(picture, part, frames, gap)
         _from_zero(frames, part)
         width = max(frames[key].x + frames[key].half_width for key in part)
-        if right and right + width > _ROW:
-            right, top = 0.0, bottom + _GAP
+        if right and right + width > STYLE.row:
+            right, top = 0.0, bottom + STYLE.gap
         for key in part:
             frames[key].x += right
             frames[key].y += top
             bottom = max(bottom, frames[key].y + frames[key].half_height)
-        right += width + _GAP
+        right += width + STYLE.gap
     return frames
 
 
 def _frame(node: PictureNode) -> Frame:
     head = head_lines(node)
     width = max(text_width(line) for line in (*head, *node.lines))
-    return Frame(0.0, 0.0, width / 2 + 8, (len(head) + len(node.lines)) * LINE / 2 + (6 if node.lines else 4))
+    return Frame(
+        0.0, 0.0, width / 2 + 8, (len(head) + len(node.lines)) * STYLE.line / 2 + (6 if node.lines else 4)
+    )
 
 
 def _from_zero(frames: dict[str, Frame], keys: Sequence[str] | dict[str, Frame]) -> dict[str, Frame]:
@@ -139,7 +132,7 @@ def _median_distance(graph: Sequence[object], places: dict[str, tuple[float, flo
 def _pin(picture: Diagram, frames: dict[str, Frame], gap: float) -> None:
     placed = {node.key: node.place for node in picture.nodes if node.place is not None}
     wide = max(2 * frames[key].half_width for key in placed) + gap
-    high = max(2 * frames[key].half_height for key in placed) + _GAP
+    high = max(2 * frames[key].half_height for key in placed) + STYLE.gap
     for key, (x, y) in placed.items():
         frames[key].x, frames[key].y = x * wide, y * high
     edge_of_all = min(frames[key].x for key in placed) - wide
@@ -162,8 +155,8 @@ def _pin(picture: Diagram, frames: dict[str, Frame], gap: float) -> None:
 
 def _push_apart(frames: list[Frame]) -> None:
     """Move overlapping boxes apart along the shorter side of each overlap, in at most 300 rounds."""
-    widest = 2 * max((frame.half_width for frame in frames), default=0.0) + _GAP / 2
-    for _ in range(_ROUNDS):
+    widest = 2 * max((frame.half_width for frame in frames), default=0.0) + STYLE.gap / 2
+    for _ in range(STYLE.rounds):
         moved = False
         row = sorted(frames, key=lambda frame: frame.x)
         for number, one in enumerate(row):
@@ -177,8 +170,8 @@ def _push_apart(frames: list[Frame]) -> None:
 
 def _part(one: Frame, other: Frame) -> bool:
     """Move two boxes apart if they overlap or are closer than 15 pixels; return True if they were moved."""
-    across = one.half_width + other.half_width + _GAP / 2 - abs(one.x - other.x)
-    along = one.half_height + other.half_height + _GAP / 2 - abs(one.y - other.y)
+    across = one.half_width + other.half_width + STYLE.gap / 2 - abs(one.x - other.x)
+    along = one.half_height + other.half_height + STYLE.gap / 2 - abs(one.y - other.y)
     if across <= 1e-6 or along <= 1e-6:
         return False
     if across < along:

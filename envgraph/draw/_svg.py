@@ -9,6 +9,7 @@ from envgraph.draw._diagram import (
     INK,
     LINE_COLOUR,
     MARK,
+    STYLE,
     Diagram,
     End,
     PictureEdge,
@@ -17,10 +18,9 @@ from envgraph.draw._diagram import (
     text_on,
 )
 from envgraph.draw._dot import graphviz_svg, picture_dot
-from envgraph.draw._layout import LINE, Frame, arrange, head_lines, text_width
+from envgraph.draw._layout import Frame, arrange, head_lines, text_width
 from envgraph.errors import InvalidArgument
 
-_BORDER = 20.0
 _HALO = 'fill="#ffffff" stroke="#ffffff" stroke-width="3" stroke-linejoin="round" aria-hidden="true"'
 """Attributes of a white copy behind a text, which makes the text readable over lines."""
 
@@ -52,16 +52,17 @@ def picture_svg(picture: Diagram, graphviz: bool | None, timeout: float) -> str:
 
 def drawn_svg(picture: Diagram, frames: dict[str, Frame]) -> str:
     """Return SVG with the boxes at the given positions, and the lines between them."""
+    border = STYLE.border
     width = max((f.x + f.half_width for f in frames.values()), default=0.0)
     height = max((f.y + f.half_height for f in frames.values()), default=0.0)
-    width = max(width, text_width(picture.note)) + 2 * _BORDER
-    total = height + 2 * _BORDER + (LINE if picture.note else 0.0)
+    width = max(width, text_width(picture.note)) + 2 * border
+    total = height + 2 * border + (STYLE.line if picture.note else 0.0)
     parts = [
-        f'<svg xmlns="http://www.w3.org/2000/svg" viewBox="{-_BORDER:g} {-_BORDER:g} {_n(width)} {_n(total)}" '
+        f'<svg xmlns="http://www.w3.org/2000/svg" viewBox="{-border:g} {-border:g} {_n(width)} {_n(total)}" '
         f'width="{_n(width)}" height="{_n(total)}" role="img" font-family="Helvetica, Arial, sans-serif" '
         f'font-size="11" fill="{INK}" aria-label="{markup(picture_title(picture))}">',
         f"<title>{markup(picture_title(picture))}</title>",
-        f'<rect x="{-_BORDER:g}" y="{-_BORDER:g}" width="{_n(width)}" height="{_n(total)}" fill="#ffffff"/>',
+        f'<rect x="{-border:g}" y="{-border:g}" width="{_n(width)}" height="{_n(total)}" fill="#ffffff"/>',
     ]
     for edge, bend in _bent(picture.edges):
         parts.extend(_edge(edge, bend, frames))
@@ -69,7 +70,7 @@ def drawn_svg(picture: Diagram, frames: dict[str, Frame]) -> str:
         parts.extend(_node(node, frames[node.key]))
     if picture.note:
         parts.append(
-            _text(width / 2 - _BORDER, height + _BORDER + LINE / 2, picture.note, 'text-anchor="middle"')
+            _text(width / 2 - border, height + border + STYLE.line / 2, picture.note, 'text-anchor="middle"')
         )
     return "\n".join([*parts, "</svg>"])
 
@@ -100,22 +101,22 @@ def _node(node: PictureNode, frame: Frame) -> Iterator[str]:
         f'height="{_n(2 * frame.half_height)}" fill="{node.fill}" {stroke}/>'
     )
     ink = f'fill="{text_on(node.fill)}"'
-    y = top + 4 + LINE / 2
+    y = top + 4 + STYLE.line / 2
     head = head_lines(node)
     for number, line in enumerate(head):
         bold = ' font-weight="bold"' if number == len(head) - 1 else ""
         slanted = ' font-style="italic"' if not bold or node.slanted else ""
         yield _text(frame.x, y, line, f'{ink} text-anchor="middle"{bold}{slanted}')
-        y += LINE
+        y += STYLE.line
     if node.lines:
-        rule = y - LINE / 2 + 2
+        rule = y - STYLE.line / 2 + 2
         yield (
             f'<line x1="{_n(left)}" y1="{_n(rule)}" x2="{_n(frame.x + frame.half_width)}" y2="{_n(rule)}" '
             f'stroke="{text_on(node.fill)}" stroke-width="0.5"/>'
         )
     for line in node.lines:
         yield _text(left + 8, y + 3, line, ink)
-        y += LINE
+        y += STYLE.line
 
 
 def _bent(edges: tuple[PictureEdge, ...]) -> Iterator[tuple[PictureEdge, float]]:

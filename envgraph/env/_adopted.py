@@ -15,9 +15,8 @@ import numpy as np
 from envgraph.code import dataclass, short_repr
 from envgraph.env._minigrid import MiniGridLevel, is_minigrid
 from envgraph.env._tabular import MOST_REWARD, Tabular
-from envgraph.errors import LIMITS, EnvgraphError, InvalidArgument
+from envgraph.errors import LIMITS, TOLERANCE, EnvgraphError, InvalidArgument
 
-_TOLERANCE: Final = 1e-9
 _MINIGRID: Final = ("MiniGrid-", "BabyAI-")
 _TRIED: Final = 2_000
 """Number of trial steps; Taxi's fickle passenger is noticed in less than a hundred."""
@@ -73,7 +72,7 @@ class Adopted:
         fractions = [Fraction(chance).limit_denominator(most) for chance in chances]
         whole = lcm(*(one.denominator for one in fractions))
         exact = all(
-            abs(float(one) - chance) < _TOLERANCE for one, chance in zip(fractions, chances, strict=True)
+            abs(float(one) - chance) < TOLERANCE for one, chance in zip(fractions, chances, strict=True)
         )
         if not exact or whole > most or sum(fractions) != 1:
             shown = ", ".join(f"{chance:g}" for chance in chances[:5]) + (", .." if len(chances) > 5 else "")
@@ -115,7 +114,7 @@ class Adopted:
 
 
 def _close(one: Mapping[Any, float], other: Mapping[Any, float]) -> bool:
-    return all(abs(one.get(key, 0.0) - other.get(key, 0.0)) < _TOLERANCE for key in {**one, **other})
+    return all(abs(one.get(key, 0.0) - other.get(key, 0.0)) < TOLERANCE for key in {**one, **other})
 
 
 def adopt(id: str, seed: int = 0, **options: Any) -> tuple[Adopted | MiniGridLevel, int | None]:
@@ -229,14 +228,14 @@ def _actions(table: Any, state: int, where: str) -> list[list[Transition]]:
 def _distribution_problems(outcomes: Sequence[Transition], states: int) -> Iterator[str]:
     """Yield a phrase for each probability, state or reward out of range, and for probabilities that do not sum to 1."""
     for probability, state, reward, _ in outcomes:
-        if not 0.0 <= probability <= 1.0 + _TOLERANCE:
+        if not 0.0 <= probability <= 1.0 + TOLERANCE:
             yield f"has the probability {probability:g}, but must have one from 0 to 1"
         if not 0 <= state < states:
             yield f"leads to state {state}, but must lead to one of 0..{states - 1}"
         if not abs(reward) <= MOST_REWARD:
             yield f"has the reward {reward:g}, but must have one from {-MOST_REWARD:g} to {MOST_REWARD:g}"
     total = fsum(outcome.probability for outcome in outcomes)
-    if outcomes and not abs(total - 1.0) <= _TOLERANCE:
+    if outcomes and not abs(total - 1.0) <= TOLERANCE:
         yield f"has probabilities that sum to {total:g}, but must sum to 1"
 
 

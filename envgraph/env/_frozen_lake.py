@@ -11,7 +11,7 @@ from gymnasium.envs.toy_text.frozen_lake import FrozenLakeEnv
 from envgraph.env._explore import Explored
 from envgraph.env._tabular import Tabular
 from envgraph.env.scene._scene import GridScene
-from envgraph.errors import InvalidArgument
+from envgraph.errors import TOLERANCE, InvalidArgument
 
 Place = tuple[int, int]
 """Column and row."""
@@ -21,8 +21,6 @@ Outcomes = Mapping[tuple[Place, float, bool], float]
 
 _WAYS: Final = ((-1, 0), (0, 1), (1, 0), (0, -1))
 """The moves of the actions of FrozenLake: left, down, right, up."""
-
-_TOLERANCE: Final = 1e-9
 
 
 def frozen_lake(explored: Explored, limit: int | None) -> dict[str, Any]:
@@ -44,7 +42,7 @@ def frozen_lake(explored: Explored, limit: int | None) -> dict[str, Any]:
     if table.n_actions != len(_WAYS):
         raise _refused(f"it has {table.n_actions} actions, but FrozenLake has 4: left, down, right, up")
     letters, rewards = _letters(table, places)
-    if np.ptp(table.start_probability) > _TOLERANCE:
+    if np.ptp(table.start_probability) > TOLERANCE:
         raise _refused("its start states are not equally likely")
     found: dict[str, Any] = {
         "desc": _rows(explored, places, letters),
@@ -143,7 +141,7 @@ def _compare(table: Tabular, places: list[Place], letters: Mapping[Place, str], 
 
 def _same(ours: Outcomes, theirs: Outcomes) -> bool:
     return ours.keys() == theirs.keys() and all(
-        abs(chance - theirs[key]) <= _TOLERANCE for key, chance in ours.items()
+        abs(chance - theirs[key]) <= TOLERANCE for key, chance in ours.items()
     )
 
 

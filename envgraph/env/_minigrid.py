@@ -13,7 +13,7 @@ from envgraph.code import dataclass
 from envgraph.env._simulator import Simulator
 from envgraph.env._tabular import Tabular
 from envgraph.env._views import components
-from envgraph.errors import InvalidArgument
+from envgraph.errors import TOLERANCE, InvalidArgument
 from envgraph.metamodel import LARGEST_INT
 
 _ACTIONS: Final = 7
@@ -22,7 +22,6 @@ _TILES: Final = MappingProxyType({"wall": "#", "lava": "~", "floor": "_", "goal"
 _THINGS: Final = MappingProxyType({"key": "Key", "ball": "Ball", "box": "Box"})
 _DOORS: Final = "DABCEFHIJKLMNOPQRSTUVWXYZ"
 _DISCOUNT: Final = 0.9
-_TOLERANCE: Final = 1e-9
 
 End = Literal["goal", "held", "opened"]
 """The kind of success: to stand on a goal, to hold the target object, or to have opened the door."""
@@ -299,5 +298,5 @@ def _key(state: _State) -> Any:
 
 
 def _apart(action: int, told: tuple[float, int], found: tuple[float, int]) -> Iterator[str]:
-    if told[1] != found[1] or abs(told[0] - found[0]) > _TOLERANCE:
+    if told[1] != found[1] or abs(told[0] - found[0]) > TOLERANCE:
         yield f"action {action} gives reward {found[0]:g} and end {found[1]}, not {told[0]:g} and {told[1]}"

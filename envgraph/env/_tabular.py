@@ -9,9 +9,7 @@ from numpy.typing import NDArray
 
 from envgraph.code import dataclass
 from envgraph.draw import markup
-from envgraph.errors import InvalidArgument
-
-PROBABILITY_TOLERANCE = 1e-9
+from envgraph.errors import TOLERANCE, InvalidArgument
 
 MOST_REWARD = 1e100
 """Largest absolute value of a clause's reward, and of a weight, so that sums, returns and squares stay finite."""
@@ -179,7 +177,7 @@ class Tabular:
     @staticmethod
     def _check_distribution(name: str, values: NDArray[np.float64]) -> None:
         _require(bool((values >= 0.0).all()), f"`{name}` has negative values")
-        close = np.abs(values.sum(axis=-1) - 1.0) <= PROBABILITY_TOLERANCE
+        close = np.abs(values.sum(axis=-1) - 1.0) <= TOLERANCE
         _require(bool(close.all()), f"`{name}` does not sum to 1")
 
 

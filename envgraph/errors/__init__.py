@@ -44,9 +44,11 @@ if TYPE_CHECKING:
     )
     from envgraph.errors._numbers import (
         LARGEST_INT as LARGEST_INT,
+        TOLERANCE as TOLERANCE,
         parse_float as parse_float,
         parse_int as parse_int,
     )
+    from envgraph.errors._shown import SHOWN as SHOWN
     from envgraph.errors._source import Source as Source, Span as Span
     from envgraph.errors._spelling import spelling as spelling
     from envgraph.errors._suggest import (

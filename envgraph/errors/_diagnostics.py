@@ -7,10 +7,8 @@ from dataclasses import field
 from enum import StrEnum
 
 from envgraph.code import dataclass, visible
+from envgraph.errors._shown import SHOWN
 from envgraph.errors._source import Span
-
-_LONGEST = 2000
-"""Maximal length of a message, in characters. Longer messages are cut in the middle, since names may be long."""
 
 
 class Severity(StrEnum):
@@ -81,8 +79,8 @@ class Diagnostic:
 
 
 def _shown(text: str) -> str:
-    if len(text) > _LONGEST:
-        text = f"{text[: _LONGEST // 2]}...{text[-_LONGEST // 2 :]}"
+    if len(text) > SHOWN.message:
+        text = f"{text[: SHOWN.message // 2]}...{text[-SHOWN.message // 2 :]}"
     return visible(text)
 
 

@@ -6,11 +6,9 @@ from collections.abc import Callable, Collection, Sequence
 
 from envgraph.code import short_repr, visible
 from envgraph.errors._diagnostics import Diagnostic, Note
+from envgraph.errors._shown import SHOWN
 from envgraph.errors._source import Span
 from envgraph.errors._suggest import did_you_mean, quoted
-
-_LONGEST = 140
-"""Maximal length of the message in a repr, in characters."""
 
 
 @short_repr
@@ -33,7 +31,7 @@ class EnvgraphError(Exception):
     def __repr__(self) -> str:
         """Return the class name and the first line of the message, shortened; `str()` returns the whole message."""
         text = visible(str(self).partition("\n")[0])
-        return f"{type(self).__name__}({text if len(text) <= _LONGEST else text[:_LONGEST] + ' ...'})"
+        return f"{type(self).__name__}({text if len(text) <= SHOWN.exception else text[: SHOWN.exception] + ' ...'})"
 
 
 class DiagnosticError(EnvgraphError):

@@ -8,6 +8,8 @@ from typing import Final
 
 LARGEST_INT: Final = 2**63 - 1
 """Largest int of 64 bits. All stored ints and results of expressions are from `-LARGEST_INT - 1` to `LARGEST_INT`."""
+TOLERANCE: Final = 1e-9
+"""Largest difference of probabilities, scores and rewards that are the same but for the rounding of their terms."""
 _INT: Final = re.compile("([+-]?)0*([0-9]{1,19})")
 _FLOAT: Final = re.compile(r"[+-]?(?:[0-9]+\.?[0-9]*|\.[0-9]+)(?:[eE][+-]?[0-9]+)?")
 

@@ -8,9 +8,7 @@ from dataclasses import field
 from unicodedata import category, east_asian_width
 
 from envgraph.code import dataclass, visible
-
-_LONGEST = 300
-"""Maximal length of a shown line, in characters. Longer lines are cut to the surroundings of the span."""
+from envgraph.errors._shown import SHOWN
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -112,10 +110,10 @@ def _columns(char: str) -> int:
 
 def _clipped(text: str, column: int, width: int) -> tuple[str, int, int]:
     """Return a line, cut to the surroundings of a span if it is long, and the span's column and width in the result."""
-    if len(text) <= _LONGEST:
+    if len(text) <= SHOWN.line:
         return text, column, width
-    start = max(0, column - 1 - _LONGEST // 3)
-    end = min(len(text), start + _LONGEST)
+    start = max(0, column - 1 - SHOWN.line // 3)
+    end = min(len(text), start + SHOWN.line)
     before, after = "..." * (start > 0), "..." * (end < len(text))
     column -= start - len(before)
     return f"{before}{text[start:end]}{after}", column, min(width, end - start - column + 1 + len(before))

@@ -6,13 +6,7 @@ from collections.abc import Iterable
 from difflib import get_close_matches
 from unicodedata import normalize
 
-_MANY = 1000
-"""If there are more names than this, only names with the same first two letters are compared with the name."""
-_LONG = 200
-"""A name longer than this, in characters, gets no suggestion."""
-_SHOWN = 5
-"""Number of names that a long list shows."""
-
+from envgraph.errors._shown import SHOWN
 
 _LOOKALIKES = str.maketrans(
     "АВЕКМНОРСТУХаеорсухіјѕԁԛԝΑΒΕΖΗΙΚΜΝΟΡΤΥΧο",
@@ -66,16 +60,16 @@ def nearest(name: str, known: Iterable[str]) -> str | None:
     folded = {candidate.casefold(): candidate for candidate in reversed(candidates)}
     if name.casefold() in folded:
         return folded[name.casefold()]
-    if len(name) > _LONG:
+    if len(name) > SHOWN.longest:
         return None
     if not name.isascii() and _latin(name) in candidates:
         return _latin(name)
     longer = [one for one in candidates if one.startswith(f"{name}_")]
     if len(longer) == 1:
         return longer[0]
-    if len(candidates) > _MANY:
+    if len(candidates) > SHOWN.similar:
         candidates = [one for one in candidates if one[:2] == name[:2] and abs(len(one) - len(name)) < 3][
-            :_MANY
+            : SHOWN.similar
         ]
     close = get_close_matches(name, candidates, n=1, cutoff=0.6)
     return close[0] if close else None
@@ -92,9 +86,9 @@ def listed(names: Iterable[str]) -> str:
     '`b`; `a`, `b`, `c`, `d`, `e` and 2 more'
     """
     known = sorted(set(names))
-    if len(known) <= _SHOWN + 1:
+    if len(known) <= SHOWN.names + 1:
         return quoted(known)
-    return f"{quoted(known[:_SHOWN])} and {len(known) - _SHOWN} more"
+    return f"{quoted(known[: SHOWN.names])} and {len(known) - SHOWN.names} more"
 
 
 def quoted(names: Iterable[object]) -> str:

@@ -8,6 +8,7 @@ from itertools import islice
 
 from envgraph.errors import (
     MOST_ERRORS,
+    SHOWN,
     Diagnostic,
     Note,
     Span,
@@ -31,9 +32,6 @@ from envgraph.metamodel._features import (
     place,
     type_name,
 )
-
-_MOST_NOTES = 5
-"""The maximum number of notes for one cycle."""
 
 
 def check_classes(
@@ -174,7 +172,7 @@ def _check_cycles(classes: Sequence[Class], inherited: Above) -> Iterator[Diagno
     for (first, above), *others in cycles.values():
         notes = tuple(
             Note(f"`{cls.name}` extends `{up}` here", place(cls, f"extends {up}"))
-            for cls, up in others[:_MOST_NOTES]
+            for cls, up in others[: SHOWN.notes]
         )
         message, hint = f"`{first.name}` is its own supertype", "remove one supertype of the cycle"
         span = place(first, f"extends {above}")

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import Final
 
-from envgraph.errors import Diagnostic, did_you_mean, name_hint, with_article
+from envgraph.errors import SHOWN, Diagnostic, did_you_mean, name_hint, with_article
 from envgraph.metamodel import EnumType, Metamodel, Scalar, Value, simple_name, type_name
 from envgraph.pattern._lowered import ObjectType, StaticType
 from envgraph.pattern._terms import Constant, Expression
@@ -26,8 +26,6 @@ _EXAMPLES: Final = {
     Scalar.BOOL: "write `true` or `false`",
     Scalar.STRING: 'write a string, such as `"a"`',
 }
-_LITERALS = 4
-"""For an enum with more literals than this, hints show only one literal."""
 
 
 def static_type(name: str | None, metamodel: Metamodel) -> StaticType | None:
@@ -104,8 +102,8 @@ def value_hint(type_: StaticType, found: StaticType | None = None) -> str:
     if isinstance(type_, ObjectType):
         return f"write a variable that stands for {with_article(type_.cls)}"
     if isinstance(type_, EnumType):
-        shown = [f"`{type_.name}::{literal}`" for literal in type_.literals[:_LITERALS]]
-        if len(type_.literals) > _LITERALS:
+        shown = [f"`{type_.name}::{literal}`" for literal in type_.literals[: SHOWN.literals]]
+        if len(type_.literals) > SHOWN.literals:
             return f"write a literal, such as {shown[0]}"
         return "write " + " or ".join(filter(None, (", ".join(shown[:-1]), *shown[-1:])))
     if isinstance(found, ObjectType):

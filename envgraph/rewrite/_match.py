@@ -7,21 +7,13 @@ from typing import NamedTuple, Unpack
 
 from envgraph.code import dataclass, short_repr
 from envgraph.draw import Picture, markup
-from envgraph.errors import InvalidArgument, did_you_mean
+from envgraph.errors import SHOWN, InvalidArgument, did_you_mean
 from envgraph.graph import Model, Node, PictureOptions
 from envgraph.metamodel import Value
 from envgraph.pattern import ObjectType, StaticType
 
 Row = tuple[Value, ...]
 """A match as the matcher returns it, with ids in place of objects."""
-
-
-_SHOWN = 3
-"""Number of matches shown in a repr."""
-
-_LONGEST = 160
-_ROWS = 100
-"""Number of matches shown in a notebook."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -166,20 +158,16 @@ class Matches(list[Match]):
     """A list of matches of one pattern or rule, which notebooks show as an HTML table."""
 
     def __repr__(self) -> str:
-        shown = ", ".join(map(repr, self[:_SHOWN]))
-        more = f" and {len(self) - _SHOWN:,} more" if len(self) > _SHOWN else ""
-        return (
-            f"[{shown}{more}]"
-            if len(shown) < _LONGEST
-            else f"<{len(self):,} matches of {self[0].definition}>"
-        )
+        shown = ", ".join(map(repr, self[: SHOWN.matches]))
+        more = f" and {len(self) - SHOWN.matches:,} more" if len(self) > SHOWN.matches else ""
+        return f"[{shown}{more}]" if len(shown) < 160 else f"<{len(self):,} matches of {self[0].definition}>"
 
     def _repr_html_(self) -> str:
         if not self:
             return "no matches"
         head = "".join(f"<th>{markup(name)}</th>" for name in self[0].names)
-        rows = "".join(f"<tr>{''.join(one.cells())}</tr>" for one in self[:_ROWS])
-        more = f"<p>and {len(self) - _ROWS:,} more</p>" if len(self) > _ROWS else ""
+        rows = "".join(f"<tr>{''.join(one.cells())}</tr>" for one in self[: SHOWN.rows])
+        more = f"<p>and {len(self) - SHOWN.rows:,} more</p>" if len(self) > SHOWN.rows else ""
         return f"<table><caption>{markup(self[0].definition)}</caption><tr>{head}</tr>{rows}</table>{more}"
 
 

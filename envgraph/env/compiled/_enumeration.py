@@ -5,7 +5,7 @@ from __future__ import annotations
 from contextlib import closing, suppress
 from functools import partial
 from math import prod
-from typing import Any, Final
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -15,6 +15,7 @@ from envgraph.env._explore import Explored, Progress, explore
 from envgraph.env._tabular import Tabular, allowed_or_all
 from envgraph.env._too_many import TooManyStates, check_entries, check_observations
 from envgraph.env.compiled._batch import Batch, longer
+from envgraph.env.compiled._costs import COSTS
 from envgraph.env.compiled._growth import grown
 from envgraph.env.compiled._layout import ERROR, TURN
 from envgraph.env.compiled._listing import DONE, PAUSED, SPACE
@@ -26,11 +27,6 @@ from envgraph.env.compiled.kernels import CAPACITY, FULL
 from envgraph.env.scene._scene import Scene
 from envgraph.errors import LIMITS
 from envgraph.rewrite import Engine
-
-FIRST: Final = 1_024
-"""The initial capacity for states and for outcomes."""
-TOLD: Final = 100_000
-"""The number of outcomes between two reports of progress."""
 
 Array = NDArray[Any]
 
@@ -74,11 +70,6 @@ def _visited(
         program = grown(program)
 
 
-FEW: Final = 2_000
-FEW_OUTCOMES: Final = 20_000
-"""States and outcomes that the live engine visits in less time than it takes to load a compiled program."""
-
-
 def explored(
     engine: Engine,
     behaviour: Behaviour,
@@ -94,17 +85,13 @@ def explored(
     """
     pictures = pictures and behaviour.draw is not None
     live = partial(explore, engine, behaviour, keys, pictures=pictures, progress=progress)
-    if limit <= FEW or not has_numba():
+    if limit <= COSTS.few_states or not has_numba():
         return live(limit=limit)
     with suppress(TooManyStates):
-        return live(limit=FEW, outcomes=FEW_OUTCOMES)
+        return live(limit=COSTS.few_states, outcomes=COSTS.few_outcomes)
     with suppress(NotCompiled):
         return _visited(program_of(engine, behaviour, keys=keys), 0, limit, progress, pictures=pictures)
     return live(limit=limit)
-
-
-LIVE_OUTCOMES: Final = 50_000
-"""Outcomes of actions that the live engine computes in the time that it takes to compile a program."""
 
 
 class Tables:
@@ -128,7 +115,7 @@ class Tables:
         Raises:
             EvaluationError, RuleError, ResolutionError: as `explore`.
         """
-        if self._visited > LIVE_OUTCOMES and has_numba():
+        if self._visited > COSTS.live_outcomes and has_numba():
             with suppress(NotCompiled):
                 program = program_over(self._programs, engine, self._behaviour, keys)
                 return enumerated(program, limit=self._limit, progress=progress)
@@ -159,15 +146,15 @@ class Visit:
         self.full = False
         self._draw = np.zeros(3 + 2 * LIMITS["random choices"])
         self._actions = len(program.action_names)
-        self.states = np.zeros((FIRST, arrays.ints.shape[1]), dtype=np.int64)
-        self.floats = np.zeros((FIRST, arrays.floats.shape[1]))
-        self.components = np.zeros((FIRST, len(program.observation_shape)), dtype=np.int64)
-        self.observations = np.zeros(FIRST, dtype=np.int64)
-        self.starts = np.zeros(FIRST * self._actions + 1, dtype=np.int64)
-        self.did = np.zeros(FIRST * self._actions, dtype=np.int64)
-        self.hashed = np.full(4 * FIRST, -1, dtype=np.int64)
-        self.to, self.ended = np.zeros(FIRST, dtype=np.int64), np.zeros(FIRST, dtype=np.int64)
-        self.chance, self.reward = np.zeros(FIRST), np.zeros(FIRST)
+        self.states = np.zeros((COSTS.first, arrays.ints.shape[1]), dtype=np.int64)
+        self.floats = np.zeros((COSTS.first, arrays.floats.shape[1]))
+        self.components = np.zeros((COSTS.first, len(program.observation_shape)), dtype=np.int64)
+        self.observations = np.zeros(COSTS.first, dtype=np.int64)
+        self.starts = np.zeros(COSTS.first * self._actions + 1, dtype=np.int64)
+        self.did = np.zeros(COSTS.first * self._actions, dtype=np.int64)
+        self.hashed = np.full(4 * COSTS.first, -1, dtype=np.int64)
+        self.to, self.ended = np.zeros(COSTS.first, dtype=np.int64), np.zeros(COSTS.first, dtype=np.int64)
+        self.chance, self.reward = np.zeros(COSTS.first), np.zeros(COSTS.first)
 
     def table(self) -> Tabular:
         """Visit all states, and return the table. Raise the errors that `enumerated` lists."""
@@ -188,7 +175,7 @@ class Visit:
                 self._actions,
                 LIMITS["outcomes"],
                 self._limit,
-                made + TOLD,
+                made + COSTS.told,
                 self.starts,
                 self.to,
                 self.chance,

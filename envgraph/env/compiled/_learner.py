@@ -3,19 +3,16 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import Final
 
 import numpy as np
 
 from envgraph.code import dataclass
 from envgraph.env.compiled._batch import longer
+from envgraph.env.compiled._costs import COSTS
 from envgraph.env.compiled._learning import OUTCOMES, SPACE, STARTS, WRONG
 from envgraph.env.compiled._player import Player
 from envgraph.env.compiled._program import Program
 from envgraph.errors import InvalidArgument
-
-FIRST: Final = 4_096
-"""The initial capacity for keys."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -57,9 +54,9 @@ class Learner:
         self._player = Player(program, "learn")
         width = program.arrays.ints.shape[1] + program.arrays.floats.shape[1] if of_states else 1
         self.count = 0
-        self.keys = np.zeros((FIRST, width), dtype=np.int64)
-        self.values = np.zeros((FIRST, len(program.action_names)))
-        self._hashed = np.full(4 * FIRST, -1, dtype=np.int64)
+        self.keys = np.zeros((COSTS.first_keys, width), dtype=np.int64)
+        self.values = np.zeros((COSTS.first_keys, len(program.action_names)))
+        self._hashed = np.full(4 * COSTS.first_keys, -1, dtype=np.int64)
 
     def enter(self, program: Program) -> None:
         """Use another program from now on, and keep the learned values. Member numbers then mean its members.

@@ -19,8 +19,6 @@ NO_OBJECT = -1
 NO_INT = -(2**31)
 """Represents a missing int; ints in states have 32 bits."""
 MOST_INT = 2**31 - 1
-SPARE = 64
-"""The default maximum number of created objects in a state."""
 
 Cell: TypeAlias = "int | float"
 Row: TypeAlias = "tuple[Cell, ...]"

@@ -18,24 +18,16 @@ from envgraph.env._prepared import never_acts
 from envgraph.env._simulator import Simulator
 from envgraph.env._too_many import TooManyStates
 from envgraph.env.compiled._batch import longer
-from envgraph.env.compiled._enumeration import FEW, FEW_OUTCOMES, FIRST, TOLD, Visit
+from envgraph.env.compiled._costs import COSTS
+from envgraph.env.compiled._enumeration import Visit
 from envgraph.env.compiled._listing import DONE, FOUND, PAUSED, SPACE
 from envgraph.env.compiled._program import Program, program_over
 from envgraph.errors import LIMITS
 from envgraph.pattern import Negation, PatternCall, Variable
 from envgraph.rewrite import Engine
 
-BREADTH: Final = 20_000
-WIDTH: Final = 500
-"""Default number of states visited breadth-first, and default number of states that a beam keeps of a layer."""
 NARROW: Final = 1_000, 100
 """Limit and width of the first search if any plan will do: it finds 6 of 7 `warehouse` plans in 1/4 of the time."""
-SEARCHES_OF_PYTHON: Final = 20
-"""Number of small searches that `Plans` runs in Python before it compiles; together they take at most about 20 s."""
-MOST_MATCHES: Final = 255
-"""Maximum match count of a guide; greater counts are observed as this number."""
-HORIZON: Final = 1_000
-"""Maximum number of steps of a beam in an environment without a time limit."""
 ENDS: Final = {1: "success", 2: "failure"}
 
 
@@ -98,7 +90,9 @@ def guided(behaviour: Behaviour, outcome: int = 1, guide: PatternCall | None = N
         and isinstance(effect.condition, Negation)
         and isinstance(effect.condition.relation, PatternCall)
     ]
-    counts = tuple(ObserveFind(call, MOST_MATCHES) for call in ([guide] if guide is not None else calls))
+    counts = tuple(
+        ObserveFind(call, COSTS.most_matches) for call in ([guide] if guide is not None else calls)
+    )
     if behaviour.together:
         return replace(behaviour, observations=(*behaviour.observations, *counts)), len(counts)
     agents = tuple(replace(agent, observations=(*counts, *agent.observations)) for agent in behaviour.agents)
@@ -150,9 +144,16 @@ class Plans:
         program, guides = self._guided(engine)
         searches = list[PlanSearch]()
         self._searches += 1
-        if program.native and self._searches <= SEARCHES_OF_PYTHON:
-            slow = PlanSearch(replace(program, native=False), self._outcome, BREADTH, WIDTH, FEW, progress)
-            slow.outcomes = FEW_OUTCOMES
+        if program.native and self._searches <= COSTS.searches_of_python:
+            slow = PlanSearch(
+                replace(program, native=False),
+                self._outcome,
+                COSTS.breadth,
+                COSTS.width,
+                COSTS.few_states,
+                progress,
+            )
+            slow.outcomes = COSTS.few_outcomes
             searches.append(slow)
         if not self._shortest:
             searches.append(PlanSearch(program, self._outcome, *NARROW, LIMITS["planned states"], progress))
@@ -161,8 +162,10 @@ class Plans:
                 plan = search.plan(guides)
                 if isfinite(plan.steps) or plan.exact:
                     return search, plan
-            self._searches = SEARCHES_OF_PYTHON  # later searches are compiled
-        search = PlanSearch(program, self._outcome, BREADTH, WIDTH, LIMITS["planned states"], progress)
+            self._searches = COSTS.searches_of_python  # later searches are compiled
+        search = PlanSearch(
+            program, self._outcome, COSTS.breadth, COSTS.width, LIMITS["planned states"], progress
+        )
         return search, search.plan(guides)
 
     def _guided(self, engine: Engine) -> tuple[Program, int]:
@@ -246,15 +249,15 @@ class PlanSearch(Visit):
         self,
         program: Program,
         outcome: int = 1,
-        limit: int = BREADTH,
-        width: int = WIDTH,
+        limit: int = COSTS.breadth,
+        width: int = COSTS.width,
         most: int | None = None,
         progress: Progress | None = None,
     ) -> None:
         super().__init__(program, 0, limit, progress)
         self._outcome, self._width, self._most = outcome, width, most
         self._tried = different_actions(program)
-        self.before, self.by = np.zeros(FIRST, np.int64), np.zeros(FIRST, np.int64)
+        self.before, self.by = np.zeros(COSTS.first, np.int64), np.zeros(COSTS.first, np.int64)
 
     def plan(self, guides: int) -> Plan:
         """Search layer by layer for a plan. The beam keeps the states with the lowest sum of match counts.
@@ -274,7 +277,7 @@ class PlanSearch(Visit):
         self.before[:last] = -1
         met, depth, cut = last, 0, False
         left, self._made = _Layer(0, ()), 0
-        horizon = self._program.behaviour.limit or HORIZON
+        horizon = self._program.behaviour.limit or COSTS.horizon
         while first < last and (depth < horizon or not cut):
             if last > self._limit and last - first > self._width:
                 score = self.components[first:last, guide].sum(axis=1)
@@ -316,7 +319,7 @@ class PlanSearch(Visit):
                 self._made,
                 self._tried,
                 LIMITS["outcomes"],
-                self._made + TOLD if self.outcomes is None else self.outcomes,
+                self._made + COSTS.told if self.outcomes is None else self.outcomes,
                 self._outcome,
                 self.before,
                 self.by,

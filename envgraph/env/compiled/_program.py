@@ -18,8 +18,9 @@ from envgraph.env._simulator import Simulator
 from envgraph.env._together import check_complete
 from envgraph.env.compiled import _learning, _listing, _masking, _network, _playing, kernels, values
 from envgraph.env.compiled._behaviour import Text, written
+from envgraph.env.compiled._costs import COSTS
 from envgraph.env.compiled._layout import Layout
-from envgraph.env.compiled._member import SPARE, Borrowed, Member
+from envgraph.env.compiled._member import Borrowed, Member
 from envgraph.env.compiled._native import functions, has_numba
 from envgraph.env.compiled._refused import Misfit, NotCompiled
 from envgraph.env.compiled._twin import Twin
@@ -36,9 +37,6 @@ PURPOSES: Final[Mapping[Purpose, tuple[tuple[ModuleType, ...], tuple[str, ...]]]
     "play": ((kernels, values, _network, _playing), ("follow",)),
 }
 """For each purpose the fixed modules that precede a program's own text, and the functions that Python calls."""
-
-MOST_PROGRAMS: Final = 16
-"""Maximum number of cached programs; generating a program takes as long as a hundred small searches."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -131,7 +129,7 @@ def program_of(
     *,
     native: bool | None = None,
     broken: Iterable[Hashable] = (),
-    spare: int = SPARE,
+    spare: int = COSTS.spare,
 ) -> Program:
     """Compile a behaviour for the members of a family.
 
@@ -189,7 +187,7 @@ def program_over(known: dict[Any, Program], engine: Engine, behaviour: Behaviour
     except Misfit as misfit:
         made, broken = None, {*broken, misfit.assumption}
     known[indices] = made or program_of(engine, behaviour, keys=keys, broken=broken)
-    if len(known) > MOST_PROGRAMS:
+    if len(known) > COSTS.programs:
         del known[next(iter(known))]
     return known[indices]
 

@@ -6,32 +6,37 @@ from collections import Counter
 from collections.abc import Sequence
 from dataclasses import replace
 from math import cos, hypot, pi, sin
+from typing import Final
 
 from envgraph.code import dataclass
 from envgraph.draw import shortened
 from envgraph.env.scene._scene import Edge, GraphScene, Mark, Scene
 from envgraph.errors import visible
 
-NODE_RADIUS = 0.42
-_SPACING = 2.4
-_LEAST_RADIUS = 1.6
-"""Minimum radius of the circle of nodes. A single node gets as much room, for equal sizes within a family."""
-_EDGE_LABELS = 3.4
-"""Minimum distance of neighbouring nodes if edges have labels."""
 
-_LABEL_SHARE = 0.76
-"""The position of a label on its edge: nearer to the end, so that labels of opposite edges do not overlap."""
+@dataclass(frozen=True, slots=True)
+class SceneStyle:
+    """The sizes of pictures of graphs, in units of cells."""
 
-_LONGEST = 24
-"""Maximum number of letters of a label; a longer label is shortened."""
+    node_radius: float = 0.42
+    spacing: float = 2.4  # between nodes
+    least_radius: float = (
+        1.6  # of the circle of nodes, also of a single one: members of a family have equal sizes
+    )
+    edge_labels: float = 3.4  # least distance of nodes if edges between them have labels
+    label_share: float = (
+        0.76  # of an edge before its label: near the end, away from that of the opposite edge
+    )
+    label_gap: float = 0.42 + 0.32  # between the middle of a node and its label
+    longest: int = 24  # letters of a label; a longer one is shortened
+    letter: float = 0.2  # width of a letter in SVG
+    edge_shift: float = 0.13  # of an edge from the line between its nodes
+    bend: float = 0.3  # distance between the middles of edges that join the same two nodes
+    pieces: int = 16  # straight lines of a curve
+    dash: float = 0.22  # length of a dash, and of the gap after it
 
-_LABEL_GAP = NODE_RADIUS + 0.32
-_EDGE_SHIFT = 0.13
-_BEND = 0.3
-"""The distance between the middles of edges that join the same two nodes."""
-_PIECES = 16
-"""The number of straight lines that a curve consists of."""
 
+STYLE: Final = SceneStyle()
 Point = tuple[float, float]
 
 
@@ -61,20 +66,22 @@ def graph_layout(scene: GraphScene, letter_width: float) -> GraphLayout:
         letter_width: width of a letter of a label.
     """
     count = len(scene.labels)
-    names = tuple(shortened(visible(label), _LONGEST) for label in scene.labels)
+    names = tuple(shortened(visible(label), STYLE.longest) for label in scene.labels)
     longest = max(map(len, names), default=0) * letter_width
-    spacing = max(_SPACING, longest + 0.3, *(_EDGE_LABELS * bool(edge.label) for edge in scene.edges))
-    radius = _LEAST_RADIUS if count < 2 else max(_LEAST_RADIUS, spacing / (2 * sin(pi / count)))
-    side = _LABEL_GAP + longest + 0.1
-    rise = _LABEL_GAP + 0.3
+    spacing = max(
+        STYLE.spacing, longest + 0.3, *(STYLE.edge_labels * bool(edge.label) for edge in scene.edges)
+    )
+    radius = STYLE.least_radius if count < 2 else max(STYLE.least_radius, spacing / (2 * sin(pi / count)))
+    side = STYLE.label_gap + longest + 0.1
+    rise = STYLE.label_gap + 0.3
     width, height = 2 * (radius + side), 2 * (radius + rise)
     angles = [2 * pi * number / max(count, 1) - pi / 2 for number in range(count)]
     radius = 0.0 if count < 2 else radius
     nodes = tuple((width / 2 + radius * cos(a), height / 2 + radius * sin(a)) for a in angles)
     labels = tuple(
         (
-            x + cos(angle) * (_LABEL_GAP + len(label) * letter_width / 2),
-            y + sin(angle) * _LABEL_GAP,
+            x + cos(angle) * (STYLE.label_gap + len(label) * letter_width / 2),
+            y + sin(angle) * STYLE.label_gap,
         )
         for (x, y), angle, label in zip(nodes, angles, names, strict=True)
     )
@@ -93,9 +100,9 @@ def graph_layout(scene: GraphScene, letter_width: float) -> GraphLayout:
 def _loop(node: Point, angle: float, number: int) -> tuple[Point, ...]:
     """Return the points of a loop at a node, in the direction `angle`; loop `number` encloses those before it."""
     radius = 0.26 + 0.12 * number
-    middle = NODE_RADIUS + 0.06 + radius * 0.7
+    middle = STYLE.node_radius + 0.06 + radius * 0.7
     x, y = node[0] + middle * cos(angle), node[1] + middle * sin(angle)
-    turns = [angle - 0.75 * pi + 1.5 * pi * step / _PIECES for step in range(_PIECES + 1)]
+    turns = [angle - 0.75 * pi + 1.5 * pi * step / STYLE.pieces for step in range(STYLE.pieces + 1)]
     return tuple((x + radius * cos(turn), y + radius * sin(turn)) for turn in turns)
 
 
@@ -105,8 +112,8 @@ def _curve(start: Point, end: Point, number: int) -> tuple[Point, ...]:
         return start, end
     (ax, ay), (bx, by) = start, end
     length = max(hypot(bx - ax, by - ay), 1e-9)
-    side_x, side_y = -(by - ay) / length * _BEND * number, (bx - ax) / length * _BEND * number
-    shares = [step / _PIECES for step in range(_PIECES + 1)]
+    side_x, side_y = -(by - ay) / length * STYLE.bend * number, (bx - ax) / length * STYLE.bend * number
+    shares = [step / STYLE.pieces for step in range(STYLE.pieces + 1)]
     places = [(between(start, end, share), 4 * share * (1 - share)) for share in shares]
     return tuple((x + side_x * bent, y + side_y * bent) for (x, y), bent in places)
 
@@ -116,8 +123,8 @@ def _edge(start: Point, end: Point) -> tuple[Point, Point]:
     (ax, ay), (bx, by) = start, end
     length = hypot(bx - ax, by - ay)
     ux, uy = (bx - ax) / length, (by - ay) / length
-    shift_x, shift_y = -uy * _EDGE_SHIFT, ux * _EDGE_SHIFT
-    gap = NODE_RADIUS + 0.06
+    shift_x, shift_y = -uy * STYLE.edge_shift, ux * STYLE.edge_shift
+    gap = STYLE.node_radius + 0.06
     return (
         (ax + ux * gap + shift_x, ay + uy * gap + shift_y),
         (bx - ux * gap + shift_x, by - uy * gap + shift_y),
@@ -128,9 +135,9 @@ def label_place(points: Sequence[Point]) -> Point:
     """Return the position of an edge's label: near the end of an edge, half way on a loop."""
     start, end = points[0], points[-1]
     if len(points) == 2:
-        return between(start, end, _LABEL_SHARE)
-    loop = hypot(end[0] - start[0], end[1] - start[1]) < NODE_RADIUS * 2
-    return points[round((0.5 if loop else _LABEL_SHARE) * _PIECES)]
+        return between(start, end, STYLE.label_share)
+    loop = hypot(end[0] - start[0], end[1] - start[1]) < STYLE.node_radius * 2
+    return points[round((0.5 if loop else STYLE.label_share) * STYLE.pieces)]
 
 
 def between(start: Point, end: Point, share: float) -> Point:

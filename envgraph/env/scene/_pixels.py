@@ -13,7 +13,7 @@ from envgraph.draw import INK, PAPER, Colour, blend, ink_on, parse_colour
 from envgraph.env.scene._canvas import Canvas
 from envgraph.env.scene._font import ADVANCE, HEIGHT
 from envgraph.env.scene._layout import (
-    NODE_RADIUS,
+    STYLE,
     Point,
     arrow_head,
     aside_places,
@@ -24,9 +24,6 @@ from envgraph.env.scene._layout import (
 )
 from envgraph.env.scene._scene import EMPTY, GraphScene, GridScene, Mark, Scene
 from envgraph.errors import LIMITS, InvalidArgument
-
-_DASH = 0.22
-"""Length of a dash, and of the gap after it."""
 
 
 def scene_rgb(scene: Scene, cell: int = 32) -> NDArray[np.uint8]:
@@ -116,8 +113,8 @@ def _graph(scene: GraphScene, cell: int) -> NDArray[np.uint8]:
     below = {mark.place[0] for mark in scene.marks}
     for number, ((x, y), glyph) in enumerate(zip(layout.nodes, scene.glyphs, strict=True)):
         colour = parse_colour(glyph.colour)
-        canvas.disc(x * cell, y * cell, NODE_RADIUS * cell, blend(colour, INK, 0.3))
-        canvas.disc(x * cell, y * cell, NODE_RADIUS * cell - max(1.0, cell / 24), colour)
+        canvas.disc(x * cell, y * cell, STYLE.node_radius * cell, blend(colour, INK, 0.3))
+        canvas.disc(x * cell, y * cell, STYLE.node_radius * cell - max(1.0, cell / 24), colour)
         if number not in below:
             canvas.text(x * cell, y * cell, glyph.letter, _scale(cell), ink_on(colour, 0.62))
     for (x, y), label in zip(layout.labels, layout.names, strict=True):
@@ -134,7 +131,7 @@ def _arrow(canvas: Canvas, line: Sequence[Point], cell: int, colour: Colour, bro
     start, end = line[0], line[-1]
     points = list(line)
     if broken and len(line) == 2:
-        pieces = max(1, round(hypot(end[0] - start[0], end[1] - start[1]) / _DASH))
+        pieces = max(1, round(hypot(end[0] - start[0], end[1] - start[1]) / STYLE.dash))
         points = [between(start, end, number / pieces) for number in range(pieces + 1)]
     for one, other in list(pairwise(points))[:: 2 if broken else 1]:
         canvas.line((one[0] * cell, one[1] * cell), (other[0] * cell, other[1] * cell), width, colour)

@@ -6,7 +6,7 @@ from collections.abc import Iterator, Sequence
 
 from envgraph.draw import INK, Colour, blend, colour_text, ink_on, markup, parse_colour
 from envgraph.env.scene._layout import (
-    NODE_RADIUS,
+    STYLE,
     Point,
     arrow_head,
     aside_places,
@@ -17,7 +17,6 @@ from envgraph.env.scene._layout import (
 from envgraph.env.scene._scene import EMPTY, Edge, GraphScene, GridScene, Mark, Scene
 from envgraph.env.scene._text import scene_title
 
-_LETTER_WIDTH = 0.2
 _HALO = ' stroke="#ffffff" stroke-width="0.12" stroke-linejoin="round" aria-hidden="true"'
 """The style of a white outline behind a text, which makes it readable above lines."""
 
@@ -32,7 +31,7 @@ def scene_svg(scene: Scene, cell: int = 32) -> str:
     if isinstance(scene, GridScene):
         width, height, parts = float(scene.width), float(scene.height), list(_grid(scene))
     else:
-        layout = graph_layout(scene, _LETTER_WIDTH)
+        layout = graph_layout(scene, STYLE.letter)
         width, height, parts = layout.width, layout.height, list(_graph(scene))
     if scene.aside is not None:
         for mark, (x, y), radius in aside_places(scene, width):
@@ -85,7 +84,7 @@ def _disc(mark: Mark, at: Point, radius: float) -> Iterator[str]:
 
 
 def _graph(scene: GraphScene) -> Iterator[str]:
-    layout = graph_layout(scene, _LETTER_WIDTH)
+    layout = graph_layout(scene, STYLE.letter)
     yield f'<rect width="{_n(layout.width)}" height="{_n(layout.height)}" fill="#ffffff"/>'
     for edge, line in layout.edges:
         broken = ' stroke-dasharray="0.18 0.14"' if edge.kind else ""
@@ -104,7 +103,7 @@ def _graph(scene: GraphScene) -> Iterator[str]:
     for number, (at, glyph) in enumerate(zip(layout.nodes, scene.glyphs, strict=True)):
         colour = parse_colour(glyph.colour)
         yield (
-            f'<circle cx="{_n(at[0])}" cy="{_n(at[1])}" r="{_n(NODE_RADIUS)}" fill="{markup(glyph.colour)}" '
+            f'<circle cx="{_n(at[0])}" cy="{_n(at[1])}" r="{_n(STYLE.node_radius)}" fill="{markup(glyph.colour)}" '
             f'stroke="{colour_text(blend(colour, INK, 0.3))}" stroke-width="0.05"/>'
         )
         if number not in below:

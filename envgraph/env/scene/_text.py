@@ -3,10 +3,7 @@
 from __future__ import annotations
 
 from envgraph.env.scene._scene import EMPTY, Edge, GraphScene, GridScene, Mark, Scene
-from envgraph.errors import visible
-
-_MOST_NAMED = 6
-"""Maximum number of tokens that the description of a picture names."""
+from envgraph.errors import SHOWN, visible
 
 
 def scene_text(scene: Scene) -> str:
@@ -28,8 +25,8 @@ def scene_title(scene: Scene) -> str:
     else:
         nodes, edges = len(scene.labels), len(scene.edges)
         what = f"a graph of {nodes} node{'s' * (nodes != 1)} and {edges} edge{'s' * (edges != 1)}"
-    marks = [f"{mark.name} at {_place(scene, mark)}" for mark in scene.marks[:_MOST_NAMED]]
-    marks = [*marks, *(f"{mark.name} nowhere" for mark in scene.aside or ())][:_MOST_NAMED]
+    marks = [f"{mark.name} at {_place(scene, mark)}" for mark in scene.marks[: SHOWN.marks]]
+    marks = [*marks, *(f"{mark.name} nowhere" for mark in scene.aside or ())][: SHOWN.marks]
     more = len(scene.marks) + len(scene.aside or ()) - len(marks)
     return "; ".join([what, *marks, *([f"{more} more"] if more else [])])
 

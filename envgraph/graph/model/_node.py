@@ -6,15 +6,12 @@ from collections.abc import Iterable, Iterator, Mapping, MutableSequence, Sequen
 from typing import TYPE_CHECKING, Any, Literal, TypeVar, overload
 
 from envgraph.code import short_repr
-from envgraph.errors import InvalidArgument, TypeMismatch, did_you_mean
+from envgraph.errors import SHOWN, InvalidArgument, TypeMismatch, did_you_mean
 from envgraph.graph.write import _refusals as refusals
 from envgraph.metamodel import LARGEST_INT, Attribute, Feature, Reference, Value
 
 if TYPE_CHECKING:
     from envgraph.graph.model._model import Model
-
-_SHOWN = 10
-"""The number of items in the repr of a longer list."""
 
 
 @short_repr
@@ -165,9 +162,9 @@ class _HeldList(Sequence[_Item]):
 
     def __repr__(self) -> str:
         """Return the text of a list; if the list is long, only its first items and the number of all items."""
-        if len(self) <= _SHOWN:
+        if len(self) <= SHOWN.items:
             return repr(list(self))
-        return f"[{', '.join(map(repr, self[:_SHOWN]))}, ... {len(self):,} in all]"
+        return f"[{', '.join(map(repr, self[: SHOWN.items]))}, ... {len(self):,} in all]"
 
 
 @short_repr

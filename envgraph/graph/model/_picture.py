@@ -15,16 +15,13 @@ from envgraph.draw import (
     shortened,
     shown_value,
 )
-from envgraph.errors import InvalidArgument, did_you_mean, visible
+from envgraph.errors import SHOWN, InvalidArgument, did_you_mean, visible
 from envgraph.graph.model._node import Node
 from envgraph.graph.store._relation import Relation
 from envgraph.metamodel import Attribute, EnumType, Feature, Metamodel, Reference, Scalar, class_colours
 
 if TYPE_CHECKING:
     from envgraph.graph.model._model import Model
-
-LIMIT = 100
-"""The default of the maximal number of objects in a picture."""
 
 _FAN = 16
 """If an object has more lines than this, a layout in layers would be far wider than high."""
@@ -46,7 +43,7 @@ class PictureOptions(TypedDict, total=False):
         highlight: a match, a node, or several of them: drawn with a red border and the names of the variables.
         around: a match, a node, or several: draw only these objects and objects at most `distance` links away.
         distance: the maximal number of links from `around`; 1 by default.
-        limit: the maximal number of objects; `LIMIT` by default. Objects close to highlighted objects are chosen
+        limit: the maximal number of objects; `SHOWN.rows` by default. Objects close to highlighted objects are chosen
             first, or close to the first object if none are highlighted. A note on the picture states the total
             number.
         layout: a layout of Graphviz. The default is "dot" (layers, containers on top), or "neato" if an object has many
@@ -77,7 +74,7 @@ def picture(
     highlight: Marked = (),
     around: Marked | None = None,
     distance: int = 1,
-    limit: int = LIMIT,
+    limit: int = SHOWN.rows,
     layout: str | None = None,
     position: tuple[str, str] | None = None,
 ) -> Picture:

@@ -11,10 +11,10 @@ import logging
 import re
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from types import ModuleType
-from typing import Any, Final
+from typing import Any
 from urllib.parse import quote
 
-from envgraph.errors import Diagnostic, InvalidArgument, LoadError, Source, sort_diagnostics
+from envgraph.errors import SHOWN, Diagnostic, InvalidArgument, LoadError, Source, sort_diagnostics
 from envgraph.graph import Model, model_to_xmi
 from envgraph.lang.interchange._ecore import read_ecore
 from envgraph.lang.interchange._ecore_document import EcoreDocument, ecore_itself
@@ -22,8 +22,6 @@ from envgraph.lang.interchange._xmi import read_xmi
 from envgraph.lang.read._ecore_types import ECORE, XML_TYPES
 from envgraph.metamodel import Metamodel, metamodel_to_ecore
 
-_LISTED: Final = 5
-"""Number of losses that a warning lists."""
 _PLACE = re.compile(r"#/(\d+)/")
 """Matches pyecore's path prefix of parts in one of several roots."""
 
@@ -64,8 +62,8 @@ def _tell(losses: Iterable[Diagnostic]) -> None:
     """Log one warning with the messages of the first five losses and the number of the rest; if none, log nothing."""
     said = [one.message for one in losses]
     if said:
-        more = f", and {len(said) - _LISTED} more" if len(said) > _LISTED else ""
-        logging.getLogger("envgraph").warning("%s", "; ".join(said[:_LISTED]) + more)
+        more = f", and {len(said) - SHOWN.names} more" if len(said) > SHOWN.names else ""
+        logging.getLogger("envgraph").warning("%s", "; ".join(said[: SHOWN.names]) + more)
 
 
 def metamodel_to_pyecore(metamodel: Metamodel) -> Any:

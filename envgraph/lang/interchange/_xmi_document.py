@@ -12,6 +12,7 @@ from envgraph.code import dataclass
 from envgraph.errors import (
     MOST_ERRORS,
     MOST_NESTED,
+    SHOWN,
     Diagnostic,
     Note,
     Severity,
@@ -37,8 +38,6 @@ Fetch = Callable[[str, str], Source | None]
 
 _NAMED = "refer to an object by its `xmi:id`, by an `iD` attribute of the metamodel, or by its path: `//@...`"
 LEAVE_OUT = "add `--allow-unresolved` to leave out links to missing objects"
-_MANY = 1000
-"""If there are more names than this, no similar name is suggested, because comparing all takes too long."""
 
 _KEYED = re.compile(r"@([^\[]+)\[(.*)\]")
 _KEY = re.compile(r"([^=,]+)=(null|'[^']*'|\"[^\"]*\"|\[[^\]]*\])(?:,|$)")
@@ -329,7 +328,7 @@ class Document:
         found = document.find(fragment)
         if found is None:
             known = (*document.ids, *document.identified)
-            hint = name_hint(fragment, known) if len(known) <= _MANY and fragment[:1] != "/" else None
+            hint = name_hint(fragment, known) if len(known) <= SHOWN.similar and fragment[:1] != "/" else None
             if not known and fragment[:1] != "/":
                 hint = _NAMED
             if "[" in fragment:

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import replace
 
-from envgraph.errors import Diagnostic, Note, Span, plural
+from envgraph.errors import SHOWN, Diagnostic, Note, Span, plural
 
 _ROWS = frozenset({"stray-character", "unterminated-text"})
 _MOST_LINES = 3
@@ -20,8 +20,6 @@ NAMES = frozenset(
 """Codes about names with the scope of a file: if a name's definition is misspelt, all its uses are unknown."""
 _PARAMETERS = ("unknown-variable", ".environment")
 """The code and suffix for parameters of environments, whose scope is a file too, unlike that of other variables."""
-_MOST_PLACES = 10
-"""Number of other places of a name that a note lists."""
 
 
 def once_for_each_name(found: Iterable[Diagnostic]) -> list[Diagnostic]:
@@ -49,9 +47,9 @@ def _is_parameter(code: str, span: Span) -> bool:
 
 
 def _elsewhere(problems: Sequence[Diagnostic]) -> Note:
-    spans = [one.span for one in problems[:_MOST_PLACES] if one.span is not None]
+    spans = [one.span for one in problems[: SHOWN.places] if one.span is not None]
     shown = ", ".join(f"{span.line}:{span.column}" for span in spans)
-    more = len(problems) - _MOST_PLACES
+    more = len(problems) - SHOWN.places
     return Note(f"also at {shown}" + (f" and at {plural(more, 'more place')}" if more > 0 else ""))
 
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import replace
 
-from envgraph.errors import Diagnostic, Note, did_you_mean
+from envgraph.errors import SHOWN, Diagnostic, Note, did_you_mean
 from envgraph.lang.syntax._grammar import Grammar
 from envgraph.lang.syntax._lexer import END, PUNCTUATION, Lexeme, first_on_line, overlapping
 from envgraph.lang.syntax._stack import Level, ParseStack
@@ -30,7 +30,6 @@ _OPERATORS = frozenset(
 _COMPARISONS = ("==", "===", "!=", "!==", "=", "<", "<=", ">", ">=")
 _STEPS = ("first", "top", "all", "alap", "repeat", "try", "atomic", "if")
 """Keywords that start a step of a unit; a rule may have such a name too."""
-_MOST_SHOWN = 9
 _BELONGS = {"query": ("pattern",), "rules": ("rule", "unit", "derive")}
 """By file suffix: the keywords that start its definitions."""
 
@@ -82,8 +81,8 @@ def expectation(grammar: Grammar, states: list[int]) -> str:
     spelt = sorted(
         spelt, key=lambda one: (one.startswith("`") and one[1].isalpha(), one.startswith("`"), one)
     )
-    if len(spelt) > _MOST_SHOWN:
-        spelt = [*spelt[: _MOST_SHOWN - 1], "another statement"]
+    if len(spelt) > SHOWN.expected:
+        spelt = [*spelt[: SHOWN.expected - 1], "another statement"]
     return "expected " + (" or ".join([", ".join(spelt[:-1]), spelt[-1]]) if len(spelt) > 1 else spelt[0])
 
 

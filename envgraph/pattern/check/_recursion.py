@@ -5,10 +5,9 @@ from __future__ import annotations
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import replace
 from itertools import pairwise
-from typing import Final
 
 from envgraph.code import dataclass
-from envgraph.errors import Diagnostic, Severity, Span
+from envgraph.errors import SHOWN, Diagnostic, Severity, Span
 from envgraph.metamodel import Feature, components, shortest_way
 from envgraph.pattern._analysis import Entry, calls_of, definitions
 from envgraph.pattern._queries import Closure, Pattern
@@ -24,10 +23,6 @@ class _Edge:
     @property
     def monotone(self) -> bool:
         return not self.word
-
-
-_MOST_SHOWN: Final = 20
-"""The maximal number of steps of a cycle in a message."""
 
 
 def check_recursion(patterns: Sequence[Pattern], entries: Mapping[str, Entry]) -> Iterator[Diagnostic]:
@@ -132,8 +127,8 @@ def _no_base(edge: _Edge, cycle: Sequence[_Edge]) -> Diagnostic:
 
 def _path(cycle: Sequence[_Edge]) -> str:
     steps = [f" -> {link.word + ' ' if link.word else ''}{link.callee}" for link in cycle]
-    if len(steps) > _MOST_SHOWN:
-        steps[_MOST_SHOWN // 2 : -_MOST_SHOWN // 2] = [f" -> ({len(steps) - _MOST_SHOWN} more)"]
+    if len(steps) > SHOWN.cycle:
+        steps[SHOWN.cycle // 2 : -SHOWN.cycle // 2] = [f" -> ({len(steps) - SHOWN.cycle} more)"]
     return cycle[0].caller + "".join(steps)
 
 

@@ -5,9 +5,8 @@ from __future__ import annotations
 import re
 from collections.abc import Iterable, Iterator
 from dataclasses import replace
-from typing import Final
 
-from envgraph.errors import Diagnostic, Note, Severity, Span, did_you_mean, nearest
+from envgraph.errors import SHOWN, Diagnostic, Note, Severity, Span, did_you_mean, nearest
 from envgraph.metamodel import EnumType, type_name
 from envgraph.pattern._binding import Binding, bound_by_type, inputs_of, is_data_type
 from envgraph.pattern._bodies import Reading, Use, names_read, positive_relations, terms_of
@@ -17,9 +16,6 @@ from envgraph.pattern._queries import Comparison, Evaluation, Hash, Parameter, P
 from envgraph.pattern._terms import Constant, Variable
 from envgraph.pattern._types import type_text
 from envgraph.pattern.check._relations import Place
-
-_MOST_COMPARED: Final = 200
-"""The maximal number of variables of a body for which similar names are searched."""
 
 
 class UsageCheck:
@@ -255,7 +251,7 @@ class UsageCheck:
             yield quantified_variable(places[0].variable)
         elif len(places) == 1 and not self._unclear:
             others = [other for other in self._reading.names if other != name and not other.startswith("_")]
-            near = did_you_mean(name, others) if len(others) <= _MOST_COMPARED else None
+            near = did_you_mean(name, others) if len(others) <= SHOWN.variables else None
             near = self._literal_hint(name, self._types.of(name)) or near
             hint = near or f"start its name with `_` (`_{name}`) if that is meant"
             yield _warning("used-once", f"`{name}` is referenced only once", places[0].variable.span, hint)

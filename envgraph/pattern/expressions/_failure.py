@@ -5,14 +5,11 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import Any
 
-from envgraph.errors import EvaluationError, Span
+from envgraph.errors import SHOWN, EvaluationError, Span
 from envgraph.metamodel import Value
 from envgraph.pattern._bodies import children
 from envgraph.pattern._terms import Binary, Conditional, Constant, Expression, FunctionCall, Navigation
 from envgraph.pattern.expressions._evaluate import STRICT, Reader, evaluate, raw_value
-
-_LONGEST = 40
-"""The maximal number of characters that a hint repeats from the source."""
 
 
 def explained(
@@ -50,7 +47,7 @@ def _hint(
             asked = divisor if raw_value(divisor, values, read) == 0 else None
     if asked is not None and asked.span is not None and not isinstance(asked, Constant):
         text = asked.span.text
-        if len(text) <= _LONGEST and "\n" not in text:
+        if len(text) <= SHOWN.source and "\n" not in text:
             if isinstance(asked, Binary | Conditional) and text[0] != "(":
                 text = f"({text})"
             return advice.format(f"{text} {operator}")

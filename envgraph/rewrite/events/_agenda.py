@@ -8,7 +8,7 @@ from itertools import count, islice
 from typing import TYPE_CHECKING, overload
 
 from envgraph.code import short_repr
-from envgraph.errors import EvaluationError
+from envgraph.errors import SHOWN, EvaluationError
 from envgraph.graph import guarded
 from envgraph.match import ViewMatcher
 from envgraph.rewrite._match import Row
@@ -16,9 +16,6 @@ from envgraph.rewrite.events._event_rules import Activation, EventRule
 
 if TYPE_CHECKING:
     from envgraph.rewrite.engine._engine import Engine
-
-_ROUND = 20
-"""Number of last firings whose rules are named in the message about the step limit."""
 
 
 class ConflictSet:
@@ -137,7 +134,7 @@ class ConflictSet:
             activation = self._next()
             if activation is None:
                 return
-            if fired >= limit - _ROUND:
+            if fired >= limit - SHOWN.firings:
                 last.append(activation.rule.name)
             self._fire(activation)
 

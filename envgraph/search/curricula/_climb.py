@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from envgraph.code import dataclass
 from envgraph.env import TooManyStates
 from envgraph.env.compiled import NotCompiled
-from envgraph.errors import InvalidArgument
+from envgraph.errors import TOLERANCE, InvalidArgument
 from envgraph.search.curricula._levels import Level, Levels
 from envgraph.search.curricula._moves import Family, Moves
 from envgraph.search.curricula._objectives import Judged, Learning, value_of
@@ -41,8 +41,6 @@ MOVES: Final = 80
 """Number of moves that are tried on the same seeds."""
 BLOCK: Final = 16
 """Number of seeds after which a family is compared again and may be dropped."""
-_SAME: Final = 1e-9
-"""Tolerance for comparing diversities."""
 BIRTHS: Final = 1_000
 """Number of attempts to sample a first valid family."""
 ENOUGH_GOOD: Final = 4
@@ -156,7 +154,7 @@ class CurriculumSearch:
                 "`demanded` is infinity, but the largest possible diversity is unknown: give a number"
             )
         demanded = self.settings.demanded
-        self._demanded = None if demanded is None else min(demanded, most) - _SAME
+        self._demanded = None if demanded is None else min(demanded, most) - TOLERANCE
         self._moves = Moves(self.levels, self._demanded)
 
     def run(self) -> CurriculumProgress:
@@ -180,7 +178,9 @@ class CurriculumSearch:
             share = self._success(plain.family, plain.objective, NEW_LEARNERS)
             plain = replace(plain, success=share)
         found = self._searched(starts, [*starts.reversed_episodes(self._size)], until)
-        if isinstance(found, TrainedFamily) and found.success >= (GOOD if good else plain.success + _SAME):
+        if isinstance(found, TrainedFamily) and found.success >= (
+            GOOD if good else plain.success + TOLERANCE
+        ):
             return self._ended(found, self._success(plain.family, found.objective, NEW_LEARNERS))
         return self._ended(plain)
 
@@ -267,7 +267,7 @@ class CurriculumSearch:
         """Return True if the lane's best family reached the wanted value and the maxima of all preceding measures."""
         most = (one.maximum(len(lane.best)) if isinstance(one, Bounded) else inf for one in self.measures)
         known = zip(lane.before, most, strict=True)
-        return lane.value >= self._enough and all(value >= bound - _SAME for value, bound in known)
+        return lane.value >= self._enough and all(value >= bound - TOLERANCE for value, bound in known)
 
     def _before(self, family: Sequence[Level]) -> tuple[float, ...]:
         """Return the scores of a family by the measures that take precedence over the objective, rounded."""

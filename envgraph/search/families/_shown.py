@@ -4,20 +4,28 @@ from __future__ import annotations
 
 import re
 from collections.abc import Sequence
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Final
 
+from envgraph.code import dataclass
 from envgraph.draw import markup, shortened
 from envgraph.env import scene_svg, scene_text
 
 if TYPE_CHECKING:
     from envgraph.search.families._family import Family, Member
 
-_SIZE = 200
-_GAP = 24
-_LINE = 17
-_COLUMNS = 3
-_LETTERS = 27
-"""Largest number of letters in a line of a caption, so that it is not wider than its picture."""
+
+@dataclass(frozen=True, slots=True)
+class FamilyStyle:
+    """The sizes of a picture of a family, in CSS pixels."""
+
+    size: int = 200  # width and height of the picture of a member
+    gap: int = 24  # between pictures
+    line: int = 17  # height of a line of a caption
+    columns: int = 3
+    letters: int = 27  # of a line of a caption, so that it is not wider than its picture
+
+
+STYLE: Final = FamilyStyle()
 
 
 def member_svg(family: Family, member: Member) -> str:
@@ -61,9 +69,12 @@ def caption(family: Family, member: Member) -> list[tuple[str, str]]:
 def family_svg(family: Family) -> str:
     """Return an SVG text of all members, three in a row, with name and measures below."""
     members = family.members
-    columns = min(_COLUMNS, len(members))
-    step = _SIZE + _GAP + _LINE * (1 + len(members[0].measures)) + 6
-    width, height = columns * (_SIZE + _GAP) + _GAP, -(-len(members) // columns) * step + _GAP
+    columns = min(STYLE.columns, len(members))
+    step = STYLE.size + STYLE.gap + STYLE.line * (1 + len(members[0].measures)) + 6
+    width, height = (
+        columns * (STYLE.size + STYLE.gap) + STYLE.gap,
+        -(-len(members) // columns) * step + STYLE.gap,
+    )
     title = markup(f"{family.name}: {len(members)} environments")
     parts = [
         f'<svg xmlns="http://www.w3.org/2000/svg" viewBox="0 0 {width} {height}" width="{width}" height="{height}" '
@@ -71,9 +82,9 @@ def family_svg(family: Family) -> str:
         f'<rect width="{width}" height="{height}" rx="8" fill="#ffffff"/>',
     ]
     for place, member in enumerate(members):
-        x, y = _GAP + place % columns * (_SIZE + _GAP), _GAP + place // columns * step
+        x, y = STYLE.gap + place % columns * (STYLE.size + STYLE.gap), STYLE.gap + place // columns * step
         parts.append(_placed(member_svg(family, member), x, y))
-        parts += _caption(family, member, x + _SIZE / 2, y + _SIZE + _LINE + 2)
+        parts += _caption(family, member, x + STYLE.size / 2, y + STYLE.size + STYLE.line + 2)
     return "\n".join([*parts, "</svg>"]) + "\n"
 
 
@@ -82,11 +93,11 @@ def _caption(family: Family, member: Member, x: float, y: float) -> list[str]:
     parts = []
     for number, text in enumerate(lines):
         weight = ' font-weight="bold"' if not number else ""
-        full = f"<title>{markup(text)}</title>" if len(text) > _LETTERS else ""
+        full = f"<title>{markup(text)}</title>" if len(text) > STYLE.letters else ""
         parts.append(
-            f'<text x="{x:g}" y="{y + number * _LINE:g}" text-anchor="middle" fill="#1f2933" '
+            f'<text x="{x:g}" y="{y + number * STYLE.line:g}" text-anchor="middle" fill="#1f2933" '
             f'font-family="system-ui, sans-serif" font-size="13"{weight}>'
-            f"{markup(shortened(text, _LETTERS))}{full}</text>"
+            f"{markup(shortened(text, STYLE.letters))}{full}</text>"
         )
     return parts
 
@@ -95,7 +106,7 @@ def _placed(svg: str, x: int, y: int) -> str:
     """Return an SVG text moved to a position in an enclosing SVG, and scaled to the size of all pictures."""
     head, rest = svg.split(">", 1)
     kept = re.sub(r'\s(width|height)="[^"]*"', "", head)
-    return f'{kept} x="{x}" y="{y}" width="{_SIZE}" height="{_SIZE}">{rest}'
+    return f'{kept} x="{x}" y="{y}" width="{STYLE.size}" height="{STYLE.size}">{rest}'
 
 
 def member_html(family: Family, member: Member) -> str:

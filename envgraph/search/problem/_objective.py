@@ -8,6 +8,7 @@ from math import inf, isfinite
 from typing import Protocol
 
 from envgraph.code import dataclass
+from envgraph.errors import TOLERANCE
 from envgraph.pattern import Expression, Variable, value_of
 from envgraph.search.problem._diversity import Bounded, Swaps
 from envgraph.search.problem._family_measures import LEAST
@@ -15,9 +16,6 @@ from envgraph.search.problem._pool import Candidate, FamilyMeasure, Pool, swaps_
 from envgraph.search.problem._problem import finite
 
 Values = Mapping[str, float]
-
-_ENOUGH = 1e-9
-"""Tolerance: a condition violated by less holds, because scores are sums of floating-point terms."""
 
 
 class Composed(Protocol):
@@ -140,7 +138,7 @@ class Condition:
         """Return by how much the comparison is violated for these scores; 0 if it holds within a tolerance."""
         above = self.left.value(values) - self.right.value(values)
         wrong = {"<=": above, ">=": -above, "==": abs(above)}[self.operator]
-        return wrong if wrong > _ENOUGH else 0.0
+        return wrong if wrong > TOLERANCE else 0.0
 
 
 class Conditions(Composed):
@@ -193,6 +191,6 @@ class Objective:
         size = len(members)
         most = [one.maximum(size) for one in self.measures if isinstance(one, Bounded)]
         return all(
-            bound < inf and one.score(members) >= bound - _ENOUGH
+            bound < inf and one.score(members) >= bound - TOLERANCE
             for one, bound in zip(self.measures, most, strict=True)
         )

@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import Any
 
 from envgraph.env import DrawGrid, GridScene, Scene
-from envgraph.errors import Diagnostic, InvalidArgument, LoadError, Severity, Source, listed
+from envgraph.errors import TOLERANCE, Diagnostic, InvalidArgument, LoadError, Severity, Source, listed
 from envgraph.files import telling
 from envgraph.graph import model_to_json
 from envgraph.lang import FamilySpec
@@ -27,9 +27,6 @@ Progress = Callable[[Generation], None]
 Climbing = Callable[[CurriculumProgress], None]
 Drawing = Callable[[SampleProgress], None]
 Warn = Callable[[Sequence[Diagnostic]], None]
-
-_SAME = 1e-9
-"""Tolerance for the difference between a published measure and ours."""
 
 
 def generate(
@@ -307,7 +304,7 @@ def _differences(
     for variant, individual in zip(variants, individuals, strict=True):
         span = variant.row_spans[0] if variant.row_spans else None
         measured = individual.measures[str(order)]
-        if variant.complexity is not None and abs(variant.complexity - measured) > _SAME:
+        if variant.complexity is not None and abs(variant.complexity - measured) > TOLERANCE:
             message = f"`{variant.name}`: `{order}` is {measured!r}, but the file has {variant.complexity!r}"
             hint = "check the measure: the computed value is used, and the file may come from another measure"
             yield Diagnostic("different-measure", message, span, hint, Severity.WARNING)

@@ -9,23 +9,18 @@ from itertools import groupby
 from math import inf
 
 from envgraph.code import dataclass
-from envgraph.errors import Diagnostic, Severity
+from envgraph.errors import SHOWN, TOLERANCE, Diagnostic, Severity
 from envgraph.lang import Strength
 from envgraph.search._store import RunStore, _texts
 from envgraph.search.families._family import Family
 from envgraph.search.problem._diversity import BinnedEntropy
 from envgraph.search.problem._problem import Problem
 
-_SAME = 1e-9
-
 _FEW = 0.5
 """A warning is given if a smaller share of learners solves the target."""
 
 _NEEDLESS = 0.05
 """The target needs no other members if the success of training on it alone is lower by at most this share."""
-
-_MOST_REPORTED = 100
-"""Largest number of members whose bins are listed one by one."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -67,7 +62,7 @@ class Outcome:
         limit = f" of {self.maximum:.3f}" if self.maximum < inf else ""
         unit = f" {self.unit}" if self.unit else ""
         bins = f", members in bins {','.join(map(str, self.bins))}" if self.bins else ""
-        if len(self.bins) > _MOST_REPORTED:
+        if len(self.bins) > SHOWN.rows:
             counts = [f"{number} ({count:,})" for number, count in sorted(Counter(self.bins).items())]
             bins = f", members in bins {', '.join(counts)}"
         parts = [f"{name} {value:.3f}" for name, value in self.objective.items()]
@@ -92,7 +87,7 @@ def why_low(family: Family, store: RunStore) -> Diagnostic | None:
     """
     outcome = Outcome.of(family)
     wanted, found = family.domain.spec.size, len(family.members)
-    low = family.domain.spec.samples is None and outcome.diversity < outcome.maximum - _SAME
+    low = family.domain.spec.samples is None and outcome.diversity < outcome.maximum - TOLERANCE
     if family.lacking:
         return _lacking(family)
     if "steps" in family.objective and (family.value or 0.0) < _FEW:

@@ -19,6 +19,7 @@ import pytest
 from envgraph.cli import main
 from envgraph.cli._app import app
 from envgraph.env.compiled import _planning
+from envgraph.env.compiled._costs import CompiledCosts
 from envgraph.lang import bundled_domain
 
 Call = Callable[..., str]
@@ -168,8 +169,8 @@ def test_whether_an_end_is_reached_is_not_asked_of_a_model_that_is_wrong(refused
 
 
 def test_a_way_that_a_beam_may_have_missed(refused: Call, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(_planning, "BREADTH", 3)
-    monkeypatch.setattr(_planning, "WIDTH", 1)
+    monkeypatch.setattr(CompiledCosts, "breadth", 3)
+    monkeypatch.setattr(CompiledCosts, "width", 1)
     monkeypatch.setattr(_planning, "NARROW", (3, 1))
     monkeypatch.setenv("NUMBA_DISABLE_JIT", "1")  # compiling takes longer than a beam of one state
     path = Path("forest/family.toml")

@@ -17,6 +17,7 @@ import pytest
 
 from envgraph.env import Tabular, explore
 from envgraph.env.compiled import CompiledVectorEnv, NotCompiled, Program, enumerated, export, program_of
+from envgraph.env.compiled._costs import CompiledCosts
 from envgraph.errors import LIMITS, EnvgraphError, EvaluationError, RuleError
 from tests.profile import NIGHTLY
 from tests.unit.env import test_sight, test_together, test_truncation
@@ -81,7 +82,7 @@ def table(family: Family, *, native: bool = False) -> None:
     with pytest.MonkeyPatch.context() as few:
         few.setitem(LIMITS, "outcomes", LIMIT)
         few.setitem(LIMITS, "all outcomes", 20 * LIMIT)
-        few.setattr("envgraph.env.compiled._enumeration.TOLD", 20 * LIMIT)
+        few.setattr(CompiledCosts, "told", 20 * LIMIT)
         for number, engine in enumerate(family.engines):
             found = tried(partial(enumerated, program, number, limit=LIMIT))
             known = partial(explore, engine, family.behaviour, family.keys, limit=LIMIT, outcomes=20 * LIMIT)

@@ -21,6 +21,7 @@ from envgraph.env.compiled import (
     has_numba,
     program_of,
 )
+from envgraph.env.compiled._costs import CompiledCosts
 from envgraph.errors import LIMITS, EvaluationError
 from envgraph.rewrite import Engine
 from tests.profile import NIGHTLY
@@ -72,14 +73,14 @@ def test_one_state_may_have_more_outcomes_than_there_is_space_for(
     engine, behaviour = die(tmp_path)
     wanted = explore(engine, behaviour).tabular
     assert wanted.probability.shape == (2, 2, 10)
-    monkeypatch.setattr("envgraph.env.compiled._enumeration.FIRST", 12)
+    monkeypatch.setattr(CompiledCosts, "first", 12)
     assert_equal_tables(enumerated(program_of(engine, behaviour, native=False)), wanted)
 
 
 def test_outcomes_are_bounded_like_states_and_told(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     engine, behaviour = die(tmp_path)
     program, told = program_of(engine, behaviour, native=False), list[tuple[int, int]]()
-    monkeypatch.setattr("envgraph.env.compiled._enumeration.TOLD", 10)
+    monkeypatch.setattr(CompiledCosts, "told", 10)
     monkeypatch.setitem(LIMITS, "all outcomes", 40)
     wanted = explore(engine, behaviour, outcomes=40).tabular
     assert_equal_tables(enumerated(program, progress=lambda *counts: told.append(counts)), wanted)
@@ -128,7 +129,7 @@ def test_few_states_of_many_outcomes_are_left_to_the_program(
 
     monkeypatch.setattr("envgraph.env.compiled._enumeration.program_of", counted)
     for outcomes, programs in ((40, 0), (39, 1)):
-        monkeypatch.setattr("envgraph.env.compiled._enumeration.FEW_OUTCOMES", outcomes)
+        monkeypatch.setattr(CompiledCosts, "few_outcomes", outcomes)
         assert_equal_tables(explored(engine, behaviour).tabular, wanted)
         assert len(visited) == programs
 
@@ -140,7 +141,7 @@ def test_pictures_of_states_that_a_program_visits_are_those_of_the_live_engine(
     pytest.importorskip("numba")
     engine, behaviour = opened(*files(MODELS[name]))
     wanted = explore(engine, behaviour, pictures=True)
-    monkeypatch.setattr("envgraph.env.compiled._enumeration.FEW_OUTCOMES", 1)
+    monkeypatch.setattr(CompiledCosts, "few_outcomes", 1)
     in_python = Mock(side_effect=partial(program_of, native=False))
     monkeypatch.setattr("envgraph.env.compiled._enumeration.program_of", in_python)
     found = explored(engine, behaviour, pictures=True)
@@ -151,7 +152,7 @@ def test_pictures_of_states_that_a_program_visits_are_those_of_the_live_engine(
 
 def test_tables_of_many_models_of_one_engine_are_made_by_one_program(monkeypatch: pytest.MonkeyPatch) -> None:
     pytest.importorskip("numba")
-    monkeypatch.setattr("envgraph.env.compiled._enumeration.LIVE_OUTCOMES", 0)
+    monkeypatch.setattr(CompiledCosts, "live_outcomes", 0)
     written = []
 
     def counted(*arguments: object, **options: object) -> Program:
@@ -200,7 +201,7 @@ def test_what_a_program_has_no_space_for_is_visited_by_the_live_engine(
         enumerated(program_of(engine, behaviour, native=False))
     with pytest.raises(NotCompiled, match="32 bits"):
         Plans(behaviour).plan(engine)
-    monkeypatch.setattr("envgraph.env.compiled._enumeration.FEW", 3)
+    monkeypatch.setattr(CompiledCosts, "few_states", 3)
     in_python = Mock(side_effect=partial(program_of, native=False))
     monkeypatch.setattr("envgraph.env.compiled._enumeration.program_of", in_python)
     assert_equal_tables(explored(engine, behaviour).tabular, wanted)

@@ -23,6 +23,7 @@ from envgraph.env.compiled import (
     has_numba,
     program_of,
 )
+from envgraph.env.compiled._costs import CompiledCosts
 from envgraph.errors import LIMITS
 from envgraph.pattern import PatternCall, Variable
 from envgraph.rewrite import Engine
@@ -187,7 +188,7 @@ def test_python_gives_a_search_up_whose_few_states_have_many_outcomes() -> None:
 def test_a_search_that_pauses_goes_on(monkeypatch: pytest.MonkeyPatch) -> None:
     engine, behaviour = opened(SOKOBAN / "small.model", SOKOBAN / "sokoban.environment")
     whole = found(engine, behaviour)
-    monkeypatch.setattr(_planning, "TOLD", 7)
+    monkeypatch.setattr(CompiledCosts, "told", 7)
     assert found(engine, behaviour) == whole
 
 
@@ -226,7 +227,7 @@ def test_plans_of_many_models_of_one_engine_are_found_by_one_program(monkeypatch
         return program_of(*arguments, **options, native=NIGHTLY and has_numba())
 
     monkeypatch.setattr(_program, "program_of", counted)
-    monkeypatch.setattr(_planning, "SEARCHES_OF_PYTHON", 6)
+    monkeypatch.setattr(CompiledCosts, "searches_of_python", 6)
     engine, behaviour = opened(
         BUNDLED / "burning_forest/running_4x4.model", BUNDLED / "burning_forest/burning_forest.environment"
     )
@@ -247,13 +248,13 @@ def test_plans_of_many_models_of_one_engine_are_found_by_one_program(monkeypatch
 def test_a_large_model_is_left_to_the_compiled_program_with_the_same_plan(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
-    monkeypatch.setattr(_planning, "FEW", 10)
+    monkeypatch.setattr(CompiledCosts, "few_states", 10)
     engine, behaviour = opened(SOKOBAN / "small.model", SOKOBAN / "sokoban.environment")
     assert Plans(behaviour).plan(engine) == found(engine, behaviour)
 
 
 def test_a_guide_is_a_pattern_of_the_domain(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(_planning, "FEW", 100_000)
+    monkeypatch.setattr(CompiledCosts, "few_states", 100_000)
     engine, behaviour = opened(SOKOBAN / "small.model", SOKOBAN / "sokoban.environment")
     assert guided(behaviour, guide=PatternCall("left", (Variable("_"),)))[0] == guided(behaviour)[0]
     assert Plans(behaviour, guide="stored").plan(engine).steps == 14.0
@@ -262,7 +263,7 @@ def test_a_guide_is_a_pattern_of_the_domain(monkeypatch: pytest.MonkeyPatch) -> 
 @pytest.mark.parametrize("shortest", [True, False])
 def test_a_search_is_given_up_after_so_many_states(monkeypatch: pytest.MonkeyPatch, shortest: bool) -> None:
     monkeypatch.setitem(LIMITS, "planned states", 100)
-    monkeypatch.setattr(_planning, "FEW", 10)
+    monkeypatch.setattr(CompiledCosts, "few_states", 10)
     monkeypatch.setattr(_program, "has_numba", lambda: False)
     engine, behaviour = opened(SOKOBAN / "small.model", SOKOBAN / "sokoban.environment")
     plan = Plans(behaviour, shortest=shortest).plan(engine)

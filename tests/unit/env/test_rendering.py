@@ -43,7 +43,7 @@ from envgraph.env import (
     scene_text,
 )
 from envgraph.env.scene._font import write
-from envgraph.env.scene._layout import NODE_RADIUS, between, graph_layout, label_place
+from envgraph.env.scene._layout import STYLE, between, graph_layout, label_place
 from envgraph.env.scene._text import (
     scene_title,
 )
@@ -321,8 +321,8 @@ def test_edges_between_the_same_nodes_lie_apart_and_loops_beside_their_node() ->
     assert all(dist(one, other) > 0.2 for one, other in combinations(middles, 2))
     for edge, line in layout.edges:
         for end, node in ((line[0], edge.source), (line[-1], edge.target)):
-            assert NODE_RADIUS < dist(end, layout.nodes[node]) < NODE_RADIUS + 0.2
-        assert all(dist(point, node) > NODE_RADIUS for point in line for node in layout.nodes)
+            assert STYLE.node_radius < dist(end, layout.nodes[node]) < STYLE.node_radius + 0.2
+        assert all(dist(point, node) > STYLE.node_radius for point in line for node in layout.nodes)
         assert all(0 <= x <= layout.width and 0 <= y <= layout.height for x, y in line)
     places = [label_place(line) for edge, line in layout.edges if edge.label]
     assert all(dist(one, other) > 0.2 for one, other in combinations(places, 2))

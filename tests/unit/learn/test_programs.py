@@ -8,7 +8,8 @@ import numpy as np
 import pytest
 
 from envgraph.env import explore
-from envgraph.env.compiled import Learner, _learner, has_numba, program_of
+from envgraph.env.compiled import Learner, has_numba, program_of
+from envgraph.env.compiled._costs import COSTS, CompiledCosts
 from envgraph.errors import InvalidArgument
 from envgraph.learn import (
     FamilyMember,
@@ -88,13 +89,13 @@ TWO_BOXES = [EXTRA / "sokoban/small.model", EXTRA / "sokoban/sokoban.environment
 
 @pytest.mark.parametrize(
     ("files", "first", "steps"),
-    [(keydoor_files(), 16, 3_000), pytest.param(TWO_BOXES, _learner.FIRST, 1_500_000, marks=AT_NIGHT)],
+    [(keydoor_files(), 16, 3_000), pytest.param(TWO_BOXES, COSTS.first_keys, 1_500_000, marks=AT_NIGHT)],
     ids=["keydoor", "two boxes"],
 )
 def test_a_goal_is_learnt_of_more_states_than_there_was_space_for(
     files: list[object], first: int, steps: int, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(_learner, "FIRST", first)
+    monkeypatch.setattr(CompiledCosts, "first_keys", first)
     engine, behaviour = opened(*files)  # type: ignore[arg-type]
     program = program_of(engine, behaviour, native=NIGHTLY and has_numba())
     settings = TrainingSettings(steps_per_environment=steps, limit=100, checkpoint=steps // 3)
