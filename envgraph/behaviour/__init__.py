@@ -45,7 +45,7 @@ if TYPE_CHECKING:
         RuleCall as RuleCall,
         Token as Token,
     )
-    from envgraph.behaviour._domains import MOST_VALUES as MOST_VALUES, domain_type as domain_type
+    from envgraph.behaviour._domains import domain_type as domain_type
     from envgraph.behaviour._edges import edge_ends as edge_ends
     from envgraph.behaviour._keys import (
         KeyIndex as KeyIndex,

@@ -11,9 +11,10 @@ from envgraph.behaviour._check_calls import CallChecking
 from envgraph.behaviour._check_views import ViewChecking
 from envgraph.behaviour._clauses import condition_question, is_asked, used_elsewhere
 from envgraph.behaviour._data import Action, Agent, Behaviour, Domain, EachStep, Effect, OnFind
-from envgraph.behaviour._domains import MOST_VALUES, domain_count, domain_type
+from envgraph.behaviour._domains import domain_count, domain_type
 from envgraph.behaviour._losing import loss_warnings
 from envgraph.errors import (
+    LARGEST_INT,
     LIMITS,
     Diagnostic,
     Note,
@@ -171,8 +172,8 @@ class _Checker(CallChecking, ViewChecking):
             self._effect(effect, scope)
         sizes = [self.observation(observation, scope) for observation in owner.observations]
         for observation, size in zip(owner.observations, sizes, strict=True):
-            if size > MOST_VALUES:
-                message = f"the observation has {size} values, but at most {MOST_VALUES} are possible"
+            if size > LARGEST_INT:
+                message = f"the observation has {size} values, but at most {LARGEST_INT} are possible"
                 self.report(
                     "too-many-observations", message, observation.span, "observe less, or in a smaller range"
                 )

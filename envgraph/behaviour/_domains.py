@@ -6,9 +6,6 @@ from envgraph.behaviour._data import Domain
 from envgraph.metamodel import EnumType, Metamodel, Scalar
 from envgraph.pattern import ObjectType, StaticType
 
-MOST_VALUES = 2**63 - 1
-"""The maximum number of observation values, because their indices are int64."""
-
 
 def domain_type(domain: Domain, metamodel: Metamodel) -> StaticType | None:
     """Return the type of a domain's values; None if its name is neither that of an enum nor of a class."""

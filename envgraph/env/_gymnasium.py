@@ -19,7 +19,7 @@ from envgraph.env._explore import Explored
 from envgraph.env._members import About, Members
 from envgraph.env._model_views import ModelView, model_view
 from envgraph.env._sampling import cumulative
-from envgraph.env._simulator import Simulator
+from envgraph.env._simulator import SUCCESS, Simulator
 from envgraph.env._tabular import Tabular
 from envgraph.env._views import OF_MODEL, Memory, ObservationKind, View, check_kind
 from envgraph.env.scene._pixels import scene_rgb
@@ -34,8 +34,6 @@ if TYPE_CHECKING:
 
 RENDER_MODES: Final = ("ansi", "rgb_array", "human")
 """Render modes: text, pixels, and a window."""
-
-SUCCESS = 1
 
 
 def view_of_table(tabular: Tabular, kind: ObservationKind) -> View:

@@ -25,6 +25,7 @@ from envgraph.graph import Model
 from envgraph.metamodel import Attribute, EnumType, Metamodel, Scalar, Value
 
 FULL = 255
+"""Brightness of what is present; observations of trained agents depend on it."""
 
 
 class ModelView(ABC):

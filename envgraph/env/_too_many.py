@@ -6,8 +6,8 @@ from collections.abc import Sequence
 from decimal import Decimal
 from math import prod
 
-from envgraph.behaviour import MOST_VALUES, Behaviour
-from envgraph.errors import LIMITS, EvaluationError, Span
+from envgraph.behaviour import Behaviour
+from envgraph.errors import LARGEST_INT, LIMITS, EvaluationError, Span
 
 
 class TooManyStates(EvaluationError):
@@ -64,7 +64,7 @@ class TooManyObservations(TooManyStates):
         EvaluationError.__init__(
             self,
             f"environment `{behaviour.name}` has {Decimal(count):.3g} observations, but a table can have at most "
-            f"{MOST_VALUES:,}",
+            f"{LARGEST_INT:,}",
             behaviour.span,
             'observe less, or use `engine="compiled"` or `envgraph.learn.train_program`, which need no table',
         )
@@ -76,7 +76,7 @@ def check_observations(behaviour: Behaviour, shape: Sequence[int]) -> None:
     Raises:
         TooManyStates: the number of observations is too large.
     """
-    if prod(shape) > MOST_VALUES:
+    if prod(shape) > LARGEST_INT:
         raise TooManyObservations(behaviour, prod(shape))
 
 

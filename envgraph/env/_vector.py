@@ -13,10 +13,11 @@ from gymnasium.vector import AutoresetMode, VectorEnv
 from gymnasium.vector.utils import batch_space
 from numpy.typing import NDArray
 
-from envgraph.env._gymnasium import SUCCESS, known_options, view_of_table
+from envgraph.env._gymnasium import known_options, view_of_table
 from envgraph.env._members import Variants
 from envgraph.env._model_views import ModelView
 from envgraph.env._sampling import cumulative
+from envgraph.env._simulator import SUCCESS
 from envgraph.env._tabular import Tabular
 from envgraph.env._views import ObservationKind, View, components
 from envgraph.env.scene._pixels import scene_rgb

@@ -15,8 +15,7 @@ import numpy as np
 from gymnasium import spaces
 from numpy.typing import NDArray
 
-from envgraph.behaviour import MOST_VALUES
-from envgraph.errors import InvalidArgument, check_known
+from envgraph.errors import LARGEST_INT, InvalidArgument, check_known
 
 ObservationKind = Literal["index", "multi", "flat", "dict", "image", "graph"]
 
@@ -78,9 +77,9 @@ class View:
             raise InvalidArgument(
                 f'an observation "{kind}" is computed from the model, which a table does not have', hint
             )
-        if kind == "index" and prod(shape) > MOST_VALUES:
+        if kind == "index" and prod(shape) > LARGEST_INT:
             message = (
-                f"{Decimal(prod(shape)):.3g} observations cannot be numbered: the maximum is {MOST_VALUES:,}"
+                f"{Decimal(prod(shape)):.3g} observations cannot be numbered: the maximum is {LARGEST_INT:,}"
             )
             hint = 'observe less, or use `observation="flat"`, "multi", "dict", "image" or "graph"'
             raise InvalidArgument(message, hint)

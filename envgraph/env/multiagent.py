@@ -17,9 +17,9 @@ from gymnasium.error import ResetNeeded
 from gymnasium.utils import seeding
 from numpy.typing import NDArray
 
-from envgraph.env._gymnasium import RENDER_MODES, SUCCESS, OfFamily, check_render_mode
+from envgraph.env._gymnasium import RENDER_MODES, OfFamily, check_render_mode
 from envgraph.env._observing import component_names
-from envgraph.env._simulator import Simulator
+from envgraph.env._simulator import SUCCESS, Simulator
 from envgraph.env._views import ObservationKind, View, components
 from envgraph.env.scene._pixels import scene_rgb
 from envgraph.env.scene._text import scene_text

@@ -11,8 +11,8 @@ from envgraph.learn import bootstrap_interval
 from envgraph.learn.audit import (
     POOLED,
     PROBED,
+    PROTOCOL,
     ROLLOUTS,
-    SHOWN_ROLLOUTS,
     Finding,
     Study,
     Summary,
@@ -109,14 +109,15 @@ def _ranks(study: Study) -> Section:
         f"{len(study.levels.probed)} levels that they never train on, {solvable:.0%} of them solvable. Rank "
         f"correlations over all levels come in part from unsolvable levels, which have no regret. Correlations over "
         f"solvable levels alone show how a score ranks difficulty.",
-        f"Figure 1: each score from {SHOWN_ROLLOUTS} rollouts against exact regret, half way through the training of "
-        f"one student. Figure 2: rank correlation with exact regret over solvable levels, by the number of rollouts; "
-        f"a correlation that does not rise with them shows a bias. Mean and interval over {len(probed)} students.",
+        f"Figure 1: each score from {PROTOCOL.shown_rollouts} rollouts against exact regret, half way through the "
+        f"training of one student. Figure 2: rank correlation with exact regret over solvable levels, by the number of "
+        f"rollouts; a correlation that does not rise with them shows a bias. Mean and interval over "
+        f"{len(probed)} students.",
     )
     table = Table(
-        f"Table 1: rank correlations of scores from {SHOWN_ROLLOUTS} rollouts, and the levels in the highest tenth of "
-        f"a score; mean over four points of training and {len(probed)} students, with half the width of the 95 % "
-        f"interval. A random tenth has {1 - solvable:.2f} unsolvable levels. Capture is the tenth's share of the "
+        f"Table 1: rank correlations of scores from {PROTOCOL.shown_rollouts} rollouts, and the levels in the highest "
+        f"tenth of a score; mean over four points of training and {len(probed)} students, with half the width of the "
+        f"95 % interval. A random tenth has {1 - solvable:.2f} unsolvable levels. Capture is the tenth's share of the "
         "highest possible regret.",
         ("score", *_COLUMNS.values()),
         tuple(rows),

@@ -9,8 +9,9 @@ import numpy as np
 from gymnasium.vector import AutoresetMode
 from numpy.typing import NDArray
 
-from envgraph.env._gymnasium import SUCCESS, SingleEnvironment, check_render_mode, view_of
+from envgraph.env._gymnasium import SingleEnvironment, check_render_mode, view_of
 from envgraph.env._model_views import ModelView
+from envgraph.env._simulator import SUCCESS
 from envgraph.env._vector import Bools, Floats, Ints, VectorEnvironmentBase
 from envgraph.env._views import Memory, ObservationKind, View
 from envgraph.env.compiled._batch import Batch

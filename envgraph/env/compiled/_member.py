@@ -16,9 +16,11 @@ from envgraph.pattern import Library, ObjectType, StaticType
 from envgraph.rewrite import Engine
 
 NO_OBJECT = -1
+"""Represents a missing object; ids of objects are not negative."""
 NO_INT = -(2**31)
 """Represents a missing int; ints in states have 32 bits."""
 MOST_INT = 2**31 - 1
+"""Largest int in a state."""
 
 Cell: TypeAlias = "int | float"
 Row: TypeAlias = "tuple[Cell, ...]"

@@ -7,7 +7,6 @@ from math import prod
 
 from envgraph import code
 from envgraph.behaviour import (
-    MOST_VALUES,
     KeyIndex,
     Observation,
     ObserveFind,
@@ -26,6 +25,7 @@ from envgraph.env.compiled._refused import standing
 from envgraph.env.compiled._tables import IndexOf, indexable
 from envgraph.env.compiled._terms import Term, named
 from envgraph.env.compiled._writer import Writer
+from envgraph.errors import LARGEST_INT
 from envgraph.metamodel import EnumType
 from envgraph.pattern import ObjectType, PatternCall
 
@@ -48,7 +48,7 @@ class Observations:
         self._layout: Layout = writer.facts.layout
         self._metamodel = writer.facts.metamodel
         # The index is 0 and never used if the product of the sizes exceeds 64 bits.
-        numbered = prod(shape) <= MOST_VALUES
+        numbered = prod(shape) <= LARGEST_INT
         weights = [prod(shape[:place]) * numbered for place in range(len(shape))]
         self._weights = self._layout.offset(Constants("components", (len(shape), *weights)))
         writer.assign(NEXT, ZERO)

@@ -32,7 +32,7 @@ Test: TypeAlias = code.Expression
 
 _COMPARISONS: Final = ("<", "<=", ">", ">=")
 _INT_BITS: Final = 32
-_MOST_BITS: Final = 64
+"""Bits of ints in states: with more, programs and their exports read other states."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -214,7 +214,7 @@ class Terms:
                 "/": left.bits,
                 "%": min(left.bits, right.bits),
             }.get(operator, max(left.bits, right.bits) + 1)
-            if bits > _MOST_BITS:
+            if bits > 64:
                 raise NotCompiled("a product of ints that may exceed 64 bits", node.span)
             made: code.Expression
             if operator in "/%":

@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 
 WIDTH = 5
 HEIGHT = 7
+"""Size of a letter, in pixels, as in `_SHAPES`."""
 ADVANCE = WIDTH + 1
 
 _SHAPES = """

@@ -25,9 +25,10 @@ if TYPE_CHECKING:
         Method as Method,
     )
     from envgraph.learn.audit._ranks import ranking as ranking
-    from envgraph.learn.audit._run import ROLLOUTS as ROLLOUTS, SHOWN_ROLLOUTS as SHOWN_ROLLOUTS, Run as Run
+    from envgraph.learn.audit._run import ROLLOUTS as ROLLOUTS, Run as Run
     from envgraph.learn.audit._scores import Student as Student
     from envgraph.learn.audit._settings import (
+        PROTOCOL as PROTOCOL,
         AuditSettings as AuditSettings,
         audit_problems as audit_problems,
         audit_settings as audit_settings,

@@ -14,13 +14,10 @@ from envgraph.learn._intervals import probability_of_improvement
 from envgraph.learn._significance import FEWEST_UNITS, holm, mean_test
 from envgraph.learn.audit._methods import CONTRASTS, PROBED, Contrast
 from envgraph.learn.audit._ranks import Floats
-from envgraph.learn.audit._run import SHOWN_ROLLOUTS
+from envgraph.learn.audit._settings import PROTOCOL
 from envgraph.learn.audit._study import Study
 
 Verdict = Literal["stands", "fails", "undecided"]
-
-MARGIN: Final = 0.01
-"""The smallest gain in success that matters: if the whole interval is below it, the claim fails."""
 
 POOLED: Final = "all domains"
 
@@ -53,7 +50,7 @@ class Finding:
     improvement: float
     p_value: float
     seeds: int
-    margin: float = MARGIN
+    margin: float = PROTOCOL.margin
 
     @property
     def verdict(self) -> Verdict:
@@ -137,7 +134,9 @@ def _finding(
     return Finding(*about, float(mean), max(-1.0, low), min(1.0, high), improvement, p_value, seeds)
 
 
-def rank_values(study: Study, score: str, column: str, rollouts: int = SHOWN_ROLLOUTS) -> list[float]:
+def rank_values(
+    study: Study, score: str, column: str, rollouts: int = PROTOCOL.shown_rollouts
+) -> list[float]:
     """Return a column of `Ranking` for each student whose score was probed, averaged over points of training."""
     found = []
     for run in study.runs:

@@ -17,16 +17,10 @@ from envgraph.env.compiled import Tables
 from envgraph.errors import LIMITS, EvaluationError, InvalidArgument
 from envgraph.files import replacing
 from envgraph.learn.audit._features import Feature, StateFeatures
-from envgraph.learn.audit._settings import AuditSettings
+from envgraph.learn.audit._settings import PROTOCOL, AuditSettings
 from envgraph.search import Domain, Variation
 from envgraph.solve import optimal_return, steps_to_success
 from envgraph.solve.learning import LevelTables
-
-HARD: Final = 0.8
-"""A level is hard if its shortest plan is longer than those of this share of the held-out levels."""
-
-PATIENCE: Final = 20
-"""Maximum number of models that are drawn for each level needed; then an error is raised."""
 
 Progress = Callable[[int, int], None]
 
@@ -194,7 +188,7 @@ def make_levels(
     number = -1
     while not groups.full:
         number += 1
-        if number > PATIENCE * groups.total:
+        if number > PROTOCOL.patience * groups.total:
             raise _too_few(groups, domain)
         drawn = maker.draw(number)
         group = None if drawn is None else groups.wants(drawn[1])
@@ -249,7 +243,9 @@ class _Groups:
             return None
         if name == "hard":
             if self._least is None:
-                self._least = float(np.quantile([self.plans[one] for one in self.places["held_out"]], HARD))
+                self._least = float(
+                    np.quantile([self.plans[one] for one in self.places["held_out"]], PROTOCOL.hard)
+                )
             if plan <= self._least:
                 return None
         return self.places[name]

@@ -6,14 +6,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from envgraph.code import dataclass
+from envgraph.learn.audit._settings import PROTOCOL
 
 Floats = NDArray[np.float64]
 
 MASTERED, HOPELESS = 0.95, 0.05
 """A level is mastered if the policy's success rate is above the first, and hopeless if it is below the second."""
-
-TOP = 0.1
-"""The share of levels that count as ranked highest by a score."""
 
 
 def midranks(values: Floats) -> Floats:
@@ -88,7 +86,7 @@ def ranking(
         regret, success: the exact regret and success of each level.
         solvable: True for solvable levels.
     """
-    count = max(1, round(TOP * len(scores)))
+    count = max(1, round(PROTOCOL.top * len(scores)))
     top = np.argsort(-scores, kind="stable")[:count]
     most = np.sort(regret)[-count:].mean()
     here = solvable[top]

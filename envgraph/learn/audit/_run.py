@@ -15,23 +15,15 @@ from envgraph.learn.audit._levels import AuditLevels
 from envgraph.learn.audit._methods import METHODS, PROBED, Method
 from envgraph.learn.audit._ranks import Floats, level_parts, ranking
 from envgraph.learn.audit._scores import Student, exact_scores, score_levels
-from envgraph.learn.audit._settings import AuditSettings
+from envgraph.learn.audit._settings import PROTOCOL, AuditSettings
 from envgraph.search import Domain
 from envgraph.solve.learning import PolicyLearner
-
-POINTS: Final = 8
-"""The number of points of a learning curve, at equal distances; scores are probed at those in `PROBES`."""
 
 PROBES: Final = (1, 2, 4, 8)
 ROLLOUTS: Final = (1, 4, 16, 64, 256)
 """The numbers of episodes from which scores are estimated."""
 
-PROBING_SEEDS: Final = 16
-"""The number of students that are probed; all of them learn by domain randomisation."""
-
-SHOWN_ROLLOUTS: Final = 16
 _SCHEDULER, _PROBE = 3, 4
-_TOGETHER: Final = 8
 
 
 @dataclass(frozen=True, slots=True)
@@ -106,7 +98,7 @@ def run_method(
     rankings: list[dict[str, Any]] = []
     shown: dict[str, list[float]] | None = None
     parts: list[list[Floats]] = []
-    while len(curve) < POINTS:
+    while len(curve) < PROTOCOL.points:
         batch = schedule.ask(settings.policy.levels, rng)
         levels = editor.levels if editor else levels
         chosen = batch.members
@@ -123,10 +115,10 @@ def run_method(
         schedule.tell(Outcomes(chosen, played.success, played.returns, played.length, score))
         if batch.episodes is not None:
             continue  # the episodes of a search belong to the next batch
-        while len(curve) < POINTS and steps >= settings.steps * (len(curve) + 1) / POINTS:
+        while len(curve) < PROTOCOL.points and steps >= settings.steps * (len(curve) + 1) / PROTOCOL.points:
             curve.append((steps, updates, float(student.evaluate(levels.held_out)[0].mean())))
-            if method == METHODS[0] and seed < PROBING_SEEDS and len(curve) in PROBES:
-                found, values = probe(levels, student, seed, len(curve) / POINTS)
+            if method == METHODS[0] and seed < PROTOCOL.probing_seeds and len(curve) in PROBES:
+                found, values = probe(levels, student, seed, len(curve) / PROTOCOL.points)
                 rankings += found
                 solved = np.array(values["solvable"], bool)
                 every = [np.array(values[name])[solved] for name in ("regret", *PROBED)]
@@ -193,7 +185,7 @@ def probe(
             first, second = (one[score] for one in estimates)
             found = ranking(first, second, regret, success, solvable)
             rankings.append({"at": at, "rollouts": rollouts, "score": score, **asdict(found)})
-            if rollouts == SHOWN_ROLLOUTS:
+            if rollouts == PROTOCOL.shown_rollouts:
                 shown[score] = first.tolist()
     return rankings, shown
 
@@ -202,12 +194,12 @@ def _estimates(
     levels: AuditLevels, student: PolicyLearner, rollouts: int, seed: int, at: float, again: int
 ) -> dict[str, Any]:
     """Return every score of the probed levels, all from the same new episodes of a copy of the student."""
-    key = (_PROBE, seed, rollouts, round(at * POINTS), again)
+    key = (_PROBE, seed, rollouts, round(at * PROTOCOL.points), again)
     rng = default_rng(SeedSequence(seed, spawn_key=key))
     twin = student.twin(int(rng.integers(2**31)))
     found: dict[str, list[Any]] = {score: [] for score in PROBED}
-    for begin in range(0, len(levels.probed), _TOGETHER):
-        chosen = levels.probed[begin : begin + _TOGETHER]
+    for begin in range(0, len(levels.probed), PROTOCOL.together):
+        chosen = levels.probed[begin : begin + PROTOCOL.together]
         played = twin.play(chosen, rollouts)
         for score in PROBED:
             found[score].append(score_levels(score, levels, chosen, twin, played, rng))

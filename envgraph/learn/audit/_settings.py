@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import Final
+
 from envgraph.code import dataclass
 from envgraph.errors import Diagnostic, LoadError, did_you_mean
 from envgraph.lang import ComponentSpec, FamilySpec, Workspace
@@ -9,6 +11,28 @@ from envgraph.metamodel import Scalar
 from envgraph.pattern import ObjectType
 from envgraph.search import Domain, Options
 from envgraph.solve.learning import PolicySettings
+
+
+@dataclass(frozen=True, slots=True)
+class AuditProtocol:
+    """What is the same in all audits; `docs/evidence.md` has results with these numbers, so another needs new runs."""
+
+    points: int = 8  # of a learning curve, at equal distances; scores are probed at those in `PROBES`
+    probing_seeds: int = 16  # students that are probed; all of them learn by domain randomisation
+    shown_rollouts: int = 16  # episodes of the scores in figures and tables
+    together: int = 8  # levels that are probed at a time
+    top: float = 0.1  # share of levels that count as ranked highest by a score
+    hard: float = (
+        0.8  # a level is hard if its shortest plan is longer than those of this share of held-out levels
+    )
+    worst: float = 0.3  # share of the held-out levels that counts as the worst case
+    margin: float = (
+        0.01  # smallest gain in success that matters: if the whole interval is below, a claim fails
+    )
+    patience: int = 20  # models drawn for each level needed, before an error is raised
+
+
+PROTOCOL: Final = AuditProtocol()
 
 
 @dataclass(frozen=True, slots=True)

@@ -14,11 +14,9 @@ from envgraph.files import replacing
 from envgraph.learn._intervals import bootstrap_interval, probability_of_improvement
 from envgraph.learn.audit._claims import Finding, paired, two_way_test
 from envgraph.learn.audit._methods import METHODS
+from envgraph.learn.audit._settings import PROTOCOL
 from envgraph.learn.audit._study import Study
 from envgraph.solve import cvar
-
-WORST: Final = 0.3
-"""The share of the held-out levels that counts as the worst case."""
 
 BASE: Final = METHODS[0].name
 
@@ -96,7 +94,7 @@ def summaries(study: Study) -> list[Summary]:
                 gain_high=gain_high,
                 improvement=improvement,
                 hard=float(np.mean([run.hard for run in runs.values()])),
-                worst=cvar(levels, WORST),
+                worst=cvar(levels, PROTOCOL.worst),
                 regret=float(np.mean([run.regret for run in runs.values()])),
                 greedy=float(np.mean([run.greedy for run in runs.values()])),
                 updates=float(np.mean([run.updates[-1] for run in runs.values()])),

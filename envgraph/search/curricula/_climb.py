@@ -29,30 +29,32 @@ Scores = NDArray[np.float64]
 Screened = tuple[tuple[tuple[float, ...], float], Family, Origin]
 """Scores by the measures with precedence, the value of the objective, the family, and its origin."""
 
-LEVEL: Final = 50_000
-"""Training steps that take as long as making the table of a small model; each judgement counts at least as many."""
-SCREENED: Final = 0.12
-"""Share of the effort for screening."""
+
+@dataclass(frozen=True, slots=True)
+class ClimbCosts:
+    """How the effort of a search is divided; `python -m benchmarks teaching` measures the success of its results."""
+
+    level: int = (
+        50_000  # training steps that take as long as a small table; each judgement counts at least as many
+    )
+    screened: float = 0.12  # share of the effort for screening
+    moves: int = 80  # that are tried on the same seeds
+    block: int = 16  # seeds after which a family is compared again and may be dropped
+    births: int = 1_000  # attempts to sample a first valid family
+    enough_good: int = 4  # good families per lane, judged on the first seeds, after which screening ends
+    fewer_steps: float = (
+        0.64  # share of the steps with which a family is searched if a reverse curriculum is good
+    )
+    improving: float = 0.4  # share of the effort for this, and at most as much for the reverse curriculum
+    enough: float = 0.99  # value of a learning objective at which the search ends, by default
+    new_learners: int = 500  # trained on the final family, on seeds that the search has not used
+
+
+CLIMB: Final = ClimbCosts()
 GLANCE, LOOK, POOL, JUDGE = 6, 12, 120, 520
 """Numbers of seeds to judge a family: when sampled, when compared, as a candidate for the best, and as the best."""
 FEWEST, MOST = 48, 240
 """Least and largest number of seeds on which a family is compared with its children."""
-MOVES: Final = 80
-"""Number of moves that are tried on the same seeds."""
-BLOCK: Final = 16
-"""Number of seeds after which a family is compared again and may be dropped."""
-BIRTHS: Final = 1_000
-"""Number of attempts to sample a first valid family."""
-ENOUGH_GOOD: Final = 4
-"""Number of good families per lane, judged on the first seeds, after which screening ends."""
-FEWER_STEPS: Final = 0.64
-"""If a reverse curriculum is good, the search looks for a family that is good with this share of its steps."""
-IMPROVING: Final = 0.4
-"""Share of the effort for finding a family with fewer steps; the reverse curriculum takes at most the same share."""
-ENOUGH: Final = 0.99
-"""Default value of a learning objective at which the search ends."""
-NEW_LEARNERS: Final = 500
-"""Number of learners trained on the final family, on seeds that the search has not used."""
 
 
 @dataclass(slots=True, eq=False)
@@ -172,16 +174,16 @@ class CurriculumSearch:
         if good and not plain.objective.free:
             return self._ended(plain)
         if good:
-            until = min(1.0, self._spent() + IMPROVING)
-            self.objective = plain.objective.at(max(1, int(FEWER_STEPS * plain.objective.steps[0])))
+            until = min(1.0, self._spent() + CLIMB.improving)
+            self.objective = plain.objective.at(max(1, int(CLIMB.fewer_steps * plain.objective.steps[0])))
         else:  # its success is overestimated: it was selected as the best of many on few seeds
-            share = self._success(plain.family, plain.objective, NEW_LEARNERS)
+            share = self._success(plain.family, plain.objective, CLIMB.new_learners)
             plain = replace(plain, success=share)
         found = self._searched(starts, [*starts.reversed_episodes(self._size)], until)
         if isinstance(found, TrainedFamily) and found.success >= (
             GOOD if good else plain.success + TOLERANCE
         ):
-            return self._ended(found, self._success(plain.family, found.objective, NEW_LEARNERS))
+            return self._ended(found, self._success(plain.family, found.objective, CLIMB.new_learners))
         return self._ended(plain)
 
     def _reverse_curriculum(self, starts: Starts) -> TrainedFamily | None:
@@ -192,7 +194,7 @@ class CurriculumSearch:
         if not isinstance(self.objective, Learning) or self.measures or self._demanded is not None:
             return None
         sizes = SIZES if self.settings.population is None else (self.settings.population,)
-        is_over = lambda: self._spent() > IMPROVING  # noqa: E731
+        is_over = lambda: self._spent() > CLIMB.improving  # noqa: E731
         return reverse_curriculum(starts, self.objective, sizes, self._success, is_over)
 
     def _searched(
@@ -212,7 +214,7 @@ class CurriculumSearch:
                 self._before(family),
             )
             for place, (_, family, origin) in enumerate(
-                self._screened(starts, first, start + SCREENED * (until - start))
+                self._screened(starts, first, start + CLIMB.screened * (until - start))
             )
         ]
         rounds = len(lanes).bit_length()
@@ -229,7 +231,7 @@ class CurriculumSearch:
                 break
         best = lanes[0]
         if isinstance(self.objective, Learning):
-            share = self._success(best.best, self.objective, NEW_LEARNERS)
+            share = self._success(best.best, self.objective, CLIMB.new_learners)
             return TrainedFamily(best.best, self.objective, share, best.origin)
         if best.value == -inf:  # the effort was spent before the family was judged
             best.value = value_of(self._judged(best.best, JUDGE))
@@ -240,18 +242,15 @@ class CurriculumSearch:
         if isinstance(found, _Lane):
             return CurriculumProgress(found.best, found.value, spent, self.tried, found.origin)
         totals = [steps * len(found.family) for steps in found.objective.steps]
-        alone = self._success((self.levels.target,), found.objective.at(max(totals)), NEW_LEARNERS)
+        alone = self._success((self.levels.target,), found.objective.at(max(totals)), CLIMB.new_learners)
         learnt = {"fewest": min(totals), "steps": max(totals), "alone": alone}
         if unsearched is not None:
             learnt["unsearched"] = unsearched
         return CurriculumProgress(found.family, found.success, spent, self.tried, found.origin, learnt)
 
     def _success(self, family: Family, objective: Learning, seeds: int) -> float:
-        """Train `seeds` new learners, and count the effort. Return the share that solves the target.
-
-        Return 0 if a member has too many states, or cannot be compiled where compiled programs are used.
-        """
-        self._steps += max(LEVEL, objective.effort * len(family) * seeds)
+        """Train `seeds` new learners; return the share that solves the target, 0 if a member has too many states."""
+        self._steps += max(CLIMB.level, objective.effort * len(family) * seeds)
         self.tried += 1
         try:
             return objective.success(family, self._fresh(seeds))
@@ -260,7 +259,7 @@ class CurriculumSearch:
 
     @property
     def _enough(self) -> float:
-        most = ENOUGH if isinstance(self.objective, Learning) else self.objective.most
+        most = CLIMB.enough if isinstance(self.objective, Learning) else self.objective.most
         return most if self.settings.enough is None else self.settings.enough
 
     def _is_enough(self, lane: _Lane) -> bool:
@@ -275,7 +274,7 @@ class CurriculumSearch:
 
     def _spent(self) -> float:
         """Return the share of the effort that is spent, from 0; it may exceed 1."""
-        return (self._steps + LEVEL * self.levels.made) / self.settings.effort
+        return (self._steps + CLIMB.level * self.levels.made) / self.settings.effort
 
     # --- screening
 
@@ -288,12 +287,12 @@ class CurriculumSearch:
         """
         settings, rng, pool = self.settings, self._rng, list[Screened]()
         births = good = 0
-        most_births = BIRTHS + settings.effort // LEVEL
+        most_births = CLIMB.births + settings.effort // CLIMB.level
         while births < len(first) or not pool or (self._spent() < until and births < most_births):
-            if good == ENOUGH_GOOD * settings.lanes:
+            if good == CLIMB.enough_good * settings.lanes:
                 break
             births += 1
-            if not pool and births > BIRTHS:
+            if not pool and births > CLIMB.births:
                 raise InvalidArgument(self._nothing())
             best = sorted(pool, key=_rank, reverse=True)[: len(pool) // 4]
             learnt = bool(best) and rng.random() < 0.5
@@ -302,11 +301,11 @@ class CurriculumSearch:
             if births <= len(first):
                 origin, family = first[births - 1]
             if family is None:
-                self._steps += LEVEL // 2
+                self._steps += CLIMB.level // 2
                 continue
             before, most = self._before(family), max((one[0][0] for one in pool), default=())
             value = value_of(self._judged(family, GLANCE)) if before >= most else -inf
-            self._steps += LEVEL if value == -inf else 0
+            self._steps += CLIMB.level if value == -inf else 0
             pool.append(((before, value), family, origin))
             good += value >= self._enough
             self.report(CurriculumProgress(family, -inf, min(1.0, self._spent()), self.tried))
@@ -326,7 +325,7 @@ class CurriculumSearch:
         why = f": {reasons[0][0]}, {reasons[0][1]} times" if reasons else ""
         demanded = self._demanded
         wanted = "" if demanded is None else f" with a diversity of {demanded:.3f}"
-        return f"no valid family{wanted} was found in {BIRTHS} attempts{why}"
+        return f"no valid family{wanted} was found in {CLIMB.births} attempts{why}"
 
     # --- climbing
 
@@ -354,13 +353,13 @@ class CurriculumSearch:
                 lane.current = lane.best
                 scores = self._scores(lane.current, seeds)
         now = self._before(lane.current)
-        for _ in range(MOVES):
+        for _ in range(CLIMB.moves):
             if self._spent() >= until:
                 return
             child = self._moves.draw(lane.current, lane.rng)
             before = () if child is None else self._before(child)
             if child is None or before < now:
-                self._steps += LEVEL // 2
+                self._steps += CLIMB.level // 2
                 continue
             found = self._scores(child, seeds) if before > now else self._race(child, seeds, scores)
             if found is not None:
@@ -380,8 +379,8 @@ class CurriculumSearch:
         found: list[Scores] = []
         behind = squares = 0.0
         self.tried += 1
-        for first in range(0, len(seeds), BLOCK):
-            block = seeds[first : first + BLOCK]
+        for first in range(0, len(seeds), CLIMB.block):
+            block = seeds[first : first + CLIMB.block]
             scores = self._scores(family, block)
             found.append(scores)
             difference = _per_seed(scores) - _per_seed(other[:, first : first + len(block)])
@@ -400,7 +399,7 @@ class CurriculumSearch:
         return self._scores(family, self._fresh(seeds))
 
     def _scores(self, family: Sequence[Level], seeds: range) -> Scores:
-        self._steps += max(LEVEL, self.objective.effort * len(family) * len(seeds))
+        self._steps += max(CLIMB.level, self.objective.effort * len(family) * len(seeds))
         try:
             return self.objective.scores(family, seeds)
         except (TooManyStates, NotCompiled) as error:  # a member other than the target failed

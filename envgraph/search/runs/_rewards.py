@@ -7,8 +7,6 @@ from collections.abc import Sequence
 from envgraph.env import Explored, GridScene
 from envgraph.search.families._family import Family
 
-_SUCCESS = 1
-
 
 def reward_schedule(family: Family) -> tuple[float, ...]:
     """Return the reward for arriving on a cell, for each class that the family file lists under `[ga4cl] rewards`.
@@ -33,7 +31,7 @@ def reward_schedule(family: Family) -> tuple[float, ...]:
         starts |= {letters[letter] for letter in found.starts if letter in letters}
         for letter, reward, outcome in found.arrivals:
             cls = letters.get(letter, "")
-            winning |= {cls} if outcome == _SUCCESS else set()
+            winning |= {cls} if outcome == 1 else set()  # 1 is success
             if abs(reward) > abs(rewards.setdefault(cls, reward)):
                 rewards[cls] = reward
         if set(_classes(family, starts, winning)) <= set(rewards):

@@ -27,6 +27,7 @@ from envgraph.learn.audit._levels import (
 from envgraph.learn.audit._run import (
     run_method,
 )
+from envgraph.learn.audit._settings import AuditProtocol
 from envgraph.search import Domain
 from envgraph.solve import certify
 from envgraph.solve.learning import PolicyLearner
@@ -115,7 +116,7 @@ def test_levels_are_read_back(levels: AuditLevels, tmp_path: Path) -> None:
 def test_too_few_levels_are_an_error_that_says_what_to_do(
     domain: Domain, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr("envgraph.learn.audit._levels.PATIENCE", 1)
+    monkeypatch.setattr(AuditProtocol, "patience", 1)
     with pytest.raises(EvaluationError, match="too few different levels") as raised:
         make_levels(domain, replace(audit_settings(domain), levels=8, probed=2, held_out=20))
     assert "initial_applications" in str(raised.value)

@@ -12,7 +12,7 @@ from envgraph.errors import InvalidArgument
 from envgraph.learn.audit import (
     METHODS,
     PROBED,
-    SHOWN_ROLLOUTS,
+    PROTOCOL,
     AuditSettings,
     Method,
     Run,
@@ -69,7 +69,7 @@ def test_a_run_counts_all_steps_and_is_the_same_again() -> None:
 
 
 def test_probing_leaves_no_trace_in_the_student(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(one_run, "ROLLOUTS", (1, SHOWN_ROLLOUTS))
+    monkeypatch.setattr(one_run, "ROLLOUTS", (1, PROTOCOL.shown_rollouts))
     levels, given = corridors(), settings()
     first = run_method(levels, given, METHODS[0], 0, native=False)
     unprobed = run_method(levels, given, replace(METHODS[0], name="other"), 0, native=False)
@@ -197,7 +197,7 @@ def ranked(correlations: list[float], parts: list[float]) -> Study:
     runs = []
     for seed, one in enumerate(correlations):
         rankings = tuple(
-            {"score": score, "rollouts": SHOWN_ROLLOUTS, "regret_solvable": one} for score in PROBED
+            {"score": score, "rollouts": PROTOCOL.shown_rollouts, "regret_solvable": one} for score in PROBED
         )
         levels = dict.fromkeys(PROBED, parts)
         runs.append(replace(run("DR", seed, np.ones(8)), rankings=rankings, ranked_levels=levels))

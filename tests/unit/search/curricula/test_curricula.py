@@ -237,7 +237,7 @@ def test_what_costs_no_steps_counts_too() -> None:
     told: list[float] = []
     settings = replace(SETTINGS, effort=2_000_000)
     found = CurriculumSearch(levels, Free(levels), settings, 3, lambda one: told.append(one.spent)).run()
-    assert found.tried <= settings.effort // _climb.LEVEL + 2 * settings.lanes
+    assert found.tried <= settings.effort // _climb.CLIMB.level + 2 * settings.lanes
     assert told[-1] == 1.0
 
 
@@ -256,7 +256,7 @@ def test_nothing_that_is_as_diverse_as_demanded_is_an_error_that_says_why(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
     levels = levels_of("keydoor/diverse.toml")
-    monkeypatch.setattr(_climb, "BIRTHS", 20)
+    monkeypatch.setattr(_climb.ClimbCosts, "births", 20)
     settings = CurriculumSettings(population=4, effort=10_000, demanded=1.99)
     with pytest.raises(InvalidArgument, match=r"no valid family with a diversity of 1[.]990 was found"):
         CurriculumSearch(levels, Measured(ChainTransfer(), 4), settings, seed=1).run()

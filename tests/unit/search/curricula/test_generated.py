@@ -209,7 +209,7 @@ def test_a_family_without_a_grid_teaches_what_the_target_alone_does_not(tmp_path
             "learning",
             " | 0.01: age()",
             "a step of a unit that may fail after other steps (`age`)",
-            "a table has at most 50,000 states",
+            "a table has at most 50 states",
         ),
     ],
 )
