@@ -24,7 +24,7 @@ OF_MODEL: Final = ("image", "graph")
 """The kinds that are computed from the model; tables do not support them."""
 
 MOST_KNOWN: Final = 2**14
-"""Maximum number of cached observations; a full cache is cleared. Computing one takes some microseconds."""
+"""Maximum number of cached observations; a full cache is cleared. Not measured: one takes some microseconds."""
 
 
 def check_kind(kind: object) -> None:

@@ -11,8 +11,8 @@ from envgraph.code import dataclass
 class PlanCosts:
     """The estimates of the planner, in accesses to the store and numbers of rows.
 
-    `python -m benchmarks match` and `planning` measure the plans and the time for planning; `closure` and `questions`
-    those for closures. The golden plans in `tests/golden` change with every number.
+    `python -m benchmarks match` and `ttc18` measure the plans, and `planning` the time for making them; no benchmark
+    decides on a number alone. `tests/golden` shows the plans that a change of one gives.
     """
 
     access: float = 1.0  # the unit: one access to the store
@@ -47,7 +47,7 @@ class PlanCosts:
 
 @dataclass(frozen=True, slots=True)
 class Inlining:
-    """Largest sizes of inlined bodies; `python -m benchmarks match` and `planning` measure what they change.
+    """Largest sizes of inlined bodies, as `python -m benchmarks match` and `planning` need them; not measured alone.
 
     With more, conjunctions are too long to be planned well, and views derive the same match more than once.
     """
@@ -65,7 +65,8 @@ class Inlining:
 class DemandCosts:
     """When searches on demand keep their results and do the work for all nodes at once.
 
-    `python -m benchmarks questions` and `closure` measure them; `growth` shows what grows too fast if one is too large.
+    `python -m benchmarks questions` decides on the last two. The others are not measured alone; `growth` has closures
+    and recursive patterns, which grow faster than the model where a number is far too large.
     """
 
     few_visited: int = 1_000  # visited nodes up to which no work is done for all nodes
@@ -95,8 +96,8 @@ class DemandCosts:
 class ViewCosts:
     """When views have indexes, share their work, or are made at all, in accesses to the store and numbers of rows.
 
-    `python -m benchmarks train`, `ttc18` and `closure` measure views, `questions` and `assignment` loops of units and
-    questions; `growth` shows what grows too fast if one is too large.
+    `python -m benchmarks closure` decides on `few_starts` and `part`, `growth` on `most_ordered` and `sorted`, and
+    `questions` on `long_loop`. The others are not measured alone; `train` and `ttc18` measure views as a whole.
     """
 
     dear: float = 60.0  # a search above which a view has an index of its own rows
