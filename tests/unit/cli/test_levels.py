@@ -93,7 +93,8 @@ def test_a_line_that_is_hardly_known_and_touches_a_level_is_no_row_in_silence(en
     done = envgraph("import", "bad.xsb")
     assert done.code == 1 and not Path("bad").exists()
     assert [line for line in done.err.splitlines() if line.startswith("bad.xsb")] == [
-        f"bad.xsb:{line}:1: this line is next to a level, but at least half of its characters are not letters of the model"
+        f"bad.xsb:{line}:1: this line is next to a level, "
+        "but at least half of its characters are not letters of the model"
         for line in (3, 7, 9)
     ]
     assert "run-length encoding" in done.err
