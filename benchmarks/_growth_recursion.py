@@ -75,9 +75,7 @@ VIEWS: dict[str, Prepare] = {
     for shape in ("chain", "ring", "tree")
     for edits in (False, True)
 } | {
-    f"{kind} recursion from one start, {shape}{', 5 edits' if edits else ''}": watched(
-        shape, edits, *recursion(kind)
-    )
+    f"{kind} recursion from one start, {shape}{', 5 edits' if edits else ''}": watched(shape, edits, *recursion(kind))
     for kind in RECURSIVE
     for shape in ("chain",)
     for edits in (False, True)

@@ -79,9 +79,7 @@ def _unlock(kind, doors, at, key, opened, e, way):  # type: ignore[no-untyped-de
 
 
 @njit(error_model="numpy", nogil=True)
-def _step_all(
-    kind, keys, doors, streams, at, key, opened, steps, over, cut, observation, ended, reward, actions
-):  # type: ignore[no-untyped-def]
+def _step_all(kind, keys, doors, streams, at, key, opened, steps, over, cut, observation, ended, reward, actions):  # type: ignore[no-untyped-def]
     for e in range(len(at)):
         uniform(streams, e)
         total, end = 0.0, 0

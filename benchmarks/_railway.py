@@ -165,9 +165,7 @@ class _Generator:
     def __init__(self, errors: Errors) -> None:
         self.railway = Railway()
         self.errors = errors
-        self.connected_segments, self.pos_length, self.route_sensor = (
-            JavaRandom(SEED + k) for k in (0, 1, 2)
-        )
+        self.connected_segments, self.pos_length, self.route_sensor = (JavaRandom(SEED + k) for k in (0, 1, 2))
         self.semaphore_neighbor, self.switch_monitored = JavaRandom(SEED + 3), JavaRandom(SEED + 4)
         self.switch_set, self.reachability = JavaRandom(SEED + 5), JavaRandom(SEED + 8)
         self.lengths, self.positions, self.sensors, self.switches = (JavaRandom(SEED) for _ in range(4))

@@ -136,9 +136,7 @@ class Clips:
             environment.build(f"(deftemplate {name} (slot of (type INTEGER)) (slot is (type INTEGER)))")
         for name, left in CLIPS_RULES.items():
             environment.build(f"(defrule {name} {left} =>)")
-        self.templates = {
-            name: environment.find_template(name) for name in (*CLASSES, *ATTRIBUTES, *REFERENCES)
-        }
+        self.templates = {name: environment.find_template(name) for name in (*CLASSES, *ATTRIBUTES, *REFERENCES)}
         self.facts: dict[Record, Any] = {}
 
     def load(self, found: Iterable[Record]) -> None:
@@ -151,9 +149,7 @@ class Clips:
         added, record = change
         if added:
             name, columns = record
-            self.facts[record] = self.templates[name].assert_fact(
-                **dict(zip(("of", "is"), columns, strict=False))
-            )
+            self.facts[record] = self.templates[name].assert_fact(**dict(zip(("of", "is"), columns, strict=False)))
         else:
             self.facts.pop(record).retract()
 
@@ -233,9 +229,7 @@ class SQLite:
                 execute(f'CREATE TABLE {name} ("of" INTEGER PRIMARY KEY, "is" INTEGER)')
                 self.connection.executemany(f"INSERT INTO {name} VALUES (?, ?)", rows)
             else:
-                execute(
-                    f'CREATE TABLE {name} ("of" INTEGER, "is" INTEGER, PRIMARY KEY ("of", "is")) WITHOUT ROWID'
-                )
+                execute(f'CREATE TABLE {name} ("of" INTEGER, "is" INTEGER, PRIMARY KEY ("of", "is")) WITHOUT ROWID')
                 self.connection.executemany(f"INSERT INTO {name} VALUES (?, ?)", rows)
                 execute(f'CREATE INDEX {name}_back ON {name} ("is", "of")')
         execute("ANALYZE")

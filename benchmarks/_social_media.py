@@ -28,9 +28,7 @@ the same and the commented submission; `Friends` user, user; `Likes` user, comme
 def initial_lines(scale: int) -> list[Line]:
     """The insertions that make the initial model of a scale."""
     return [
-        (kind, *fields)
-        for kind in KINDS
-        for fields in _rows(DATA / str(scale) / f"csv-{kind.lower()}-initial.csv")
+        (kind, *fields) for kind in KINDS for fields in _rows(DATA / str(scale) / f"csv-{kind.lower()}-initial.csv")
     ]
 
 
@@ -57,9 +55,7 @@ def expected_answers() -> dict[tuple[str, int, int], list[int]]:
     with open(DATA / "expected.csv", encoding="utf-8", newline="") as file:
         rows = list(csv.DictReader(file, delimiter=";"))
     return {
-        (row["View"], int(row["ChangeSet"]), int(row["Iteration"])): [
-            int(id) for id in row["MetricValue"].split("|")
-        ]
+        (row["View"], int(row["ChangeSet"]), int(row["Iteration"])): [int(id) for id in row["MetricValue"].split("|")]
         for row in rows
     }
 

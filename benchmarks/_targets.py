@@ -15,7 +15,7 @@ from typing import Final, NamedTuple
 import numpy as np
 from numpy.random import Generator
 
-from envgraph.env.compiled import explored
+from envgraph.env.compiled import explore_fast
 from envgraph.errors import LoadError
 from envgraph.lang import data_path
 from envgraph.search import Domain
@@ -71,7 +71,7 @@ def plan_length(path: Path) -> int:
     except LoadError:
         return 0
     assert domain.behaviour is not None
-    table = explored(domain.engine(), domain.behaviour, domain.keys()).tabular
+    table = explore_fast(domain.engine(), domain.behaviour, domain.keys()).tabular
     return len(optimal_episode(table, domain.behaviour.limit or 200))
 
 
@@ -119,9 +119,7 @@ model long_way : network {{
 """
 
 
-def _two_rooms(
-    width: int, height: int, rng: Generator
-) -> tuple[np.ndarray[tuple[int, int], np.dtype[np.str_]], int]:
+def _two_rooms(width: int, height: int, rng: Generator) -> tuple[np.ndarray[tuple[int, int], np.dtype[np.str_]], int]:
     """Return two rooms and the column of the wall between them, which has a door `R`."""
     grid = np.full((height, width), ".")
     grid[[0, -1]] = grid[:, [0, -1]] = "#"
@@ -271,9 +269,7 @@ def _replaced(domain: str, rows: str) -> str:
     before, _, after = text.split('"""')
     text = f'{before}"""\n{rows}\n"""{after}'
     if domain == "lava":
-        text = text.replace("at = cell[1, 3]", "at = cell[2, 4]").replace(
-            "at = cell[1, 1]", "at = cell[1, 2]"
-        )
+        text = text.replace("at = cell[1, 3]", "at = cell[2, 4]").replace("at = cell[1, 1]", "at = cell[1, 2]")
     return text
 
 

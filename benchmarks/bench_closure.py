@@ -99,9 +99,7 @@ QUICK = Sizes(
 
 def main(sizes: Sizes) -> None:
     """Print the figures."""
-    print(
-        f"{'graph':12}{'places':>8}  {'asked':12}{'pairs':>9}{'envgraph':>10}{'networkx':>20}{'rustworkx':>20}"
-    )
+    print(f"{'graph':12}{'places':>8}  {'asked':12}{'pairs':>9}{'envgraph':>10}{'networkx':>20}{'rustworkx':>20}")
     for shape, size, question in sizes.cases:
         edges = shape(size)
         size = 1 + max(max(edge) for edge in edges)
@@ -130,11 +128,11 @@ def in_views(edges: Edges, size: int, question: str, changed: Edges) -> tuple[in
 
     def cut(source: int, target: int) -> None:
         model.graph.unlink(places[source], TO, places[target])
-        matcher.kept.settle()
+        matcher.watched_views.process_pending()
 
     def join(source: int, target: int) -> None:
         model.graph.link(places[source], TO, places[target])
-        matcher.kept.settle()
+        matcher.watched_views.process_pending()
 
     savepoint = model.graph.history.savepoint()
     found = times(cut, join, changed)

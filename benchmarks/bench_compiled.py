@@ -29,14 +29,14 @@ from benchmarks._peers import peer
 from envgraph.behaviour import Behaviour
 from envgraph.env import EnvgraphLiveEnv, Simulator, can_end, explore
 from envgraph.env.compiled import (
-    Batch,
+    ActionPlan,
+    CompiledBatch,
     CompiledEnv,
-    Plan,
+    CompiledProgram,
     PlanSearch,
-    Program,
-    enumerated,
-    guided,
+    enumerate_states,
     program_of,
+    with_guide_counts,
 )
 from envgraph.lang import load_workspace
 from envgraph.learn import TrainingSettings, play_program, train_program
@@ -102,9 +102,7 @@ FULL = Sizes(
     seeds=5,
 )
 ONE = ("keydoor",)
-QUICK = Sizes(
-    ONE, ONE, ONE, ONE, (20_000, 2), "keydoor", environments=4, bursts=1, learning=(1_000,), seeds=1
-)
+QUICK = Sizes(ONE, ONE, ONE, ONE, (20_000, 2), "keydoor", environments=4, bursts=1, learning=(1_000,), seeds=1)
 
 Job = Callable[[], int]
 
@@ -123,9 +121,7 @@ def main(sizes: Sizes) -> None:
         program = program_of(engine, behaviour)
         live = EnvgraphLiveEnv(Simulator(opened(name)[0], behaviour))
         fast, slow = alternating(sizes, many(program, sizes), alone(live, behaviour.limit, 200))
-        one, frozen = alternating(
-            sizes, alone(CompiledEnv(program), behaviour.limit, 1000), alone(lake, None, 300)
-        )
+        one, frozen = alternating(sizes, alone(CompiledEnv(program), behaviour.limit, 1000), alone(lake, None, 300))
         rates = f"{1e-6 / min(fast):7.1f} {1e-6 / median(fast):7.1f}"
         print(f"{name:16} {rates} {ratios(slow, fast)} {needed:7}   {ratios(frozen, one, 2):>21}", flush=True)
     made = [gymnasium.make(name, **options) for name, options in ALONE]
@@ -148,9 +144,9 @@ def opened(name: str) -> tuple[Engine, Behaviour]:
     return workspace.engine(model), workspace.behaviour()
 
 
-def many(program: Program, sizes: Sizes) -> Job:
+def many(program: CompiledProgram, sizes: Sizes) -> Job:
     """A burst of steps of many environments, each with a stream of its own."""
-    batch = Batch(program, np.zeros(sizes.environments, dtype=np.int64))
+    batch = CompiledBatch(program, np.zeros(sizes.environments, dtype=np.int64))
     batch.seed(generators(sizes))
     batch.reset(np.ones(sizes.environments, dtype=np.bool_))
     limit = program.behaviour.limit or 0
@@ -158,7 +154,7 @@ def many(program: Program, sizes: Sizes) -> Job:
 
     def burst() -> int:
         for row in actions:
-            batch.step(row, again=True, limit=limit)
+            batch.step(row, resets_ended=True, limit=limit)
         return actions.size
 
     return burst
@@ -212,18 +208,16 @@ def ratios(slow: Sequence[float], fast: Sequence[float], digits: int = 0) -> str
 def _by_hand(sizes: Sizes) -> None:
     """KeyDoor written by hand: the same streams, observations and rewards, then the speed."""
     from benchmarks._keydoor import HandWritten
-    from envgraph.env.compiled._world import streams
+    from envgraph.env.compiled._batch_arrays import generator_states
 
     engine, behaviour = opened("keydoor")
     program = program_of(engine, behaviour)
-    batch = Batch(program, np.zeros(sizes.environments, dtype=np.int64))
+    batch = CompiledBatch(program, np.zeros(sizes.environments, dtype=np.int64))
     batch.seed(generators(sizes))
     batch.reset(np.ones(sizes.environments, dtype=np.bool_))
-    other = HandWritten(streams(generators(sizes)))
-    for actions in np.random.default_rng(1).integers(
-        len(program.action_names), size=(500, sizes.environments)
-    ):
-        batch.step(actions, again=True, limit=behaviour.limit or 0)
+    other = HandWritten(generator_states(generators(sizes)))
+    for actions in np.random.default_rng(1).integers(len(program.action_names), size=(500, sizes.environments)):
+        batch.step(actions, resets_ended=True, limit=behaviour.limit or 0)
         other.step(actions)
         same = [
             batch.observation == other.observation,
@@ -240,9 +234,7 @@ def _by_hand(sizes: Sizes) -> None:
         return chosen.size
 
     ours, hand = alternating(sizes, many(program, sizes), burst)
-    print(
-        f"keydoor by hand, with numba: {1e-6 / min(hand):.1f} M steps/s, {ratios(ours, hand, 2)} of ours (<= 2.0)"
-    )
+    print(f"keydoor by hand, with numba: {1e-6 / min(hand):.1f} M steps/s, {ratios(ours, hand, 2)} of ours (<= 2.0)")
 
 
 def _doorkey(sizes: Sizes) -> None:
@@ -263,15 +255,13 @@ def _tables(sizes: Sizes) -> None:
     for name in sizes.tables:
         engine, behaviour = opened(name)
         program = program_of(engine, behaviour)
-        states = enumerated(program).n_states
-        fast = _best(lambda program=program: enumerated(program))  # type: ignore[misc]
+        states = enumerate_states(program).n_states
+        fast = _best(lambda program=program: enumerate_states(program))  # type: ignore[misc]
         keys = program.keys
-        again = _best(lambda e=engine, k=keys, p=program: enumerated(p.over(e, k)))  # type: ignore[misc]
+        again = _best(lambda e=engine, k=keys, p=program: enumerate_states(p.with_model(e, k)))  # type: ignore[misc]
         slow = _best(lambda e=engine, b=behaviour: explore(e, b), 1) if states < 1_000 else None  # type: ignore[misc]
         times = "" if slow is None else f"{slow / fast:10,.0f}"
-        print(
-            f"{name:25} {states:8,} states {fast:10.5f} {times:>10}; of another model {again:.5f}", flush=True
-        )
+        print(f"{name:25} {states:8,} states {fast:10.5f} {times:>10}; of another model {again:.5f}", flush=True)
 
 
 def _certificates(sizes: Sizes) -> None:
@@ -280,13 +270,13 @@ def _certificates(sizes: Sizes) -> None:
     for name in sizes.certificates:
         engine, behaviour = opened(name)
         program = program_of(engine, behaviour)
-        table = enumerated(program)
+        table = enumerate_states(program)
         policy = value_iteration(table).policy
         alone = _best(lambda t=table, p=policy: certify(t, p), 20)  # type: ignore[misc]
-        whole = _best(lambda g=program, p=policy: certify(enumerated(g), p), 20)  # type: ignore[misc]
+        whole = _best(lambda g=program, p=policy: certify(enumerate_states(g), p), 20)  # type: ignore[misc]
         keys = program.keys
         other = _best(
-            lambda g=program, e=engine, k=keys, p=policy: certify(enumerated(g.over(e, k)), p),  # type: ignore[misc]
+            lambda g=program, e=engine, k=keys, p=policy: certify(enumerate_states(g.with_model(e, k)), p),  # type: ignore[misc]
             20,
         )
         print(f"{name:25} {1e3 * alone:8.2f} {1e3 * whole:8.2f} {1e3 * other:8.2f}", flush=True)
@@ -295,12 +285,11 @@ def _certificates(sizes: Sizes) -> None:
 def _plans(sizes: Sizes) -> None:
     """A plan, shortest or by a beam, beside the live engine's search for any way."""
     print(
-        "seconds to find a plan: the best of 5; "
-        f"after {sizes.limits[1]:,} states by a beam; any way on the live engine"
+        f"seconds to find a plan: the best of 5; after {sizes.limits[1]:,} states by a beam; any way on the live engine"
     )
     for name in sizes.plans:
         engine, behaviour = opened(name)
-        with_guides, guides = guided(behaviour)
+        with_guides, guides = with_guide_counts(behaviour)
         program = program_of(engine, with_guides)
         for limit in sizes.limits:
             job = partial(_planned, program, guides, limit)
@@ -374,7 +363,7 @@ def _rates(seconds: Sequence[float]) -> str:
     return f"{1e-6 / min(seconds):.2f} {1e-6 / median(seconds):.2f}"
 
 
-def _planned(program: Program, guides: int, limit: int) -> Plan:
+def _planned(program: CompiledProgram, guides: int, limit: int) -> ActionPlan:
     """Search for a plan in arrays of its own."""
     return PlanSearch(program, limit=limit).plan(guides)
 
@@ -393,18 +382,14 @@ def _best(job: Callable[[], object], times: int = 5) -> float:
 
 def _compiling(sizes: Sizes) -> None:
     """How long it takes until the first step, with nothing in numba's cache, and again."""
-    print(
-        f"seconds of CPU to compile:{'text, arrays':>16} (<= 0.2) {'cold':>7} (<= 5) {'cached':>7} (<= 0.3)"
-    )
+    print(f"seconds of CPU to compile:{'text, arrays':>16} (<= 0.2) {'cold':>7} (<= 5) {'cached':>7} (<= 0.3)")
     for name in sizes.domains:
         with TemporaryDirectory() as folder:
             environment = {**os.environ, "ENVGRAPH_CACHE": folder}
             command = [sys.executable, "-m", "benchmarks.bench_compiled", name]
             runs = [
                 json.loads(
-                    subprocess.run(
-                        command, env=environment, check=True, stdout=subprocess.PIPE, cwd=ROOT
-                    ).stdout
+                    subprocess.run(command, env=environment, check=True, stdout=subprocess.PIPE, cwd=ROOT).stdout
                 )
                 for _ in range(2)
             ]
@@ -420,9 +405,9 @@ def _compile(name: str) -> None:
     start = process_time()
     program = program_of(engine, behaviour)
     written = process_time()
-    batch = Batch(program, [0])
+    batch = CompiledBatch(program, [0])
     batch.reset(np.ones(1, dtype=np.bool_))
-    batch.step(np.zeros(1, dtype=np.int64), again=True)
+    batch.step(np.zeros(1, dtype=np.int64), resets_ended=True)
     print(json.dumps([written - start, process_time() - written]))
 
 

@@ -81,9 +81,7 @@ def main(sizes: Sizes) -> None:
     table = explored.tabular
     seconds = _best(lambda: explore(engine, behaviour))
     moves = int((table.probability > 0).sum())
-    print(
-        f"enumerate E6: {table.n_states} states, {moves} moves in {seconds * 1e3:.1f} ms, {moves / seconds:,.0f}/s"
-    )
+    print(f"enumerate E6: {table.n_states} states, {moves} moves in {seconds * 1e3:.1f} ms, {moves / seconds:,.0f}/s")
     lake = _steps(gymnasium.make("FrozenLake8x8-v1").unwrapped, sizes.steps)
     print(f"{'FrozenLake 8x8, unwrapped':34} {lake:12,.0f} steps/s")
     single = _steps(EnvgraphEnv(table), sizes.steps)
@@ -99,9 +97,7 @@ def main(sizes: Sizes) -> None:
     print(f"{f'SyncVectorEnv of {few}, FrozenLake':34} {sync:12,.0f} steps/s")
     for count in (few, many):
         rate = _vector_steps(EnvgraphVectorEnv(table, count, max_episode_steps=200), sizes.steps)
-        print(
-            f"{f'EnvgraphVectorEnv of {count}':34} {rate:12,.0f} steps/s  {rate / sync:6.2f} x SyncVectorEnv"
-        )
+        print(f"{f'EnvgraphVectorEnv of {count}':34} {rate:12,.0f} steps/s  {rate / sync:6.2f} x SyncVectorEnv")
     with _new_cache() as directory:
         _family(directory, lake, sizes)
     scene = explored.pictures[0]

@@ -25,7 +25,7 @@ from typing import Any, NamedTuple
 from unittest.mock import patch
 
 from envgraph.graph.history._history import History
-from envgraph.graph.history._versions import VersionTree
+from envgraph.graph.history._version_tree import VersionTree
 from envgraph.lang import bundled_domain
 from envgraph.rewrite import Engine
 from envgraph.search import (
@@ -84,17 +84,13 @@ QUICK = Sizes(2, (6,), 1, ((8, 6, 1, 0.2),), ("keydoor",), 1, 0.0)
 
 def main(sizes: Sizes) -> None:
     """Print the figures."""
-    print(
-        f"{sizes.generations} generations, 8x8: seconds of CPU (and of wall time), median of {sizes.repeats}"
-    )
+    print(f"{sizes.generations} generations, 8x8: seconds of CPU (and of wall time), median of {sizes.repeats}")
     print(f"{'population':>10}{'envgraph':>20}{'hand-written':>20}{'ratio':>8}{'published':>12}")
     for population in sizes.populations:
         published = PUBLISHED[population]
         ours = _median(lambda: _generate(population, sizes.generations), sizes.repeats)  # noqa: B023
         plain = _median(lambda: evolve(TARGET, population, sizes.generations, seed=1), sizes.repeats)  # noqa: B023
-        print(
-            f"{population:10}{_seconds(ours):>20}{_seconds(plain):>20}{ours[0] / plain[0]:8.1f}{published:10} s"
-        )
+        print(f"{population:10}{_seconds(ours):>20}{_seconds(plain):>20}{ours[0] / plain[0]:8.1f}{published:10} s")
     start = _median(lambda: _generate(6, 0), sizes.repeats)
     print(f"of which reading files, compiling patterns, making the store: {start[0]:.2f} s")
     print_phases(sizes.generations)
@@ -147,9 +143,9 @@ def _clocked(clock: dict[str, float]) -> Iterator[list[object]]:
                 made = children if phase == "measure" else []
                 timed = _timed(clock, phase, getattr(owner, name), made)
                 stack.enter_context(patch.object(owner, name, timed))
-        whole = _timed(clock, "all of a generation", Evolution._step, [])
+        whole = _timed(clock, "all of a generation", Evolution._run_generation, [])
         clock["all of a generation"] = 0.0
-        stack.enter_context(patch.object(Evolution, "_step", whole))
+        stack.enter_context(patch.object(Evolution, "_run_generation", whole))
         yield children
 
 
@@ -161,8 +157,8 @@ def _counted(walked: list[int]) -> Iterator[None]:
         walked.append(len(vertex.segment) // 4)
         turn(tree, vertex, end)
 
-    turn = VersionTree._turn
-    with patch.object(VersionTree, "_turn", counted):
+    turn = VersionTree._reverse_segment
+    with patch.object(VersionTree, "_reverse_segment", counted):
         yield
 
 
@@ -186,9 +182,7 @@ TAILED = ("mutation.strength=heavy_tailed",)
 def print_sizes(forests: tuple[tuple[int, int, int, float], ...]) -> None:
     """Until forests of random tiles have families of maximum entropy."""
     print("\nCPU seconds to the maximum of entropy, random forests")
-    print(
-        f"{'tiles':>10}{'population':>12}{'median':>10}{'slowest':>10}{'children':>10}{'to be':>8}{'reached':>10}"
-    )
+    print(f"{'tiles':>10}{'population':>12}{'median':>10}{'slowest':>10}{'children':>10}{'to be':>8}{'reached':>10}")
     for size, population, seeds, wanted in forests:
         found = [_to_the_maximum(size, population, seed) for seed in range(seeds)]
         times = [seconds for seconds, _, _ in found]
@@ -210,7 +204,11 @@ def _to_the_maximum(size: int, population: int, seed: int) -> tuple[float, int, 
         family = generate(f"{folder}/paper.toml", path, seed=seed, population=population, overrides=TAILED)
         seconds = process_time() - started
         with RunStore.open(path) as store:
-            return seconds, sum(accepted for _, _, accepted, _ in store.history()), why_low(family, store)
+            return (
+                seconds,
+                sum(accepted for _, _, accepted, _ in store.generation_statistics()),
+                why_low(family, store),
+            )
 
 
 def forest(folder: Path, size: int, seed: int) -> None:
@@ -224,7 +222,7 @@ def forest(folder: Path, size: int, seed: int) -> None:
         rows = ["".join(tiles[row : row + size]) for row in range(0, size * size, size)]
         (folder / "target_8x8.model").write_text(MODEL.format("\n".join(rows)))
         domain = Domain.load(f"{folder}/paper.toml")
-        if domain.problem(domain.engine()).valid():
+        if domain.problem(domain.engine()).is_valid():
             return
 
 

@@ -68,9 +68,7 @@ FULL = Sizes(
     families=30,
     break_even=True,
 )
-QUICK = Sizes(
-    {"numba": 1_000, "python": 1_000}, reproduction=1, budgets=1, random=2, families=3, break_even=False
-)
+QUICK = Sizes({"numba": 1_000, "python": 1_000}, reproduction=1, budgets=1, random=2, families=3, break_even=False)
 
 
 def main(sizes: Sizes) -> None:
@@ -110,10 +108,7 @@ def print_break_even(steps: dict[str, int]) -> None:
         slow = seconds_of({**settings, "steps_per_environment": steps["python"]}, "python") / steps["python"]
         with TemporaryDirectory() as cache:
             costs = [seconds_of(settings | {"steps_per_environment": 1}, "numba", cache) for _ in range(2)]
-        print(
-            f"{label:28}"
-            + "".join(f"{cost / slow / 1e6:>{w}.2f}" for cost, w in zip(costs, (22, 18), strict=True))
-        )
+        print(f"{label:28}" + "".join(f"{cost / slow / 1e6:>{w}.2f}" for cost, w in zip(costs, (22, 18), strict=True)))
     print()
 
 
@@ -140,9 +135,7 @@ def print_reproduction(seeds: int) -> None:
     found = run_experiment(members, TrainingSettings(), seeds=range(seeds), backend=BACKEND)
     elapsed = perf_counter() - started
     steps = sum(run.steps for run in found.runs)
-    print(
-        f"published family, 50,000 steps an environment, {seeds} seeds ({steps:,} steps in {elapsed:.1f} s)"
-    )
+    print(f"published family, 50,000 steps an environment, {seeds} seeds ({steps:,} steps in {elapsed:.1f} s)")
     print(f"{'':24}{'success':>10}{'95 % interval':>16}{'return':>10}")
     for one in found.summaries():
         low, high = one.success_interval
@@ -171,9 +164,7 @@ def print_budgets(seeds: int) -> None:
         cells = []
         for steps, figure in expected.items():
             budget = replace(settings, steps_per_environment=steps)
-            found = run_experiment(
-                members, budget, sequences(names, kind), seeds=range(seeds), backend=BACKEND
-            )
+            found = run_experiment(members, budget, sequences(names, kind), seeds=range(seeds), backend=BACKEND)
             cells.append(f"{steps // 1000}k {found.summaries()[0].success_rate:.2f} ({figure:.2f})")
         print(f"{label:24}" + "   ".join(cells))
     print()
@@ -187,9 +178,7 @@ def print_random_families(seeds: int, count: int) -> None:
     started = perf_counter()
     transfers = [chain_transfer(tabulars) for tabulars in [*families, published_family()]]
     each = 1e3 * (perf_counter() - started) / len(transfers)
-    print(
-        f"{count} published random families, ordered, {seeds} seeds; chain transfer takes {each:.1f} ms a family"
-    )
+    print(f"{count} published random families, ordered, {seeds} seeds; chain transfer takes {each:.1f} ms a family")
     for steps, expected in ((10_000, 0.09), (50_000, 0.55)):
         settings = TrainingSettings(steps_per_environment=steps)
         successes = [success(tabulars, settings, seeds) for tabulars in [*families, published_family()]]

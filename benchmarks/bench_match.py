@@ -65,8 +65,7 @@ def print_queries(model: Model, queries: Library, sizes: Sizes) -> None:
         cells = ""
         for ask in ("rows", "exists"):
             fast, slow = (
-                time_of(model, question(kind, ask, name, arguments), sizes.rounds)
-                for kind in (compiled, naive)
+                time_of(model, question(kind, ask, name, arguments), sizes.rounds) for kind in (compiled, naive)
             )
             cells += f"{fast:13.2f}{slow:11.0f}{slow / fast:8.0f}"
         print(f"{name:24}{compiled.count(name, arguments):8}{cells}")
@@ -127,7 +126,7 @@ def print_views(model: Model, queries: Library, sizes: Sizes) -> None:
             found.append(1e6 * (perf_counter() - started))
         return found
 
-    views = times(matcher.kept.settle)
+    views = times(matcher.watched_views.process_pending)
     matcher.unwatch(*VIEWS)
     asked = times(lambda: [demand.count(name, arguments[name]) for name in VIEWS])
     library_ = path_times(model, matcher, roads * sizes.rounds)
@@ -168,9 +167,7 @@ def time_of(model: Model, ask: Callable[[], object], rounds: int) -> float:
     for _ in range(rounds):
         calls, elapsed = 0, 0.0
         while elapsed < 2e-4:
-            model.graph.set_object_name(
-                truck.id, None if truck.cls == model.graph.object_name(truck.id) else truck.cls
-            )
+            model.graph.set_object_name(truck.id, None if truck.cls == model.graph.object_name(truck.id) else truck.cls)
             started = perf_counter()
             ask()
             elapsed += perf_counter() - started

@@ -48,9 +48,7 @@ def main(sizes: Sizes) -> None:
     """Print the figures."""
     domain = Domain.load("burning_forest/paper.toml")
     whole = domain.problem(domain.engine())
-    four = [
-        one for one in whole.constraints if isinstance(one, Require) and one.pattern.split(".")[-1] in PAPER
-    ]
+    four = [one for one in whole.constraints if isinstance(one, Require) and one.pattern.split(".")[-1] in PAPER]
     assert len(four) == len(PAPER)
     paper = replace(whole, constraints=four)
     print(f"microseconds a mutation, to be {TARGET}")
@@ -77,7 +75,7 @@ def show(name: str, measure: Callable[[int], tuple[float, int]], sizes: Sizes) -
 def mutate(problem: Problem, count: int) -> tuple[float, int]:
     """Seconds, and how many mutations were valid."""
     engine, rng, valid = problem.engine, default_rng(1), 0
-    assert problem.valid()  # as a search begins; what is kept current is from here on
+    assert problem.is_valid()  # as a search begins; what is kept current is from here on
     gc.collect()
     started = process_time()
     for _ in range(count):
@@ -85,9 +83,9 @@ def mutate(problem: Problem, count: int) -> tuple[float, int]:
         chosen = engine.choose(problem.mutations, rng)
         assert chosen is not None
         engine.fire(*chosen)
-        if problem.valid():
+        if problem.is_valid():
             valid += 1
-            problem.measure()
+            problem.compute_measures()
         engine.model.graph.history.rollback(savepoint)
     return process_time() - started, valid
 

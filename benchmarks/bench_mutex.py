@@ -61,9 +61,7 @@ def main(sizes: Sizes) -> None:
         units.append(unit)
     missed = [size for size, found in zip(sizes.repeats, rates, strict=True) if found < TARGET]
     print(f"prepared, slowest over fastest: {min(rates) / max(rates):.2f}; missed at {missed or 'no size'}")
-    print(
-        f"unit, slowest over fastest: {min(units) / max(units):.2f}; its journal and trace grow until it ends"
-    )
+    print(f"unit, slowest over fastest: {min(units) / max(units):.2f}; its journal and trace grow until it ends")
     print_phases(sizes.phases)
 
 

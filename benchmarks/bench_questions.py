@@ -103,10 +103,7 @@ def print_loops(sizes: Sizes) -> None:
                 result = engine.run(unit)
                 cells.append(1e3 * (process_time() - started))
                 assert result.applications == objects
-            print(
-                f"{unit + (', watched' if watched else ', on demand'):28}"
-                + "".join(f"{c:10.0f}" for c in cells)
-            )
+            print(f"{unit + (', watched' if watched else ', on demand'):28}" + "".join(f"{c:10.0f}" for c in cells))
 
 
 def print_growth(sizes: Sizes) -> None:

@@ -23,7 +23,7 @@ from typing import NamedTuple
 from unittest.mock import patch
 
 from benchmarks.bench_family import TARGET, complexity, mutate, valid
-from envgraph.search import Domain, Sampler, SampleSettings, generate
+from envgraph.search import Domain, ModelSampler, SampleSettings, generate
 
 
 class Sizes(NamedTuple):
@@ -58,7 +58,7 @@ def print_walks(sizes: Sizes) -> None:
     """What the length of walks costs, and how far members are from each other."""
     print(f"\n{'models on a walk':>16}{'microseconds a member':>24}{'tiles that two members differ in':>36}")
     for length in sizes.walks:
-        with patch("envgraph.search.evolution._samples.WALK", length):
+        with patch("envgraph.search.evolution._model_sampler.WALK_LENGTH", length):
             seconds, distance = _walked(sizes.forests)
         print(f"{length:16}{seconds / sizes.forests * 1e6:24.0f}{distance:36.1f}", flush=True)
 
@@ -100,9 +100,7 @@ def _sampled(count: int, covered: int | None = None) -> list[float]:
     """Return the complexities of forests; with `covered`, that many bins get as many forests each."""
     overrides = () if covered is None else (f"samples.cover={{ complexity = {covered} }}",)
     with TemporaryDirectory() as folder:
-        family = generate(
-            "burning_forest/paper.toml", Path(folder) / "run.sqlite", samples=count, overrides=overrides
-        )
+        family = generate("burning_forest/paper.toml", Path(folder) / "run.sqlite", samples=count, overrides=overrides)
     assert len(family.members) == count
     return [member.measures["complexity"] for member in family.members]
 
@@ -131,12 +129,12 @@ def _walked(count: int) -> tuple[float, float]:
     """Return the CPU seconds of sampling alone, and the mean distance of pairs of members."""
     domain = Domain.load("burning_forest/paper.toml")
     problem = domain.problem(domain.engine())
-    sampler = Sampler(problem, domain.settings(), SampleSettings(count, (), (), 1, 10 * count), 1)
+    sampler = ModelSampler(problem, domain.settings(), SampleSettings(count, (), (), 1, 10 * count), 1)
     started = process_time()
     sampler.run()
     seconds = process_time() - started
     rng = random.Random(1)
-    members = sampler.members()
+    members = sampler.archive_members()
     rng.shuffle(members)
     maps = []
     for _, version in members[:200]:

@@ -41,9 +41,7 @@ QUICK = Sizes((2, 3), repeats=1)
 
 def main(sizes: Sizes) -> None:
     """Print the figures."""
-    print(
-        f"{'levels':>6}{'prepared':>10}{'unit':>10}{'watched':>10}{'CLIPS':>10}{'prepared/CLIPS':>16}", end=""
-    )
+    print(f"{'levels':>6}{'prepared':>10}{'unit':>10}{'watched':>10}{'CLIPS':>10}{'prepared/CLIPS':>16}", end="")
     print(f"{'GrGen.NET':>12}{'target':>9}  seconds")
     for levels in sizes.levels:
         fast = time_of(lambda: prepared(levels), sizes.repeats)  # noqa: B023

@@ -211,9 +211,7 @@ def show(rows: Sequence[Row]) -> None:
     orders = [row.success["the order"] for row in rows]
     steps, seconds = sorted(row.steps for row in rows), [row.seconds for row in rows]
     print(f"\n{rows[0].part}: {len(rows)} rows on {len(_targets(rows))} targets")
-    print(
-        f"  success {min(orders):.2f} to {max(orders):.2f}, at least .95 in {sum(one >= 0.95 for one in orders)}"
-    )
+    print(f"  success {min(orders):.2f} to {max(orders):.2f}, at least .95 in {sum(one >= 0.95 for one in orders)}")
     print(f"  steps {steps[0]:,} to {steps[-1]:,}, median {steps[len(steps) // 2]:,}", end="; ")
     print(f"CPU s {min(seconds):.1f} to {max(seconds):.1f}; searched {sum(row.searched for row in rows)}")
     ratios = sorted(row.backplay_steps / row.steps for row in rows if row.backplay_steps)
@@ -233,9 +231,7 @@ def show(rows: Sequence[Row]) -> None:
 
 def difference(rows: Iterable[Row], way: str) -> tuple[float, float, float]:
     """Return by how much the order is better than a way on average, with a 95 % interval, over targets as units."""
-    means = [
-        fmean(row.success["the order"] - row.success[way] for row in of) for of in _targets(rows).values()
-    ]
+    means = [fmean(row.success["the order"] - row.success[way] for row in of) for of in _targets(rows).values()]
     return (fmean(means), *mean_test(fmean(means), means)[:2])
 
 

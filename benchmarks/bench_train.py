@@ -212,9 +212,7 @@ def ask_on_demand(engine: Engine, found: Figures, repeats: int) -> None:
     gc.freeze()
     times: list[float] = []
     for _ in range(1 + repeats):
-        engine.model.graph.set_object_name(
-            0, f"round {len(times)}"
-        )  # another state: nothing remembered is of use
+        engine.model.graph.set_object_name(0, f"round {len(times)}")  # another state: nothing remembered is of use
         started = process_time()
         for query in QUERIES:
             matcher.prepare(f"railway.{query}", ())()
@@ -227,7 +225,7 @@ def repair(engine: Engine, quota: Quota, edits: Edits) -> None:
     """The eight batches of a protocol; their times are added to `edits`."""
     protocol = Protocol(engine, "repair", quota)
     assert isinstance(engine.matcher, ViewMatcher)
-    model, settle = engine.model, engine.matcher.kept.settle
+    model, settle = engine.model, engine.matcher.watched_views.process_pending
     gc.collect()
     gc.freeze()
     for _ in range(BATCHES):
@@ -502,9 +500,7 @@ def line(name: str, ours: float | None, target: float | None = None, others: Oth
         print(f"{name:46}{'unknown':>10}")
         return
     mark = "" if target is None else f"{target:g}" + (" " if ours <= target else "!")
-    beside = ", ".join(
-        f"{tool} {beside_ours(value, ours)}" for tool, value in (others or {}).items() if value
-    )
+    beside = ", ".join(f"{tool} {beside_ours(value, ours)}" for tool, value in (others or {}).items() if value)
     print(f"{name:46}{digits(ours):>10}{mark:>9}  {beside}".rstrip())
 
 

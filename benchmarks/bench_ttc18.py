@@ -213,9 +213,7 @@ class Networkx:
 
     def answer(self, query: str) -> list[int]:
         times, score = (
-            (self.times["Posts"], self.post_score)
-            if query == "Q1"
-            else (self.times["Comments"], self.comment_score)
+            (self.times["Posts"], self.post_score) if query == "Q1" else (self.times["Comments"], self.comment_score)
         )
         ranked = sorted(((score(id), time, id) for id, time in times.items()), reverse=True)
         return [int(id) for _, _, id in ranked[:3]]
@@ -244,9 +242,7 @@ class Times:
 def main(sizes: Sizes) -> None:
     """Print the tables."""
     both = tuple(QUERIES)
-    print(
-        f"medians of {sizes.runs} runs of {sizes.change_sets} change sets each; all answers are the published ones\n"
-    )
+    print(f"medians of {sizes.runs} runs of {sizes.change_sets} change sets each; all answers are the published ones\n")
     ours = print_updates([(), *((query,) for query in QUERIES), both], sizes)
     largest = sizes.scales[-1]
     print(f"\npublished at scale 64, ms: {'; '.join(f'{q}: {text}' for q, text in PUBLISHED.items())}")
@@ -258,10 +254,7 @@ def main(sizes: Sizes) -> None:
 
 def print_updates(choices: Sequence[tuple[str, ...]], sizes: Sizes) -> dict[int, Times]:
     """Times with each choice of watched queries; gives those of the last choice by scale."""
-    print(
-        f"{'watched':10}"
-        + "".join(f"{f'scale {scale}: first ms':>22}{'update ms':>12}" for scale in sizes.scales)
-    )
+    print(f"{'watched':10}" + "".join(f"{f'scale {scale}: first ms':>22}{'update ms':>12}" for scale in sizes.scales))
     found: dict[int, Times] = {}
     for queries in choices:
         found = {scale: measure(Views, queries, scale, sizes) for scale in sizes.scales}
@@ -272,9 +265,7 @@ def print_updates(choices: Sequence[tuple[str, ...]], sizes: Sizes) -> dict[int,
 
 def print_sizes(ours: dict[int, Times], sizes: Sizes) -> None:
     """What an update costs by what it changes."""
-    print(
-        f"\n{'both':10}{'lines':>8}{'facts':>8}{'us a line':>12}{'us a fact':>12}   medians over the change sets"
-    )
+    print(f"\n{'both':10}{'lines':>8}{'facts':>8}{'us a line':>12}{'us a fact':>12}   medians over the change sets")
     for scale, times in ours.items():
         lines, facts = [len(changes) for changes in sizes.changes(scale)], count_facts(scale, sizes)
         cells = f"{median(lines):8.1f}{median(facts):8.1f}"
@@ -297,9 +288,7 @@ def print_growth(small: Times, sizes: Sizes) -> None:
 
 def print_peers(ours: dict[int, Times], sizes: Sizes) -> None:
     """Both queries by tools that compute them anew."""
-    print(
-        f"\n{'both':22}" + "".join(f"{f'scale {scale}: update ms':>22}{'ratio':>8}" for scale in sizes.scales)
-    )
+    print(f"\n{'both':22}" + "".join(f"{f'scale {scale}: update ms':>22}{'ratio':>8}" for scale in sizes.scales))
     for name, tool in (
         ("envgraph on demand", OnDemand),
         (f"sqlite3 {sqlite3.sqlite_version}", Sqlite),

@@ -136,9 +136,7 @@ def main(sizes: Sizes) -> None:
     print(f"{'':48}{'functions':>10}{'modules':>10}")
     for name in sizes.walks:
         command = [sys.executable, "-m", "benchmarks.bench_walks", name]
-        done = subprocess.run(
-            command, check=True, stdout=subprocess.PIPE, text=True, cwd=Path(PACKAGE).parent
-        )
+        done = subprocess.run(command, check=True, stdout=subprocess.PIPE, text=True, cwd=Path(PACKAGE).parent)
         for what, (functions, modules) in json.loads(done.stdout.splitlines()[-1]).items():
             print(f"{what:48}{functions:10}{modules:10}")
 

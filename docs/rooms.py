@@ -10,7 +10,7 @@ import ast
 import tomllib
 from pathlib import Path
 
-from envgraph.draw import PALE, blend, colour_text, ink_on, markup, parse_colour
+from envgraph.draw import FILL_COLOURS, blend, escape_markup, format_colour, ink_on, parse_colour
 from envgraph.files import replace_file
 
 HERE = Path(__file__).parent
@@ -59,7 +59,7 @@ def picture() -> str:
     ]
     bottom = total - GAP
     for number, (package, height) in enumerate(zip(packages, heights, strict=True)):
-        fill = PALE[number % len(PALE)]
+        fill = FILL_COLOURS[number % len(FILL_COLOURS)]
         top = bottom - height
         parts.append(box(GAP, top, WIDTH - 2 * GAP, height, fill))
         parts.append(text(GAP + 12, top + height / 2, package, fill, "bold"))
@@ -71,7 +71,7 @@ def picture() -> str:
 
 def rooms(columns: list[list[str]], top: float, height: float, fill: str) -> tuple[list[str], float]:
     """The rooms of one package, lowest layer first, and where there is room right of them."""
-    inner = colour_text(blend(parse_colour(fill), (255.0, 255.0, 255.0), 0.6))
+    inner = format_colour(blend(parse_colour(fill), (255.0, 255.0, 255.0), 0.6))
     parts: list[str] = []
     left = float(LABEL)
     for column in columns:
@@ -92,8 +92,8 @@ def box(x: float, y: float, width: float, height: float, fill: str, line: str = 
 
 
 def text(x: float, y: float, words: str, fill: str, weight: str = "normal") -> str:
-    ink = colour_text(ink_on(parse_colour(fill)))
-    return f'<text x="{x:g}" y="{y + 4.5:g}" fill="{ink}" font-weight="{weight}">{markup(words)}</text>'
+    ink = format_colour(ink_on(parse_colour(fill)))
+    return f'<text x="{x:g}" y="{y + 4.5:g}" fill="{ink}" font-weight="{weight}">{escape_markup(words)}</text>'
 
 
 if __name__ == "__main__":

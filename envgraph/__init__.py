@@ -6,7 +6,7 @@ Gymnasium.
 
 from typing import TYPE_CHECKING
 
-from envgraph.code import later
+from envgraph.code import export_lazily
 
 if TYPE_CHECKING:
     from envgraph.errors import EnvgraphError as EnvgraphError, LoadError as LoadError
@@ -24,6 +24,6 @@ if TYPE_CHECKING:
         register as register,
     )
 
-later(globals())
+export_lazily(globals())
 
 __version__ = "0.2.0"

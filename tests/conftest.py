@@ -13,9 +13,7 @@ import pytest
 from hypothesis import HealthCheck, settings
 
 # No deadline: the first example pays for imports and generated code. The limit per test is pytest's business.
-settings.register_profile(
-    "default", max_examples=15, derandomize=True, database=None, deadline=None, print_blob=True
-)
+settings.register_profile("default", max_examples=15, derandomize=True, database=None, deadline=None, print_blob=True)
 settings.register_profile(
     "nightly",
     derandomize=False,

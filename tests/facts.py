@@ -5,12 +5,12 @@ from __future__ import annotations
 from collections.abc import Callable
 from typing import Any, NamedTuple, Protocol
 
-from envgraph.code import short_repr
+from envgraph.code import shorten_repr
 from envgraph.graph import Model
 from envgraph.metamodel import Attribute, Reference, Value
 
 
-@short_repr
+@shorten_repr
 class ClassFact(NamedTuple):
     """The object is an instance of exactly this class."""
 
@@ -18,7 +18,7 @@ class ClassFact(NamedTuple):
     node: int
 
 
-@short_repr
+@shorten_repr
 class ValueFact(NamedTuple):
     """The object has this value in the attribute."""
 
@@ -27,7 +27,7 @@ class ValueFact(NamedTuple):
     value: Value
 
 
-@short_repr
+@shorten_repr
 class LinkFact(NamedTuple):
     """There is a link from source to target, of the first reference of an opposite pair."""
 
@@ -91,13 +91,13 @@ class Notified:
         for relation in store.relations:
             relation.added = after(relation.added, link_fact(relation.fact))
             relation.removing = before(relation.removing, link_fact(relation.fact))
-        views = store.retyping
+        views = store.retyping_callbacks
 
         def retyping(old: int, new: int) -> tuple[Hook, Hook]:
             removing, added = views(old, new) if views else (None, None)
             return before(removing, class_fact(old)), after(added, class_fact(new))
 
-        store.retyping = retyping
+        store.retyping_callbacks = retyping
 
     def settle(self) -> None:
         """Do nothing: nothing is ever pending."""
@@ -118,7 +118,7 @@ class Notified:
             hooks[:] = [None] * len(hooks)
         for relation in store.relations:
             relation.added = relation.removing = None
-        store.retyping = None
+        store.retyping_callbacks = None
 
     def loaded(self) -> None:
         """Hear of changes again."""

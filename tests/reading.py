@@ -9,15 +9,15 @@ from envgraph.errors import LoadError, Source
 from envgraph.graph import Model
 from envgraph.lang import DiskFiles, FamilySpec, Files, TextFiles, find_family, load_workspace
 from envgraph.lang.family._family_reader import read_family
-from envgraph.lang.read._environment import read_environment
-from envgraph.lang.read._metamodel import MetamodelFile, read_metamodel
-from envgraph.lang.read._model import ModelFile, read_models
-from envgraph.lang.read._query import read_query
+from envgraph.lang.read._environment_reader import read_environment
+from envgraph.lang.read._metamodel_reader import MetamodelFile, read_metamodel
+from envgraph.lang.read._model_reader import ModelFile, read_models
 from envgraph.lang.read._query_header import DefinitionsFile
-from envgraph.lang.read._rules import read_rules
-from envgraph.lang.syntax._grammar import grammar
-from envgraph.lang.syntax._parsing import parse
-from envgraph.lang.syntax._toml import TomlText, parse_toml
+from envgraph.lang.read._query_reader import read_query
+from envgraph.lang.read._rules_reader import read_rules
+from envgraph.lang.syntax._grammar import load_grammar
+from envgraph.lang.syntax._parser import parse
+from envgraph.lang.syntax._toml_parser import TomlText, parse_toml
 from envgraph.metamodel import Metamodel
 
 _READERS: dict[str, Callable[[Any], DefinitionsFile[Any]]] = {
@@ -56,7 +56,7 @@ def read_tree(text: str, language: str) -> object:
 
 def lexeme_places(text: str, language: str) -> list[tuple[int, int]]:
     """Return where each lexeme of a text without errors begins and ends."""
-    lexemes = grammar(language).core.scan(Source(f"t.{language}", text)).lexemes
+    lexemes = load_grammar(language).lexer.split_text(Source(f"t.{language}", text)).lexemes
     return [(lexeme.start, lexeme.end) for lexeme in lexemes]
 
 

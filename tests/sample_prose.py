@@ -18,9 +18,7 @@ from pathlib import Path
 ROOT = Path(__file__).parents[1]
 Definition = ast.FunctionDef | ast.AsyncFunctionDef | ast.ClassDef
 
-_REPORTING = re.compile(
-    r"error|warn|note|hint|report|message|refuse|fail|complain|print|progress|Diagnostic|Argument"
-)
+_REPORTING = re.compile(r"error|warn|note|hint|report|message|refuse|fail|complain|print|progress|Diagnostic|Argument")
 """Calls whose strings are read by users."""
 
 
@@ -133,9 +131,7 @@ def messages() -> list[Sample]:
         for name, node in definitions(tree):
             for child in ast.walk(node):
                 texts = [text for part in _spoken(child) if (text := _text(part)) and " " in text]
-                if any(
-                    len(re.findall(r"[A-Za-z]{2,}", re.sub(r"\{[^}]*\}", "", text))) >= 4 for text in texts
-                ):
+                if any(len(re.findall(r"[A-Za-z]{2,}", re.sub(r"\{[^}]*\}", "", text))) >= 4 for text in texts):
                     place = _place(path, child)
                     found[place] = Sample("\n".join(texts), f"{_module(path)}: {name}", place)
     return [found[place] for place in sorted(found)]

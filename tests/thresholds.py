@@ -7,17 +7,17 @@ from typing import Final
 
 import pytest
 
-from envgraph.code import _block
+from envgraph.code import _body_builder
 from envgraph.graph import Store
-from envgraph.graph.history import _versions
-from envgraph.match._costs import DemandCosts, PlanCosts, ViewCosts
-from envgraph.match.views.delta import _joins
-from envgraph.match.views.watch import _kept
+from envgraph.graph.history import _version_tree
+from envgraph.match._match_costs import DemandCosts, PlanCosts, ViewCosts
+from envgraph.match.views.delta import _value_views
+from envgraph.match.views.watch import _watched_views
 
 PLACES: Final[Mapping[str, tuple[object, str]]] = {
     # The journal: more targets have an index, and longer changes between versions are reduced to their net effect.
     "crowd of targets": (Store, "crowd"),
-    "long change between versions": (_versions, "_LONG"),
+    "long change between versions": (_version_tree, "_LONG"),
     # Closures on demand: after so many searches the answer is computed for all nodes, and kept while there is room.
     "few nodes visited": (DemandCosts, "few_visited"),
     "times all nodes visited": (DemandCosts, "times"),
@@ -34,10 +34,10 @@ PLACES: Final[Mapping[str, tuple[object, str]]] = {
     "most rows kept": (DemandCosts, "most_rows"),
     # Plans: equal partial matches are dropped, and long functions are split.
     "few partial matches": (PlanCosts, "few_rows"),
-    "most loops of a function": (_block, "MOST_LOOPS"),
+    "most loops of a function": (_body_builder, "MOST_LOOPS"),
     # Views: a model that grows so much has its views built anew, a long log is shortened, and large groups are updated.
-    "growth of the model": (_kept, "GROWTH"),
-    "least growth of the model": (_kept, "LEAST"),
+    "growth of the model": (_watched_views, "GROWTH"),
+    "least growth of the model": (_watched_views, "LEAST"),
     "long log": (ViewCosts, "long_log"),
     "large group": (ViewCosts, "large"),
     "few starts of a closure": (ViewCosts, "few_starts"),
@@ -48,8 +48,8 @@ PLACES: Final[Mapping[str, tuple[object, str]]] = {
     # Attributes have an index by value where many objects have different values.
     "many objects": (ViewCosts, "many"),
     "different values": (ViewCosts, "different"),
-    "value given by another goal": (_joins, "_met_elsewhere"),
-    "attributes tested in a loop": (_joins, "_told_apart"),
+    "value given by another goal": (_value_views, "_met_elsewhere"),
+    "attributes tested in a loop": (_value_views, "_told_apart"),
     # Loops of units: patterns are watched after so many rows.
     "long loop": (ViewCosts, "long_loop"),
     "cost of sorting a row": (ViewCosts, "sorted"),

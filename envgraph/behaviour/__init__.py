@@ -5,24 +5,10 @@
 
 from typing import TYPE_CHECKING
 
-from envgraph.code import later
+from envgraph.code import export_lazily
 
 if TYPE_CHECKING:
-    from envgraph.behaviour._binding import (
-        Reader as Reader,
-        bind_parameter as bind_parameter,
-        bind_parameters as bind_parameters,
-        follow as follow,
-        reader as reader,
-        unbound as unbound,
-    )
-    from envgraph.behaviour._check import check_behaviour as check_behaviour
-    from envgraph.behaviour._clauses import (
-        Question as Question,
-        condition_question as condition_question,
-        count_question as count_question,
-    )
-    from envgraph.behaviour._data import (
+    from envgraph.behaviour._behaviour import (
         Action as Action,
         Agent as Agent,
         Behaviour as Behaviour,
@@ -45,26 +31,43 @@ if TYPE_CHECKING:
         RuleCall as RuleCall,
         Token as Token,
     )
-    from envgraph.behaviour._domains import domain_type as domain_type
-    from envgraph.behaviour._edges import edge_ends as edge_ends
-    from envgraph.behaviour._keys import (
+    from envgraph.behaviour._behaviour_check import check_behaviour as check_behaviour
+    from envgraph.behaviour._drawn_edges import edge_ends as edge_ends
+    from envgraph.behaviour._helper_patterns import (
+        HelperPattern as HelperPattern,
+        condition_helper as condition_helper,
+        count_helper as count_helper,
+    )
+    from envgraph.behaviour._key_index import (
+        DuplicateKeyError as DuplicateKeyError,
         KeyIndex as KeyIndex,
-        SameKey as SameKey,
-        expanded as expanded,
+        expand_action as expand_action,
         indexed_classes as indexed_classes,
         key_attributes as key_attributes,
         key_reader as key_reader,
+        multiplying_classes as multiplying_classes,
         ordered_objects as ordered_objects,
-        spread_classes as spread_classes,
     )
-    from envgraph.behaviour._losing import (
-        Reading as Reading,
-        is_gone as is_gone,
-        lost as lost,
-        readings as readings,
-        root_of as root_of,
-        roots as roots,
+    from envgraph.behaviour._lost_objects import (
+        ObjectRead as ObjectRead,
+        is_lost as is_lost,
+        lost_object_error as lost_object_error,
+        object_reads as object_reads,
+        path_root as path_root,
+        read_variables as read_variables,
     )
-    from envgraph.behaviour._rewards import paying as paying, reward_names as reward_names
+    from envgraph.behaviour._parameter_binding import (
+        FeatureReader as FeatureReader,
+        bind_parameter as bind_parameter,
+        bind_parameters as bind_parameters,
+        feature_reader as feature_reader,
+        follow_path as follow_path,
+        unbound_names as unbound_names,
+    )
+    from envgraph.behaviour._parameter_domains import domain_type as domain_type
+    from envgraph.behaviour._reward_split import (
+        reward_names as reward_names,
+        with_only_reward as with_only_reward,
+    )
 
-later(globals())
+export_lazily(globals())

@@ -18,7 +18,7 @@ from envgraph.errors import EnvgraphError
 _INTERRUPTED: Final = 128 + signal.SIGINT
 
 
-class _Commands(click.Group):
+class _CommandGroup(click.Group):
     """The group of all commands, listed in the order of definition; the return value of a command is the exit code."""
 
     def list_commands(self, ctx: click.Context) -> list[str]:
@@ -40,7 +40,7 @@ class _Commands(click.Group):
 
 @click.group(
     name="envgraph",
-    cls=_Commands,
+    cls=_CommandGroup,
     help="Graph rewriting in Python, and families of reinforcement-learning environments made with it.",
     epilog="Begin with `envgraph new my_domain`, or with `envgraph generate burning_forest`.",
     context_settings={"help_option_names": ["-h", "--help"], "show_default": True},
@@ -60,7 +60,7 @@ def main() -> int:
         sys.stdout = sys.stdout or open(os.devnull, encoding="utf-8")  # noqa: SIM115, so that writing fails
         sys.stderr = sys.stderr or open(os.devnull, "w", encoding="utf-8")  # noqa: SIM115
     try:
-        code = _run()
+        code = _run_command()
         sys.stdout.flush()
         return code
     except OSError as error:
@@ -70,7 +70,7 @@ def main() -> int:
         return 1
 
 
-def _run() -> int:
+def _run_command() -> int:
     """Run the command and return its exit code; print errors of the input. Raise OSError if printing fails."""
     ended: list[int] = []
     formats: list[str] = []

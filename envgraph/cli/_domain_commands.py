@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 import click
 
 from envgraph.cli._app import app
-from envgraph.cli._options import (
+from envgraph.cli._shared_options import (
     PATH,
     count_option,
     definitions_argument,
@@ -28,20 +28,16 @@ if TYPE_CHECKING:  # It imports the languages, which not every command needs.
 
 @app.command()
 @click.argument("name", help="Name of the domain: small letters, digits and `_`.")
-@click.option(
-    "--directory", "-d", type=PATH, show_default="a directory of that name", help="Directory to write to."
-)
+@click.option("--directory", "-d", type=PATH, show_default="a directory of that name", help="Directory to write to.")
 @click.option("--domain", help="Copy the files of this bundled domain instead.")
-@done_in("_new", "new_domain")
+@done_in("_new_command", "new_domain")
 def new() -> None:
     """Write a small domain to start from: a grid, a robot, rules, rewards, a family of mazes. Or copy a bundled one."""
 
 
 @app.command()
 @click.argument("environment", help="An id of Gymnasium, such as FrozenLake-v1.")
-@click.option(
-    "--output", "-o", type=PATH, show_default="a directory of that name", help="Directory to write to."
-)
+@click.option("--output", "-o", type=PATH, show_default="a directory of that name", help="Directory to write to.")
 @click.option(
     "--set",
     "options",
@@ -49,9 +45,9 @@ def new() -> None:
     multiple=True,
     help="An option of the environment, such as is_slippery=false; may be repeated.",
 )
-@count_option("--seed", least=0, default=0, help="Seed of the MiniGrid level.")
+@count_option("--seed", minimum=0, default=0, help="Seed of the MiniGrid level.")
 @format_option
-@done_in("_adopt", "adopt_environment")
+@done_in("_adopt_command", "adopt_environment")
 def adopt() -> None:
     """Write a domain that has the same transitions as a Gymnasium environment.
 
@@ -67,14 +63,12 @@ def adopt() -> None:
     help="Files of any of the languages, family files, directories, or bundled domains.",
 )
 @inputs_options
-@click.option(
-    "--ignore", metavar="CODE", multiple=True, help="Omit warnings with this code; may be repeated."
-)
+@click.option("--ignore", metavar="CODE", multiple=True, help="Omit warnings with this code; may be repeated.")
 @overrides_option
 @format_option
 def check(files: Sequence[str], inputs: Inputs, ignore: Sequence[str], overrides: Sequence[str]) -> int:
     """Read files and all their imports, and print all problems: position, line, hint. Exit code 1 on errors."""
-    from envgraph.cli._check import check_files
+    from envgraph.cli._check_command import check_files
 
     return check_files(files, inputs, ignore, overrides)
 
@@ -98,7 +92,7 @@ def check(files: Sequence[str], inputs: Inputs, ignore: Sequence[str], overrides
     is_flag=True,
     help="Print the rules that `derive` statements in .rules files generate, instead of formatting.",
 )
-@done_in("_format", "format_files")
+@done_in("_format_command", "format_files")
 def format_() -> None:
     """Format files in the standard style: indentation, blanks, line ends. Comments stay. Skip files with errors."""
 
@@ -111,7 +105,7 @@ def format_() -> None:
 @variant_option
 @inputs_options
 @format_option
-@done_in("_query", "print_matches")
+@done_in("_match_and_apply", "print_matches")
 def match() -> None:
     """Print the matches of a pattern in a model."""
 
@@ -124,7 +118,7 @@ def match() -> None:
 @variant_option
 @inputs_options
 @format_option
-@done_in("_reasons", "print_plan")
+@done_in("_explain_commands", "print_plan")
 def explain() -> None:
     """Print how the matches of a pattern or rule are found: search plan, rows of each step, source code.
 
@@ -140,7 +134,7 @@ def explain() -> None:
 @variant_option
 @inputs_options
 @format_option
-@done_in("_reasons", "print_reasons")
+@done_in("_explain_commands", "print_reasons")
 def why_not() -> None:
     """Print why a pattern or rule has no match, or a unit fails: the best partial match and the failing constraint."""
 
@@ -160,12 +154,12 @@ def why_not() -> None:
 @variant_option
 @inputs_options
 @count_option("--times", default=1, help="Number of applications; ends early when nothing matches.")
-@count_option("--seed", least=0, help="Seed of the random choice of matches.")
+@count_option("--seed", minimum=0, help="Seed of the random choice of matches.")
 @click.option("--output", "-o", type=PATH, help="File for the resulting model: .model, .xmi or .json.")
 @click.option("--trace", type=PATH, help="File for the applications, for `envgraph replay`: JSON lines.")
 @click.option("--allow-none", is_flag=True, help="Exit code 0 also when nothing matches or a unit fails.")
 @format_option
-@done_in("_query", "apply_rule")
+@done_in("_match_and_apply", "apply_rule")
 def apply() -> None:
     """Apply a rule to a model at randomly chosen matches, and print the changes. Exit code 1 if there are none."""
 
@@ -177,19 +171,17 @@ def apply() -> None:
 @inputs_options
 @click.option("--output", "-o", type=PATH, help="File for the resulting model: .model, .xmi or .json.")
 @format_option
-@done_in("_replay", "replay_trace")
+@done_in("_replay_command", "replay_trace")
 def replay() -> None:
     """Repeat the applications of a trace, and compare each state with the recorded one. Exit code 1 if any differs."""
 
 
 @app.command()
 @click.argument("file", help="A .metamodel or .ecore file; or a .model or .xmi file, or a model as JSON.")
-@click.argument(
-    "output", type=PATH, help="File to write: .ecore for a metamodel; .model, .xmi or .json for a model."
-)
+@click.argument("output", type=PATH, help="File to write: .ecore for a metamodel; .model, .xmi or .json for a model.")
 @inputs_options
 @click.option("--lossy", is_flag=True, help="Write the file even if content is lost, as warnings say.")
-@done_in("_convert", "convert_file")
+@done_in("_convert_command", "convert_file")
 def convert() -> None:
     """Write a metamodel or a model in a format of other tools: Ecore, XMI, JSON.
 

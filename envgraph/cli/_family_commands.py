@@ -7,7 +7,7 @@ from pathlib import Path
 import click
 
 from envgraph.cli._app import app
-from envgraph.cli._options import (
+from envgraph.cli._shared_options import (
     PATH,
     count_option,
     directory_option,
@@ -15,8 +15,8 @@ from envgraph.cli._options import (
     force_option,
     format_option,
     inputs_options,
-    noted,
     overrides_option,
+    record_format,
     run_argument,
     seed_option,
     variant_option,
@@ -27,11 +27,11 @@ from envgraph.cli._options import (
 @click.argument("family", help="A family.toml, a directory with one, or the name of a bundled domain.")
 @click.option("--name", show_default="that of the family", help="Name of the run.")
 @seed_option
-@count_option("--generations", least=0, help="Number of generations, instead of that in the file.")
+@count_option("--generations", minimum=0, help="Number of generations, instead of that in the file.")
 @count_option("--population", help="Size of the family, instead of that in the file.")
 @count_option(
     "--samples",
-    least=2,
+    minimum=2,
     help="Sample this number of different valid environments, instead of searching for a family.",
 )
 @overrides_option
@@ -54,15 +54,13 @@ from envgraph.cli._options import (
 @force_option
 @directory_option
 @format_option
-@done_in("_family", "generate_family")
+@done_in("_family_actions", "generate_family")
 def generate() -> None:
     """Generate a family of environments from one model."""
 
 
 @app.command()
-@click.argument(
-    "problem", help="A family file with [optimise], a directory with a problem.toml, or a bundled domain."
-)
+@click.argument("problem", help="A family file with [optimise], a directory with a problem.toml, or a bundled domain.")
 @seed_option
 @count_option("--steps", help="Number of moves to try.")
 @overrides_option
@@ -77,7 +75,7 @@ def generate() -> None:
     "--picture", type=PATH, help="File for a drawing of the Pareto front in the first two objectives, as SVG."
 )
 @format_option
-@done_in("_optimise", "optimise_model")
+@done_in("_optimise_command", "optimise_model")
 def optimise() -> None:
     """Search for the model with the best values of some queries, by applying rules. Exit code 1 if it is invalid."""
 
@@ -87,7 +85,7 @@ def optimise() -> None:
 @click.option("--resume", is_flag=True, help="Skip environments that were verified before.")
 @directory_option
 @format_option
-@done_in("_verify", "verify_family")
+@done_in("_verify_command", "verify_family")
 def verify_() -> None:
     """Print exact properties of each environment of a family, computed twice by different methods.
 
@@ -100,7 +98,7 @@ def verify_() -> None:
 @click.argument("compared", nargs=-1, metavar="[RUN OTHER]", help="Two runs to compare.")
 @directory_option
 @format_option
-@done_in("_runs", "show_runs")
+@done_in("_runs_command", "show_runs")
 def runs_() -> None:
     """List all runs, or compare two of them: settings, file contents, figures and members."""
 
@@ -112,9 +110,7 @@ def runs_() -> None:
     "(.model, .xmi) or a metamodel (.metamodel, .ecore).",
 )
 @variant_option
-@click.option(
-    "--lineage", metavar="VARIANT", help="Print the rule applications that led to this environment of a run."
-)
+@click.option("--lineage", metavar="VARIANT", help="Print the rule applications that led to this environment of a run.")
 @click.option("--rejections", is_flag=True, help="Print why models were rejected in a run, and how often.")
 @directory_option
 @inputs_options
@@ -122,7 +118,7 @@ def runs_() -> None:
     "--format",
     type=click.Choice(["text", "json", "dot", "svg"], case_sensitive=False),
     default="text",
-    callback=noted,
+    callback=record_format,
     help="text or json; models and metamodels also as a picture: dot or svg.",
 )
 @click.option(
@@ -132,7 +128,7 @@ def runs_() -> None:
     show_default="standard output",
     help="File to write; the endings .json, .dot and .svg choose the format.",
 )
-@done_in("_show", "show")
+@done_in("_show_command", "show")
 def show() -> None:
     """Print a family: its measures and its maps. Or print a model or a metamodel: its contents, or a picture of it."""
 
@@ -157,14 +153,14 @@ def show() -> None:
     help="Templates for --format python, instead of those of `envgraph templates`.",
 )
 @directory_option
-@done_in("_export", "export_family")
+@done_in("_export_command", "export_family")
 def export() -> None:
     """Write a family in another format."""
 
 
 @app.command("templates")
 @click.argument("folder", type=PATH, help="Directory to write to; it must be empty.")
-@done_in("_export", "write_templates")
+@done_in("_export_command", "write_templates")
 def templates_() -> None:
     """Write the templates of `envgraph export --format python`, so that you can change them."""
 
@@ -197,7 +193,7 @@ def templates_() -> None:
 @force_option
 @directory_option
 @format_option
-@done_in("_levels", "import_file")
+@done_in("_import_levels", "import_file")
 def import_() -> None:
     """Read a published family, compute its measures, and store it as a run; or write levels as models."""
 
@@ -210,8 +206,8 @@ def import_() -> None:
     help="Training steps for each environment; several budgets are separated by commas. "
     "A baseline gets as many steps as the whole family together.",
 )
-@count_option("--seeds", usual="as in family.toml", help="Number of agents for each curriculum.")
-@count_option("--seed-offset", least=0, usual="0", help="The seed of the first agent; the next has one more.")
+@count_option("--seeds", default_text="as in family.toml", help="Number of agents for each curriculum.")
+@count_option("--seed-offset", minimum=0, default_text="0", help="The seed of the first agent; the next has one more.")
 @click.option(
     "--curricula",
     show_default="as in family.toml, and the baselines",
@@ -234,9 +230,7 @@ def import_() -> None:
     show_default="tabular",
     help="The learner: tabular, or a network of Stable-Baselines3 (sb3:ppo, sb3:dqn). Each has its own results.",
 )
-@count_option(
-    "--workers", default=1, help="Number of agents that learn in parallel; does not change results."
-)
+@count_option("--workers", default=1, help="Number of agents that learn in parallel; does not change results.")
 @click.option("--resume", is_flag=True, help="Resume an interrupted training.")
 @click.option(
     "--force",
@@ -245,7 +239,7 @@ def import_() -> None:
 )
 @directory_option
 @format_option
-@done_in("_learn", "train_agents")
+@done_in("_training_commands", "train_agents")
 def train() -> None:
     """Train agents on curricula, single environments and controls, and evaluate them on the target."""
 
@@ -255,7 +249,7 @@ def train() -> None:
 @click.option("--output", "-o", type=PATH, show_default="report.html in the run", help="File to write.")
 @directory_option
 @format_option
-@done_in("_learn", "write_report")
+@done_in("_training_commands", "write_report")
 def report() -> None:
     """Write one self-contained HTML page about the family, the search and the training; and print a short table."""
 
@@ -263,21 +257,17 @@ def report() -> None:
 @app.command()
 @click.argument("what", metavar="paper")
 @click.option("--output", "-o", type=PATH, default=Path("reproduction"), help="Directory for all results.")
-@count_option(
-    "--seeds", default=200, help="Number of agents for each curriculum, and of newly generated families."
-)
+@count_option("--seeds", default=200, help="Number of agents for each curriculum, and of newly generated families.")
 @click.option(
     "--steps",
     default="10000,50000,100000",
     help="Training steps for each environment; several budgets are separated by commas.",
 )
 @click.option("--times/--no-times", default=True, help="Measure how long generation takes (table 4).")
-@count_option(
-    "--workers", default=1, help="Number of agents that learn in parallel; does not change results."
-)
+@count_option("--workers", default=1, help="Number of agents that learn in parallel; does not change results.")
 @click.option("--force", is_flag=True, help="Replace the results of an earlier reproduction.")
 @format_option
-@done_in("_reproduce", "reproduce_paper")
+@done_in("_reproduce_command", "reproduce_paper")
 def reproduce() -> None:
     """Repeat the paper's experiments with many seeds and controls, and report which of its claims hold.
 
@@ -293,17 +283,17 @@ def reproduce() -> None:
     help="A family file with `[audit]`, a directory with an audit/audit.toml, or the name of a bundled domain; several "
     "are evaluated separately and together.",
 )
-@count_option("--seeds", least=2, usual="as in the file", help="Number of students for each decisive method.")
+@count_option("--seeds", minimum=2, default_text="as in the file", help="Number of students for each decisive method.")
 @count_option(
     "--controls",
-    least=2,
-    usual="as in the file",
+    minimum=2,
+    default_text="as in the file",
     help="Number of students for each other method, at most --seeds.",
 )
 @count_option(
     "--steps",
-    least=8 * 4096,
-    usual="as in the file",
+    minimum=8 * 4096,
+    default_text="as in the file",
     help="Steps of each student, including the steps for scoring levels.",
 )
 @click.option("--methods", show_default="all", help="Names of methods, separated by semicolons.")
@@ -317,7 +307,7 @@ def reproduce() -> None:
 @click.option("--force", is_flag=True, help="Replace an audit of other files or with other settings.")
 @click.option("--directory", "-d", type=PATH, default=Path("audits"), help="Directory of all audits.")
 @format_option
-@done_in("_audit", "audit_scores")
+@done_in("_audit_command", "audit_scores")
 def audit() -> None:
     """Evaluate the scores by which curricula choose levels: ranking, training effect and cost.
 

@@ -13,12 +13,12 @@ DEFINITIONS = ("query", "vql", "rules", "environment")
 METAMODELS = ("metamodel", "ecore")
 MODELS = ("model", "xmi", "json")
 
-A_METAMODEL = "a metamodel (.metamodel, .ecore)"
-A_MODEL = "a model (.model, .xmi, .json)"
-THE_DEFINITIONS = "a file of patterns or rules (.query, .vql, .rules)"
+METAMODEL_PHRASE = "a metamodel (.metamodel, .ecore)"
+MODEL_PHRASE = "a model (.model, .xmi, .json)"
+DEFINITIONS_PHRASE = "a file of patterns or rules (.query, .vql, .rules)"
 
 
-def take(path: str, formats: tuple[str, ...], wanted: str) -> None:
+def check_file_format(path: str, formats: tuple[str, ...], wanted: str) -> None:
     """Raise an error if a file has none of the formats; a missing file passes, because the command reports it.
 
     A directory passes if "toml" is among the formats, because it may hold a family file.
@@ -67,14 +67,14 @@ class Inputs:
         Raises:
             LoadError: the files have errors.
         """
-        self.check()
+        self.check_metamodels()
         files = (*paths, *self.metamodels) if own else (*self.metamodels, *paths)
         workspace = open_workspace(*files, allow_unresolved=self.allow_unresolved)
         workspace.raise_errors()
         print_diagnostics(one for one in workspace.diagnostics if one.code != "conformance")
         return workspace
 
-    def check(self) -> None:
+    def check_metamodels(self) -> None:
         """Raise InvalidArgument if a file in `metamodels` is not a metamodel."""
         for one in self.metamodels:
-            take(one, METAMODELS, A_METAMODEL)
+            check_file_format(one, METAMODELS, METAMODEL_PHRASE)

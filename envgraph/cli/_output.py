@@ -1,8 +1,8 @@
 """Print results, problems and progress.
 
 Results go to standard output, everything else to standard error, so that the output of `--format json` can be piped.
-With that option only `print_json` prints on standard output. Texts may come from files: `visible` escapes their control
-characters, and all of this package prints through this module.
+With that option only `print_json` prints on standard output. Texts may come from files: `escape_unprintable` escapes
+their control characters, and all of this package prints through this module.
 """
 
 from __future__ import annotations
@@ -18,14 +18,14 @@ from typing import Final, Protocol
 
 import click
 
-from envgraph.errors import Diagnostic, EnvgraphError, Severity, visible
-from envgraph.files import replace_file, telling
+from envgraph.errors import Diagnostic, EnvgraphError, Severity, escape_unprintable
+from envgraph.files import replace_file, report_progress
 
-_MOST_STYLED: Final = 2000
+_MAX_STYLED_ROWS: Final = 2000
 """The maximum number of rows of a styled table; longer tables are printed as plain text."""
 
 
-class Advance(Protocol):
+class UpdateProgress(Protocol):
     """A callback that updates a progress bar."""
 
     def __call__(self, done: int, remark: str = "") -> None:
@@ -33,7 +33,7 @@ class Advance(Protocol):
 
 
 @contextmanager
-def printed_to(output: Path | None, format: str) -> Iterator[None]:
+def output_to_file(output: Path | None, format: str) -> Iterator[None]:
     """Redirect the standard output of the block to a file and use `format` in it; with None, only run the block."""
     if output is None:
         yield
@@ -46,7 +46,7 @@ def printed_to(output: Path | None, format: str) -> Iterator[None]:
     finally:
         formats.pop()
     replace_file(output, printed.getvalue())
-    _write(f"wrote {output}")
+    _write_line(f"wrote {output}")
 
 
 def _wants_json() -> bool:
@@ -55,24 +55,24 @@ def _wants_json() -> bool:
     return context is not None and context.find_root().obj[-1:] == ["json"]
 
 
-def _write(line: str) -> None:
-    sys.stdout.write(visible(line) + "\n")
+def _write_line(line: str) -> None:
+    sys.stdout.write(escape_unprintable(line) + "\n")
 
 
 def print_line(text: str) -> None:
     """Print a line on standard output, unless the output format is JSON."""
     if not _wants_json():
-        _write(text)
+        _write_line(text)
 
 
 def print_lines(text: str) -> None:
     """Print a text of several lines, tabs included, unless the output format is JSON."""
     if not _wants_json():
-        sys.stdout.write("".join(line + "\n" for line in _lines(text)))
+        sys.stdout.write("".join(line + "\n" for line in _visible_lines(text)))
 
 
-def _lines(text: str) -> list[str]:
-    return ["\t".join(map(visible, line.split("\t"))) for line in text.split("\n")]
+def _visible_lines(text: str) -> list[str]:
+    return ["\t".join(map(escape_unprintable, line.split("\t"))) for line in text.split("\n")]
 
 
 def print_json(value: Callable[[], object]) -> bool:
@@ -89,26 +89,24 @@ def write_json(value: object) -> None:
         narrow = False
     except UnicodeEncodeError:
         narrow = True
-    sys.stdout.write(printable_json(json.dumps(value, ensure_ascii=narrow, indent=2)) + "\n")
+    sys.stdout.write(escape_json(json.dumps(value, ensure_ascii=narrow, indent=2)) + "\n")
 
 
-def printable_json(text: str) -> str:
+def escape_json(text: str) -> str:
     """Return the same JSON document with control characters escaped, which a terminal might otherwise interpret."""
     if text.replace("\n", "").isprintable():
         return text
     return "".join(c if c.isprintable() or c == "\n" else json.dumps(c)[1:-1] for c in text)
 
 
-def print_table(
-    title: str, columns: Sequence[str], rows: Iterable[Sequence[str]], right: Iterable[int] = ()
-) -> None:
+def print_table(title: str, columns: Sequence[str], rows: Iterable[Sequence[str]], right: Iterable[int] = ()) -> None:
     """Print a title and a table, unless the output format is JSON; `right` has the indices of right-aligned columns."""
     if _wants_json():
         return
-    title, columns = visible(title), [visible(column) for column in columns]
-    rows = [[visible(cell) for cell in row] for row in rows]
-    if len(rows) > _MOST_STYLED or not sys.stdout.isatty():
-        _print_plain(title, columns, rows, frozenset(right))
+    title, columns = escape_unprintable(title), [escape_unprintable(column) for column in columns]
+    rows = [[escape_unprintable(cell) for cell in row] for row in rows]
+    if len(rows) > _MAX_STYLED_ROWS or not sys.stdout.isatty():
+        _print_unstyled_table(title, columns, rows, frozenset(right))
         return
     from rich.console import Console
     from rich.table import Table
@@ -130,7 +128,7 @@ def print_table(
     console.print(table)
 
 
-def _print_plain(
+def _print_unstyled_table(
     title: str, columns: Sequence[str], rows: Sequence[Sequence[str]], right: frozenset[int]
 ) -> None:
     """Print a table without colours and line breaks, because Rich needs a minute for a million rows."""
@@ -177,7 +175,7 @@ def print_error(error: EnvgraphError | OSError) -> None:
     from rich.text import Text
 
     console = Console(stderr=True, soft_wrap=True, highlight=False)
-    head, *rest = _lines(_message(error))
+    head, *rest = _visible_lines(_error_message(error))
     console.print(Text("error: ", "bold red") + Text(head))
     for line in rest:
         console.print(Text(line))
@@ -188,13 +186,11 @@ def error_to_dict(error: EnvgraphError | OSError) -> dict[str, object]:
     diagnostics: Sequence[Diagnostic] = getattr(error, "diagnostics", ())
     if not diagnostics:
         code = re.sub("(?<=[a-z])(?=[A-Z])", "-", type(error).__name__).lower()
-        diagnostics = [
-            Diagnostic(code if isinstance(error, EnvgraphError) else "file-error", _message(error))
-        ]
+        diagnostics = [Diagnostic(code if isinstance(error, EnvgraphError) else "file-error", _error_message(error))]
     return {"ok": False, "diagnostics": [one.to_dict() for one in diagnostics]}
 
 
-def _message(error: EnvgraphError | OSError) -> str:
+def _error_message(error: EnvgraphError | OSError) -> str:
     if isinstance(error, OSError):
         what = error.strerror or str(error)
         return f"{error.filename or 'standard output'}: {what[:1].lower()}{what[1:]}"
@@ -202,10 +198,10 @@ def _message(error: EnvgraphError | OSError) -> str:
 
 
 @contextmanager
-def progress_bar(label: str, total: int | None) -> Iterator[Advance]:
+def progress_bar(label: str, total: int | None) -> Iterator[UpdateProgress]:
     """Show a progress bar on standard error while the block runs; yield the callback that updates it.
 
-    Without a terminal, a few lines are printed instead (see `telling`).
+    Without a terminal, a few lines are printed instead (see `report_progress`).
     """
     from rich.console import Console
     from rich.progress import (
@@ -228,15 +224,15 @@ def progress_bar(label: str, total: int | None) -> Iterator[Advance]:
     console = Console(stderr=True)
     if not console.is_terminal:
         end = "" if total is None else f" of {total}"
-        with telling() as tell:
+        with report_progress() as tell:
             yield lambda done, remark="": tell(f"{label}: {done}{end}" + (remark and f", {remark}"))
         return
     with Progress(*columns, console=console, transient=True) as progress:
-        task = progress.add_task(visible(label), total=total, remark="")
+        task = progress.add_task(escape_unprintable(label), total=total, remark="")
 
         def advance(done: int, remark: str = "") -> None:
             progress.update(task, completed=done)
             tell(remark)
 
-        with telling(lambda text: progress.update(task, remark=text)) as tell:
+        with report_progress(lambda text: progress.update(task, remark=text)) as tell:
             yield advance

@@ -9,14 +9,14 @@ from typing import Any, Final, TypeVar
 
 T = TypeVar("T")
 
-LONGEST: Final = 199
+MAX_REPR_LENGTH: Final = 199
 """Maximal length of a repr, in characters."""
 
-_PART: Final = 40
+_MAX_FIELD_LENGTH: Final = 40
 """Maximal length of a field's value, in characters, if the whole repr is too long."""
 
 
-def short_repr(cls: type[T]) -> type[T]:
+def shorten_repr(cls: type[T]) -> type[T]:
     """Replace the `__repr__` of a class so that reprs have at most 199 characters, all printable, and return the class.
 
     Shorter reprs do not change. Longer reprs are cut. A longer repr of a data class first replaces its long fields by
@@ -27,37 +27,37 @@ def short_repr(cls: type[T]) -> type[T]:
     @wraps(whole)
     def __repr__(self: Any) -> str:
         text = whole(self)
-        if len(text) <= LONGEST and text.isprintable():
+        if len(text) <= MAX_REPR_LENGTH and text.isprintable():
             return text
         if is_dataclass(self):
-            parts = (f"{one.name}={_part(getattr(self, one.name))}" for one in fields(self) if one.repr)
+            parts = (f"{one.name}={_field_repr(getattr(self, one.name))}" for one in fields(self) if one.repr)
             text = f"{type(self).__qualname__}({', '.join(parts)})"
-        text = visible(text)
-        return text if len(text) <= LONGEST else text[: LONGEST - 4] + " ..."
+        text = escape_unprintable(text)
+        return text if len(text) <= MAX_REPR_LENGTH else text[: MAX_REPR_LENGTH - 4] + " ..."
 
     cls.__repr__ = __repr__  # type: ignore[method-assign]
     return cls
 
 
-def _part(value: object) -> str:
+def _field_repr(value: object) -> str:
     """Return a short repr of a field's value; of a data class type and name, of a collection of objects its size."""
     if is_dataclass(value):
         name = getattr(value, "name", None)
-        return f"{type(value).__name__}({repr(name[:_PART]) if isinstance(name, str) else '...'})"
+        return f"{type(value).__name__}({repr(name[:_MAX_FIELD_LENGTH]) if isinstance(name, str) else '...'})"
     if isinstance(value, str):
-        return repr(value) if len(value) < _PART else repr(value[:_PART]) + "..."
+        return repr(value) if len(value) < _MAX_FIELD_LENGTH else repr(value[:_MAX_FIELD_LENGTH]) + "..."
     if isinstance(value, Collection) and not all(isinstance(one, str | int | float) for one in value):
         return f"<{len(value)} in a {type(value).__name__}>"
     text = repr(value)
-    return text if len(text) <= _PART else f"<{type(value).__name__}>"
+    return text if len(text) <= _MAX_FIELD_LENGTH else f"<{type(value).__name__}>"
 
 
-def visible(text: str) -> str:
+def escape_unprintable(text: str) -> str:
     r"""Return the text as one line of printable characters: all other characters are replaced by backslash escapes.
 
     Use it for terminals, which obey control characters, for logs and for pictures.
 
-    >>> print(visible("a\n\x00b\x1b[31m"))
+    >>> print(escape_unprintable("a\n\x00b\x1b[31m"))
     a\n\x00b\x1b[31m
     """
     if text.isprintable():

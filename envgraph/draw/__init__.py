@@ -11,7 +11,7 @@ digraph "small" {
 
 from typing import TYPE_CHECKING
 
-from envgraph.code import later
+from envgraph.code import export_lazily
 
 if TYPE_CHECKING:
     from envgraph.draw._colour import (
@@ -19,22 +19,22 @@ if TYPE_CHECKING:
         PAPER as PAPER,
         Colour as Colour,
         blend as blend,
-        colour_text as colour_text,
         contrast as contrast,
+        format_colour as format_colour,
         ink_on as ink_on,
         parse_colour as parse_colour,
     )
-    from envgraph.draw._diagram import (
+    from envgraph.draw._diagram_data import (
+        FILL_COLOURS as FILL_COLOURS,
         LAYOUTS as LAYOUTS,
         LINE_COLOUR as LINE_COLOUR,
-        PALE as PALE,
         End as End,
         PictureEdge as PictureEdge,
         PictureNode as PictureNode,
-        markup as markup,
-        shortened as shortened,
-        shown_value as shown_value,
+        escape_markup as escape_markup,
+        format_value as format_value,
+        shorten as shorten,
     )
-    from envgraph.draw._picture import Picture as Picture
+    from envgraph.draw._rendered_picture import Picture as Picture
 
-later(globals())
+export_lazily(globals())

@@ -22,36 +22,34 @@ def parse_colour(text: str) -> Colour:
     return float(int(text[1:3], 16)), float(int(text[3:5], 16)), float(int(text[5:7], 16))
 
 
-def colour_text(colour: Colour) -> str:
+def format_colour(colour: Colour) -> str:
     """Format a colour as "#rrggbb".
 
-    >>> colour_text((0.0, 128.0, 255.0))
+    >>> format_colour((0.0, 128.0, 255.0))
     '#0080ff'
     """
     return "#" + "".join(f"{round(part):02x}" for part in colour)
 
 
-def blend(one: Colour, other: Colour, share: float) -> Colour:
+def blend(first: Colour, second: Colour, share: float) -> Colour:
     """Return a mixture of two colours with the given share (0 to 1) of the second one."""
-    red, green, blue = ((1.0 - share) * a + share * b for a, b in zip(one, other, strict=True))
+    red, green, blue = ((1.0 - share) * a + share * b for a, b in zip(first, second, strict=True))
     return red, green, blue
 
 
-def contrast(one: Colour, other: Colour) -> float:
+def contrast(first: Colour, second: Colour) -> float:
     """Return the contrast ratio of two colours, from 1 to 21 (WCAG 2.2, "contrast ratio").
 
     >>> round(contrast(PAPER, (0.0, 0.0, 0.0)), 3)
     21.0
     """
-    low, high = sorted((_luminance(one), _luminance(other)))
+    low, high = sorted((_luminance(first), _luminance(second)))
     return (high + 0.05) / (low + 0.05)
 
 
 def _luminance(colour: Colour) -> float:
     parts = (part / 255.0 for part in colour)
-    red, green, blue = (
-        part / 12.92 if part <= 0.04045 else ((part + 0.055) / 1.055) ** 2.4 for part in parts
-    )
+    red, green, blue = (part / 12.92 if part <= 0.04045 else ((part + 0.055) / 1.055) ** 2.4 for part in parts)
     return 0.2126 * red + 0.7152 * green + 0.0722 * blue
 
 
@@ -68,7 +66,7 @@ def ink_on(background: Colour, strength: float = 1.0) -> Colour:
         ink = _BLACK
     while strength < 1.0:
         faint = blend(background, ink, strength)
-        if contrast(background, parse_colour(colour_text(faint))) >= LEAST_CONTRAST:
+        if contrast(background, parse_colour(format_colour(faint))) >= LEAST_CONTRAST:
             return faint
         strength += 0.05
     return ink

@@ -12,8 +12,8 @@ objects over a family. Importing the package registers the bundled environments 
 
 from typing import TYPE_CHECKING
 
-from envgraph.code import later
-from envgraph.env.registration import register_entry_point
+from envgraph.code import export_lazily
+from envgraph.env.registration import register_bundled
 
 if TYPE_CHECKING:
     from gymnasium.envs.registration import EnvSpec as EnvSpec
@@ -27,6 +27,7 @@ if TYPE_CHECKING:
         DrawGraph as DrawGraph,
         DrawGrid as DrawGrid,
         DrawnLink as DrawnLink,
+        DuplicateKeyError as DuplicateKeyError,
         EachStep as EachStep,
         Effect as Effect,
         KeyIndex as KeyIndex,
@@ -38,23 +39,30 @@ if TYPE_CHECKING:
         OnFind as OnFind,
         OnReset as OnReset,
         RuleCall as RuleCall,
-        SameKey as SameKey,
         Token as Token,
         check_behaviour as check_behaviour,
         indexed_classes as indexed_classes,
         key_reader as key_reader,
     )
-    from envgraph.env._adopted import Adopted as Adopted, Transition as Transition, adopt as adopt
-    from envgraph.env._apart import RewardsApart as RewardsApart
-    from envgraph.env._explore import Explored as Explored, explore as explore
-    from envgraph.env._frozen_lake import frozen_lake as frozen_lake
+    from envgraph.env._adopted_transitions import (
+        AdoptedTransitions as AdoptedTransitions,
+        TransitionOutcome as TransitionOutcome,
+        adopt as adopt,
+    )
+    from envgraph.env._end_search import can_end as can_end
+    from envgraph.env._enumeration import ExploredEnvironment as ExploredEnvironment, explore as explore
+    from envgraph.env._family_members import (
+        MemberFacts as MemberFacts,
+        SwitchableMembers as SwitchableMembers,
+        VectorVariants as VectorVariants,
+    )
+    from envgraph.env._frozen_lake import frozen_lake_arguments as frozen_lake_arguments
     from envgraph.env._gymnasium import (
         EnvgraphEnv as EnvgraphEnv,
         EnvgraphLiveEnv as EnvgraphLiveEnv,
         SingleEnvironment as SingleEnvironment,
         check_render_mode as check_render_mode,
     )
-    from envgraph.env._members import About as About, Members as Members, Variants as Variants
     from envgraph.env._minigrid import MiniGridLevel as MiniGridLevel
     from envgraph.env._model_views import (
         GraphView as GraphView,
@@ -63,18 +71,18 @@ if TYPE_CHECKING:
         model_view as model_view,
         torch_graph as torch_graph,
     )
-    from envgraph.env._reaching import can_end as can_end
-    from envgraph.env._simulator import Outcome as Outcome, Simulator as Simulator
+    from envgraph.env._observation_spaces import (
+        MODEL_KINDS as MODEL_KINDS,
+        ComponentView as ComponentView,
+        ObservationKind as ObservationKind,
+        check_observation_kind as check_observation_kind,
+    )
+    from envgraph.env._separate_rewards import SeparateRewards as SeparateRewards
+    from envgraph.env._simulator import Simulator as Simulator, StepOutcome as StepOutcome
+    from envgraph.env._size_errors import TooManyStates as TooManyStates
     from envgraph.env._table_file import read_explored as read_explored, write_explored as write_explored
     from envgraph.env._tabular import Tabular as Tabular
-    from envgraph.env._too_many import TooManyStates as TooManyStates
-    from envgraph.env._vector import EnvgraphVectorEnv as EnvgraphVectorEnv
-    from envgraph.env._views import (
-        OF_MODEL as OF_MODEL,
-        ObservationKind as ObservationKind,
-        View as View,
-        check_kind as check_kind,
-    )
+    from envgraph.env._vector_environments import EnvgraphVectorEnv as EnvgraphVectorEnv
     from envgraph.env.registration import (
         Environment as Environment,
         VectorEnvironment as VectorEnvironment,
@@ -88,15 +96,15 @@ if TYPE_CHECKING:
         Edge as Edge,
         GraphScene as GraphScene,
         GridScene as GridScene,
-        Key as Key,
+        LegendEntry as LegendEntry,
         Mark as Mark,
         Scene as Scene,
         legend as legend,
         scene_of as scene_of,
     )
-    from envgraph.env.scene._svg import scene_svg as scene_svg
+    from envgraph.env.scene._scene_svg import scene_svg as scene_svg
     from envgraph.env.scene._text import scene_text as scene_text
 
-later(globals())
+export_lazily(globals())
 
-register_entry_point()
+register_bundled()

@@ -8,22 +8,22 @@ from typing import Any, Final
 import numpy as np
 from gymnasium.envs.toy_text.frozen_lake import FrozenLakeEnv
 
-from envgraph.env._explore import Explored
+from envgraph.env._enumeration import ExploredEnvironment
 from envgraph.env._tabular import Tabular
 from envgraph.env.scene._scene import GridScene
 from envgraph.errors import TOLERANCE, InvalidArgument
 
-Place = tuple[int, int]
+Position = tuple[int, int]
 """Column and row."""
 
-Outcomes = Mapping[tuple[Place, float, bool], float]
+Outcomes = Mapping[tuple[Position, float, bool], float]
 """The probability of each (position, reward, end) that an action may lead to."""
 
-_WAYS: Final = ((-1, 0), (0, 1), (1, 0), (0, -1))
+_MOVES: Final = ((-1, 0), (0, 1), (1, 0), (0, -1))
 """The moves of the actions of FrozenLake: left, down, right, up."""
 
 
-def frozen_lake(explored: Explored, limit: int | None) -> dict[str, Any]:
+def frozen_lake_arguments(explored: ExploredEnvironment, limit: int | None) -> dict[str, Any]:
     """Return the arguments of `gymnasium.make("FrozenLake-v1", ..)` that create an equal environment.
 
     Every transition of FrozenLake is compared with the table. Observations of FrozenLake are cell numbers, row by row.
@@ -38,23 +38,23 @@ def frozen_lake(explored: Explored, limit: int | None) -> dict[str, Any]:
     Raises:
         InvalidArgument: no map of FrozenLake has these transitions; the message names a difference.
     """
-    table, places = explored.tabular, _places(explored)
-    if table.n_actions != len(_WAYS):
-        raise _refused(f"it has {table.n_actions} actions, but FrozenLake has 4: left, down, right, up")
-    letters, rewards = _letters(table, places)
+    table, places = explored.tabular, _walker_positions(explored)
+    if table.n_actions != len(_MOVES):
+        raise _no_map_error(f"it has {table.n_actions} actions, but FrozenLake has 4: left, down, right, up")
+    letters, rewards = _cell_letters(table, places)
     if np.ptp(table.start_probability) > TOLERANCE:
-        raise _refused("its start states are not equally likely")
+        raise _no_map_error("its start states are not equally likely")
     found: dict[str, Any] = {
-        "desc": _rows(explored, places, letters),
+        "desc": _map_rows(explored, places, letters),
         "is_slippery": not table.deterministic,
         "success_rate": _success_rate(table, places),
         "reward_schedule": [rewards.get(letter, 0.0) for letter in "GHF"],
     }
-    _compare(table, places, letters, FrozenLakeEnv(**found))
+    _check_equal(table, places, letters, FrozenLakeEnv(**found))
     return {**found, "max_episode_steps": limit or -1}
 
 
-def _places(explored: Explored) -> list[Place]:
+def _walker_positions(explored: ExploredEnvironment) -> list[Position]:
     """Return the walker's position in each state.
 
     Raise InvalidArgument if a picture is not a grid with one token, or if two states have the same position.
@@ -62,18 +62,18 @@ def _places(explored: Explored) -> list[Place]:
     places = []
     for scene in explored.pictures:
         if not isinstance(scene, GridScene) or len(scene.marks) != 1:
-            raise _refused("its `draw` clause does not draw a grid with exactly one token")
+            raise _no_map_error("its `draw` clause does not draw a grid with exactly one token")
         places.append(scene.marks[0].place)
     if not places:
-        raise _refused("it has no pictures", "write `draw grid Class at (x, y) with walker at walker.at`")
+        raise _no_map_error("it has no pictures", "write `draw grid Class at (x, y) with walker at walker.at`")
     if len(set(places)) < len(places):
         twice = next(place for place in places if places.count(place) > 1)
-        raise _refused(f"several of its states have the walker at the same position, {_shown(twice)}")
+        raise _no_map_error(f"several of its states have the walker at the same position, {_format_position(twice)}")
     return places
 
 
-def _outcomes(table: Tabular, places: list[Place], state: int, action: int) -> Outcomes:
-    found: dict[tuple[Place, float, bool], float] = {}
+def action_outcomes(table: Tabular, places: list[Position], state: int, action: int) -> Outcomes:
+    found: dict[tuple[Position, float, bool], float] = {}
     for number in np.flatnonzero(table.probability[state, action]).tolist():
         at = state, action, number
         key = places[table.next_state[at]], float(table.reward[at]), bool(table.terminated[at])
@@ -81,7 +81,7 @@ def _outcomes(table: Tabular, places: list[Place], state: int, action: int) -> O
     return found
 
 
-def _letters(table: Tabular, places: list[Place]) -> tuple[dict[Place, str], dict[str, float]]:
+def _cell_letters(table: Tabular, places: list[Position]) -> tuple[dict[Position, str], dict[str, float]]:
     """Return the letter (S, F, G, H) of each reached position, and the reward for entering a cell of each letter."""
     letters = dict.fromkeys(places, "F")
     letters |= dict.fromkeys((places[state] for state in table.start_states.tolist()), "S")
@@ -90,33 +90,33 @@ def _letters(table: Tabular, places: list[Place]) -> tuple[dict[Place, str], dic
     rewards: dict[str, float] = {}
     for state, place in enumerate(places):
         for action in range(table.n_actions) if letters[place] in "SF" else ():
-            for to, reward, _ in _outcomes(table, places, state, action):
+            for to, reward, _ in action_outcomes(table, places, state, action):
                 rewards.setdefault(letters[to].replace("S", "F"), reward)
     return letters, rewards
 
 
-def _rows(explored: Explored, places: list[Place], letters: Mapping[Place, str]) -> list[str]:
+def _map_rows(explored: ExploredEnvironment, places: list[Position], letters: Mapping[Position, str]) -> list[str]:
     """Return the rows of the map; a cell that is never reached is a hole if only reached holes look like it."""
     scene = explored.pictures[0]
     assert isinstance(scene, GridScene)
 
-    def kind(place: Place) -> int:
+    def kind(place: Position) -> int:
         return scene.cells[place[1] * scene.width + place[0]]
 
     holes = {kind(place) for place in places if letters[place] == "H"}
     others = {kind(place) for place in places if letters[place] != "H"}
 
-    def letter(place: Place) -> str:
+    def letter(place: Position) -> str:
         return letters.get(place, "H" if kind(place) in holes - others else "F")
 
     return ["".join(letter((x, y)) for x in range(scene.width)) for y in range(scene.height)]
 
 
-def _success_rate(table: Tabular, places: list[Place]) -> float:
+def _success_rate(table: Tabular, places: list[Position]) -> float:
     """Return the probability of moving in the chosen direction, from an action with 3 next cells; otherwise 1/3."""
     for state, place in enumerate(places):
-        for action, (dx, dy) in enumerate(_WAYS):
-            outcomes = _outcomes(table, places, state, action)
+        for action, (dx, dy) in enumerate(_MOVES):
+            outcomes = action_outcomes(table, places, state, action)
             chances = {to: chance for (to, _, _), chance in outcomes.items()}
             wanted = place[0] + dx, place[1] + dy
             if len(chances) == len(outcomes) == 3 and wanted in chances:
@@ -124,37 +124,37 @@ def _success_rate(table: Tabular, places: list[Place]) -> float:
     return 1.0 / 3.0
 
 
-def _compare(table: Tabular, places: list[Place], letters: Mapping[Place, str], lake: FrozenLakeEnv) -> None:
+def _check_equal(table: Tabular, places: list[Position], letters: Mapping[Position, str], lake: FrozenLakeEnv) -> None:
     """Raise InvalidArgument if an action outside holes and goals has other outcomes in the table than in FrozenLake."""
     width = lake.ncol
     for state, place in enumerate(places):
         for action, name in enumerate(table.action_names if letters[place] in "SF" else ()):
-            ours = _outcomes(table, places, state, action)
-            theirs: dict[tuple[Place, float, bool], float] = {}
+            ours = action_outcomes(table, places, state, action)
+            theirs: dict[tuple[Position, float, bool], float] = {}
             for chance, to, reward, ended in lake.P[place[1] * width + place[0]][action]:
                 key = (int(to) % width, int(to) // width), float(reward), bool(ended)
                 theirs[key] = theirs.get(key, 0.0) + chance
-            if not _same(ours, theirs):
-                where = f"`{name}` at {_shown(place)}"
-                raise _refused(f"{where} leads to {_told(ours)}, but in FrozenLake to {_told(theirs)}")
+            if not _nearly_equal(ours, theirs):
+                where = f"`{name}` at {_format_position(place)}"
+                raise _no_map_error(
+                    f"{where} leads to {_format_outcomes(ours)}, but in FrozenLake to {_format_outcomes(theirs)}"
+                )
 
 
-def _same(ours: Outcomes, theirs: Outcomes) -> bool:
-    return ours.keys() == theirs.keys() and all(
-        abs(chance - theirs[key]) <= TOLERANCE for key, chance in ours.items()
-    )
+def _nearly_equal(ours: Outcomes, theirs: Outcomes) -> bool:
+    return ours.keys() == theirs.keys() and all(abs(chance - theirs[key]) <= TOLERANCE for key, chance in ours.items())
 
 
-def _told(outcomes: Outcomes) -> str:
+def _format_outcomes(outcomes: Outcomes) -> str:
     """Format the outcomes of an action for a message."""
     return " or ".join(
-        f"{_shown(place)} with reward {reward:g}{' and the end' * ended}" for place, reward, ended in outcomes
+        f"{_format_position(place)} with reward {reward:g}{' and the end' * ended}" for place, reward, ended in outcomes
     )
 
 
-def _shown(place: Place) -> str:
+def _format_position(place: Position) -> str:
     return f"column {place[0]}, row {place[1]}"
 
 
-def _refused(why: str, hint: str | None = None) -> InvalidArgument:
-    return InvalidArgument(f"this environment is not a map of FrozenLake: {why}", hint)
+def _no_map_error(reason: str, hint: str | None = None) -> InvalidArgument:
+    return InvalidArgument(f"this environment is not a map of FrozenLake: {reason}", hint)

@@ -15,40 +15,46 @@ from gymnasium import spaces
 from gymnasium.error import ResetNeeded
 from numpy.typing import NDArray
 
-from envgraph.env._explore import Explored
-from envgraph.env._members import About, Members
+from envgraph.env._enumeration import ExploredEnvironment
+from envgraph.env._family_members import MemberFacts, SwitchableMembers
 from envgraph.env._model_views import ModelView, model_view
-from envgraph.env._sampling import cumulative
+from envgraph.env._observation_spaces import (
+    MODEL_KINDS,
+    ComponentView,
+    ObservationCache,
+    ObservationKind,
+    check_observation_kind,
+)
+from envgraph.env._random_choices import cumulative_sums
 from envgraph.env._simulator import SUCCESS, Simulator
 from envgraph.env._tabular import Tabular
-from envgraph.env._views import OF_MODEL, Memory, ObservationKind, View, check_kind
 from envgraph.env.scene._pixels import scene_rgb
 from envgraph.env.scene._scene import DRAW_HINT, Scene
 from envgraph.env.scene._text import scene_text
 from envgraph.env.scene._window import Window, check_window, has_window
-from envgraph.errors import InvalidArgument, listed
+from envgraph.errors import InvalidArgument, list_names
 from envgraph.graph import Model
 
 if TYPE_CHECKING:
-    from envgraph.env.compiled._program import Program
+    from envgraph.env.compiled._compiled_program import CompiledProgram
 
 RENDER_MODES: Final = ("ansi", "rgb_array", "human")
 """Render modes: text, pixels, and a window."""
 
 
-def view_of_table(tabular: Tabular, kind: ObservationKind) -> View:
+def view_of_table(tabular: Tabular, kind: ObservationKind) -> ComponentView:
     """Return the view that converts the observation indices of a table to an observation kind.
 
     Raises:
         InvalidArgument: tables do not support the kind.
     """
     shape = tabular.observation_shape or (1,)
-    return View(kind, shape, tabular.observation_names or [str(place) for place in range(1, len(shape) + 1)])
+    return ComponentView(kind, shape, tabular.observation_names or [str(place) for place in range(1, len(shape) + 1)])
 
 
-def view_of(
-    observation: ObservationKind | ModelView, source: Simulator | Program, models: Sequence[Model]
-) -> View | ModelView:
+def view_for(
+    observation: ObservationKind | ModelView, source: Simulator | CompiledProgram, models: Sequence[Model]
+) -> ComponentView | ModelView:
     """Return the view for an observation kind; a given view is returned unchanged.
 
     Views of the whole model are created with spaces that fit all `models`.
@@ -58,10 +64,10 @@ def view_of(
     """
     if isinstance(observation, ModelView):
         return observation
-    check_kind(observation)
-    if observation in OF_MODEL:
+    check_observation_kind(observation)
+    if observation in MODEL_KINDS:
         return model_view(observation, source.behaviour, models)
-    return View(observation, source.observation_shape or (1,), source.observation_names)
+    return ComponentView(observation, source.observation_shape or (1,), source.observation_names)
 
 
 def check_render_mode(render_mode: str | None, modes: Sequence[str] = RENDER_MODES, *, drawn: bool) -> None:
@@ -76,76 +82,73 @@ def check_render_mode(render_mode: str | None, modes: Sequence[str] = RENDER_MOD
         InvalidArgument: the mode is unknown, the behaviour has no `draw` clause, or no window can be opened.
     """
     if render_mode is not None and render_mode not in modes:
-        raise InvalidArgument(f"unknown render mode {render_mode!r}; the render modes are {listed(modes)}")
+        raise InvalidArgument(f"unknown render mode {render_mode!r}; the render modes are {list_names(modes)}")
     if render_mode is not None and not drawn:
         raise InvalidArgument(f"this environment has no pictures: its behaviour has no `draw`; {DRAW_HINT}")
     if render_mode == "human":
         check_window()
 
 
-def known_options(options: dict[str, Any] | None, known: Sequence[str] = ()) -> dict[str, Any]:
+def check_options(options: dict[str, Any] | None, known_names: Sequence[str] = ()) -> dict[str, Any]:
     """Return the options of a reset, or {} if they are None.
 
     Raises:
         InvalidArgument: an option is not among the known names.
     """
     for name in options or {}:
-        if name not in known:
+        if name not in known_names:
             there_are = (
-                f"the options are {listed(known)}" if known else "this environment has no reset options"
+                f"the options are {list_names(known_names)}" if known_names else "this environment has no reset options"
             )
-            hint = (
-                "this environment cannot switch variants; make another one"
-                if name == "variant"
-                else there_are
-            )
+            hint = "this environment cannot switch variants; make another one" if name == "variant" else there_are
             raise InvalidArgument(f"unknown reset option `{name}`: {hint}")
     return options or {}
 
 
-class OfFamily:
+class FamilyEnvironment:
     """A base class of environments that can switch to another member of their family.
 
     Attributes:
         members: the family, for `reset(options={"variant": ..})`; None without a family.
     """
 
-    members: Members | None = None
-    _about: About | None = None
+    members: SwitchableMembers | None = None
+    _facts: MemberFacts | None = None
     _variant: str | None = None
 
-    def of_family(self, members: Members, place: int) -> None:
+    def set_family(self, members: SwitchableMembers, position: int) -> None:
         """Set the family, and the position of the current member in it, so that `reset` can switch to other members."""
-        self.members, self._about = members, members.about(place)
-        self._variant = self._about["variant"]
+        self.members, self._facts = members, members.about(position)
+        self._variant = self._facts["variant"]
 
-    def _options(self, options: dict[str, Any] | None, known: Sequence[str] = ()) -> dict[str, Any]:
+    def _apply_options(self, options: dict[str, Any] | None, known_names: Sequence[str] = ()) -> dict[str, Any]:
         """Return the options of a reset, {} for None; if option `variant` names another member, first switch to it.
 
         Raises:
-            InvalidArgument: an option is neither in `known` nor `variant` within a family, or the variant is unknown.
+            InvalidArgument: an option is neither in `known_names` nor `variant` within a family, or the variant is
+                unknown.
         """
         if self.members is None:
-            return known_options(options, known)
-        found = known_options(options, (*known, "variant"))
+            return check_options(options, known_names)
+        found = check_options(options, (*known_names, "variant"))
         variant = found.get("variant")
         if variant is not None:
             place = self.members.place(variant)
             if self.members.about(place)["variant"] != self._variant:
-                self._enter(self.members.entered(place))
-                self.of_family(self.members, place)
+                self._switch_member(self.members.entered(place))
+                self.set_family(self.members, place)
         return found
 
     @abstractmethod
-    def _enter(self, found: Any) -> None:
+    def _switch_member(self, member_data: Any) -> None:
         """Replace the environment's table, program or simulator by that of another member."""
 
-    def _first(self, info: dict[str, Any]) -> dict[str, Any]:
+    def _reset_info(self, info: dict[str, Any]) -> dict[str, Any]:
         """Return the info of a reset: the given info and, within a family, a copy of the member's certificates."""
-        return info if self._about is None else {**info, "certificates": dict(self._about["certificates"])}
+        return info if self._facts is None else {**info, "certificates": dict(self._facts["certificates"])}
 
 
-class SingleEnvironment(OfFamily, gymnasium.Env[Any, Any]):
+class SingleEnvironment(FamilyEnvironment, gymnasium.Env[Any, Any]):
     """The base class of environments over a table, over a live engine, and over a compiled program."""
 
     metadata: dict[str, Any] = {  # noqa: RUF012
@@ -156,22 +159,22 @@ class SingleEnvironment(OfFamily, gymnasium.Env[Any, Any]):
     def __init__(
         self,
         action_names: Sequence[str],
-        view: View | ModelView,
+        view: ComponentView | ModelView,
         render_mode: str | None,
         cell: int,
         action_masks: bool,
     ) -> None:
         self.render_mode = render_mode
         self.action_names = tuple(action_names)
-        self._count = len(self.action_names)
-        self.action_space = spaces.Discrete(self._count)
+        self._action_count = len(self.action_names)
+        self.action_space = spaces.Discrete(self._action_count)
         self.view = view
         self.observation_space = view.space
         self._cell = cell
         self._window = Window("envgraph", self.metadata["render_fps"]) if render_mode == "human" else None
-        self._running = False
+        self._is_running = False
         self._steps = 0
-        self._masked = action_masks
+        self._has_masks = action_masks
 
     def action_masks(self) -> NDArray[np.bool_]:
         """Return an array [actions] that is True for each action that does something now; all True if none does.
@@ -180,38 +183,38 @@ class SingleEnvironment(OfFamily, gymnasium.Env[Any, Any]):
         can succeed. All are True outside of an episode. With `action_masks=True` the infos contain this mask as
         `action_mask`, int8.
         """
-        return self._allowed() if self._running else np.ones(len(self.action_names), dtype=np.bool_)
+        return self._current_mask() if self._is_running else np.ones(len(self.action_names), dtype=np.bool_)
 
     @abstractmethod
-    def _allowed(self) -> NDArray[np.bool_]:
+    def _current_mask(self) -> NDArray[np.bool_]:
         """Return the action mask of the current state; an episode must have begun."""
 
-    def _told(self, info: dict[str, Any], agent: str | None) -> dict[str, Any]:
+    def _complete_info(self, info: dict[str, Any], agent: str | None) -> dict[str, Any]:
         """Add the agent, variant and action mask, if they apply, to an info, and return it; update an open window."""
         if agent is not None:
             info["agent"] = agent
         if self._variant is not None:
             info["variant"] = self._variant
-        if self._masked:
+        if self._has_masks:
             info["action_mask"] = self.action_masks().view(np.int8)
         if self._window is not None:
             self._window.show(scene_rgb(self._scene(), self._cell))
         return info
 
-    def _begin(self) -> None:
-        self._running = True
+    def _begin_episode(self) -> None:
+        self._is_running = True
         self._steps = 0
 
     def _check_step(self, action: Any) -> int:
-        if not self._running:
+        if not self._is_running:
             raise ResetNeeded("the episode is over, or no episode has begun: call `reset` first")
         try:
             number = index(action)
         except TypeError:
             number = -1
-        if not 0 <= number < self._count:
+        if not 0 <= number < self._action_count:
             hint = "use the position of the action's name in `action_names`"
-            raise InvalidArgument(f"action {action!r} is not in 0..{self._count - 1}", hint)
+            raise InvalidArgument(f"action {action!r} is not in 0..{self._action_count - 1}", hint)
         return number
 
     def render(self) -> str | NDArray[np.uint8] | None:
@@ -270,7 +273,7 @@ class EnvgraphEnv(SingleEnvironment):
     ) -> None:
         check_render_mode(render_mode, drawn=len(pictures) == tabular.n_states)
         view = view_of_table(tabular, observation)
-        self._see = np.int64 if view.kind == "index" else view.of_index
+        self._convert_observation = np.int64 if view.kind == "index" else view.from_index
         super().__init__(
             tabular.action_names,
             view,
@@ -279,53 +282,53 @@ class EnvgraphEnv(SingleEnvironment):
             action_masks,
         )
         self._state = 0
-        self._enter(Explored(tabular, tuple(pictures)))
+        self._switch_member(ExploredEnvironment(tabular, tuple(pictures)))
 
-    def _enter(self, found: Explored) -> None:
-        self.tabular, self._pictures = found.tabular, found.pictures
-        self._flat = _Flat(found.tabular)
-        self._plain = found.tabular.turn is None and not self._masked and self._window is None
+    def _switch_member(self, member_data: ExploredEnvironment) -> None:
+        self.tabular, self._pictures = member_data.tabular, member_data.pictures
+        self._flat_table = _TabularViews(member_data.tabular)
+        self._has_simple_info = member_data.tabular.turn is None and not self._has_masks and self._window is None
 
-    def _allowed(self) -> NDArray[np.bool_]:
-        found: NDArray[np.bool_] = self.tabular.masks[self._state].copy()
+    def _current_mask(self) -> NDArray[np.bool_]:
+        found: NDArray[np.bool_] = self.tabular.action_masks[self._state].copy()
         return found
 
-    def reset(
-        self, *, seed: int | None = None, options: dict[str, Any] | None = None
-    ) -> tuple[Any, dict[str, Any]]:
+    def reset(self, *, seed: int | None = None, options: dict[str, Any] | None = None) -> tuple[Any, dict[str, Any]]:
         """Begin an episode in a sampled start state or that of option `state`; option `variant` switches the member."""
-        wanted = self._options(options, ("state",)).get("state")
+        wanted = self._apply_options(options, ("state",)).get("state")
         super().reset(seed=seed)
-        self._state = self._start(wanted, self.np_random)
-        self._begin()
-        return self._see(self._flat.observation[self._state]), self._first(self._info(success=False))
+        self._state = self._sample_start(wanted, self.np_random)
+        self._begin_episode()
+        return self._convert_observation(self._flat_table.observation[self._state]), self._reset_info(
+            self._info(success=False)
+        )
 
-    def _start(self, wanted: Any, generator: np.random.Generator) -> int:
-        if wanted is None:
-            place = bisect_right(self._flat.start_sums, generator.random())
+    def _sample_start(self, state_option: Any, generator: np.random.Generator) -> int:
+        if state_option is None:
+            place = bisect_right(self._flat_table.start_sums, generator.random())
             return int(self.tabular.start_states[place])
-        if not isinstance(wanted, Integral) or not 0 <= int(wanted) < self.tabular.n_states:
+        if not isinstance(state_option, Integral) or not 0 <= int(state_option) < self.tabular.n_states:
             raise InvalidArgument(
-                f"the reset option `state` is {wanted!r}, but must be in 0..{self.tabular.n_states - 1}"
+                f"the reset option `state` is {state_option!r}, but must be in 0..{self.tabular.n_states - 1}"
             )
-        return int(wanted)
+        return int(state_option)
 
     def step(self, action: Any) -> tuple[Any, float, bool, bool, dict[str, Any]]:
         """Do one action. `truncated` is True only if the behaviour truncates the episode, not for a time limit."""
-        if type(action) is not int or not self._running or not 0 <= action < self._count:
+        if type(action) is not int or not self._is_running or not 0 <= action < self._action_count:
             action = self._check_step(action)
-        flat, generator = self._flat, self._np_random
+        flat, generator = self._flat_table, self._np_random
         assert generator is not None, "an episode has begun"
         outcomes = flat.outcomes
-        place = self._state * flat.row + action * outcomes
+        place = self._state * flat.entries_per_state + action * outcomes
         uniform = generator.random()  # also for deterministic actions, as in the live environment
         if outcomes > 1:
             place = bisect_right(flat.sums, uniform, place, place + outcomes)
         self._state = flat.next_state[place]
         self._steps += 1
         ended = flat.terminated[place]
-        self._running = not ended
-        observed = self._see(flat.observation[self._state])
+        self._is_running = not ended
+        observed = self._convert_observation(flat.observation[self._state])
         return observed, flat.reward[place], ended > 0, ended < 0, self._info(success=ended == SUCCESS)
 
     def _info(self, success: bool) -> dict[str, Any]:
@@ -335,18 +338,18 @@ class EnvgraphEnv(SingleEnvironment):
             "success": success,
             "is_success": success,
         }
-        if self._plain:  # fast path of the most frequent case
+        if self._has_simple_info:  # fast path of the most frequent case
             if self._variant is not None:
                 info["variant"] = self._variant
             return info
         turn = self.tabular.turn
-        return self._told(info, None if turn is None else self.tabular.agent_names[turn[self._state]])
+        return self._complete_info(info, None if turn is None else self.tabular.agent_names[turn[self._state]])
 
     def _scene(self) -> Scene:
         return self._pictures[self._state]
 
 
-class _Flat:
+class _TabularViews:
     """The arrays of a table as flat memory views, which return Python numbers faster than NumPy's indexing does.
 
     Instances are immutable, so that copies of an environment share them.
@@ -355,22 +358,22 @@ class _Flat:
     def __init__(self, tabular: Tabular) -> None:
         self._tabular = tabular
         self.outcomes = int(tabular.next_state.shape[2])
-        self.row = self.outcomes * tabular.n_actions
-        self.next_state = _view(tabular.next_state)
-        self.reward = _view(tabular.reward)
-        self.terminated = _view(tabular.terminated)
-        self.sums = _view(cumulative(tabular.probability))
-        self.observation = _view(tabular.observation)
-        self.start_sums = _view(cumulative(tabular.start_probability))
+        self.entries_per_state = self.outcomes * tabular.n_actions
+        self.next_state = _flat_view(tabular.next_state)
+        self.reward = _flat_view(tabular.reward)
+        self.terminated = _flat_view(tabular.terminated)
+        self.sums = _flat_view(cumulative_sums(tabular.probability))
+        self.observation = _flat_view(tabular.observation)
+        self.start_sums = _flat_view(cumulative_sums(tabular.start_probability))
 
-    def __deepcopy__(self, _: object) -> _Flat:
+    def __deepcopy__(self, _: object) -> _TabularViews:
         return self
 
-    def __reduce__(self) -> tuple[type[_Flat], tuple[Tabular]]:
-        return _Flat, (self._tabular,)
+    def __reduce__(self) -> tuple[type[_TabularViews], tuple[Tabular]]:
+        return _TabularViews, (self._tabular,)
 
 
-def _view(array: NDArray[Any]) -> Any:
+def _flat_view(array: NDArray[Any]) -> Any:
     return np.ascontiguousarray(array).reshape(-1).data
 
 
@@ -397,48 +400,46 @@ class EnvgraphLiveEnv(SingleEnvironment):
         action_masks: bool = False,
     ) -> None:
         check_render_mode(render_mode, drawn=simulator.behaviour.draw is not None)
-        view = view_of(observation, simulator, [simulator.engine.model])
+        view = view_for(observation, simulator, [simulator.engine.model])
         super().__init__(simulator.action_names, view, render_mode, cell, action_masks)
-        self._enter(simulator)
+        self._switch_member(simulator)
 
-    def _enter(self, found: Simulator) -> None:
-        self.simulator = found
+    def _switch_member(self, member_data: Simulator) -> None:
+        self.simulator = member_data
         if self.render_mode is not None:
-            found.painter()  # finds parameters in the initial state
-        self._memory = Memory()
+            member_data.painter()  # finds parameters in the initial state
+        self._memory = ObservationCache()
 
-    def _observed(self, index: int) -> Any:
+    def _observation(self, index: int) -> Any:
         view, simulator = self.view, self.simulator
-        if isinstance(view, View):
-            return view.of_index(index)
-        return self._memory.get(simulator.state_key(), lambda: view.of(simulator))
+        if isinstance(view, ComponentView):
+            return view.from_index(index)
+        return self._memory.get(simulator.state_key(), lambda: view.observe(simulator))
 
-    def _allowed(self) -> NDArray[np.bool_]:
-        return self.simulator.allowed()
+    def _current_mask(self) -> NDArray[np.bool_]:
+        return self.simulator.action_mask()
 
-    def reset(
-        self, *, seed: int | None = None, options: dict[str, Any] | None = None
-    ) -> tuple[Any, dict[str, Any]]:
+    def reset(self, *, seed: int | None = None, options: dict[str, Any] | None = None) -> tuple[Any, dict[str, Any]]:
         """Begin an episode in a sampled start state; the option `variant` first switches to a member of the family."""
-        self._options(options)
+        self._apply_options(options)
         super().reset(seed=seed)
         index = self.simulator.reset(self.np_random)
-        self._begin()
-        return self._observed(index), self._first(self._info(success=False))
+        self._begin_episode()
+        return self._observation(index), self._reset_info(self._info(success=False))
 
     def step(self, action: Any) -> tuple[Any, float, bool, bool, dict[str, Any]]:
         """Do one action. `truncated` is True only if the behaviour truncates the episode, not for a time limit."""
         outcome = self.simulator.step(self._check_step(action), self.np_random)
         self._steps += 1
-        self._running = not outcome.terminated
+        self._is_running = not outcome.terminated
         info = self._info(success=outcome.terminated == SUCCESS)
-        observed = self._observed(outcome.observation)
+        observed = self._observation(outcome.observation)
         return observed, outcome.reward, outcome.terminated > 0, outcome.terminated < 0, info
 
     def _info(self, success: bool) -> dict[str, Any]:
         info = {"step": self._steps, "success": success, "is_success": success}
         names = self.simulator.agent_names
-        return self._told(info, names[self.simulator.turn] if names else None)
+        return self._complete_info(info, names[self.simulator.turn] if names else None)
 
     def _scene(self) -> Scene:
-        return self.simulator.painter().scene()
+        return self.simulator.painter().draw()

@@ -15,16 +15,16 @@ from gymnasium import spaces
 from numpy.typing import NDArray
 
 from envgraph.behaviour import Behaviour, DrawGrid, ObserveObject, ObservePath
-from envgraph.env._observing import clause_name, clauses_of
-from envgraph.env._prepared import Component
+from envgraph.env._observation_components import clause_name, observe_clauses
+from envgraph.env._observation_spaces import ObservationKind
+from envgraph.env._prepared_clauses import ObservationComponent
 from envgraph.env._simulator import Simulator
-from envgraph.env._views import ObservationKind
 from envgraph.env.scene._scene import Painter
 from envgraph.errors import InvalidArgument
 from envgraph.graph import Model
 from envgraph.metamodel import Attribute, EnumType, Metamodel, Scalar, Value
 
-FULL = 255
+MAX_PIXEL = 255
 """Brightness of what is present; observations of trained agents depend on it."""
 
 
@@ -38,7 +38,7 @@ class ModelView(ABC):
     space: spaces.Space[Any]
 
     @abstractmethod
-    def of(self, simulator: Simulator) -> Any:
+    def observe(self, simulator: Simulator) -> Any:
         """Return the observation of the current state, for the agent that acts next."""
 
 
@@ -48,7 +48,7 @@ def model_view(kind: ObservationKind, behaviour: Behaviour, models: Sequence[Mod
     Raises:
         InvalidArgument: agents may not see the whole model, or an image is wanted but no grid is drawn.
     """
-    hidden = any(isinstance(one, ObservePath) and one.visible is not None for one in clauses_of(behaviour))
+    hidden = any(isinstance(one, ObservePath) and one.visible is not None for one in observe_clauses(behaviour))
     if hidden:
         message = f'"{kind}" shows the whole model, but `{behaviour.name}` hides a part of it from its agents'
         raise InvalidArgument(
@@ -80,55 +80,55 @@ class ImageView(ModelView):
         draw = behaviour.draw
         if not isinstance(draw, DrawGrid):
             hint = 'write `draw grid Class at (x, y)`, or use `observation="graph"`'
-            raise InvalidArgument(
-                f"environment `{behaviour.name}` has no image, because it draws no grid", hint
-            )
+            raise InvalidArgument(f"environment `{behaviour.name}` has no image, because it draws no grid", hint)
         painters = [Painter(model, draw, behaviour.parameters) for model in models]
-        sizes = [painter.places()[:2] for painter in painters]
+        sizes = [painter.grid_places()[:2] for painter in painters]
         width, height = (max(extents, default=0) for extents in zip(*sizes, strict=True))
         metamodel = models[0].metamodel
-        drawn = dict.fromkeys(cls for painter in painters for cls in painter.drawn())
-        shown = {cls for root in drawn for cls in metamodel.concrete(root)}
+        drawn = dict.fromkeys(cls for painter in painters for cls in painter.drawn_classes())
+        shown = {cls for root in drawn for cls in metamodel.concrete_classes(root)}
         self._classes = [one.name for one in metamodel.class_list if one.name in shown]
-        clauses, agent = clauses_of(behaviour), ["agent"] if behaviour.agents else []
+        clauses, agent = observe_clauses(behaviour), ["agent"] if behaviour.agents else []
         self.channels = (*self._classes, *map(clause_name, clauses), *agent)
         self._channel = {clause: place for place, clause in enumerate(clauses, start=len(self._classes))}
         self._agents = bool(behaviour.agents)
-        self.space = spaces.Box(0, FULL, (height, width, len(self.channels)), np.uint8)
+        self.space = spaces.Box(0, MAX_PIXEL, (height, width, len(self.channels)), np.uint8)
 
-    def of(self, simulator: Simulator) -> NDArray[np.uint8]:
+    def observe(self, simulator: Simulator) -> NDArray[np.uint8]:
         """Return the image of the current state, for the agent that acts next."""
         shape = self.space.shape
         assert shape is not None
         image = np.zeros(shape, dtype=np.uint8)
-        model, seat = simulator.engine.model, simulator.seat
-        _, _, places = simulator.painter().places()
+        model, seat = simulator.engine.model, simulator.current_agent
+        _, _, places = simulator.painter().grid_places()
         places = {node: (y, x) for node, (x, y) in places.items() if y < shape[0] and x < shape[1]}
         channel = {cls: number for number, cls in enumerate(self._classes)}
         for node, place in places.items():
             number = channel.get(model.graph.class_of(node))
             if number is not None:
-                image[(*place, number)] = FULL
-        for component in seat.program.components:
-            _show(image[..., self._channel[component.observation]], component, places)
+                image[(*place, number)] = MAX_PIXEL
+        for component in seat.behaviour.components:
+            _write_channel(image[..., self._channel[component.observation]], component, places)
         if self._agents and seat.node in places:
-            image[(*places[seat.node], -1)] = FULL
+            image[(*places[seat.node], -1)] = MAX_PIXEL
         return image
 
 
-def _show(plane: NDArray[np.uint8], component: Component, places: dict[int, tuple[int, int]]) -> None:
+def _write_channel(
+    channel: NDArray[np.uint8], component: ObservationComponent, places: dict[int, tuple[int, int]]
+) -> None:
     """Write a component to its channel of the image: at the object's (row, column), or everywhere without a position.
 
     If the object is missing, write nothing.
     """
-    if component.at is None:
-        plane[...] = FULL * component.read() // max(component.size - 1, 1)
+    if component.target_object is None:
+        channel[...] = MAX_PIXEL * component.read() // max(component.size - 1, 1)
         return
-    node = component.at()
+    node = component.target_object()
     if node is not None:
-        value = FULL * (component.read() + 1) // component.size
+        value = MAX_PIXEL * (component.read() + 1) // component.size
         where = places.get(node, ...)
-        plane[where] = FULL if isinstance(component.observation, ObserveObject) and node in places else value
+        channel[where] = MAX_PIXEL if isinstance(component.observation, ObserveObject) and node in places else value
 
 
 class GraphView(ModelView):
@@ -153,38 +153,39 @@ class GraphView(ModelView):
     def __init__(self, behaviour: Behaviour, metamodel: Metamodel) -> None:
         self._metamodel = metamodel
         self._classes = [one.name for one in metamodel.class_list if not one.abstract]
-        self._attributes = [
-            one for one in metamodel.attributes if not one.many and one.type is not Scalar.STRING
-        ]
+        self._attributes = [one for one in metamodel.attributes if not one.many and one.type is not Scalar.STRING]
         self._parameters = [parameter.name for parameter in behaviour.parameters]
         self._has_agents = bool(behaviour.agents)
-        columns = [name for one in self._attributes for name in _columns(one)]
+        columns = [name for one in self._attributes for name in _feature_names(one)]
         agent = ["agent"] if behaviour.agents else []
         self.features = (*self._classes, *columns, *self._parameters, *agent)
         self.references = tuple(f"{one.owner}.{one.name}" for one in metamodel.references)
         features = spaces.Box(-np.inf, np.inf, (len(self.features),), np.float32)
         self.space = spaces.Graph(features, spaces.Discrete(max(len(self.references), 1)))
 
-    def of(self, simulator: Simulator) -> spaces.GraphInstance:
+    def observe(self, simulator: Simulator) -> spaces.GraphInstance:
         """Return the graph of the current state, for the agent that acts next."""
-        model, seat = simulator.engine.model, simulator.seat
+        model, seat = simulator.engine.model, simulator.current_agent
         nodes = sorted(node for cls in self._classes for node in model.graph.exact_extent(cls))
         number = {node: place for place, node in enumerate(nodes)}
-        marked = [*(seat.program.bound[name] for name in self._parameters), *[seat.node] * self._has_agents]
-        rows = [[*self._row(model, node), *(float(node == one) for one in marked)] for node in nodes]
-        edges = [edge for one in self._metamodel.references for edge in self._links(model, one.index, number)]
+        marked = [
+            *(seat.behaviour.bound_values[name] for name in self._parameters),
+            *[seat.node] * self._has_agents,
+        ]
+        rows = [[*self._node_features(model, node), *(float(node == one) for one in marked)] for node in nodes]
+        edges = [edge for one in self._metamodel.references for edge in self._edges(model, one.index, number)]
         table = np.array(edges, dtype=np.int64).reshape(len(edges), 3)
         features = np.array(rows, dtype=np.float32).reshape(len(nodes), len(self.features))
         return spaces.GraphInstance(features, table[:, 0].copy(), table[:, 1:].copy())
 
-    def _row(self, model: Model, node: int) -> Iterator[float]:
+    def _node_features(self, model: Model, node: int) -> Iterator[float]:
         cls = model.graph.class_of(node)
         yield from (float(cls == one) for one in self._classes)
         for attribute in self._attributes:
             owned = self._metamodel.is_a(cls, attribute.owner)
-            yield from _values(attribute, model.graph.value(node, attribute) if owned else None)
+            yield from _feature_values(attribute, model.graph.value(node, attribute) if owned else None)
 
-    def _links(self, model: Model, index: int, number: dict[int, int]) -> Iterable[tuple[int, int, int]]:
+    def _edges(self, model: Model, index: int, number: dict[int, int]) -> Iterable[tuple[int, int, int]]:
         reference = self._metamodel.references[index]
         for source in sorted(model.graph.extent(reference.owner)):
             for target in model.graph.targets(source, reference):
@@ -209,14 +210,14 @@ def torch_graph(graph: spaces.GraphInstance) -> Any:
     return Data(x=torch.from_numpy(graph.nodes), edge_index=links, edge_type=torch.from_numpy(graph.edges))
 
 
-def _columns(attribute: Attribute) -> list[str]:
+def _feature_names(attribute: Attribute) -> list[str]:
     name = f"{attribute.owner}.{attribute.name}"
     if isinstance(attribute.type, EnumType):
         return [f"{name}?", *(f"{name}={literal}" for literal in attribute.type.literals)]
     return [f"{name}?", name]
 
 
-def _values(attribute: Attribute, value: Value | None) -> list[float]:
+def _feature_values(attribute: Attribute, value: Value | None) -> list[float]:
     there = float(value is not None)
     if isinstance(attribute.type, EnumType):
         return [there, *(float(value == literal) for literal in attribute.type.literals)]

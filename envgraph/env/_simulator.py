@@ -14,40 +14,40 @@ from numpy.typing import NDArray
 from envgraph.behaviour import (
     Behaviour,
     KeyIndex,
-    Reading,
+    ObjectRead,
     check_behaviour,
     indexed_classes,
-    is_gone,
+    is_lost,
     key_attributes,
-    readings,
+    object_reads,
 )
 from envgraph.code import dataclass
-from envgraph.env._agents import Agents, Seat
-from envgraph.env._observing import component_names
-from envgraph.env._prepared import (
-    Choices,
-    Pending,
+from envgraph.env._agent_order import AgentOrder, PreparedAgent
+from envgraph.env._joint_steps import JointStepper
+from envgraph.env._observation_components import component_names
+from envgraph.env._prepared_behaviour import PreparedBehaviour, dominant_end
+from envgraph.env._prepared_clauses import (
+    ChoiceSource,
+    NameValues,
+    PendingMatch,
     PreparedAction,
-    PreparedClause,
-    PreparedEach,
-    Scope,
+    PreparedEachStep,
+    PreparedOnFind,
     run_pending,
 )
-from envgraph.env._program import Program, worst
-from envgraph.env._sampling import Draw, all_choices
-from envgraph.env._tabular import allowed_or_all
-from envgraph.env._together import Together
-from envgraph.env._too_many import TooManyOutcomes
+from envgraph.env._random_choices import UniformDraw, all_choice_sequences
+from envgraph.env._size_errors import TooManyOutcomes
+from envgraph.env._tabular import nonempty_masks
 from envgraph.env.scene._scene import DRAW_HINT, Painter
 from envgraph.errors import LIMITS, InvalidArgument, ResolutionError, Severity
 from envgraph.graph import Model, Savepoint
 from envgraph.rewrite import Engine
 
-GOES_ON, SUCCESS, FAILURE = 0, 1, 2
+CONTINUES, SUCCESS, FAILURE = 0, 1, 2
 
 
 @dataclass(frozen=True, slots=True)
-class Outcome:
+class StepOutcome:
     """The result of a step.
 
     Attributes:
@@ -80,11 +80,11 @@ class Simulator:
     reward is that of the turn; then the next agent observes. Agents take turns block by block, within a block by key;
     agents whose object does not exist are skipped.
 
-    Agents that act `together` do one step: (a) Each agent that exists does its action, in the order of turns, on the
-    state that earlier agents have left. (b) to (e) happen once, clause by clause in the order of the file; a clause of
-    a block runs for each of its agents that existed. An agent gets the rewards of its block and of shared clauses; the
-    reward of the step counts shared rewards once. A joint action combines one action of each agent in one number, and
-    its observation contains all that the agents observe.
+    Agents that act `joint_stepper` do one step: (a) Each agent that exists does its action, in the order of turns, on
+    the state that earlier agents have left. (b) to (e) happen once, clause by clause in the order of the file; a clause
+    of a block runs for each of its agents that existed. An agent gets the rewards of its block and of shared clauses;
+    the reward of the step counts shared rewards once. A joint action combines one action of each agent in one number,
+    and its observation contains all that the agents observe.
 
     Args:
         engine: the engine with the model, its patterns and rules.
@@ -95,48 +95,48 @@ class Simulator:
         ResolutionError: the behaviour has errors, or the model has no object for a parameter, or no agent.
 
     Attributes:
-        players: the names of the agents in the order of turns; () for a behaviour without `agent` blocks.
-        agent_names: like `players`, but () if agents act together.
+        all_agent_names: the names of the agents in the order of turns; () for a behaviour without `agent` blocks.
+        agent_names: like `all_agent_names`, but () if agents act together.
         agents: the agents; a single one without object for a behaviour without `agent` blocks.
-        together: does the step of agents that act together; None if agents take turns.
+        joint_stepper: does the step of agents that act together; None if agents take turns.
         turn: the number of the agent that acts next; 0 if agents act together.
         action_names, observation_shape, n_observations: the actions and observations of a step.
-        did: True if the action of the last step applied a rule or sampled the branch `nothing()`; always True if agents
-            act together.
+        has_acted: True if the action of the last step applied a rule or sampled the branch `nothing()`; always True
+            if agents act together.
     """
 
     def __init__(self, engine: Engine, behaviour: Behaviour, keys: KeyIndex | None = None) -> None:
-        behaviour = engine.library.resolved(behaviour)
+        behaviour = engine.library.with_functions_resolved(behaviour)
         problems = [p for p in check_behaviour(behaviour, engine) if p.severity is Severity.ERROR]
         if problems:
             raise ResolutionError(problems)
         self.engine = engine
         self.behaviour = behaviour
-        self.keys = keys or KeyIndex.of(engine.model, indexed_classes(behaviour, engine.model.metamodel))
-        self.agents = Agents(behaviour, engine, self.keys)
+        self.keys = keys or KeyIndex.of_model(engine.model, indexed_classes(behaviour, engine.model.metamodel))
+        self.agents = AgentOrder(behaviour, engine, self.keys)
         self._model = engine.model
-        self._start: Savepoint | None = None
-        self._drawn: list[tuple[int, float]] = []
-        self._fresh = _first_new(engine.model, self.keys)
-        self._needed = [one for one in readings(behaviour) if one.always and one.callers]
-        self.turn = self._first = self.agents.after(-1)
-        self.did = False
+        self._episode_savepoint: Savepoint | None = None
+        self._episode_record: list[tuple[int, float]] = []
+        self._first_created = _first_created_id(engine.model, self.keys)
+        self._always_read = [one for one in object_reads(behaviour) if one.is_always_evaluated and one.callers]
+        self.turn = self._first_turn = self.agents.next_turn(-1)
+        self.has_acted = False
         self._painter: Painter | None = None
-        self.together: Together | None = None
+        self.joint_stepper: JointStepper | None = None
         if behaviour.together:
-            self.together = Together(behaviour, self.agents, self._model, self.keys)
-        self.players = tuple(seat.name for seat in self.agents.seats if seat.node is not None)
-        self.agent_names = () if behaviour.together else self.players
+            self.joint_stepper = JointStepper(behaviour, self.agents, self._model, self.keys)
+        self.all_agent_names = tuple(seat.name for seat in self.agents.prepared_agents if seat.node is not None)
+        self.agent_names = () if behaviour.together else self.all_agent_names
 
     @property
     def action_names(self) -> tuple[str, ...]:
         """Return the names of the actions of a step."""
-        return (self.together or self.agents).action_names
+        return (self.joint_stepper or self.agents).action_names
 
     @property
     def observation_shape(self) -> tuple[int, ...]:
         """Return the sizes of the components of an observation."""
-        return (self.together or self.agents).shape
+        return (self.joint_stepper or self.agents).shape
 
     @property
     def n_observations(self) -> int:
@@ -146,8 +146,8 @@ class Simulator:
     @property
     def observation_names(self) -> tuple[str, ...]:
         """Return distinct names for the components of an observation."""
-        if self.together is not None:
-            return self.together.observation_names
+        if self.joint_stepper is not None:
+            return self.joint_stepper.observation_names
         return component_names(self.behaviour, self.keys, len(self.observation_shape))
 
     # --- live
@@ -155,12 +155,12 @@ class Simulator:
     def reset(self, rng: np.random.Generator) -> int:
         """Put the model into a start state, sampled with one random number; return the index of the observation."""
         self.close()
-        self._start, uniform = self._model.graph.history.savepoint(), rng.random()
-        self._begin(Draw(uniform))
-        self._drawn = [(-1, uniform)]  # -1 stands for the reset
+        self._episode_savepoint, uniform = self._model.graph.history.savepoint(), rng.random()
+        self._apply_reset(UniformDraw(uniform))
+        self._episode_record = [(-1, uniform)]  # -1 stands for the reset
         return self.observe()
 
-    def step(self, action: int, rng: np.random.Generator) -> Outcome:
+    def step(self, action: int, rng: np.random.Generator) -> StepOutcome:
         """Do an action, whose random choices are all decided by one random number.
 
         Raises:
@@ -168,93 +168,96 @@ class Simulator:
             RuleError: a rule matches but cannot be applied.
             EvaluationError: a reward has no value, or an observed object no index.
         """
-        reward, terminated = self.move(action, rng)
-        return Outcome(reward, terminated, self.observe())
+        reward, terminated = self.step_without_observation(action, rng)
+        return StepOutcome(reward, terminated, self.observe())
 
-    def move(self, action: int, rng: np.random.Generator) -> tuple[float, int]:
+    def step_without_observation(self, action: int, rng: np.random.Generator) -> tuple[float, int]:
         """Do a step without an observation; return the reward and the end (0, 1, 2 or -1)."""
-        if self._start is None:
+        if self._episode_savepoint is None:
             raise InvalidArgument("no episode has begun: call `reset` first")
         uniform = rng.random()
-        found = self._step(action, Draw(uniform))
-        self._drawn.append((action, uniform))
+        found = self._step(action, UniformDraw(uniform))
+        self._episode_record.append((action, uniform))
         return found
 
     def __reduce__(self) -> tuple[Callable[..., Simulator], tuple[Any, ...]]:
         """Return the data to rebuild a simulator: initial state, actions and random numbers of the episode."""
         engine, key = self.engine, self.state_key()
-        shelf = None if self._start is None else self._model.graph.history.shelve(self._start)
+        shelf = None if self._episode_savepoint is None else self._model.graph.history.undo_to(self._episode_savepoint)
         try:
             engine_copy = deepcopy(engine)
         finally:
             if shelf is not None:
-                self._start = self._model.graph.history.resume(shelf)
-        if engine.events.active or {*engine.rules, *engine.units} != {*engine_copy.rules, *engine_copy.units}:
+                self._episode_savepoint = self._model.graph.history.redo(shelf)
+        if engine.events.has_event_rules or {*engine.rules, *engine.units} != {
+            *engine_copy.rules,
+            *engine_copy.units,
+        }:
             message = "has event rules or Python functions as rules; make a second environment instead"
             raise TypeError(f"environment `{self.behaviour.name}` cannot be copied: its engine {message}")
-        return _replayed, (engine_copy, self.behaviour, self.keys, self._drawn[:], key)
+        return _replay, (engine_copy, self.behaviour, self.keys, self._episode_record[:], key)
 
-    def act(self, action: int, uniform: float) -> Outcome:
+    def step_with(self, action: int, uniform: float) -> StepOutcome:
         """Do a step in the model's current state, with or without an episode, decided by `uniform` in [0, 1)."""
-        reward, terminated = self._step(action, Draw(uniform))
-        return Outcome(reward, terminated, self.observe())
+        reward, terminated = self._step(action, UniformDraw(uniform))
+        return StepOutcome(reward, terminated, self.observe())
 
-    def begin(self, uniform: float) -> int:
+    def reset_with(self, uniform: float) -> int:
         """Reset from the model's current state, decided by `uniform` in [0, 1); return the observation's index."""
-        self._begin(Draw(uniform))
+        self._apply_reset(UniformDraw(uniform))
         return self.observe()
 
     def close(self) -> None:
         """End the episode: restore the initial state, and close the savepoint. Do nothing if no episode has begun."""
-        if self._start is not None:
-            self._model.graph.history.rollback(self._start)
-            self._start, self._drawn = None, []
-            self.turn = self._first
+        if self._episode_savepoint is not None:
+            self._model.graph.history.rollback(self._episode_savepoint)
+            self._episode_savepoint, self._episode_record = None, []
+            self.turn = self._first_turn
 
     def observe(self) -> int:
         """Return the index of the next agent's observation of the current state; the first component varies fastest."""
-        if self.together is not None:
-            return self.together.observation()
-        return self.agents.observation(self.turn)
+        if self.joint_stepper is not None:
+            return self.joint_stepper.observation_index()
+        return self.agents.observation_index(self.turn)
 
-    def allowed(self) -> NDArray[np.bool_]:
+    def action_mask(self) -> NDArray[np.bool_]:
         """Return for each action if it would do something in the current state [actions]; all True if none would.
 
         An action does something if a branch of it is `nothing()`, a rule that has a match, or a unit that can succeed.
         For a joint action this must be true of each agent's action, tested on the state before the step.
         """
-        if self.together is None:
-            return self.allowed_to(self.turn)
+        if self.joint_stepper is None:
+            return self.agent_action_mask(self.turn)
         found = np.ones(1, dtype=np.bool_)
-        for number in range(len(self.agents.seats)):
-            found = (self.allowed_to(number)[:, None] & found).ravel()
+        for number in range(len(self.agents.prepared_agents)):
+            found = (self.agent_action_mask(number)[:, None] & found).ravel()
         return found
 
-    def allowed_to(self, number: int) -> NDArray[np.bool_]:
+    def agent_action_mask(self, number: int) -> NDArray[np.bool_]:
         """Return the action mask of one agent; all True if the agent cannot act, or if no action would do something."""
-        seat, model = self.agents.seats[number], self._model
-        if not self.agents.present(seat):
+        seat, model = self.agents.prepared_agents[number], self._model
+        if not self.agents.can_act(seat):
             return np.ones(len(seat.actions), dtype=np.bool_)
-        bound = seat.program.bound
-        can = [one.branches.can_run(one.scope(bound), model) for one in seat.actions]
-        return allowed_or_all(np.array(can))
+        bound = seat.behaviour.bound_values
+        can = [one.branches.can_run(one.current_scope(bound), model) for one in seat.actions]
+        return nonempty_masks(np.array(can))
 
     def state_key(self) -> tuple[int, int]:
         """Return a key that identifies the state: the model's hash and whose turn it is.
 
         New objects are identified by the order of their creation.
         """
-        return self._model.state_hash(self._fresh), self.turn
+        return self._model.state_hash(self._first_created), self.turn
 
-    def look(self) -> tuple[int, ...]:
+    def non_range_components(self) -> tuple[int, ...]:
         """Return the component values, except numbers in ranges, of the next agent or of all simultaneous agents."""
-        seats = self.agents.seats if self.together else (self.agents.seats[self.turn],)
-        components = (component for seat in seats for component in seat.program.components)
-        return tuple(component.read() for component in components if not component.number)
+        seats = self.agents.prepared_agents if self.joint_stepper else (self.agents.prepared_agents[self.turn],)
+        components = (component for seat in seats for component in seat.behaviour.components)
+        return tuple(component.read() for component in components if not component.is_range)
 
-    def in_the_way(self, end: int) -> Callable[[], int]:
+    def obstacle_counter(self, end: int) -> Callable[[], int]:
         """Return a function that counts the matches which must vanish before success (1) or failure (2) is possible."""
-        return self.agents.seats[0].program.in_the_way(end)
+        return self.agents.prepared_agents[0].behaviour.obstacle_counter(end)
 
     def painter(self) -> Painter:
         """Return the painter that draws the current state; the first call creates it and binds parameters.
@@ -270,20 +273,20 @@ class Simulator:
         return self._painter
 
     @property
-    def seat(self) -> Seat:
+    def current_agent(self) -> PreparedAgent:
         """Return the agent that acts next; the single agent without object if the behaviour has no agents."""
-        return self.agents.seats[self.turn]
+        return self.agents.prepared_agents[self.turn]
 
     # --- all outcomes
 
-    def starts(self) -> Generator[float]:
+    def reset_outcomes(self) -> Generator[float]:
         """Put the model into each start state, yield the probability, and roll back; equal states may be repeated."""
-        for probability, _, _, savepoint in self.attempts(None):
+        for probability, _, _, savepoint in self.outcomes_with_savepoints(None):
             try:
                 yield probability
             finally:
                 self._model.graph.history.rollback(savepoint)
-                self.turn = self._first
+                self.turn = self._first_turn
 
     def outcomes(self, action: int) -> Generator[tuple[float, float, int]]:
         """Yield the probability, reward and end of each outcome of an action, in the order of the choices.
@@ -292,14 +295,14 @@ class Simulator:
         outcomes are not merged.
         """
         turn = self.turn
-        for probability, reward, terminated, savepoint in self.attempts(action):
+        for probability, reward, terminated, savepoint in self.outcomes_with_savepoints(action):
             try:
                 yield probability, reward, terminated
             finally:
                 self._model.graph.history.rollback(savepoint)
                 self.turn = turn
 
-    def attempts(self, action: int | None) -> Iterator[tuple[float, float, int, Savepoint]]:
+    def outcomes_with_savepoints(self, action: int | None) -> Iterator[tuple[float, float, int, Savepoint]]:
         """Do each outcome of an action (None: a reset); yield probability, reward, end, and the savepoint before it.
 
         The caller must undo each outcome before the next: roll back to the savepoint, or shelve it.
@@ -308,15 +311,15 @@ class Simulator:
             TooManyOutcomes: the action has more than 10,000 outcomes.
         """
         turn = self.turn
-        for number, choices in enumerate(all_choices()):
+        for number, choices in enumerate(all_choice_sequences()):
             if action is not None and number >= LIMITS["outcomes"]:
                 raise TooManyOutcomes(self.behaviour, self.action_names[action], LIMITS["outcomes"])
             self.turn = turn
             savepoint = self._model.graph.history.savepoint()
             try:
                 if action is None:
-                    self._begin(choices)
-                    reward, terminated = 0.0, GOES_ON
+                    self._apply_reset(choices)
+                    reward, terminated = 0.0, CONTINUES
                 else:
                     reward, terminated = self._step(action, choices)
             except BaseException:
@@ -328,80 +331,80 @@ class Simulator:
     # --- the step
 
     def _action(self, number: int) -> PreparedAction:
-        actions = self.agents.seats[self.turn].actions
+        actions = self.agents.prepared_agents[self.turn].actions
         if not 0 <= number < len(actions):
             raise InvalidArgument(f"action {number} is not in 0..{len(actions) - 1}")
         return actions[number]
 
-    def _begin(self, choices: Choices) -> None:
-        shared = self.agents.seats[0].program
-        shared.done.clear()
+    def _apply_reset(self, choices: ChoiceSource) -> None:
+        shared = self.agents.prepared_agents[0].behaviour
+        shared.calls_done.clear()
         for reset in shared.resets:
-            if isinstance(reset, PreparedClause):
-                run_pending([(shared.bound, reset, row) for row in reset.matches()], choices, self._model)
+            if isinstance(reset, PreparedOnFind):
+                run_pending([(shared.bound_values, reset, row) for row in reset.matches()], choices, self._model)
             elif reset.apply is not None:
-                reset.apply.run(shared.bound, choices, self._model)
-        _check_needed(shared, self._needed, self._model)
-        self.turn = self.agents.after(-1)
+                reset.apply.run(shared.bound_values, choices, self._model)
+        _check_always_read(shared, self._always_read, self._model)
+        self.turn = self.agents.next_turn(-1)
 
-    def _step(self, number: int, choices: Choices) -> tuple[float, int]:
-        if self.together is not None:
-            return self._step_together(self.together, number, choices)
+    def _step(self, number: int, choices: ChoiceSource) -> tuple[float, int]:
+        if self.joint_stepper is not None:
+            return self._step_together(self.joint_stepper, number, choices)
         action = self._action(number)
-        program, model = self.agents.seats[self.turn].program, self._model
-        program.done.clear()
-        scope = action.scope(program.bound)
+        program, model = self.agents.prepared_agents[self.turn].behaviour, self._model
+        program.calls_done.clear()
+        scope = action.current_scope(program.bound_values)
         done = action.branches.run(scope, choices, model)
-        self.did = done is not None
+        self.has_acted = done is not None
         for effect in program.effects:
-            if isinstance(effect, PreparedEach) and effect.apply is not None:
-                effect.apply.run(program.bound, choices, model)
-        reward, terminated, pending = self._judge(program, action, scope, done)
+            if isinstance(effect, PreparedEachStep) and effect.apply is not None:
+                effect.apply.run(program.bound_values, choices, model)
+        reward, terminated, pending = self._evaluate_clauses(program, action, scope, done)
         run_pending(pending, choices, self._model)
-        if terminated == GOES_ON and program.done:
-            _check_needed(program, self._needed, self._model)
-        self.turn = self.agents.after(self.turn)
+        if terminated == CONTINUES and program.calls_done:
+            _check_always_read(program, self._always_read, self._model)
+        self.turn = self.agents.next_turn(self.turn)
         return reward, terminated
 
-    def _step_together(self, together: Together, number: int, choices: Choices) -> tuple[float, int]:
+    def _step_together(self, together: JointStepper, number: int, choices: ChoiceSource) -> tuple[float, int]:
         if not 0 <= number < together.n_actions:
             raise InvalidArgument(f"action {number} is not in 0..{together.n_actions - 1}")
         reward, terminated = together.step(number, choices)
-        self.did = True
-        for seat in self.agents.seats:
-            if terminated == GOES_ON and seat.program.done:
-                _check_needed(seat.program, self._needed, self._model)
+        self.has_acted = True
+        for seat in self.agents.prepared_agents:
+            if terminated == CONTINUES and seat.behaviour.calls_done:
+                _check_always_read(seat.behaviour, self._always_read, self._model)
         return reward, terminated
 
-    def _judge(
-        self, program: Program, action: PreparedAction, scope: Scope, done: Scope | None
-    ) -> tuple[float, int, list[Pending]]:
+    def _evaluate_clauses(
+        self, program: PreparedBehaviour, action: PreparedAction, scope: NameValues, done: NameValues | None
+    ) -> tuple[float, int, list[PendingMatch]]:
         """Return the reward and end of a step in the current state, and the matches whose `apply` is to run.
 
         `scope` has the values of names before the action, `done` those after it; None if nothing was applied.
         """
         effects = program.effects
-        total, terminated = 0.0, GOES_ON
-        pending: list[Pending] = []
+        total, terminated = 0.0, CONTINUES
+        pending: list[PendingMatch] = []
         for position in range(len(effects) + 1):
-            if position == action.before:
+            if position == action.effects_before:
                 reward = action.else_reward if done is None else action.reward
                 total += reward(scope if done is None else done) if reward else 0.0
             if position == len(effects):
                 break
             effect = effects[position]
-            if isinstance(effect, PreparedEach):
-                total += effect.reward(program.bound) if effect.reward else 0.0
+            if isinstance(effect, PreparedEachStep):
+                total += effect.reward(program.bound_values) if effect.reward else 0.0
                 continue
             for row in effect.matches():
-                total += effect.reward(effect.scope(program.bound, row)) if effect.reward else 0.0
-                terminated = worst(terminated, effect.ends)
+                total += effect.reward(effect.match_scope(program.bound_values, row)) if effect.reward else 0.0
+                terminated = dominant_end(terminated, effect.end)
                 if effect.apply is not None:
-                    pending.append((program.bound, effect, row))
+                    pending.append((program.bound_values, effect, row))
         return total, terminated, pending
 
 
-def _replayed(
+def _replay(
     engine: Engine, behaviour: Behaviour, keys: KeyIndex, drawn: list[tuple[int, float]], key: tuple[int, int]
 ) -> Simulator:
     """Create a simulator and replay an episode; raise TypeError if the final state differs from `key`."""
@@ -410,22 +413,22 @@ def _replayed(
         made.painter()  # finds the objects of parameters in the initial state
     rng: Any = SimpleNamespace(random=iter([uniform for _, uniform in drawn]).__next__)
     for number, (action, _) in enumerate(drawn):
-        made.move(action, rng) if number else made.reset(rng)
+        made.step_without_observation(action, rng) if number else made.reset(rng)
     if made.state_key() != key:
         message = "its model was changed from outside; copy it before `reset`"
         raise TypeError(f"`{behaviour.name}` cannot be copied in this episode: {message}")
     return made
 
 
-def _check_needed(program: Program, needed: Sequence[Reading], model: Model) -> None:
+def _check_always_read(program: PreparedBehaviour, needed: Sequence[ObjectRead], model: Model) -> None:
     """Raise an error if an object from which every step reads was deleted; the error names the rule that deleted it."""
     for each in needed:
-        if is_gone(model, program.bound[each.name], each.cls):
-            raise program.lost(each.name, each.cls, each.what, each.span)
+        if is_lost(model, program.bound_values[each.name], each.cls):
+            raise program.deleted_object_error(each.name, each.cls, each.what, each.span)
 
 
-def _first_new(model: Model, keys: KeyIndex) -> int | None:
+def _first_created_id(model: Model, keys: KeyIndex) -> int | None:
     """Return the id that the next new object gets; None if keys of other members of the family contain such ids."""
     first = model.graph.store.next_id
     unnamed = (cls for cls in keys.keys if not key_attributes(model.metamodel, cls))
-    return None if any(key >= (first,) for cls in unnamed for key in keys.of_class(cls)) else first
+    return None if any(key >= (first,) for cls in unnamed for key in keys.keys_of(cls)) else first

@@ -16,7 +16,7 @@ from typing import IO, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from envgraph.env._explore import Explored
+from envgraph.env._enumeration import ExploredEnvironment
 from envgraph.env._tabular import Tabular
 from envgraph.env.scene._scene import Edge, GraphScene, GridScene, Mark, Scene
 from envgraph.errors import LIMITS, InvalidArgument
@@ -34,7 +34,7 @@ _ARRAYS = {
 _OPTIONAL = {"turn": np.int32, "allowed": np.bool_}
 _NAMES = ("n_observations", "observation_shape", "observation_names", "action_names", "agent_names")
 _DATA = {cls.__name__: cls for cls in (GridScene, GraphScene, Mark, Edge, Glyph)}
-_DAMAGED = (
+_DAMAGE_ERRORS = (
     OSError,
     ValueError,
     LookupError,
@@ -47,7 +47,7 @@ _DAMAGED = (
 )
 
 
-def write_explored(explored: Explored, file: IO[bytes]) -> None:
+def write_explored(explored: ExploredEnvironment, file: IO[bytes]) -> None:
     """Write an environment to a file that is open for writing."""
     tabular = explored.tabular
     arrays: dict[str, Any] = {name: getattr(tabular, name) for name in _ARRAYS}
@@ -57,13 +57,13 @@ def write_explored(explored: Explored, file: IO[bytes]) -> None:
     numbers: dict[Scene, int] = {}
     scene = [numbers.setdefault(picture, len(numbers)) for picture in explored.pictures]
     facts = {name: getattr(tabular, name) for name in _NAMES}
-    text = json.dumps({**facts, "scenes": _plain(tuple(numbers))}, ensure_ascii=False)
+    text = json.dumps({**facts, "scenes": _to_json(tuple(numbers))}, ensure_ascii=False)
     arrays["scene"] = np.array(scene, dtype=np.int32)
     arrays["facts"] = np.frombuffer(text.encode("utf-8"), dtype=np.uint8)
     np.savez_compressed(file, **arrays)
 
 
-def read_explored(path: Path) -> Explored:
+def read_explored(path: Path) -> ExploredEnvironment:
     """Read an environment from a file of `write_explored`.
 
     Raises:
@@ -77,44 +77,44 @@ def read_explored(path: Path) -> Explored:
         if bad is not None:
             raise ValueError(f"`{bad}` is damaged")
         with np.load(path, allow_pickle=False) as found:
-            return _explored(found)
-    except _DAMAGED as error:
+            return _parse_explored(found)
+    except _DAMAGE_ERRORS as error:
         raise InvalidArgument(f"{path} is not a readable table of states: {error}") from error
 
 
-def _explored(found: Mapping[str, NDArray[Any]]) -> Explored:
+def _parse_explored(found: Mapping[str, NDArray[Any]]) -> ExploredEnvironment:
     facts = json.loads(found["facts"].tobytes())
     arrays: dict[str, Any] = {name: found[name].astype(kind, copy=False) for name, kind in _ARRAYS.items()}
-    names: dict[str, Any] = {name: _made(facts[name]) for name in _NAMES}
+    names: dict[str, Any] = {name: _from_json(facts[name]) for name in _NAMES}
     for name, kind in _OPTIONAL.items():
         if name in found:
             arrays[name] = found[name].astype(kind, copy=False)
     tabular = Tabular(**arrays, **names)
     tabular.check()
-    scenes = _made(facts["scenes"])
-    return Explored(tabular, tuple(scenes[number] for number in found["scene"].tolist()))
+    scenes = _from_json(facts["scenes"])
+    return ExploredEnvironment(tabular, tuple(scenes[number] for number in found["scene"].tolist()))
 
 
-def _plain(value: Any) -> Any:
+def _to_json(value: Any) -> Any:
     """Return a value as data for JSON: tuples become lists, bytes and dataclasses become dicts."""
     if isinstance(value, tuple):
-        return [_plain(one) for one in value]
+        return [_to_json(one) for one in value]
     if isinstance(value, bytes):
         return {"bytes": value.hex()}
     if is_dataclass(value):
         return {
             "is": type(value).__name__,
-            **{one.name: _plain(getattr(value, one.name)) for one in fields(value)},
+            **{one.name: _to_json(getattr(value, one.name)) for one in fields(value)},
         }
     return value
 
 
-def _made(value: Any) -> Any:
-    """Return the value that `_plain` has converted to data for JSON."""
+def _from_json(value: Any) -> Any:
+    """Return the value that `_to_json` has converted to data for JSON."""
     if isinstance(value, list):
-        return tuple(_made(one) for one in value)
+        return tuple(_from_json(one) for one in value)
     if not isinstance(value, dict):
         return value
     if "bytes" in value:
         return bytes.fromhex(value["bytes"])
-    return _DATA[value["is"]](**{name: _made(one) for name, one in value.items() if name != "is"})
+    return _DATA[value["is"]](**{name: _from_json(one) for name, one in value.items() if name != "is"})

@@ -8,13 +8,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from envgraph.code import dataclass
-from envgraph.draw import markup
+from envgraph.draw import escape_markup
 from envgraph.errors import TOLERANCE, InvalidArgument
 
-MOST_REWARD = 1e100
+MAX_REWARD = 1e100
 """Largest absolute value of a clause's reward, and of a weight, so that sums, returns and squares stay finite."""
 
-_MOST_OF_STEP = 1e10 * MOST_REWARD
+_MAX_STEP_REWARD = 1e10 * MAX_REWARD
 """Largest absolute value of the reward of a step: 1e10 matches with the largest reward."""
 
 
@@ -76,20 +76,22 @@ class Tabular:
         return int(self.next_state.shape[2]) == 1
 
     @property
-    def masks(self) -> NDArray[np.bool_]:
+    def action_masks(self) -> NDArray[np.bool_]:
         """Return `allowed`, or an all-True array [S, A] if it is None."""
         return np.ones((self.n_states, self.n_actions), np.bool_) if self.allowed is None else self.allowed
 
     def __repr__(self) -> str:
-        return f"<Tabular: {', '.join(f'{number:,} {what}' for what, number in self._facts().items())}>"
+        return f"<Tabular: {', '.join(f'{number:,} {what}' for what, number in self._counts().items())}>"
 
     def _repr_html_(self) -> str:
-        rows = [*((what, f"{number:,}") for what, number in self._facts().items())]
+        rows = [*((what, f"{number:,}") for what, number in self._counts().items())]
         rows += [("names of actions", ", ".join(self.action_names)), ("agents", ", ".join(self.agent_names))]
-        cells = (f"<tr><th>{markup(what)}</th><td>{markup(value)}</td></tr>" for what, value in rows if value)
+        cells = (
+            f"<tr><th>{escape_markup(what)}</th><td>{escape_markup(value)}</td></tr>" for what, value in rows if value
+        )
         return f"<table>{''.join(cells)}</table>"
 
-    def _facts(self) -> dict[str, int]:
+    def _counts(self) -> dict[str, int]:
         return {
             "states": self.n_states,
             "actions": self.n_actions,
@@ -108,9 +110,10 @@ class Tabular:
         self._check_indices()
         self._check_distribution("probability", self.probability)
         self._check_distribution("start_probability", self.start_probability)
-        bounded = bool((np.abs(self.reward) <= _MOST_OF_STEP).all())
+        bounded = bool((np.abs(self.reward) <= _MAX_STEP_REWARD).all())
         _require(
-            bounded, f"`reward` has values outside of the range from {-_MOST_OF_STEP:g} to {_MOST_OF_STEP:g}"
+            bounded,
+            f"`reward` has values outside of the range from {-_MAX_STEP_REWARD:g} to {_MAX_STEP_REWARD:g}",
         )
 
     def _check_shapes(self) -> None:
@@ -128,9 +131,7 @@ class Tabular:
         _require(self.observation.shape == (self.n_states,), "`observation` needs one value for each state")
         starts = self.start_states.shape
         _require(len(starts) == 1 and starts[0] > 0, "`start_states` needs one axis and at least one state")
-        _require(
-            self.start_probability.shape == starts, "`start_probability` needs one value for each start state"
-        )
+        _require(self.start_probability.shape == starts, "`start_probability` needs one value for each start state")
         _require(len(self.action_names) == self.n_actions, "`action_names` needs one name for each action")
         _require(len(set(self.action_names)) == self.n_actions, "`action_names` contains a name twice")
         size = prod(self.observation_shape)
@@ -150,28 +151,28 @@ class Tabular:
         if self.turn is not None:
             _require(self.turn.shape == (self.n_states,), "`turn` needs one agent for each state")
         if self.allowed is not None:
-            _require(
-                self.allowed.shape == self.next_state.shape[:2], "`allowed` needs the shape [states, actions]"
-            )
+            _require(self.allowed.shape == self.next_state.shape[:2], "`allowed` needs the shape [states, actions]")
             _require(bool(self.allowed.any(axis=1).all()), "`allowed` has a state without an allowed action")
 
     def _check_indices(self) -> None:
-        _require(_within(self.next_state, self.n_states), "`next_state` contains a state that does not exist")
+        _require(_all_in_range(self.next_state, self.n_states), "`next_state` contains a state that does not exist")
         _require(
-            _within(self.start_states, self.n_states), "`start_states` contains a state that does not exist"
+            _all_in_range(self.start_states, self.n_states),
+            "`start_states` contains a state that does not exist",
         )
         _require(
             len(np.unique(self.start_states)) == len(self.start_states),
             "`start_states` contains a state twice",
         )
         _require(
-            _within(self.observation, self.n_observations),
+            _all_in_range(self.observation, self.n_observations),
             "`observation` has a value outside of 0..`n_observations` - 1",
         )
-        _require(_within(self.terminated + 1, 4), "`terminated` must contain only 0, 1, 2 and -1")
+        _require(_all_in_range(self.terminated + 1, 4), "`terminated` must contain only 0, 1, 2 and -1")
         if self.turn is not None:
             _require(
-                _within(self.turn, len(self.agent_names)), "`turn` contains an agent that does not exist"
+                _all_in_range(self.turn, len(self.agent_names)),
+                "`turn` contains an agent that does not exist",
             )
 
     @staticmethod
@@ -181,12 +182,12 @@ class Tabular:
         _require(bool(close.all()), f"`{name}` does not sum to 1")
 
 
-def allowed_or_all(allowed: NDArray[np.bool_]) -> NDArray[np.bool_]:
+def nonempty_masks(allowed: NDArray[np.bool_]) -> NDArray[np.bool_]:
     """Return action masks [.., actions] in which a row without a True is replaced by all True."""
     return allowed | ~allowed.any(axis=-1, keepdims=True)
 
 
-def _within(values: NDArray[np.int32] | NDArray[np.int64] | NDArray[np.int8], size: int) -> bool:
+def _all_in_range(values: NDArray[np.int32] | NDArray[np.int64] | NDArray[np.int8], size: int) -> bool:
     return bool(((values >= 0) & (values < size)).all())
 
 

@@ -18,7 +18,7 @@ import gymnasium
 from gymnasium.envs.registration import EnvSpec, VectorizeMode
 from gymnasium.vector import AsyncVectorEnv, SyncVectorEnv, VectorEnv
 
-from envgraph.env._vector import autoreset_of
+from envgraph.env._vector_environments import parse_autoreset_mode
 from envgraph.errors import InvalidArgument
 
 Environment = gymnasium.Env[Any, Any]
@@ -103,13 +103,13 @@ def make_vec_spec(
         hint = 'remove `vectorization_mode`, and use `engine="table"` or `"compiled"`'
         raise InvalidArgument('`schedule` cannot be used with `vectorization_mode` "sync" or "async"', hint)
     if autoreset_mode is not None:
-        autoreset_mode = autoreset_of(autoreset_mode)
+        autoreset_mode = parse_autoreset_mode(autoreset_mode)
         if vectorization_mode in ("sync", "async"):
             vector_kwargs = {**(vector_kwargs or {}), "autoreset_mode": autoreset_mode}
         else:
             options["autoreset_mode"] = autoreset_mode
     if vectorization_mode in ("sync", "async") and not isinstance(options.get("variant", ""), int | str):
-        make = partial(_single, spec, options.pop("wrappers", None) or ())
+        make = partial(_make_single, spec, options.pop("wrappers", None) or ())
         variants = [*options.pop("variant")] or [None]
         makers = [partial(make, {**options, "variant": variants[i % len(variants)]}) for i in range(num_envs)]
         together = SyncVectorEnv if vectorization_mode == "sync" else AsyncVectorEnv
@@ -130,7 +130,7 @@ def _refuse_copy(_: AsyncVectorEnv) -> NoReturn:
 copyreg.pickle(AsyncVectorEnv, _refuse_copy)
 
 
-def _single(
+def _make_single(
     spec: EnvSpec, wrappers: Sequence[Callable[[Environment], Environment]], options: dict[str, Any]
 ) -> Environment:
     """Return one of the environments of a vector, created and wrapped as Gymnasium does."""
@@ -181,7 +181,7 @@ def register(
     return wanted.id
 
 
-def register_entry_point() -> None:
+def register_bundled() -> None:
     """Register the bundled environments; called when `envgraph.env` is imported."""
     for name, domain, limit, options in BUNDLED:
         register(name, limit=limit, vector_entry_point=MAKE_VECTOR_ENVIRONMENT, domain=domain, **options)

@@ -7,19 +7,20 @@ Every mistake that a person can make in a file is reported as a `Diagnostic`: a 
 
 from typing import TYPE_CHECKING
 
-from envgraph.code import later
+from envgraph.code import export_lazily
 
 if TYPE_CHECKING:
-    from envgraph.code import visible as visible
+    from envgraph.code import escape_unprintable as escape_unprintable
     from envgraph.errors._diagnostics import (
         Diagnostic as Diagnostic,
         Note as Note,
         Severity as Severity,
-        defined_twice as defined_twice,
+        duplicate_diagnostics as duplicate_diagnostics,
         has_errors as has_errors,
         sort_diagnostics as sort_diagnostics,
-        too_many_errors as too_many_errors,
+        too_many_errors_diagnostic as too_many_errors_diagnostic,
     )
+    from envgraph.errors._exact_key import exact_key as exact_key
     from envgraph.errors._exceptions import (
         DiagnosticError as DiagnosticError,
         EnvgraphError as EnvgraphError,
@@ -34,13 +35,13 @@ if TYPE_CHECKING:
         TypeMismatch as TypeMismatch,
         check_known as check_known,
     )
-    from envgraph.errors._limits import (
+    from envgraph.errors._input_limits import (
         LIMITS as LIMITS,
-        MOST_ERRORS as MOST_ERRORS,
-        MOST_NESTED as MOST_NESTED,
-        RAISE_LIMIT as RAISE_LIMIT,
-        limit as limit,
-        parse_within as parse_within,
+        MAX_ERRORS as MAX_ERRORS,
+        MAX_NESTING as MAX_NESTING,
+        RAISE_LIMIT_HINT as RAISE_LIMIT_HINT,
+        parse_int_within as parse_int_within,
+        scaled_limit as scaled_limit,
     )
     from envgraph.errors._numbers import (
         LARGEST_INT as LARGEST_INT,
@@ -49,16 +50,15 @@ if TYPE_CHECKING:
         parse_int as parse_int,
     )
     from envgraph.errors._shown import SHOWN as SHOWN
-    from envgraph.errors._source import Source as Source, Span as Span
-    from envgraph.errors._spelling import spelling as spelling
-    from envgraph.errors._suggest import (
+    from envgraph.errors._source_text import Source as Source, Span as Span
+    from envgraph.errors._suggestions import (
+        count_with_noun as count_with_noun,
         did_you_mean as did_you_mean,
-        listed as listed,
+        list_names as list_names,
+        most_similar as most_similar,
         name_hint as name_hint,
-        nearest as nearest,
-        plural as plural,
-        quoted as quoted,
-        with_article as with_article,
+        quote_names as quote_names,
+        quote_with_article as quote_with_article,
     )
 
-later(globals())
+export_lazily(globals())

@@ -6,9 +6,9 @@ from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import field
 from enum import StrEnum
 
-from envgraph.code import dataclass, visible
+from envgraph.code import dataclass, escape_unprintable
 from envgraph.errors._shown import SHOWN
-from envgraph.errors._source import Span
+from envgraph.errors._source_text import Span
 
 
 class Severity(StrEnum):
@@ -51,17 +51,17 @@ class Diagnostic:
         """Return the lines that a person sees: position and message, excerpt with carets, notes, hint."""
         mark = "" if self.severity is Severity.ERROR else "warning: "
         # Show the code of a warning, because `@suppress` and `--ignore` take it.
-        message = f"{_shown(self.message)} [{self.code}]" if mark else _shown(self.message)
+        message = f"{_displayed_text(self.message)} [{self.code}]" if mark else _displayed_text(self.message)
         lines = [f"{self.span}: {mark}{message}" if self.span else f"{mark}{message}"]
         if self.span and self.span.source.text:  # the text is empty if the file cannot be read
             lines.append(self.span.excerpt())
         for note in self.notes:
-            message = _shown(note.message)
+            message = _displayed_text(note.message)
             lines.append(f"note: {note.span}: {message}" if note.span else f"note: {message}")
             if note.span:
                 lines.append(note.span.excerpt())
         if self.hint:
-            lines.append(f"hint: {_shown(self.hint)}")
+            lines.append(f"hint: {_displayed_text(self.hint)}")
         return "\n".join(lines)
 
     def to_dict(self) -> dict[str, object]:
@@ -72,22 +72,22 @@ class Diagnostic:
             "message": self.message,
             "hint": self.hint,
         }
-        data.update(_place(self.span))
+        data.update(_position_dict(self.span))
         if self.notes:
-            data["notes"] = [{"message": note.message, **_place(note.span)} for note in self.notes]
+            data["notes"] = [{"message": note.message, **_position_dict(note.span)} for note in self.notes]
         return data
 
 
-def _shown(text: str) -> str:
+def _displayed_text(text: str) -> str:
     if len(text) > SHOWN.message:
         text = f"{text[: SHOWN.message // 2]}...{text[-SHOWN.message // 2 :]}"
-    return visible(text)
+    return escape_unprintable(text)
 
 
-def _place(span: Span | None) -> dict[str, object]:
+def _position_dict(span: Span | None) -> dict[str, object]:
     if span is None:
         return {}
-    end_line, end_column = span.source.position(span.end)
+    end_line, end_column = span.source.line_and_column(span.end)
     return {
         "file": span.source.name,
         "start": {"line": span.line, "column": span.column},
@@ -119,12 +119,12 @@ def sort_diagnostics(diagnostics: Iterable[Diagnostic]) -> list[Diagnostic]:
     return sorted(ordered, key=key)
 
 
-def too_many_errors(span: Span | None, rest: str = "the rest of the file is not read") -> Diagnostic:
+def too_many_errors_diagnostic(span: Span | None, rest: str = "the rest of the file is not read") -> Diagnostic:
     """Return the final diagnostic when the limit of errors is reached; `rest` states what is skipped."""
     return Diagnostic("too-many-errors", f"too many mistakes: {rest}", span, "correct these mistakes first")
 
 
-def defined_twice(
+def duplicate_diagnostics(
     named: Iterable[tuple[str, Span | None]],
     message: str,
     hint: str = "rename or delete one of the two definitions",

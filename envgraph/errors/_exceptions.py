@@ -4,14 +4,14 @@ from __future__ import annotations
 
 from collections.abc import Callable, Collection, Sequence
 
-from envgraph.code import short_repr, visible
+from envgraph.code import escape_unprintable, shorten_repr
 from envgraph.errors._diagnostics import Diagnostic, Note
 from envgraph.errors._shown import SHOWN
-from envgraph.errors._source import Span
-from envgraph.errors._suggest import did_you_mean, quoted
+from envgraph.errors._source_text import Span
+from envgraph.errors._suggestions import did_you_mean, quote_names
 
 
-@short_repr
+@shorten_repr
 class EnvgraphError(Exception):
     """The base class of all exceptions that envgraph raises on purpose.
 
@@ -30,7 +30,7 @@ class EnvgraphError(Exception):
 
     def __repr__(self) -> str:
         """Return the class name and the first line of the message, shortened; `str()` returns the whole message."""
-        text = visible(str(self).partition("\n")[0])
+        text = escape_unprintable(str(self).partition("\n")[0])
         return f"{type(self).__name__}({text if len(text) <= SHOWN.exception else text[: SHOWN.exception] + ' ...'})"
 
 
@@ -50,7 +50,7 @@ class LoadError(DiagnosticError):
     """An error raised if a file cannot be loaded. It reports all problems of the file and of its imports."""
 
     @classmethod
-    def of(cls, code: str, message: str, span: Span | None = None, hint: str | None = None) -> LoadError:
+    def from_problem(cls, code: str, message: str, span: Span | None = None, hint: str | None = None) -> LoadError:
         """Return an error with one diagnostic."""
         return cls([Diagnostic(code, message, span, hint)])
 
@@ -67,7 +67,7 @@ class TypeMismatch(EnvgraphError):
     """An error raised for a value, class or reference that the metamodel does not allow at this place of the model."""
 
 
-class _PlacedError(EnvgraphError):
+class _ErrorWithSpan(EnvgraphError):
     """A run-time error with the span of the failed element, if known; `str()` shows this place."""
 
     def __init__(self, message: str, span: Span | None, hint: str | None) -> None:
@@ -75,16 +75,16 @@ class _PlacedError(EnvgraphError):
         self.span = span
 
     @property
-    def _advice(self) -> str:
+    def _hint_text(self) -> str:
         return f"\nhint: {self.hint}" if self.hint else ""
 
-    def _diagnostic(self, code: str, notes: Sequence[Note] = ()) -> tuple[Diagnostic, ...]:
+    def _as_diagnostics(self, code: str, notes: Sequence[Note] = ()) -> tuple[Diagnostic, ...]:
         if self.span is None:
             return ()
         return (Diagnostic(code, self.message, self.span, self.hint, notes=tuple(notes)),)
 
 
-class RuleError(_PlacedError):
+class RuleError(_ErrorWithSpan):
     """An error raised because a rule cannot be applied at a match; `reason` names the condition that fails.
 
     Attributes:
@@ -112,26 +112,26 @@ class RuleError(_PlacedError):
         self.reason = reason
         self.details = tuple(details)
 
-    def everywhere(self, where: str) -> RuleError:
+    def refused_everywhere(self, where: str) -> RuleError:
         """Return a copy of the error whose message adds where else the rule is refused, as described by `where`."""
         message = f"{self.message}; it is refused at {where}"
-        return _rule_error(message, self.rule, self.reason, self.details, self.span, self.hint)
+        return _make_rule_error(message, self.rule, self.reason, self.details, self.span, self.hint)
 
     @property
     def diagnostics(self) -> tuple[Diagnostic, ...]:
         """Return the error as one diagnostic; () if the error has no span."""
-        return self._diagnostic(self.reason, [Note(detail) for detail in self.details])
+        return self._as_diagnostics(self.reason, [Note(detail) for detail in self.details])
 
     def __str__(self) -> str:
         found = self.diagnostics
-        return str(found[0]) if found else "\n  ".join([self.message, *self.details]) + self._advice
+        return str(found[0]) if found else "\n  ".join([self.message, *self.details]) + self._hint_text
 
     def __reduce__(self) -> tuple[Callable[..., EnvgraphError], tuple[object, ...]]:
         """Return the function and all fields to pickle the error, so that a worker process can send it back."""
-        return _rule_error, (self.message, self.rule, self.reason, self.details, self.span, self.hint)
+        return _make_rule_error, (self.message, self.rule, self.reason, self.details, self.span, self.hint)
 
 
-def _rule_error(
+def _make_rule_error(
     message: str, rule: str | None, reason: str, details: Sequence[str], span: Span | None, hint: str | None
 ) -> RuleError:
     return RuleError(message, rule=rule, reason=reason, details=details, span=span, hint=hint)
@@ -144,7 +144,7 @@ class TransactionError(EnvgraphError):
     """
 
 
-class EvaluationError(_PlacedError):
+class EvaluationError(_ErrorWithSpan):
     """An error raised if a computation fails while it runs, for example by division by zero, overflow, or at a limit.
 
     Attributes:
@@ -167,18 +167,18 @@ class EvaluationError(_PlacedError):
     @property
     def diagnostics(self) -> tuple[Diagnostic, ...]:
         """Return the error as one diagnostic; () if the error has no span."""
-        return self._diagnostic("no-value", self.notes)
+        return self._as_diagnostics("no-value", self.notes)
 
     def __str__(self) -> str:
         found = self.diagnostics
-        return str(found[0]) if found else self.message + self._advice
+        return str(found[0]) if found else self.message + self._hint_text
 
     def __reduce__(self) -> tuple[Callable[..., EnvgraphError], tuple[object, ...]]:
         """Return the class and all fields to pickle the error, so that a worker process can send it back."""
         return EvaluationError, (self.message, self.span, self.hint, self.notes)
 
 
-class FunctionError(_PlacedError):
+class FunctionError(_ErrorWithSpan):
     """An error in calling a user's function: it is not registered, it raised, or it returned a value of a wrong type.
 
     Unlike an `EvaluationError` this error always stops matching and rule application. If the function raised an
@@ -191,20 +191,18 @@ class FunctionError(_PlacedError):
         hint: how to correct the problem, or None.
     """
 
-    def __init__(
-        self, message: str, function: str, span: Span | None = None, hint: str | None = None
-    ) -> None:
+    def __init__(self, message: str, function: str, span: Span | None = None, hint: str | None = None) -> None:
         super().__init__(message, span, hint)
         self.function = function
 
     @property
     def diagnostics(self) -> tuple[Diagnostic, ...]:
         """Return the error as one diagnostic; () if the error has no span."""
-        return self._diagnostic("function-failed")
+        return self._as_diagnostics("function-failed")
 
     def __str__(self) -> str:
         found = self.diagnostics
-        return str(found[0]) if found else self.message + self._advice
+        return str(found[0]) if found else self.message + self._hint_text
 
     def __reduce__(self) -> tuple[Callable[..., EnvgraphError], tuple[object, ...]]:
         """Return the class and all fields to pickle the error, so that a worker process can send it back."""
@@ -225,6 +223,6 @@ def check_known(name: object, known: Collection[str], message: str) -> None:
     """
     if name not in known:
         there_are = (
-            f"there is only {quoted(known)}" if len(known) == 1 else f"there are {quoted(known) or 'none'}"
+            f"there is only {quote_names(known)}" if len(known) == 1 else f"there are {quote_names(known) or 'none'}"
         )
         raise InvalidArgument(message, did_you_mean(str(name), known) or there_are)

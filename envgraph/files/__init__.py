@@ -5,24 +5,30 @@ A file is replaced as a whole, so that a failure never destroys its former conte
 
 from typing import TYPE_CHECKING
 
-from envgraph.code import later
+from envgraph.code import export_lazily
 
 if TYPE_CHECKING:
+    from envgraph.files._atomic_replace import (
+        check_empty_folder as check_empty_folder,
+        replace_file as replace_file,
+        replacement_draft as replacement_draft,
+    )
     from envgraph.files._cache import (
         CACHE_VARIABLE as CACHE_VARIABLE,
         cache_directory as cache_directory,
-        is_own as is_own,
+        is_private_file as is_private_file,
         read_cached as read_cached,
         write_cached as write_cached,
     )
-    from envgraph.files._escaping import jinja_environment as jinja_environment, markdown as markdown
-    from envgraph.files._lock import write_lock as write_lock
-    from envgraph.files._open import open_input as open_input
-    from envgraph.files._progress import counting as counting, telling as telling
-    from envgraph.files._replace import (
-        check_free as check_free,
-        replace_file as replace_file,
-        replacing as replacing,
+    from envgraph.files._escaping import (
+        escape_markdown as escape_markdown,
+        jinja_environment as jinja_environment,
     )
+    from envgraph.files._input_files import open_input as open_input
+    from envgraph.files._progress import (
+        report_counting as report_counting,
+        report_progress as report_progress,
+    )
+    from envgraph.files._write_lock import write_lock as write_lock
 
-later(globals())
+export_lazily(globals())

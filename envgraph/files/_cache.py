@@ -41,7 +41,7 @@ def read_cached(path: Path, key: str) -> bytes | None:
     flags = getattr(os, "O_NONBLOCK", 0) | getattr(os, "O_NOFOLLOW", 0)
     try:
         with open(path, "rb", opener=lambda name, mode: os.open(name, mode | flags)) as file:
-            if not is_own(os.fstat(file.fileno())):
+            if not is_private_file(os.fstat(file.fileno())):
                 return None
             checksum, content = file.read(32), file.read()
     except (OSError, ValueError):
@@ -71,7 +71,7 @@ def write_cached(path: Path, key: str, content: bytes) -> None:
             draft.unlink(missing_ok=True)
 
 
-def is_own(found: os.stat_result) -> bool:
+def is_private_file(found: os.stat_result) -> bool:
     """Return True for a regular file of this user that no other user can write.
 
     On Windows only the kind of file is checked.

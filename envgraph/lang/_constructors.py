@@ -10,23 +10,23 @@ from dataclasses import replace
 from typing import Literal, TypeVar
 
 from envgraph.errors import InvalidArgument
-from envgraph.lang._parts import Parts
-from envgraph.lang.write._text_rules import annotations_of
-from envgraph.lang.write._text_terms import plain_doc
+from envgraph.lang._definition_parts import PartReader
+from envgraph.lang.write._rule_writer import annotations_of
+from envgraph.lang.write._term_writer import normalised_doc
 from envgraph.metamodel import Annotation
 from envgraph.pattern import (
     Action,
-    Block,
     Body,
     Constraint,
-    Edge,
     LeftSide,
     Modification,
-    Node,
     Parameter,
     Pattern as PatternData,
     RightSide,
     Rule as RuleData,
+    RuleBlock,
+    RuleEdge,
+    RuleNode,
     Step,
     Strategy,
     Unit as UnitData,
@@ -62,34 +62,34 @@ def Pattern(
         InvalidArgument: `name` is not a valid name, or an argument is neither a text nor data of the right kind.
 
     >>> from envgraph.lang import to_text
-    >>> near = Pattern("near", "a : Tile, b : Tile", ["Tile.right(a, b)", "Tile.down(a, b)"])
+    >>> near = Pattern("near", "a : Tile, b : Tile", ["Tile.read_right_side(a, b)", "Tile.down(a, b)"])
     >>> print(to_text(near), end="")
     pattern near(a : Tile, b : Tile) { Tile.right(a, b); } or { Tile.down(a, b); }
     """
-    parts = Parts("pattern", name)
-    marks = parts.marks(annotations)
+    parts = PartReader("pattern", name)
+    marks = parts.read_annotations(annotations)
     data = PatternData(
         name,
-        parts.parameters(parameters),
-        parts.bodies(body),
+        parts.read_parameters(parameters),
+        parts.read_bodies(body),
         package,
         private,
         strategy,
         marks.annotations,
-        plain_doc(marks.doc if doc is None else doc),
+        normalised_doc(marks.doc if doc is None else doc),
     )
-    parts.finish()
+    parts.raise_errors()
     return data
 
 
 def Rule(
     name: str,
     parameters: str | Iterable[Parameter] = (),
-    lhs: str | LeftSide | Iterable[Node | Edge | Constraint] = (),
+    lhs: str | LeftSide | Iterable[RuleNode | RuleEdge | Constraint] = (),
     *,
-    rhs: str | RightSide | Iterable[Node | Edge | Action] | None = None,
+    rhs: str | RightSide | Iterable[RuleNode | RuleEdge | Action] | None = None,
     modify: str | Modification | Iterable[Action] | None = None,
-    blocks: str | Iterable[Block] = (),
+    blocks: str | Iterable[RuleBlock] = (),
     package: str = "",
     weight: float | None = None,
     priority: int | None = None,
@@ -133,8 +133,8 @@ def Rule(
         raise InvalidArgument(
             f"rule `{name}` has both `rhs` (the graph after the rule) and `modify` (the changes): keep one of them"
         )
-    parts = Parts("rule", name)
-    marks = parts.marks(annotations)
+    parts = PartReader("rule", name)
+    marks = parts.read_annotations(annotations)
     given = {
         "weight": None if weight is None else float(weight),
         "priority": priority,
@@ -145,16 +145,16 @@ def Rule(
     data: RuleData = replace(
         marks,
         name=name,
-        parameters=parts.parameters(parameters),
-        left=parts.left(lhs),
-        blocks=parts.blocks(blocks),
-        right=parts.modification(modify) if rhs is None else parts.right(rhs),
+        parameters=parts.read_parameters(parameters),
+        left=parts.read_left_side(lhs),
+        blocks=parts.read_blocks(blocks),
+        right=parts.read_modification(modify) if rhs is None else parts.read_right_side(rhs),
         package=package,
         doc=marks.doc if doc is None else doc,
         **{key: value for key, value in given.items() if value is not None},
     )
-    parts.finish()
-    return _said(data)
+    parts.raise_errors()
+    return _with_text_annotations(data)
 
 
 def Unit(
@@ -191,22 +191,22 @@ def Unit(
         repeat 1..3 { water | mow; }
     }
     """
-    parts = Parts("unit", name)
-    marks = parts.marks(annotations)
+    parts = PartReader("unit", name)
+    marks = parts.read_annotations(annotations)
     given = {"weight": None if weight is None else float(weight), "priority": priority}
     data: UnitData = replace(
         marks,
         name=name,
-        parameters=parts.parameters(parameters),
-        body=parts.steps(body),
+        parameters=parts.read_parameters(parameters),
+        body=parts.read_steps(body),
         package=package,
         doc=marks.doc if doc is None else doc,
         **{key: value for key, value in given.items() if value is not None},
     )
-    parts.finish()
-    return _said(data)
+    parts.raise_errors()
+    return _with_text_annotations(data)
 
 
-def _said(data: _Data) -> _Data:
+def _with_text_annotations(data: _Data) -> _Data:
     """Return a copy as it would be read from its own text: fields such as `weight` also have annotations. No span."""
-    return replace(data, annotations=annotations_of(data), doc=plain_doc(data.doc), span=None)
+    return replace(data, annotations=annotations_of(data), doc=normalised_doc(data.doc), span=None)

@@ -12,7 +12,7 @@ the tables alone how well a family teaches.
 
 from typing import TYPE_CHECKING
 
-from envgraph.code import later
+from envgraph.code import export_lazily
 
 if TYPE_CHECKING:
     from envgraph.learn._comparison import (
@@ -44,7 +44,7 @@ if TYPE_CHECKING:
         probability_of_improvement as probability_of_improvement,
         wilson_interval as wilson_interval,
     )
-    from envgraph.learn._journal import Journal as Journal, fingerprint as fingerprint
+    from envgraph.learn._regret import EXACT_SCHEDULES as EXACT_SCHEDULES, TEACHERS as TEACHERS
     from envgraph.learn._results import (
         Experiment as Experiment,
         RunResult as RunResult,
@@ -57,10 +57,13 @@ if TYPE_CHECKING:
         holm as holm,
         mean_test as mean_test,
     )
-    from envgraph.learn._teachers import EXACT as EXACT, TEACHERS as TEACHERS
+    from envgraph.learn._training_journal import (
+        TrainingJournal as TrainingJournal,
+        fingerprint as fingerprint,
+    )
     from envgraph.solve import (
         Evaluation as Evaluation,
-        Optimum as Optimum,
+        OptimalPolicy as OptimalPolicy,
         chain_transfer as chain_transfer,
         evaluate as evaluate,
         evaluate_policy as evaluate_policy,
@@ -82,4 +85,4 @@ if TYPE_CHECKING:
         train_program as train_program,
     )
 
-later(globals())
+export_lazily(globals())

@@ -13,9 +13,9 @@ from envgraph.code import dataclass
 from envgraph.errors import InvalidArgument
 from envgraph.learn._curricula import Kind
 from envgraph.learn._intervals import bootstrap_interval, newcombe_interval, probability_of_improvement
+from envgraph.learn._regret import TEACHERS
 from envgraph.learn._results import OPTIMISTIC, THRESHOLD, Experiment, RunResult
 from envgraph.learn._significance import holm, permutation_test
-from envgraph.learn._teachers import TEACHERS
 
 Measure = Literal["success", "return"]
 Verdict = Literal["better", "worse", "equal", "neither", "undecided"]
@@ -26,7 +26,7 @@ SIGNIFICANT = 0.05
 MARGIN = 0.05
 """Success rates are "equal" if the whole interval of their difference is within -MARGIN and MARGIN."""
 
-_CALLED = {
+_DISPLAY_NAMES = {
     OPTIMISTIC: "direct training with optimistic values",
     "reversed": "its reverse",
     "shuffled": "shuffled orders",
@@ -143,9 +143,7 @@ class BestWay:
         text += "".join(f"; next {one.called}, {one.format_mean(one.other)}" for one in rest[:1])
         if first.seeds < first.seeds_needed:
             text += f"; a significant difference takes at least {first.seeds_needed} agents"
-        return text + (
-            "." if self.needs_curriculum else ". The target needs no curriculum with so many steps."
-        )
+        return text + ("." if self.needs_curriculum else ". The target needs no curriculum with so many steps.")
 
 
 def compare(experiment: Experiment, *, can_succeed: bool = True) -> tuple[Comparison, ...]:
@@ -161,8 +159,8 @@ def compare(experiment: Experiment, *, can_succeed: bool = True) -> tuple[Compar
     Raises:
         InvalidArgument: the runs of two ways have different seeds.
     """
-    ways = _ways(experiment)
-    return _comparisons(ways, can_succeed) if ways and ways[0][0].kind == "curriculum" else ()
+    ways = _runs_by_way(experiment)
+    return _compare_ways(ways, can_succeed) if ways and ways[0][0].kind == "curriculum" else ()
 
 
 def best_way(experiment: Experiment, target: str, *, can_succeed: bool = True) -> BestWay | None:
@@ -170,14 +168,14 @@ def best_way(experiment: Experiment, target: str, *, can_succeed: bool = True) -
 
     Arguments and errors are those of `compare`; `target` is only used as a name.
     """
-    ways = sorted(_ways(experiment), key=lambda way: -fmean(_values(way, can_succeed)))
+    ways = sorted(_runs_by_way(experiment), key=lambda way: -fmean(_measured_values(way, can_succeed)))
     if len(ways) < 2:
         return None
-    found = _comparisons(ways, can_succeed)
+    found = _compare_ways(ways, can_succeed)
     best = [ways[0], *(way for way, one in zip(ways[1:], found, strict=True) if one.is_tie)]
     direct = [way for way in best if way[0].kind == "baseline" or way[0].label.startswith(OPTIMISTIC)]
-    enough = can_succeed and any(fmean(_values(way, True)) >= THRESHOLD for way in direct)
-    return BestWay(target, _called(ways[0][0]), found, not enough)
+    enough = can_succeed and any(fmean(_measured_values(way, True)) >= THRESHOLD for way in direct)
+    return BestWay(target, _display_name(ways[0][0]), found, not enough)
 
 
 def findings(comparisons: Sequence[Comparison]) -> list[str]:
@@ -190,24 +188,22 @@ def findings(comparisons: Sequence[Comparison]) -> list[str]:
     return [f"With {comparisons[0].steps:,} steps in all{none}{corrected}:", *map(str, comparisons)]
 
 
-def _called(run: RunResult) -> str:
+def _display_name(run: RunResult) -> str:
     """Return a phrase for sentences, such as "the curriculum E1-E3", for the way in which an agent was trained."""
     if run.kind != "control":
         return f"the curriculum {run.label}" if run.kind == "curriculum" else f"training on {run.label} alone"
     name, _, values = run.label.partition(" ")
     if name == OPTIMISTIC:
-        return _CALLED[name] + (f" of {values.replace(',', ' and')}" if values else "")
-    return _CALLED.get(run.label, run.label.replace(",", " in"))
+        return _DISPLAY_NAMES[name] + (f" of {values.replace(',', ' and')}" if values else "")
+    return _DISPLAY_NAMES.get(run.label, run.label.replace(",", " in"))
 
 
-def _ways(experiment: Experiment) -> list[list[RunResult]]:
+def _runs_by_way(experiment: Experiment) -> list[list[RunResult]]:
     """Return the runs of each way in lists: first the first curriculum, if any, then ways with as many steps.
 
     Of the "optimistic" controls only the best is a way.
     """
-    runs = [
-        run for run in experiment.best_optimistic().runs if run.kind != "baseline" or not run.steps_before
-    ]
+    runs = [run for run in experiment.best_optimistic().runs if run.kind != "baseline" or not run.steps_before]
     runs.sort(key=lambda run: run.kind != "curriculum")
     ways: dict[tuple[Kind, str], list[RunResult]] = {}
     for run in runs:
@@ -216,14 +212,14 @@ def _ways(experiment: Experiment) -> list[list[RunResult]]:
     return [*ways.values()]
 
 
-def _values(way: Sequence[RunResult], can_succeed: bool) -> list[float]:
+def _measured_values(way: Sequence[RunResult], can_succeed: bool) -> list[float]:
     return [run.success_rate if can_succeed else run.mean_return for run in way]
 
 
-def _comparisons(ways: Sequence[Sequence[RunResult]], can_succeed: bool) -> tuple[Comparison, ...]:
+def _compare_ways(ways: Sequence[Sequence[RunResult]], can_succeed: bool) -> tuple[Comparison, ...]:
     """Return the comparison of the first way with each other way; raise InvalidArgument if their seeds differ."""
     one, seeds, found = ways[0][0], [run.seed for run in ways[0]], []
-    first, *others = (_values(way, can_succeed) for way in ways)
+    first, *others = (_measured_values(way, can_succeed) for way in ways)
     for way in ways:
         if [run.seed for run in way] != seeds:
             raise InvalidArgument(f"the runs of `{one.label}` and `{way[0].label}` have different seeds")
@@ -236,7 +232,10 @@ def _comparisons(ways: Sequence[Sequence[RunResult]], can_succeed: bool) -> tupl
             difference: tuple[float, float] | None = newcombe_interval(value, len(seeds), other, len(seeds))
         else:
             difference = bootstrap_interval(np.subtract(first, values).tolist())
-        names, better = (one.label, way[0].label, _called(way[0])), probability_of_improvement(first, values)
+        names, better = (
+            (one.label, way[0].label, _display_name(way[0])),
+            probability_of_improvement(first, values),
+        )
         found.append(Comparison(*names, *about, needed, value, other, difference, float(better), p_value))
     return tuple(found)
 

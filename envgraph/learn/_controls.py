@@ -13,8 +13,8 @@ import numpy as np
 from envgraph.env import Tabular
 from envgraph.errors import check_known
 from envgraph.learn._curricula import Curriculum, sequences
+from envgraph.learn._regret import TEACHERS
 from envgraph.learn._results import OPTIMISTIC
-from envgraph.learn._teachers import TEACHERS
 from envgraph.solve import optimal_episode, optimal_return, reachable_states
 from envgraph.solve.learning import Epsilon, TrainingSettings
 
@@ -83,7 +83,7 @@ def controls(
             add(f"{OPTIMISTIC} {value:.4g}, epsilon 0.05", target, initial_value=value, epsilon=LOW_EPSILON)
     if "reversed" in kinds and count > 2:
         add("reversed", *reversed(earlier), target)
-    if "shuffled" in kinds and (orders := tuple((*one, target) for one in _shuffled(tuple(earlier), seed))):
+    if "shuffled" in kinds and (orders := tuple((*one, target) for one in _shuffled_orders(tuple(earlier), seed))):
         add("shuffled", *orders[0], orders=orders)
     if "randomised" in kinds and count > 1:
         add("randomised", tuple(names))
@@ -134,7 +134,7 @@ def other_starts(name: str, target: Tabular, limit: int = 200) -> dict[str, Tabu
     }
 
 
-def _shuffled(names: tuple[str, ...], seed: int) -> Iterator[tuple[str, ...]]:
+def _shuffled_orders(names: tuple[str, ...], seed: int) -> Iterator[tuple[str, ...]]:
     """Yield all orders except the given one and its reverse, in random sequence, at most `ORDERS` of them."""
     seen = {names, names[::-1]}
     wanted = min(len(seen) + ORDERS, factorial(len(names)))

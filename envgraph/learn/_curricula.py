@@ -69,13 +69,13 @@ class Curriculum:
         """Return the curriculum with its stages in the order of a seed; itself if it has no `orders`."""
         return replace(self, stages=self.orders[seed % len(self.orders)], orders=()) if self.orders else self
 
-    def lengths(self, steps: int) -> list[int]:
+    def stage_steps(self, steps: int) -> list[int]:
         """Return the number of steps of each stage, if a share of 1 means `steps`; rounded so that the sum is exact."""
         ends = [int(end * steps) for end in accumulate(map(Fraction, self.shares), initial=Fraction())]
         return [end - start for start, end in pairwise(ends)]
 
 
-def kind_of(text: object) -> Kind:
+def parse_kind(text: object) -> Kind:
     """Return the kind of a curriculum from its text.
 
     Raises:
@@ -109,11 +109,11 @@ def sequences(names: Sequence[str], kind: Sequences = "suffixes") -> tuple[Curri
         raise InvalidArgument("`names` must be one or more environments with different names")
     if kind in ("suffixes", "full"):
         last = max(len(names) - 1, 1) if kind == "suffixes" else 1
-        return tuple(_suffix(names[first:]) for first in range(last))
+        return tuple(_suffix_curriculum(names[first:]) for first in range(last))
     alone = names if kind == "baselines" else names[-1:]
     return tuple(Curriculum("baseline", name, (name,), (len(names),)) for name in alone)
 
 
-def _suffix(names: Sequence[str]) -> Curriculum:
+def _suffix_curriculum(names: Sequence[str]) -> Curriculum:
     label = f"{names[0]}-{names[-1]}" if len(names) > 1 else names[0]
     return Curriculum("curriculum", label, tuple(names), (1,) * len(names))

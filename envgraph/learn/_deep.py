@@ -10,8 +10,8 @@ from numpy.typing import NDArray
 
 from envgraph.env import EnvgraphEnv, Tabular
 from envgraph.errors import InvalidArgument
-from envgraph.learn._agents import Programs, TableAgent, Tables
-from envgraph.solve.learning import Place, Stage, StageOutcome, TrainingSettings
+from envgraph.learn._table_agents import ProgramFamily, TableAgent, TableFamily
+from envgraph.solve.learning import Stage, StageMembers, StageResult, TrainingSettings
 
 ROLLOUT: Final = 256
 """Maximum number of steps between two updates of PPO; with the 2,048 of SB3 a short stage has only one update."""
@@ -30,8 +30,8 @@ class DeepAgent(TableAgent):
     may train only one agent at a time. PyTorch uses one thread: with more, sums in another order give other results.
     """
 
-    def __init__(self, family: Tables | Programs, settings: TrainingSettings, rng: Generator) -> None:
-        if isinstance(family, Programs):
+    def __init__(self, family: TableFamily | ProgramFamily, settings: TrainingSettings, rng: Generator) -> None:
+        if isinstance(family, ProgramFamily):
             raise InvalidArgument(
                 f"`{settings.student}` needs tables, but the environments have too many states for tables"
             )
@@ -42,48 +42,46 @@ class DeepAgent(TableAgent):
         torch.set_num_threads(1)
         self._epsilon, self._on_policy = settings.epsilon.start, settings.student == "sb3:ppo"
         algorithm = stable_baselines3.PPO if self._on_policy else stable_baselines3.DQN
-        self._env, seed = _Episodes(family.stages[(0,)], settings.limit), int(rng.integers(2**31))
+        self._env, seed = _TruncatedEnv(family.stages[(0,)], settings.limit), int(rng.integers(2**31))
         options = {"gamma": settings.discount, "seed": seed, "device": "cpu", **OPTIONS[settings.student]}
         self._model: Any = algorithm("MlpPolicy", self._env, **options)
 
-    def turn(self, rng: Generator, place: Place, stage: Stage) -> StageOutcome:
+    def train_stage(self, rng: Generator, members: StageMembers, stage: Stage) -> StageResult:
         """Train for exactly the steps of a stage: PPO in rollouts of about equal length, DQN in one call."""
         model, keeps, self._epsilon = self._model, self._on_policy and stage.learn, stage.epsilon
         _, _, per_step, per_episode, minimum = stage.factors
         log: list[tuple[float, bool, bool]] = []
 
-        def watch(found: dict[str, Any], _: dict[str, Any]) -> bool:
+        def record_step(found: dict[str, Any], _: dict[str, Any]) -> bool:
             """Record a step and decay epsilon. Return False to stop at the end of the stage; PPO stops by itself."""
             ended = bool(found["dones"][0])
             log.append((found["rewards"][0], ended, ended and found["infos"][0]["is_success"]))
             self._epsilon = max(self._epsilon * per_step * (per_episode if ended else 1.0), minimum)
             return keeps or len(log) < stage.steps
 
-        model.set_env(_Episodes(self._family.stages[place], self._settings.limit))
+        model.set_env(_TruncatedEnv(self._family.stages[members], self._settings.limit))
         model.env.seed(int(rng.integers(2**31)))
         model.exploration_rate, model.exploration_schedule = stage.epsilon, lambda _: self._epsilon  # DQN
         model.gradient_steps = int(stage.learn)  # DQN
         for part in np.array_split(range(stage.steps), -(-stage.steps // ROLLOUT) if keeps else 1):
             if self._on_policy:
                 model.n_steps = model.rollout_buffer.buffer_size = len(part)
-            model.learn(len(part), watch, log_interval=None, reset_num_timesteps=False)
-        totals = np.cumsum(log, axis=0, dtype=np.float64)[np.array(stage.points) - 1].tolist()
-        return StageOutcome(self._epsilon, [(reward, int(ends), int(wins)) for reward, ends, wins in totals])
+            model.learn(len(part), record_step, log_interval=None, reset_num_timesteps=False)
+        totals = np.cumsum(log, axis=0, dtype=np.float64)[np.array(stage.curve_points) - 1].tolist()
+        return StageResult(self._epsilon, [(reward, int(ends), int(wins)) for reward, ends, wins in totals])
 
-    def _values(self) -> NDArray[np.float64]:
+    def _action_values(self) -> NDArray[np.float64]:
         """Return 1 for the action that the network prefers, 0 for other actions [observations, actions]."""
         members, view = self._family.members, self._env.view
         observed = [self._family.stages[(place,)].observation for place in range(len(members))]
         seen, first = np.unique(np.concatenate(observed), return_index=True)
-        actions, _ = self._model.predict(
-            np.stack([view.of_index(int(one)) for one in seen]), deterministic=True
-        )
+        actions, _ = self._model.predict(np.stack([view.of_index(int(one)) for one in seen]), deterministic=True)
         values = np.zeros((members[0].n_observations, members[0].n_actions))
         values[np.concatenate([one.observation for one in members])[first], actions] = 1.0
         return values
 
 
-class _Episodes(EnvgraphEnv):
+class _TruncatedEnv(EnvgraphEnv):
     """An environment over a table whose episodes are truncated after `limit` steps."""
 
     view: Any

@@ -13,29 +13,29 @@ import numpy as np
 from envgraph.code import dataclass
 from envgraph.env import Tabular
 from envgraph.errors import InvalidArgument, check_known
-from envgraph.learn._agents import ProgramAgent, Programs, TableAgent, Tables
 from envgraph.learn._curricula import Curriculum, Kind, sequences
 from envgraph.learn._deep import DeepAgent
 from envgraph.learn._results import Experiment, RunResult
+from envgraph.learn._table_agents import ProgramAgent, ProgramFamily, TableAgent, TableFamily
 from envgraph.learn._workers import run_in_workers
 from envgraph.solve import Evaluation, mixture
 from envgraph.solve.learning import (
     Backend,
     InProgram,
-    Place,
     ProgramTraining,
+    StageMembers,
     Training,
     TrainingSettings,
     choose_backend,
-    occurring,
     prepare,
+    renumber_occurring,
     take_turns,
     with_starts,
 )
 
 TRAINING, EVALUATION, BEFORE, CHOOSING = 0, 1, 2, 3
 
-_SEVERAL = 2**16
+_MIXED_STAGE = 2**16
 """A number above all positions. With the size of a mixed stage added, it marks the stage in the key of a generator."""
 
 
@@ -99,20 +99,20 @@ def run_experiment(
     if curricula is None:
         curricula = (*sequences(names, "suffixes"), *sequences(names, "baselines"))
     seeds = range(settings.seeds) if seeds is None else seeds
-    _check([*names, *starts], curricula, seeds, workers)
-    steps = sum(sum(curriculum.lengths(settings.steps_per_environment)) for curriculum in curricula)
+    _check_arguments([*names, *starts], curricula, seeds, workers)
+    steps = sum(sum(curriculum.stage_steps(settings.steps_per_environment)) for curriculum in curricula)
     backend = choose_backend(backend, steps * len(seeds), settings)
-    prepared = _prepare(family, curricula, starts)
+    prepared = _prepare_family(family, curricula, starts)
     wanted = {(one.kind, one.label, seed): (one, seed) for one in curricula for seed in seeds}
-    results = {key: result for result in known if (key := _key(result)) in wanted}
+    results = {key: result for result in known if (key := _run_key(result)) in wanted}
     tasks = [
         (prepared, curriculum, settings, seed, backend)
         for key, (curriculum, seed) in wanted.items()
         if key not in results
     ]
-    threads = settings.student == "tabular" and (backend == "numba" or isinstance(prepared.ready, Programs))
-    for result in run_in_workers(_run_result, tasks, workers, threads=threads):
-        results[_key(result)] = result
+    threads = settings.student == "tabular" and (backend == "numba" or isinstance(prepared.ready, ProgramFamily))
+    for result in run_in_workers(_train_result, tasks, workers, threads=threads):
+        results[_run_key(result)] = result
         if found:
             found(result)
         if progress:
@@ -120,7 +120,7 @@ def run_experiment(
     return Experiment(tuple(results[key] for key in wanted))
 
 
-def _key(result: RunResult) -> tuple[Kind, str, int]:
+def _run_key(result: RunResult) -> tuple[Kind, str, int]:
     """Return the kind, label and seed of a run, which identify it in an experiment."""
     return result.kind, result.label, result.seed
 
@@ -151,7 +151,7 @@ def run_stages(
             sequences(names[:count], "full"),
             seeds=seeds,
             workers=workers,
-            progress=_shifted(progress, len(runs), total),
+            progress=_offset_progress(progress, len(runs), total),
             known=known(target),
             found=partial(found, target),
         ).runs
@@ -185,14 +185,14 @@ def run_families(
             [Curriculum("control", label, names, (1,) * len(names))],
             seeds=[seed],
             backend=backend,
-            progress=_shifted(progress, len(runs), len(families)),
+            progress=_offset_progress(progress, len(runs), len(families)),
             known=known,
             found=found,
         ).runs
     return Experiment(tuple(runs))
 
 
-def _shifted(
+def _offset_progress(
     progress: Callable[[int, int], None] | None, before: int, total: int
 ) -> Callable[[int, int], None] | None:
     """Return a progress callback for a part of the runs that reports the progress of the whole; None for None."""
@@ -218,38 +218,38 @@ def train_run(
     Raises:
         InvalidArgument: as for `run_experiment`.
     """
-    _check([*(member.name for member in family), *starts], [curriculum], [seed], workers=1)
-    steps = sum(curriculum.lengths(settings.steps_per_environment))
-    prepared = _prepare(family, [curriculum], starts)
-    return _run(prepared, curriculum, settings, seed, choose_backend(backend, steps, settings))
+    _check_arguments([*(member.name for member in family), *starts], [curriculum], [seed], workers=1)
+    steps = sum(curriculum.stage_steps(settings.steps_per_environment))
+    prepared = _prepare_family(family, [curriculum], starts)
+    return _train_and_evaluate(prepared, curriculum, settings, seed, choose_backend(backend, steps, settings))
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class _Prepared:
+class _PreparedFamily:
     """A family prepared once for all its runs, with the position of each name, on which random streams depend."""
 
     positions: dict[str, int]
-    ready: Tables | Programs
+    ready: TableFamily | ProgramFamily
 
 
-def _prepare(
+def _prepare_family(
     family: Sequence[FamilyMember], curricula: Iterable[Curriculum], starts: Mapping[str, Tabular]
-) -> _Prepared:
+) -> _PreparedFamily:
     positions = {name: place for place, name in enumerate((*(one.name for one in family), *starts))}
     tables = [member.tabular for member in family if isinstance(member.tabular, Tabular)]
     placed = [member.tabular for member in family if isinstance(member.tabular, InProgram)]
-    stages = [_places(curriculum, positions) for curriculum in curricula if curriculum.schedule is None]
+    stages = [_stage_members(curriculum, positions) for curriculum in curricula if curriculum.schedule is None]
     drawn = {place: None for one in stages for place in one if len(place) > 1}
     if not placed:
-        parts: dict[Place, Tabular] = {(place,): one for place, one in enumerate(tables)}
+        parts: dict[StageMembers, Tabular] = {(place,): one for place, one in enumerate(tables)}
         parts |= {place: mixture([tables[one] for one in place]) for place in drawn}
-        numbered = occurring([*parts.values()])
+        numbered = renumber_occurring([*parts.values()])
         ready = dict(zip(parts, prepare(numbered), strict=True))
         for place, (name, one) in enumerate(starts.items(), start=len(family)):
             if one.n_states != tables[-1].n_states:
                 raise InvalidArgument(f"`{name}` of `starts` must be the target with other start states")
             parts[place,], ready[place,] = one, with_starts(ready[len(family) - 1,], one)
-        return _Prepared(positions, Tables(ready, numbered[: len(family)], parts))
+        return _PreparedFamily(positions, TableFamily(ready, numbered[: len(family)], parts))
     if tables or len({id(one.program) for one in placed}) > 1:
         raise InvalidArgument("all environments must be tables, or all must be members of one program")
     if drawn or starts:
@@ -257,45 +257,49 @@ def _prepare(
             "mixed stages and `starts` need tables, but the environments have too many states for tables"
         )
     program = placed[0].program
-    program.functions("learn")  # compile before threads ask for it
-    return _Prepared(positions, Programs(program, tuple(one.member for one in placed)))
+    program.functions_for("learn")  # compile before threads ask for it
+    return _PreparedFamily(positions, ProgramFamily(program, tuple(one.member for one in placed)))
 
 
-def _places(curriculum: Curriculum, positions: dict[str, int]) -> tuple[Place, ...]:
+def _stage_members(curriculum: Curriculum, positions: dict[str, int]) -> tuple[StageMembers, ...]:
     return tuple(tuple(positions[name] for name in names) for names in curriculum.members)
 
 
-def _run_result(
-    prepared: _Prepared, curriculum: Curriculum, settings: TrainingSettings, seed: int, backend: Backend
+def _train_result(
+    prepared: _PreparedFamily, curriculum: Curriculum, settings: TrainingSettings, seed: int, backend: Backend
 ) -> RunResult:
     """Return the result of a run without the agent, which would be costly to send back from a worker process."""
-    return _run(prepared, curriculum, settings, seed, backend)[0]
+    return _train_and_evaluate(prepared, curriculum, settings, seed, backend)[0]
 
 
-def _run(
-    prepared: _Prepared, curriculum: Curriculum, settings: TrainingSettings, seed: int, backend: Backend
+def _train_and_evaluate(
+    prepared: _PreparedFamily, curriculum: Curriculum, settings: TrainingSettings, seed: int, backend: Backend
 ) -> tuple[RunResult, Training | ProgramTraining]:
     curriculum = curriculum.for_seed(seed)
-    stages = _places(curriculum, prepared.positions)
+    stages = _stage_members(curriculum, prepared.positions)
     value = settings.initial_value if curriculum.initial_value is None else curriculum.initial_value
     settings = replace(settings, initial_value=value, epsilon=curriculum.epsilon or settings.epsilon)
-    steps = curriculum.lengths(settings.steps_per_environment)
+    steps = curriculum.stage_steps(settings.steps_per_environment)
     parts = [part for part in zip(steps, stages, strict=True) if part[0]]
-    tabular, ready, rng = settings.student == "tabular", prepared.ready, _generator(seed, TRAINING, stages)
+    tabular, ready, rng = (
+        settings.student == "tabular",
+        prepared.ready,
+        _run_generator(seed, TRAINING, stages),
+    )
     agent: TableAgent | ProgramAgent
-    agent = ready.agent(settings, backend) if tabular else DeepAgent(ready, settings, rng)
+    agent = ready.new_agent(settings, backend) if tabular else DeepAgent(ready, settings, rng)
     before: list[Evaluation] = []
 
-    def begins(stage: int) -> None:
+    def on_stage_begin(stage: int) -> None:
         if stage == len(parts) - 1:
-            before.append(agent.evaluated(_generator(seed, BEFORE, stages)))
+            before.append(agent.evaluate_on_target(_run_generator(seed, BEFORE, stages)))
 
     several = next((place for place in stages if len(place) > 1), ())
-    schedule = agent.teacher(curriculum.schedule, several) if curriculum.schedule else None
-    turn = partial(agent.turn, rng)
-    choosing = _generator(seed, CHOOSING, stages)
-    training = agent.trained(*take_turns(turn, settings, parts, begins, schedule, choosing))
-    found = agent.evaluated(_generator(seed, EVALUATION, stages))
+    schedule = agent.new_schedule(curriculum.schedule, several) if curriculum.schedule else None
+    turn = partial(agent.train_stage, rng)
+    choosing = _run_generator(seed, CHOOSING, stages)
+    training = agent.training_result(*take_turns(turn, settings, parts, on_stage_begin, schedule, choosing))
+    found = agent.evaluate_on_target(_run_generator(seed, EVALUATION, stages))
     alone = stages[-1] == (len(prepared.ready.members) - 1,)
     result = RunResult(
         kind=curriculum.kind,
@@ -313,14 +317,14 @@ def _run(
     return result, training
 
 
-def _generator(seed: int, role: int, stages: Sequence[Place]) -> np.random.Generator:
+def _run_generator(seed: int, role: int, stages: Sequence[StageMembers]) -> np.random.Generator:
     """Return a random generator that is independent for each role, seed and sequence of environments."""
-    marked = (place if len(place) == 1 else (_SEVERAL + len(place), *place) for place in stages)
+    marked = (place if len(place) == 1 else (_MIXED_STAGE + len(place), *place) for place in stages)
     key = (number for place in marked for number in place)
     return np.random.default_rng(np.random.SeedSequence(seed, spawn_key=(role, *key)))
 
 
-def _check(names: Sequence[str], curricula: Sequence[Curriculum], seeds: Sequence[int], workers: int) -> None:
+def _check_arguments(names: Sequence[str], curricula: Sequence[Curriculum], seeds: Sequence[int], workers: int) -> None:
     if not names or len(set(names)) != len(names):
         raise InvalidArgument("`family` must be one or more environments with different names")
     for curriculum in curricula:

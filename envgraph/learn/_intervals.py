@@ -15,7 +15,7 @@ from envgraph.errors import InvalidArgument
 RESAMPLES = 2_000
 """The default number of resamples of a bootstrap."""
 
-_BLOCK = 2**22
+_MOST_DRAWN = 2**22
 """Maximum number of values that are resampled at a time."""
 
 Statistic = Callable[..., NDArray[Any]]
@@ -31,7 +31,7 @@ def wilson_interval(proportion: float, runs: int, confidence: float = 0.95) -> t
     """
     if not 0.0 <= proportion <= 1.0 or runs < 1:
         raise InvalidArgument("`proportion` must be from 0 to 1, and `runs` must be at least 1")
-    z = NormalDist().inv_cdf(0.5 + _checked(confidence) / 2)
+    z = NormalDist().inv_cdf(0.5 + _checked_confidence(confidence) / 2)
     weight = 1.0 + z * z / runs
     centre = (proportion + z * z / (2 * runs)) / weight
     spread = z * sqrt(proportion * (1.0 - proportion) / runs + z * z / (4.0 * runs * runs)) / weight
@@ -82,13 +82,13 @@ def bootstrap_interval(
     >>> bootstrap_interval([1.0, 1.0, 1.0]), bootstrap_interval([1.0])
     ((1.0, 1.0), None)
     """
-    tail = (1.0 - _checked(confidence)) / 2
+    tail = (1.0 - _checked_confidence(confidence)) / 2
     if resamples < 1 or not samples:
         raise InvalidArgument("give at least one sample, and `resamples` of at least 1")
     arrays = [np.asarray(sample, np.float64) for sample in samples]
     if min(map(len, arrays)) < 2:
         return None
-    rng, found, rows = np.random.default_rng(seed), [], max(1, _BLOCK // sum(map(len, arrays)))
+    rng, found, rows = np.random.default_rng(seed), [], max(1, _MOST_DRAWN // sum(map(len, arrays)))
     for first in range(0, resamples, rows):
         count = min(rows, resamples - first)
         drawn = (array[rng.integers(len(array), size=(count, len(array)))] for array in arrays)
@@ -146,7 +146,7 @@ def performance_profile(values: Sequence[float], thresholds: Sequence[float]) ->
     return np.asarray(np.greater.outer(np.asarray(values), np.asarray(thresholds)).mean(axis=0))
 
 
-def _checked(confidence: float) -> float:
+def _checked_confidence(confidence: float) -> float:
     if not isfinite(confidence) or not 0.0 < confidence < 1.0:
         raise InvalidArgument(f"`confidence` is {confidence!r}, it must be between 0 and 1")
     return confidence

@@ -13,8 +13,8 @@ from typing import Any, TypeVar
 
 from envgraph.code import dataclass
 from envgraph.errors import EnvgraphError, InvalidArgument, parse_float, parse_int
-from envgraph.files import open_input, replacing
-from envgraph.learn._curricula import Kind, kind_of
+from envgraph.files import open_input, replacement_draft
+from envgraph.learn._curricula import Kind, parse_kind
 from envgraph.learn._intervals import bootstrap_interval, interquartile_mean, wilson_interval
 from envgraph.solve.learning import Curve
 
@@ -100,13 +100,13 @@ class RunResult:
 RUN_COLUMNS = tuple(field.name for field in fields(RunResult) if field.name != "curve")
 
 
-def result_of(values: Mapping[str, Any], curve: Curve, whole: Any = int, real: Any = float) -> RunResult:
+def make_result(values: Mapping[str, Any], curve: Curve, whole: Any = int, real: Any = float) -> RunResult:
     """Return the result of a run from values with the names of `RUN_COLUMNS`; `whole` parses ints, `real` floats.
 
     Raises:
         ValueError, TypeError, LookupError: a value is missing or cannot be parsed.
     """
-    parse: dict[Any, Any] = {"Kind": kind_of, "str": str, "int": whole, "float": real}
+    parse: dict[Any, Any] = {"Kind": parse_kind, "str": str, "int": whole, "float": real}
     types = {field.name: field.type for field in fields(RunResult)}
     return RunResult(**{name: parse[types[name]](values[name]) for name in RUN_COLUMNS}, curve=curve)
 
@@ -155,7 +155,7 @@ class Experiment:
         groups: dict[tuple[Kind, str], list[RunResult]] = {}
         for run in self.runs:
             groups.setdefault((run.kind, run.label), []).append(run)
-        return tuple(_summary(group, confidence) for group in groups.values())
+        return tuple(_summarise(group, confidence) for group in groups.values())
 
     def best_optimistic(self) -> Experiment:
         """Return the experiment without "optimistic" controls except the best: by mean success, then by mean return."""
@@ -168,7 +168,7 @@ class Experiment:
         return Experiment(tuple(run for run in self.runs if (run.kind, run.label) not in lesser))
 
 
-def _summary(group: Sequence[RunResult], confidence: float) -> Summary:
+def _summarise(group: Sequence[RunResult], confidence: float) -> Summary:
     success = fmean(run.success_rate for run in group)
     returns = [run.mean_return for run in group]
     times = sorted(inf if (steps := run.steps_to_threshold()) is None else steps for run in group)
@@ -197,9 +197,9 @@ def write_csv(experiment: Experiment, directory: Path) -> tuple[Path, Path, Path
     """
     directory.mkdir(parents=True, exist_ok=True)
     runs, summary, curves = (directory / name for name in ("runs.csv", "summary.csv", "curves.csv"))
-    _write(runs, RUN_COLUMNS, ([getattr(run, one) for one in RUN_COLUMNS] for run in experiment.runs))
-    _write(summary, SUMMARY_COLUMNS, (_summary_row(one) for one in experiment.summaries()))
-    _write(curves, CURVE_COLUMNS, (row for run in experiment.runs for row in _curve_rows(run)))
+    _write_rows(runs, RUN_COLUMNS, ([getattr(run, one) for one in RUN_COLUMNS] for run in experiment.runs))
+    _write_rows(summary, SUMMARY_COLUMNS, (_summary_row(one) for one in experiment.summaries()))
+    _write_rows(curves, CURVE_COLUMNS, (row for run in experiment.runs for row in _curve_rows(run)))
     return runs, summary, curves
 
 
@@ -214,26 +214,26 @@ def read_csv(directory: Path) -> Experiment:
     def point(row: list[str]) -> None:
         kind, label, seed, step, reward, episodes, successes = row
         points.setdefault((kind, label, seed), []).append(
-            (_int(step), _float(reward), _int(episodes), _int(successes))
+            (_parse_int64(step), _parse_finite(reward), _parse_int64(episodes), _parse_int64(successes))
         )
 
     def run(row: list[str]) -> RunResult:
         kind, label, seed, *_ = row
         curve = Curve(*zip(*points[kind, label, seed], strict=True))
-        return result_of(dict(zip(RUN_COLUMNS, row, strict=True)), curve, _int, _float)
+        return make_result(dict(zip(RUN_COLUMNS, row, strict=True)), curve, _parse_int64, _parse_finite)
 
-    _read(directory / "curves.csv", CURVE_COLUMNS, point)
-    return Experiment(tuple(_read(directory / "runs.csv", RUN_COLUMNS, run)))
+    _read_rows(directory / "curves.csv", CURVE_COLUMNS, point)
+    return Experiment(tuple(_read_rows(directory / "runs.csv", RUN_COLUMNS, run)))
 
 
-def _int(text: str) -> int:
+def _parse_int64(text: str) -> int:
     found = parse_int(text)
     if found is None:
         raise ValueError(f"`{text[:20]}` is not a whole number of 64 bits")
     return found
 
 
-def _float(text: str) -> float:
+def _parse_finite(text: str) -> float:
     found = parse_float(text)
     if found is None:
         raise ValueError(f"`{text[:20]}` is not a finite number")
@@ -253,28 +253,28 @@ def _curve_rows(run: RunResult) -> Iterable[tuple[object, ...]]:
         yield (run.kind, run.label, run.seed, *point)
 
 
-def _write(path: Path, columns: Sequence[str], rows: Iterable[Sequence[object]]) -> None:
-    with replacing(path) as draft, draft.open("w", encoding="utf-8", newline="") as file:
+def _write_rows(path: Path, columns: Sequence[str], rows: Iterable[Sequence[object]]) -> None:
+    with replacement_draft(path) as draft, draft.open("w", encoding="utf-8", newline="") as file:
         writer = csv.writer(file, lineterminator="\n")
         writer.writerow(columns)
-        writer.writerows([_cell(value) for value in row] for row in rows)
+        writer.writerows([_format_cell(value) for value in row] for row in rows)
 
 
-def _cell(value: object) -> object:
+def _format_cell(value: object) -> object:
     """Return the value of a cell to write: text that a spreadsheet would take for a formula is prefixed with `'`.
 
-    >>> _cell("=1+1"), _text(_cell("=1+1")), _cell("E1-E6"), _cell(-0.5)
+    >>> _format_cell("=1+1"), _parse_cell(_format_cell("=1+1")), _format_cell("E1-E6"), _format_cell(-0.5)
     ("'=1+1", '=1+1', 'E1-E6', -0.5)
     """
     return f"'{value}" if isinstance(value, str) and value.startswith(_FORMULA) else value
 
 
-def _text(cell: str) -> str:
-    """Return the text of a cell without the prefix of `_cell`."""
+def _parse_cell(cell: str) -> str:
+    """Return the text of a cell without the prefix of `_format_cell`."""
     return cell[1:] if cell.startswith("'") else cell
 
 
-def _read(path: Path, columns: Sequence[str], parse: Callable[[list[str]], Parsed]) -> list[Parsed]:
+def _read_rows(path: Path, columns: Sequence[str], parse: Callable[[list[str]], Parsed]) -> list[Parsed]:
     """Return what `parse` returns for each row after the header, which must be `columns`.
 
     Raises:
@@ -289,7 +289,7 @@ def _read(path: Path, columns: Sequence[str], parse: Callable[[list[str]], Parse
                 raise InvalidArgument(f"{path}:1: the columns must be {', '.join(columns)}")
             for row in reader:
                 line = reader.line_num
-                parsed.append(parse(list(map(_text, row))))
+                parsed.append(parse(list(map(_parse_cell, row))))
     except OSError as error:
         raise InvalidArgument(f"{path}: {error.strerror}") from error
     except EnvgraphError:

@@ -13,7 +13,7 @@ from envgraph.errors import InvalidArgument
 DRAWS = 10_000
 """The default number of draws of a test that is not exact."""
 
-_EXACT = 2**16
+_MOST_EXACT_SUMS = 2**16
 """A test is exact if the sum has at most this many possible values."""
 
 _GRID = 2.0**40
@@ -59,7 +59,7 @@ def permutation_test(values: ArrayLike, others: ArrayLike, *, draws: int = DRAWS
     whole = np.rint((pairs - pairs.min()) * (_GRID / np.ptp(pairs))).astype(np.int64)
     away = whole[:, 0] - whole[:, 1]
     least = abs(int(away.sum())) - 2 * away.size
-    exact = _exact(away, least)
+    exact = _exact_p_value(away, least)
     if exact is not None:
         return exact
     rng = np.random.default_rng(seed)
@@ -67,12 +67,12 @@ def permutation_test(values: ArrayLike, others: ArrayLike, *, draws: int = DRAWS
     return (int(sum(far)) + 1) / (draws + 1)
 
 
-def _exact(away: NDArray[np.int64], least: int) -> float | None:
+def _exact_p_value(away: NDArray[np.int64], least: int) -> float | None:
     """Return the probability that `away`, summed with random signs, is at least `least` from 0; None if too costly."""
     sums: NDArray[np.int64] = np.zeros(1, np.int64)
     chances: NDArray[np.float64] = np.ones(1)
     for value in away:
-        if sums.size * 2 > _EXACT:
+        if sums.size * 2 > _MOST_EXACT_SUMS:
             return None
         sums, place = np.unique((sums[:, None] + [value, -value]).ravel(), return_inverse=True)
         chances = np.bincount(place, np.repeat(chances / 2, 2)).astype(np.float64)

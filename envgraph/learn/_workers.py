@@ -15,7 +15,7 @@ from envgraph.errors import EnvgraphError
 
 T = TypeVar("T")
 
-_PAUSE = 0.2
+_CHECK_INTERVAL = 0.2
 """Seconds between two checks that the parent is alive; a check takes a microsecond."""
 
 
@@ -65,10 +65,10 @@ def end_with_parent() -> None:
     """
     parent = parent_process()
     if parent is not None:
-        Thread(target=_wait_for_end, args=(parent.pid,), daemon=True).start()
+        Thread(target=_exit_after_parent, args=(parent.pid,), daemon=True).start()
 
 
-def _wait_for_end(parent: int | None) -> None:
+def _exit_after_parent(parent: int | None) -> None:
     while os.getppid() == parent:
-        time.sleep(_PAUSE)
+        time.sleep(_CHECK_INTERVAL)
     os._exit(1)  # the main thread may wait for ever: for a lock or a pipe of the parent

@@ -69,7 +69,7 @@ class Matcher(ABC):
         are not checked. They must have the right type, or be ids of existing objects.
         """
 
-    def seeker(self, pattern: str, bound: tuple[int, ...]) -> Callable[..., Iterator[Row]]:
+    def prepare_iterator(self, pattern: str, bound: tuple[int, ...]) -> Callable[..., Iterator[Row]]:
         """Return a function that takes values for the bound positions and returns an iterator of the matches.
 
         Values are given in ascending order of positions, unchecked. Do not use an iterator after a change of the model.
@@ -77,19 +77,19 @@ class Matcher(ABC):
         rows = self.prepare(pattern, bound)
         return lambda *values: iter(rows(*values))
 
-    def lister(self, pattern: str) -> Callable[[], Sequence[Row]]:
+    def prepare_listing(self, pattern: str) -> Callable[[], Sequence[Row]]:
         """Return a function that returns all matches as a sequence, not to be modified or used after a model change.
 
         For a watched pattern the function returns the list that the view itself keeps, so no match is copied.
         """
         return self.prepare(pattern, ())
 
-    def tester(self, pattern: str) -> Callable[[Row], bool]:
+    def prepare_test(self, pattern: str) -> Callable[[Row], bool]:
         """Return a function that returns True if its argument is a match. The types of the values must be right."""
         return lambda row: self.exists(pattern, row)
 
     @abstractmethod
-    def forget(self) -> None:
+    def discard_caches(self) -> None:
         """Discard all cached plans and functions, because pattern names may now refer to other definitions."""
 
 
@@ -109,9 +109,7 @@ def check_bound(library: Library, pattern: str, bound: Collection[int]) -> None:
     if missing:
         parameters = library.get(pattern).parameters
         names = ", ".join(f"`{parameters[position].name}`" for position in missing)
-        raise InvalidArgument(
-            f"pattern `{pattern}` needs a value for {names}: bind the parameter in the call"
-        )
+        raise InvalidArgument(f"pattern `{pattern}` needs a value for {names}: bind the parameter in the call")
 
 
 def check_arguments(
@@ -126,18 +124,14 @@ def check_arguments(
         TypeMismatch: an argument has the wrong type.
     """
     if len(arguments) != len(types):
-        raise InvalidArgument(
-            f"pattern `{pattern}` takes {len(types)} arguments, but {len(arguments)} were given"
-        )
+        raise InvalidArgument(f"pattern `{pattern}` takes {len(types)} arguments, but {len(arguments)} were given")
     checked: list[object] = []
     for position, (type_, argument) in enumerate(zip(types, arguments, strict=True)):
         if argument is FREE:
             checked.append(argument)
         elif isinstance(type_, ObjectType):
             if type(argument) is not int:
-                raise TypeMismatch(
-                    _mismatch(library, pattern, position, f"the id of a `{type_.cls}`", argument)
-                )
+                raise TypeMismatch(_mismatch(library, pattern, position, f"the id of a `{type_.cls}`", argument))
             if not model.graph.alive(argument):
                 return None
             checked.append(argument)

@@ -2,17 +2,17 @@
 
 from typing import TYPE_CHECKING
 
-from envgraph.code import later
+from envgraph.code import export_lazily
 
 if TYPE_CHECKING:
     from envgraph.errors import LARGEST_INT as LARGEST_INT
-    from envgraph.metamodel._check import check_classes as check_classes
-    from envgraph.metamodel._diagram import class_colours as class_colours
-    from envgraph.metamodel._ecore import (
+    from envgraph.metamodel._class_check import check_classes as check_classes
+    from envgraph.metamodel._class_diagram import class_colours as class_colours
+    from envgraph.metamodel._ecore_writer import (
+        escape_xml as escape_xml,
+        format_xml_value as format_xml_value,
         metamodel_to_ecore as metamodel_to_ecore,
-        plain_parts as plain_parts,
-        xml_text as xml_text,
-        xml_value as xml_value,
+        plain_xml_attributes as plain_xml_attributes,
     )
     from envgraph.metamodel._features import (
         SUPPRESS as SUPPRESS,
@@ -24,23 +24,23 @@ if TYPE_CHECKING:
         Feature as Feature,
         Glyph as Glyph,
         Package as Package,
-        Places as Places,
+        PartSpans as PartSpans,
         Reference as Reference,
         Scalar as Scalar,
         Value as Value,
         Values as Values,
         accepts as accepts,
-        default_of as default_of,
+        default_value as default_value,
         parse_value as parse_value,
-        place as place,
+        part_span as part_span,
         simple_name as simple_name,
         type_name as type_name,
     )
     from envgraph.metamodel._metamodel import Metamodel as Metamodel
-    from envgraph.metamodel._walks import (
-        components as components,
-        reached as reached,
-        shortest_way as shortest_way,
+    from envgraph.metamodel._reachability import (
+        reachable_nodes as reachable_nodes,
+        shortest_path as shortest_path,
+        strong_components as strong_components,
     )
 
-later(globals())
+export_lazily(globals())

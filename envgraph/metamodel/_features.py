@@ -11,7 +11,7 @@ from typing import Final
 from envgraph.code import dataclass
 from envgraph.errors import LARGEST_INT, Span, parse_float, parse_int
 
-Places = tuple[tuple[str, Span], ...]
+PartSpans = tuple[tuple[str, Span], ...]
 """The spans of the parts of a definition in its text: ("extends A", span), ("target", span) ..."""
 
 Value = int | float | bool | str
@@ -49,7 +49,7 @@ class EnumType:
     literals: tuple[str, ...]
     doc: str | None = None
     span: Span | None = field(default=None, compare=False, repr=False)
-    places: Places = field(default=(), compare=False, repr=False)
+    places: PartSpans = field(default=(), compare=False, repr=False)
     package: str = ""
     labels: tuple[str, ...] = ()
     numbers: tuple[int, ...] = ()
@@ -75,7 +75,7 @@ class Annotation:
     arguments: tuple[Value, ...] = ()
     named: tuple[tuple[str, Value], ...] = ()
     span: Span | None = field(default=None, compare=False, repr=False)
-    places: Places = field(default=(), compare=False, repr=False)
+    places: PartSpans = field(default=(), compare=False, repr=False)
 
     def is_from(self, source: str) -> bool:
         """Return True if this is an `@annotation` with the given source."""
@@ -97,7 +97,7 @@ class Glyph:
     colour: str = "#adb5bd"
 
 
-class _Bounded:
+class _FeatureBase:
     """The base class of features, which have a multiplicity."""
 
     __slots__ = ()
@@ -119,7 +119,7 @@ class _Bounded:
 
 
 @dataclass(frozen=True, slots=True)
-class Attribute(_Bounded):
+class Attribute(_FeatureBase):
     """A data feature of a class.
 
     An attribute with many values is a list in the order of insertion. Patterns treat it as a relation between objects
@@ -143,7 +143,7 @@ class Attribute(_Bounded):
     doc: str | None = None
     annotations: tuple[Annotation, ...] = ()
     span: Span | None = field(default=None, compare=False, repr=False)
-    places: Places = field(default=(), compare=False, repr=False)
+    places: PartSpans = field(default=(), compare=False, repr=False)
     lower: int = 1
     upper: int | None = 1
     unique: bool = True
@@ -160,7 +160,7 @@ class Attribute(_Bounded):
         if self.many:
             return ()
         if self.default is None:
-            return default_of(self.type)
+            return default_value(self.type)
         return float(self.default) if self.type is Scalar.FLOAT else self.default
 
     @property
@@ -189,7 +189,7 @@ class Attribute(_Bounded):
 
 
 @dataclass(frozen=True, slots=True)
-class Reference(_Bounded):
+class Reference(_FeatureBase):
     """Directed links to objects of class `target`.
 
     Attributes:
@@ -212,7 +212,7 @@ class Reference(_Bounded):
     doc: str | None = None
     annotations: tuple[Annotation, ...] = ()
     span: Span | None = field(default=None, compare=False, repr=False)
-    places: Places = field(default=(), compare=False, repr=False)
+    places: PartSpans = field(default=(), compare=False, repr=False)
 
     def __str__(self) -> str:
         return f"{self.owner}.{self.name}"
@@ -245,7 +245,7 @@ class Class:
     doc: str | None = None
     annotations: tuple[Annotation, ...] = ()
     span: Span | None = field(default=None, compare=False, repr=False)
-    places: Places = field(default=(), compare=False, repr=False)
+    places: PartSpans = field(default=(), compare=False, repr=False)
     package: str = ""
     left_out: tuple[tuple[str, str], ...] = field(default=(), compare=False, repr=False)
 
@@ -279,15 +279,15 @@ def simple_name(name: str) -> str:
     return name.rpartition("::")[2]
 
 
-def place(item: EnumType | Attribute | Reference | Class, part: str) -> Span | None:
+def part_span(item: EnumType | Attribute | Reference | Class, part: str) -> Span | None:
     """Return the span of a part of a definition; the definition's own span if that of the part is unknown."""
     return dict(item.places).get(part, item.span)
 
 
-def default_of(type_: AttributeType) -> Value:
+def default_value(type_: AttributeType) -> Value:
     """Return the value of an attribute without a declared default.
 
-    >>> default_of(Scalar.FLOAT), default_of(EnumType("Way", ("west", "east")))
+    >>> default_value(Scalar.FLOAT), default_value(EnumType("Way", ("west", "east")))
     (0.0, 'west')
     """
     if isinstance(type_, EnumType):
@@ -331,14 +331,14 @@ def accepts(type_: AttributeType, value: object) -> bool:
             return type(value) is int and -LARGEST_INT - 1 <= value <= LARGEST_INT
         case Scalar.FLOAT:
             # NaN is not equal to itself, so no query could find it again.
-            return _has_float(value) if type(value) is int else type(value) is float and not isnan(value)
+            return _fits_float(value) if type(value) is int else type(value) is float and not isnan(value)
         case Scalar.BOOL:
             return type(value) is bool
         case Scalar.STRING:
             return type(value) is str
 
 
-def _has_float(value: int) -> bool:
+def _fits_float(value: int) -> bool:
     try:
         float(value)
     except OverflowError:

@@ -8,31 +8,31 @@ from functools import cached_property
 from itertools import compress, count
 from typing import TYPE_CHECKING, Final, TypeVar
 
-from envgraph.code import short_repr
+from envgraph.code import shorten_repr
 from envgraph.errors import ResolutionError, has_errors, name_hint
-from envgraph.metamodel._above import linearise, supertypes_first
-from envgraph.metamodel._check import check_classes
-from envgraph.metamodel._diagram import class_diagram
+from envgraph.metamodel._class_check import check_classes
+from envgraph.metamodel._class_diagram import class_diagram
 from envgraph.metamodel._features import Attribute, Class, EnumType, Feature, Package, Reference, simple_name
-from envgraph.metamodel._walks import reached
+from envgraph.metamodel._inheritance import linearise, supertypes_first
+from envgraph.metamodel._reachability import reachable_nodes
 
 if TYPE_CHECKING:
     from envgraph.draw import Picture
 
 
-Side = TypeVar("Side")
+LinkEnd = TypeVar("LinkEnd")
 """The source or target of a link, in any representation: an object, a slot, a name."""
-End = TypeVar("End", int, str)
+SortableEnd = TypeVar("SortableEnd", int, str)
 """The source or target of a link, in a representation that can be sorted."""
 
-_FEW: Final = 256
+_MAX_TUPLE_CLASSES: Final = 256
 """The maximum number of classes for which tables are tuples, which are faster to read but larger."""
 
 
 _DIGITS: Final = bytes.maketrans(b"01", b"\0\1")
 
 
-def _numbered(classes: Iterable[Class]) -> tuple[Class, ...]:
+def _with_indices(classes: Iterable[Class]) -> tuple[Class, ...]:
     """Return copies of the classes with owner and index filled in for every feature."""
     counts = {Attribute: count(), Reference: count()}
     return tuple(
@@ -44,12 +44,12 @@ def _numbered(classes: Iterable[Class]) -> tuple[Class, ...]:
     )
 
 
-def _bits(number: int) -> bytes:
+def _bit_bytes(number: int) -> bytes:
     """Return the bits of a number as a `bytes` object of zeros and ones, the lowest bit first."""
     return format(number, "b")[::-1].encode().translate(_DIGITS)
 
 
-@short_repr
+@shorten_repr
 class Metamodel:
     """An immutable set of classes and enums whose names, supertypes, opposites and defaults have been checked.
 
@@ -76,7 +76,7 @@ class Metamodel:
         self.name = name
         self.uri = uri
         self.packages = (Package("", uri or name, name),) if packages is None else tuple(packages)
-        declared = _numbered(classes)
+        declared = _with_indices(classes)
         self.enum_types = tuple(enums)
         problems = check_classes(declared, self.enum_types)
         if has_errors(problems):
@@ -85,7 +85,7 @@ class Metamodel:
         self.classes: Mapping[str, Class] = {cls.name: cls for cls in declared}
         self.enums: Mapping[str, EnumType] = {enum.name: enum for enum in self.enum_types}
         self._order = {cls.name: place for place, cls in enumerate(declared)}
-        self._kinds = self._masks()
+        self._kinds = self._subclass_masks()
         self._instantiable = sum(1 << place for place, cls in enumerate(declared) if not cls.abstract)
         # These are computed on demand, because all together may grow with the square of the number of classes.
         self._supers: dict[str, tuple[str, ...]] = {}
@@ -99,7 +99,7 @@ class Metamodel:
             f for cls in declared for f in cls.features if isinstance(f, Reference)
         )
 
-    def _masks(self) -> dict[str, int]:
+    def _subclass_masks(self) -> dict[str, int]:
         """Return for each class the positions of itself and its subclasses as a bit set."""
         found = {name: 1 << place for name, place in self._order.items()}
         for (name,) in reversed(supertypes_first(self.classes)):
@@ -107,18 +107,18 @@ class Metamodel:
                 found[above] |= found[name]
         return found
 
-    def named(self, simple: str) -> Mapping[str, str]:
+    def full_names(self, simple: str) -> Mapping[str, str]:
         """Return the full names of all classes and enums with a simple name, by the path of their package.
 
         >>> one, other = Class("a::Part", package="a"), Class("b::Part", package="b")
-        >>> dict(Metamodel("m", [one, other, Class("Whole")]).named("Part"))
+        >>> dict(Metamodel("m", [one, other, Class("Whole")]).full_names("Part"))
         {'a': 'a::Part', 'b': 'b::Part'}
         """
         return self._named.get(simple, {})
 
-    def likely(self, name: str) -> str | None:
+    def suggest_class(self, name: str) -> str | None:
         """Return a hint for an unknown class name: its full names in packages, or a similar name (None: no hint)."""
-        known = [one for one in self.named(simple_name(name)).values() if one != name]
+        known = [one for one in self.full_names(simple_name(name)).values() if one != name]
         if known:
             return "write " + " or ".join(f"`{one}`" for one in sorted(known))
         return name_hint(name, self.classes)
@@ -138,11 +138,11 @@ class Metamodel:
             found = self._supers[self.classes[name].name] = linearise(name, self.classes)
         return found
 
-    def concrete(self, name: str) -> tuple[str, ...]:
+    def concrete_classes(self, name: str) -> tuple[str, ...]:
         """Return the instantiable classes among a class and its subclasses, in the order of declaration."""
         found = self._concrete.get(name)
         if found is None:
-            found = tuple(compress(self.classes, _bits(self._kinds[name] & self._instantiable)))
+            found = tuple(compress(self.classes, _bit_bytes(self._kinds[name] & self._instantiable)))
             self._concrete[name] = found
         return found
 
@@ -151,42 +151,42 @@ class Metamodel:
         place = self._order[name]
         return bool(self._kinds.get(above, 0) >> place & 1)
 
-    def instances(self, name: str) -> Sequence[int]:
+    def instance_flags(self, name: str) -> Sequence[int]:
         """Return for each class, in the order of declaration, 1 if it is a subclass of `name` or equal to it, else 0.
 
         The sequence has a 0 at its end, so that index -1 stands for no class.
         """
         found = self._instances.get(name)
         if found is None:
-            table = _bits(self._kinds[name]).ljust(len(self.class_list) + 1, b"\0")
+            table = _bit_bytes(self._kinds[name]).ljust(len(self.class_list) + 1, b"\0")
             # A tuple is faster to read, but needs eight times the memory.
-            found = tuple(table) if len(table) <= _FEW else table
+            found = tuple(table) if len(table) <= _MAX_TUPLE_CLASSES else table
             self._instances[name] = found
         return found
 
     def covers(self, cls: str, other: str) -> bool:
         """Return True if every object of class `other` is also an object of `cls`, judging by concrete subclasses."""
-        return set(self.concrete(other)) <= set(self.concrete(cls))
+        return set(self.concrete_classes(other)) <= set(self.concrete_classes(cls))
 
-    def overlap(self, one: str, other: str) -> bool:
+    def may_overlap(self, one: str, other: str) -> bool:
         """Return True if an object can be an instance of both classes."""
         return bool(self._kinds[one] & self._kinds[other] & self._instantiable)
 
-    def contents(self, name: str) -> list[str]:
+    def content_classes(self, name: str) -> list[str]:
         """Return the concrete classes of objects that an object of exactly this class may directly contain."""
         held = (one for one in self.features(name).values() if isinstance(one, Reference) and one.containment)
-        return list(dict.fromkeys(cls for one in held for cls in self.concrete(one.target)))
+        return list(dict.fromkeys(cls for one in held for cls in self.concrete_classes(one.target)))
 
-    def all_contents(self, names: Iterable[str]) -> list[str]:
+    def all_content_classes(self, names: Iterable[str]) -> list[str]:
         """Return the concrete classes of objects that objects of exactly these classes may contain, at any depth."""
-        return reached((one for name in names for one in self.contents(name)), self.contents)
+        return reachable_nodes((one for name in names for one in self.content_classes(name)), self.content_classes)
 
     def features(self, name: str) -> Mapping[str, Feature]:
         """Return all features of a class by name, inherited ones first."""
         found = self._features.get(name)
-        return self._collect(name) if found is None else found
+        return self._compute_features(name) if found is None else found
 
-    def _collect(self, name: str) -> Mapping[str, Feature]:
+    def _compute_features(self, name: str) -> Mapping[str, Feature]:
         """Compute the features of a class; a class that adds none to its only supertype shares the latter's mapping."""
         same = [name]
         while not self.classes[same[-1]].features and len(self.classes[same[-1]].supertypes) == 1:
@@ -202,7 +202,7 @@ class Metamodel:
         """Return a feature of a class, its own or inherited; None if there is none of this name."""
         return self.features(name).get(feature)
 
-    def left_out(self, name: str, feature: str) -> str | None:
+    def left_out_reason(self, name: str, feature: str) -> str | None:
         """Return why a feature in the file of a class or its supertypes was left out; None if it was not left out."""
         if self.feature(name, feature) is not None:
             return None
@@ -220,7 +220,9 @@ class Metamodel:
         assert isinstance(found, Reference)
         return found
 
-    def canonical(self, reference: Reference, source: End, target: End) -> tuple[Reference, End, End]:
+    def canonical_link(
+        self, reference: Reference, source: SortableEnd, target: SortableEnd
+    ) -> tuple[Reference, SortableEnd, SortableEnd]:
         """Return a link in a normal form: a link and the equal link of the opposite reference give the same triple."""
         opposite = self.opposite(reference)
         # The ends of a link whose reference is its own opposite are sorted.
@@ -228,25 +230,23 @@ class Metamodel:
             return opposite, target, source
         return reference, source, target
 
-    def containment(
-        self, reference: Reference, source: Side, target: Side
-    ) -> tuple[Reference, Side, Side] | None:
+    def containment_link(
+        self, reference: Reference, source: LinkEnd, target: LinkEnd
+    ) -> tuple[Reference, LinkEnd, LinkEnd] | None:
         """Return a link as (containment reference, container, content); None if neither end contains the other."""
         opposite = self.opposite(reference)
         if opposite is not None and opposite.containment:
             return opposite, target, source
         return (reference, source, target) if reference.containment else None
 
-    def most_sources(self, reference: Reference) -> int | None:
+    def max_sources(self, reference: Reference) -> int | None:
         """Return the maximum number of objects that may have the same target; None for no limit."""
         opposite = self.opposite(reference)
         return 1 if reference.containment else None if opposite is None else opposite.upper
 
     def key(self, name: str) -> tuple[str, ...]:
         """Return the key attributes of a class, or of its nearest supertype with a key; () if there are none."""
-        return next(
-            (self.classes[above].key for above in self.supertypes(name) if self.classes[above].key), ()
-        )
+        return next((self.classes[above].key for above in self.supertypes(name) if self.classes[above].key), ())
 
     def picture(self) -> Picture:
         """Return the class diagram as a picture that can be written as DOT or SVG."""

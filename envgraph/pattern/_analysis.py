@@ -9,25 +9,25 @@ from itertools import zip_longest
 from envgraph.code import dataclass
 from envgraph.errors import Span
 from envgraph.metamodel import Feature, Metamodel
-from envgraph.pattern._binding import Binding
-from envgraph.pattern._bodies import (
-    Reading,
+from envgraph.pattern._enumerable_variables import Binding
+from envgraph.pattern._expression_data import Expression, FunctionCall, Navigation, Variable
+from envgraph.pattern._feature_paths import ResolvedPath, is_derived, resolve_path
+from envgraph.pattern._goals import ObjectType, StaticType
+from envgraph.pattern._occurrences import (
+    BodyVariables,
     base_of,
     children,
-    expressions,
-    none_test,
+    expressions_of,
+    none_test_path,
     relations_of,
-    rewritten,
+    rewrite_expressions,
 )
-from envgraph.pattern._inference import BodyTypes, Callee, Signature
-from envgraph.pattern._lowered import ObjectType, StaticType
-from envgraph.pattern._paths import ResolvedPath, derived, resolve_path
-from envgraph.pattern._queries import Body, PathConstraint, Pattern, PatternCall
-from envgraph.pattern._terms import Expression, FunctionCall, Navigation, Variable
-from envgraph.pattern._types import joins, static_type
-from envgraph.pattern.check._header import too_long
-from envgraph.pattern.expressions._expressions import ExpressionChecker, is_method
-from envgraph.pattern.expressions._operations import FUNCTIONS
+from envgraph.pattern._query_data import Body, PathConstraint, Pattern, PatternCall
+from envgraph.pattern._type_inference import BodyTypes, CalleeLookup, PatternSignature
+from envgraph.pattern._types import least_common_supertypes, static_type
+from envgraph.pattern.check._pattern_header import is_too_long
+from envgraph.pattern.expressions._builtin_functions import FUNCTIONS
+from envgraph.pattern.expressions._expression_types import ExpressionChecker, is_method
 
 
 def calls_of(body: Body) -> Iterator[tuple[PatternCall, str]]:
@@ -59,7 +59,7 @@ class UnknownNames:
         return UnknownNames(self.names.union(name.rpartition(".")[2] for name in names), self.all)
 
 
-class Names:
+class PatternNames:
     """A lookup of patterns by the names that calls use.
 
     A name is looked up as a simple name in the caller's package, then as a qualified name, then as a simple name that
@@ -74,7 +74,7 @@ class Names:
             if self._qualified.setdefault(pattern.qualified_name, pattern) is pattern:
                 self._simple.setdefault(pattern.name, []).append(pattern)
 
-    def candidates(
+    def find_candidates(
         self, name: str, package: str, caller: Pattern | None = None
     ) -> tuple[list[Pattern], list[Pattern]]:
         """Return the visible patterns that a name may denote, and patterns of that name hidden from the caller."""
@@ -82,25 +82,25 @@ class Names:
         found = [self._qualified[key] for key in dict.fromkeys((qualified, name)) if key in self._qualified]
         hidden: list[Pattern] = []
         for pattern in found:
-            if visible(pattern, package, caller):
+            if is_visible(pattern, package, caller):
                 return [pattern], hidden
             hidden.append(pattern)
         others = [pattern for pattern in self._simple.get(name, ()) if pattern not in hidden]
-        hidden.extend(pattern for pattern in others if not visible(pattern, package, caller))
-        return [pattern for pattern in others if visible(pattern, package, caller)], hidden
+        hidden.extend(pattern for pattern in others if not is_visible(pattern, package, caller))
+        return [pattern for pattern in others if is_visible(pattern, package, caller)], hidden
 
     def visible_names(self, package: str, caller: Pattern | None = None) -> list[str]:
         """Return the names that a call may use, for hints: simple names, and qualified names of other packages."""
         names = []
         for qualified, pattern in self._qualified.items():
-            if "#" not in qualified and visible(pattern, package, caller):
+            if "#" not in qualified and is_visible(pattern, package, caller):
                 names.append(pattern.name)
                 if pattern.package != package:
                     names.append(qualified)
         return names
 
 
-def visible(pattern: Pattern, package: str, caller: Pattern | None) -> bool:
+def is_visible(pattern: Pattern, package: str, caller: Pattern | None) -> bool:
     """Return True if a pattern may be called from a package. This is always so if the pattern is not private.
 
     A private pattern may be called from its own package, and only from its own file if both files are known.
@@ -115,7 +115,7 @@ def visible(pattern: Pattern, package: str, caller: Pattern | None) -> bool:
 
 
 @dataclass(frozen=True, slots=True)
-class Read:
+class DerivedRead:
     """A place that reads a derived feature. `word` is its context: "neg", an aggregate, a closure ("+", "*") or ""."""
 
     feature: Feature
@@ -123,7 +123,7 @@ class Read:
     span: Span | None
 
 
-def defining(pattern: Pattern) -> tuple[str, Span | None] | None:
+def defined_feature_name(pattern: Pattern) -> tuple[str, Span | None] | None:
     """Return the name of the feature that the annotation `@QueryBasedFeature` of a pattern defines, with its span.
 
     Without `feature = ".."` in the annotation, the pattern's own name is returned. Return None without the annotation.
@@ -139,41 +139,43 @@ def defined_feature(pattern: Pattern, source: StaticType | None, metamodel: Meta
 
     `source` is the type of the first of two parameters. The class must have a feature of that name.
     """
-    found = defining(pattern)
+    found = defined_feature_name(pattern)
     if found is None or len(pattern.parameters) != 2 or not isinstance(source, ObjectType):
         return None
     return metamodel.feature(source.cls, found[0])
 
 
-def derived_reads(types: BodyTypes) -> Iterator[Read]:
-    """Yield a `Read` for each place of a body that reads a derived feature, in relations and in expressions."""
+def derived_reads(types: BodyTypes) -> Iterator[DerivedRead]:
+    """Yield a `DerivedRead` for each place of a body that reads a derived feature, in relations and in expressions."""
     body = types.reading.body
     for relation, word in relations_of(body):
-        if isinstance(relation, PathConstraint) and (path := types.path(relation)) is not None:
+        if isinstance(relation, PathConstraint) and (path := types.resolved_path(relation)) is not None:
             for step, span in zip_longest(path.steps, relation.feature_spans):
-                if derived(step):
-                    yield Read(step, word or str(relation.closure), span or relation.span)
-    for expression, _ in expressions(body):
-        yield from expression_reads(expression, types.types, types.metamodel)
+                if is_derived(step):
+                    yield DerivedRead(step, word or str(relation.closure), span or relation.span)
+    for expression, _ in expressions_of(body):
+        yield from derived_reads_in(expression, types.types, types.metamodel)
 
 
-def expression_reads(
+def derived_reads_in(
     expression: Expression, scope: Mapping[str, StaticType | None], metamodel: Metamodel, word: str = ""
-) -> Iterator[Read]:
-    """Yield a `Read` for each derived feature in an expression, with the context `word`, or "neg" in a `none` test."""
+) -> Iterator[DerivedRead]:
+    """Yield a `DerivedRead` for each derived feature in an expression, with the context `word`, or "neg" in a `none`
+    test.
+    """
     if isinstance(expression, Navigation):
         start, features = base_of(expression)
         type_ = scope.get(start.name) if isinstance(start, Variable) else None
         path = resolve_path(type_.cls, features, metamodel) if isinstance(type_, ObjectType) else None
-        if isinstance(path, ResolvedPath) and derived(path.steps[-1]):
-            yield Read(path.steps[-1], word, expression.feature_span or expression.span)
-    inner = "neg" if none_test(expression) else word
+        if isinstance(path, ResolvedPath) and is_derived(path.steps[-1]):
+            yield DerivedRead(path.steps[-1], word, expression.feature_span or expression.span)
+    inner = "neg" if none_test_path(expression) else word
     for child in children(expression):
-        yield from expression_reads(child, scope, metamodel, inner)
+        yield from derived_reads_in(child, scope, metamodel, inner)
 
 
 @dataclass(frozen=True, slots=True)
-class Entry:
+class LibraryEntry:
     """A pattern of a library, with its calls resolved.
 
     Attributes:
@@ -194,12 +196,12 @@ class Entry:
     written: Pattern | None = None
     bodies: tuple[BodyTypes, ...] = field(default=(), compare=False, repr=False)
     defines: Feature | None = field(default=None, compare=False)
-    reads: tuple[Read, ...] = field(default=(), compare=False, repr=False)
+    reads: tuple[DerivedRead, ...] = field(default=(), compare=False, repr=False)
 
     @property
-    def signature(self) -> Signature:
+    def signature(self) -> PatternSignature:
         """Return the pattern with the types and inputs of its parameters, which callers use."""
-        return Signature(self.pattern, self.types, self.inputs)
+        return PatternSignature(self.pattern, self.types, self.inputs)
 
     @property
     def known_types(self) -> tuple[StaticType, ...]:
@@ -210,7 +212,7 @@ class Entry:
 
 
 @dataclass(slots=True)
-class Analysis:
+class PatternAnalysis:
     """New patterns together with the patterns of a library: resolved calls, types of parameters, inputs.
 
     Attributes:
@@ -219,139 +221,135 @@ class Analysis:
     """
 
     metamodel: Metamodel
-    known: Mapping[str, Entry]
+    known: Mapping[str, LibraryEntry]
     patterns: Sequence[Pattern]
     unknown: UnknownNames = UnknownNames()
-    names: Names = field(init=False)
-    entries: dict[str, Entry] = field(init=False)
-    _new: dict[str, Pattern] = field(init=False)
-    _short: tuple[str, ...] = field(init=False)
+    names: PatternNames = field(init=False)
+    entries: dict[str, LibraryEntry] = field(init=False)
+    _new_by_name: dict[str, Pattern] = field(init=False)
+    _analysed_names: tuple[str, ...] = field(init=False)
     """Names of the new patterns whose bodies are analysed, because none of their bodies is too long."""
-    _types: dict[tuple[str, int], tuple[Sequence[object], BodyTypes]] = field(
-        default_factory=dict, init=False
-    )
+    _type_cache: dict[tuple[str, int], tuple[Sequence[object], BodyTypes]] = field(default_factory=dict, init=False)
     """A cache by pattern name and id of a body: the types of callees, and the types inferred from them."""
 
     def __post_init__(self) -> None:
-        self.names = Names([*(entry.pattern for entry in self.known.values()), *self.patterns])
-        self._new = {}
+        self.names = PatternNames([*(entry.pattern for entry in self.known.values()), *self.patterns])
+        self._new_by_name = {}
         for pattern in self.patterns:
             if pattern.qualified_name not in self.known:
-                self._new.setdefault(pattern.qualified_name, pattern)
+                self._new_by_name.setdefault(pattern.qualified_name, pattern)
         self.entries = dict(self.known)
-        for name, pattern in self._new.items():
+        for name, pattern in self._new_by_name.items():
             declared = tuple(static_type(one.type, self.metamodel) for one in pattern.parameters)
-            self.entries[name] = Entry(pattern, self._resolved(pattern), declared)
-        self._short = tuple(n for n, new in self._new.items() if not any(map(too_long, new.bodies)))
-        self._solve_types()
-        self._spell_out()
-        self._solve_inputs()
-        self._keep_types()
+            self.entries[name] = LibraryEntry(pattern, self._resolve_calls(pattern), declared)
+        self._analysed_names = tuple(n for n, new in self._new_by_name.items() if not any(map(is_too_long, new.bodies)))
+        self._infer_types()
+        self._replace_methods()
+        self._find_inputs()
+        self._store_types()
 
     @property
     def new_patterns(self) -> list[Pattern]:
         """Return the patterns to add, without those whose qualified name a known or an earlier pattern has."""
-        return list(self._new.values())
+        return list(self._new_by_name.values())
 
-    def _resolved(self, pattern: Pattern) -> dict[str, str]:
+    def _resolve_calls(self, pattern: Pattern) -> dict[str, str]:
         calls: dict[str, str] = {}
         for body in pattern.bodies:
             for call, _ in calls_of(body):
-                found, _ = self.names.candidates(call.pattern, pattern.package, pattern)
+                found, _ = self.names.find_candidates(call.pattern, pattern.package, pattern)
                 if len(found) == 1:
                     calls[call.pattern] = found[0].qualified_name
         return calls
 
-    def callee(self, caller: Pattern) -> Callee:
+    def callee_lookup(self, caller: Pattern) -> CalleeLookup:
         """Return a function that maps a name in the calls of `caller` to the called pattern's signature, or None."""
         calls = self.entries[caller.qualified_name].calls
 
-        def find(name: str) -> Signature | None:
+        def find(name: str) -> PatternSignature | None:
             return self.entries[calls[name]].signature if name in calls else None
 
         return find
 
-    def callers(self, names: Iterable[str]) -> frozenset[str]:
+    def with_callers(self, names: Iterable[str]) -> frozenset[str]:
         """Return `names`, and the names of all new patterns that call them, directly or not, or call unknown names."""
         found = {
             name
-            for name, pattern in self._new.items()
+            for name, pattern in self._new_by_name.items()
             if any(
-                call.pattern not in self.entries[name].calls
-                for body in pattern.bodies
-                for call, _ in calls_of(body)
+                call.pattern not in self.entries[name].calls for body in pattern.bodies for call, _ in calls_of(body)
             )
         }.union(names)
         size = 0
         while size < len(found):
             size = len(found)
-            found |= {name for name in self._new if not found.isdisjoint(self.entries[name].calls.values())}
+            found |= {name for name in self._new_by_name if not found.isdisjoint(self.entries[name].calls.values())}
         return frozenset(found)
 
     def body_types(self, pattern: Pattern, body: Body) -> BodyTypes:
         """Return the types of the variables of one body. The result is cached until the types of callees change."""
         calls = self.entries[pattern.qualified_name].calls
         given = [self.entries[called].types for called in calls.values()]
-        known = self._types.get((pattern.qualified_name, id(body)))
+        known = self._type_cache.get((pattern.qualified_name, id(body)))
         if known is not None and known[0] == given:
             return known[1]
-        reading = Reading(body, pattern.parameters)
-        found = BodyTypes(reading, pattern.parameters, self.metamodel, self.callee(pattern))
-        self._types[pattern.qualified_name, id(body)] = given, found
+        reading = BodyVariables(body, pattern.parameters)
+        found = BodyTypes(reading, pattern.parameters, self.metamodel, self.callee_lookup(pattern))
+        self._type_cache[pattern.qualified_name, id(body)] = given, found
         return found
 
-    def _keep_types(self) -> None:
+    def _store_types(self) -> None:
         """Store the inferred types, defined features and derived reads. Types then use final signatures of callees."""
-        for name in self._short:
-            pattern = self._new[name]
+        for name in self._analysed_names:
+            pattern = self._new_by_name[name]
             bodies = tuple(self.body_types(pattern, body) for body in pattern.bodies)
             entry = self.entries[name]
             defines = defined_feature(pattern, entry.types[0] if entry.types else None, self.metamodel)
             reads = tuple(read for types in bodies for read in derived_reads(types))
             self.entries[name] = replace(entry, bodies=bodies, defines=defines, reads=reads)
-        for name in self._short:
+        for name in self._analysed_names:
             entry = self.entries[name]
             callees = {call: self.entries[called].signature for call, called in entry.calls.items()}
             for types in entry.bodies:
                 types.callee = callees.get
 
-    def _solve_types(self) -> None:
+    def _infer_types(self) -> None:
         """Infer undeclared parameter types from the bodies. Recursive patterns need several rounds."""
         pending = [
-            name for name in self._short if any(one.type is None for one in self._new[name].parameters)
+            name for name in self._analysed_names if any(one.type is None for one in self._new_by_name[name].parameters)
         ]
         for _ in range(len(pending) * (len(self.metamodel.class_list) + 1) + 1):
             changed = False
             for name in pending:
                 entry = self.entries[name]
-                types = tuple(self._inferred(self._new[name], entry))
+                types = tuple(self._inferred_types(self._new_by_name[name], entry))
                 if types != entry.types:
                     self.entries[name] = replace(entry, types=types)
                     changed = True
             if not changed:
                 break
 
-    def _inferred(self, pattern: Pattern, entry: Entry) -> Iterator[StaticType | None]:
+    def _inferred_types(self, pattern: Pattern, entry: LibraryEntry) -> Iterator[StaticType | None]:
         bodies = [self.body_types(pattern, body) for body in pattern.bodies]
         for position, parameter in enumerate(pattern.parameters):
             if parameter.type is not None:
                 yield entry.types[position]
                 continue
-            known = [type_ for type_ in (body.of(parameter.name) for body in bodies) if type_ is not None]
-            above = joins(known, self.metamodel) if known else []
+            known = [type_ for type_ in (body.type_of(parameter.name) for body in bodies) if type_ is not None]
+            above = least_common_supertypes(known, self.metamodel) if known else []
             yield above[0] if above else None
 
-    def _spell_out(self) -> None:
+    def _replace_methods(self) -> None:
         """Replace `text.length` by the call `length(text)`, if types show that `length` is not a feature."""
-        for name in self._short:
-            pattern = self._new[name]
-            bodies = tuple(self._spelled_out(pattern, body) for body in pattern.bodies)
+        for name in self._analysed_names:
+            pattern = self._new_by_name[name]
+            bodies = tuple(self._with_methods_replaced(pattern, body) for body in pattern.bodies)
             if any(new is not old for new, old in zip(bodies, pattern.bodies, strict=True)):
-                self._new[name] = replace(pattern, bodies=bodies)
-                self.entries[name] = replace(self.entries[name], pattern=self._new[name], written=pattern)
+                self._new_by_name[name] = replace(pattern, bodies=bodies)
+                self.entries[name] = replace(self.entries[name], pattern=self._new_by_name[name], written=pattern)
 
-    def _spelled_out(self, pattern: Pattern, body: Body) -> Body:
-        if not any(_may_be_method(each) for each, _ in expressions(body)):
+    def _with_methods_replaced(self, pattern: Pattern, body: Body) -> Body:
+        if not any(_may_be_method(each) for each, _ in expressions_of(body)):
             return body
         checker = ExpressionChecker(self.body_types(pattern, body).types, self.metamodel, True)
 
@@ -360,19 +358,17 @@ class Analysis:
                 return FunctionCall(node.feature, (node.object,), node.span, node.feature_span)
             return node
 
-        return rewritten(body, call)
+        return rewrite_expressions(body, call)
 
-    def _solve_inputs(self) -> None:
+    def _find_inputs(self) -> None:
         """Find the inputs of each pattern: the `in` parameters of data types that some body cannot enumerate.
 
         All of them are inputs at first. Parameters that all bodies enumerate, given the other inputs, are removed.
         """
         pending: list[str] = []
-        for name in self._short:
-            places = enumerate(self._new[name].parameters)
-            given = tuple(
-                i for i, p in places if p.direction == "in" and p.type not in self.metamodel.classes
-            )
+        for name in self._analysed_names:
+            places = enumerate(self._new_by_name[name].parameters)
+            given = tuple(i for i, p in places if p.direction == "in" and p.type not in self.metamodel.classes)
             if given:
                 self.entries[name] = replace(self.entries[name], inputs=given)
                 pending.append(name)
@@ -381,19 +377,16 @@ class Analysis:
             changed = False
             for name in pending:
                 entry = self.entries[name]
-                inputs = tuple(i for i in entry.inputs if not self._enumerable(self._new[name], i))
+                inputs = tuple(i for i in entry.inputs if not self._is_enumerable(self._new_by_name[name], i))
                 if inputs != entry.inputs:
                     self.entries[name] = replace(entry, inputs=inputs)
                     changed = True
 
-    def _enumerable(self, pattern: Pattern, position: int) -> bool:
+    def _is_enumerable(self, pattern: Pattern, position: int) -> bool:
         name = pattern.parameters[position].name
-        others = [
-            pattern.parameters[i].name for i in self.entries[pattern.qualified_name].inputs if i != position
-        ]
+        others = [pattern.parameters[i].name for i in self.entries[pattern.qualified_name].inputs if i != position]
         return all(
-            Binding(self.body_types(pattern, body), pattern.parameters, others).binds(name)
-            for body in pattern.bodies
+            Binding(self.body_types(pattern, body), pattern.parameters, others).binds(name) for body in pattern.bodies
         )
 
 
@@ -407,6 +400,6 @@ def _may_be_method(expression: Expression) -> bool:
     return False
 
 
-def definitions(entries: Mapping[str, Entry]) -> dict[Feature, str]:
+def defined_features(entries: Mapping[str, LibraryEntry]) -> dict[Feature, str]:
     """Return the features that patterns define, each with the qualified name of the first pattern that defines it."""
     return {one.defines: name for name, one in reversed([*entries.items()]) if one.defines is not None}

@@ -8,17 +8,28 @@ from typing import NamedTuple
 
 from envgraph.errors import Diagnostic, InvalidArgument, ResolutionError, Severity, did_you_mean, has_errors
 from envgraph.metamodel import Attribute, AttributeType, Feature, Metamodel, Reference, type_name
-from envgraph.pattern._analysis import Analysis, Entry, Names, UnknownNames, definitions
-from envgraph.pattern._bodies import Data, Reading
-from envgraph.pattern._functions import FunctionDeclaration, Functions, declared, resolved
-from envgraph.pattern._inference import BodyTypes, Signature
-from envgraph.pattern._lowered import LoweredPattern, StaticType
-from envgraph.pattern._paths import ResolvedPath
-from envgraph.pattern._queries import Body, Parameter, PathConstraint, Pattern, Relation
-from envgraph.pattern._terms import Variable
+from envgraph.pattern._analysis import (
+    LibraryEntry,
+    PatternAnalysis,
+    PatternNames,
+    UnknownNames,
+    defined_features,
+)
+from envgraph.pattern._declared_functions import (
+    FunctionDeclaration,
+    Functions,
+    declare_functions,
+    resolve_functions,
+)
+from envgraph.pattern._expression_data import Variable
+from envgraph.pattern._feature_paths import ResolvedPath
+from envgraph.pattern._goals import LoweredPattern, StaticType
+from envgraph.pattern._occurrences import BodyVariables, Data
+from envgraph.pattern._query_data import Body, Parameter, PathConstraint, Pattern, Relation
+from envgraph.pattern._type_inference import BodyTypes, PatternSignature
 from envgraph.pattern._types import type_text
-from envgraph.pattern.check._check import check_patterns
-from envgraph.pattern.lowering._normal import lower_body
+from envgraph.pattern.check._patterns import check_patterns
+from envgraph.pattern.lowering._normal_form import lower_body
 
 PATHS = "#path"
 """The package of patterns generated for paths. The name cannot be written in a file."""
@@ -26,22 +37,24 @@ VALUES = "#values"
 """The package of patterns generated for the values of data types and enums."""
 
 
-class Checked(NamedTuple):
+class CheckedPatterns(NamedTuple):
     """New patterns with their analysis and diagnostics.
 
     Attributes:
         problems: all errors and warnings, in the order of the text.
-        unsound: qualified names of patterns that have errors, or that call such a pattern or an unknown name.
+        invalid_names: qualified names of patterns that have errors, or that call such a pattern or an unknown name.
     """
 
     given: Sequence[Pattern]
-    analysis: Analysis
+    analysis: PatternAnalysis
     problems: tuple[Diagnostic, ...]
-    unsound: frozenset[str]
+    invalid_names: frozenset[str]
 
     @property
-    def entries(self) -> tuple[Entry, ...]:
-        """Return the entries of the new patterns, which `Library.take` can register in a copy of the library."""
+    def entries(self) -> tuple[LibraryEntry, ...]:
+        """Return the entries of the new patterns, which `Library.register_checked` can register in a copy of the
+        library.
+        """
         return tuple(self.analysis.entries[one.qualified_name] for one in self.analysis.new_patterns)
 
 
@@ -62,12 +75,12 @@ class Library:
         self.metamodel = metamodel
         self.functions: Functions = {}
         self.unknown = UnknownNames()
-        self._entries: dict[str, Entry] = {}
-        self._names = Names(())
-        self._generated: dict[str, Entry] = {}
+        self._entries: dict[str, LibraryEntry] = {}
+        self._names = PatternNames(())
+        self._generated: dict[str, LibraryEntry] = {}
         self._lowered: dict[str, LoweredPattern] = {}
-        self._checked: Checked | None = None
-        self._definitions: tuple[dict[str, Entry], dict[Feature, str]] = {}, {}
+        self._checked: CheckedPatterns | None = None
+        self._definitions: tuple[dict[str, LibraryEntry], dict[Feature, str]] = {}, {}
 
     @property
     def patterns(self) -> tuple[Pattern, ...]:
@@ -82,17 +95,17 @@ class Library:
         """Declare functions for expressions to call, and return the diagnostics of the declarations."""
         if not declarations:
             return []
-        self.functions, problems = declared(declarations, self.functions, self.metamodel)
+        self.functions, problems = declare_functions(declarations, self.functions, self.metamodel)
         self._checked = None  # names that were unknown may be known now
         return problems
 
-    def resolved(self, data: Data) -> Data:
+    def with_functions_resolved(self, data: Data) -> Data:
         """Return the same definition, in which function calls refer to the functions that `declare` has declared."""
-        return resolved(data, self.functions) if self.functions else data
+        return resolve_functions(data, self.functions) if self.functions else data
 
     def check(self, *patterns: Pattern) -> list[Diagnostic]:
         """Return all errors and warnings of adding these patterns, in the order of their text. Nothing is added."""
-        return list(self.checked(*patterns).problems)
+        return list(self.analyse(*patterns).problems)
 
     def add(self, *patterns: Pattern) -> None:
         """Register patterns, which may call each other and registered patterns.
@@ -100,36 +113,34 @@ class Library:
         Raises:
             ResolutionError: at least one pattern has an error. It contains all errors, and nothing is added.
         """
-        checked = self.checked(*patterns)
-        if has_errors(checked.problems) or checked.unsound:
+        checked = self.analyse(*patterns)
+        if has_errors(checked.problems) or checked.invalid_names:
             raise ResolutionError([one for one in checked.problems if one.severity is Severity.ERROR])
         self._entries = checked.analysis.entries
         self._names = checked.analysis.names
         self._checked = None
 
-    def with_sound(self, *patterns: Pattern) -> Library:
+    def with_valid_patterns(self, *patterns: Pattern) -> Library:
         """Return a copy of the library with the given patterns added, except patterns with errors and their callers.
 
         The names of the other patterns become unknown names of the copy.
         """
         twin = copy(self)
-        new = {
-            one.qualified_name: one for one in reversed(patterns) if one.qualified_name not in self._entries
-        }
+        new = {one.qualified_name: one for one in reversed(patterns) if one.qualified_name not in self._entries}
         left = [one for one in patterns if new.get(one.qualified_name) is one]
-        while unsound := twin.checked(*left).unsound:
+        while unsound := twin.analyse(*left).invalid_names:
             twin.unknown |= unsound
             left = [one for one in left if one.qualified_name not in unsound]
         twin.add(*left)
         return twin
 
-    def take(self, entries: Iterable[Entry]) -> None:
+    def register_checked(self, entries: Iterable[LibraryEntry]) -> None:
         """Register entries of patterns that have been checked already. An entry replaces a pattern of the same name."""
         self._entries = {**self._entries, **{entry.pattern.qualified_name: entry for entry in entries}}
-        self._names = Names([entry.pattern for entry in self._entries.values()])
+        self._names = PatternNames([entry.pattern for entry in self._entries.values()])
         self._checked = None
 
-    def update(self, grown: Library) -> None:
+    def update_from(self, grown: Library) -> None:
         """Replace the contents of this library by the contents of `grown`, a copy of it that has been extended."""
         self._entries, self._names = grown._entries, grown._names
         self.functions, self.unknown = grown.functions, grown.unknown
@@ -140,17 +151,17 @@ class Library:
     def remove(self, names: Collection[str]) -> None:
         """Remove patterns by their qualified names. No remaining pattern may call them."""
         self._entries = {name: entry for name, entry in self._entries.items() if name not in names}
-        self._names = Names([entry.pattern for entry in self._entries.values()])
+        self._names = PatternNames([entry.pattern for entry in self._entries.values()])
         self._lowered = {name: lowered for name, lowered in self._lowered.items() if name not in names}
         self._checked = None
 
-    def called(self, qualified_name: str) -> tuple[str, ...]:
+    def callees(self, qualified_name: str) -> tuple[str, ...]:
         """Return the qualified names of the patterns that a pattern calls, or that define derived features it reads.
 
         Raises:
             InvalidArgument: no pattern has this name.
         """
-        entry, defined = self._entry(qualified_name), self.definitions
+        entry, defined = self._entry_of(qualified_name), self.definitions
         read = (defined[one.feature] for one in entry.reads if one.feature in defined)
         return tuple(dict.fromkeys((*entry.calls.values(), *read)))
 
@@ -158,10 +169,10 @@ class Library:
     def definitions(self) -> Mapping[Feature, str]:
         """Return the derived features that patterns define, each with the qualified name of its pattern."""
         if self._definitions[0] is not self._entries:
-            self._definitions = self._entries, definitions(self._entries)
+            self._definitions = self._entries, defined_features(self._entries)
         return self._definitions[1]
 
-    def checked(self, *patterns: Pattern) -> Checked:
+    def analyse(self, *patterns: Pattern) -> CheckedPatterns:
         """Return the analysis and diagnostics of new patterns. The last result is cached until the library changes."""
         last = self._checked
         if (
@@ -171,10 +182,10 @@ class Library:
             or len(last.given) != len(patterns)
             or any(one is not other for one, other in zip(last.given, patterns, strict=True))
         ):
-            resolved = [self.resolved(one) for one in patterns]
-            analysis = Analysis(self.metamodel, self._entries, resolved, self.unknown)
+            resolved = [self.with_functions_resolved(one) for one in patterns]
+            analysis = PatternAnalysis(self.metamodel, self._entries, resolved, self.unknown)
             problems, unsound = check_patterns(analysis)
-            last = Checked(patterns, analysis, tuple(problems), unsound)
+            last = CheckedPatterns(patterns, analysis, tuple(problems), unsound)
             if patterns:
                 self._checked = last
         return last
@@ -184,7 +195,7 @@ class Library:
 
         The order is: a pattern of the package, a qualified name, a simple name that only one visible pattern has.
         """
-        found, _ = self._names.candidates(name, package)
+        found, _ = self._names.find_candidates(name, package)
         return found[0] if len(found) == 1 else None
 
     def callee(self, caller: str, name: str) -> Pattern:
@@ -197,7 +208,7 @@ class Library:
         Raises:
             InvalidArgument: the caller does not exist, or calls no pattern by that name.
         """
-        calls = self._entry(caller).calls
+        calls = self._entry_of(caller).calls
         if name not in calls:
             raise InvalidArgument(f"pattern `{caller}` does not call `{name}`")
         return self._entries[calls[name]].pattern
@@ -208,7 +219,7 @@ class Library:
         Raises:
             InvalidArgument: no pattern has this name.
         """
-        return self._entry(qualified_name).pattern
+        return self._entry_of(qualified_name).pattern
 
     def parameter_types(self, qualified_name: str) -> tuple[StaticType, ...]:
         """Return the types of the parameters, declared or inferred.
@@ -216,7 +227,7 @@ class Library:
         Raises:
             InvalidArgument: no pattern has this name.
         """
-        return self._entry(qualified_name).known_types
+        return self._entry_of(qualified_name).known_types
 
     def inputs(self, qualified_name: str) -> tuple[int, ...]:
         """Return the positions of `in` parameters that callers must bind, because the pattern does not enumerate them.
@@ -224,25 +235,25 @@ class Library:
         Raises:
             InvalidArgument: no pattern has this name.
         """
-        return self._entry(qualified_name).inputs
+        return self._entry_of(qualified_name).inputs
 
-    def may_hold(self, qualified_name: str, body: Body) -> Callable[[Relation], bool]:
+    def relation_test(self, qualified_name: str, body: Body) -> Callable[[Relation], bool]:
         """Return the method `BodyTypes.may_hold` of the given body of a registered pattern.
 
         Raises:
             InvalidArgument: no pattern has this name.
         """
-        entry = self._entry(qualified_name)
-        return entry.bodies[entry.pattern.bodies.index(body)].may_hold
+        entry = self._entry_of(qualified_name)
+        return entry.bodies[entry.pattern.bodies.index(body)].allows_tuple
 
-    def lowered(self, qualified_name: str) -> LoweredPattern:
+    def lowered_pattern(self, qualified_name: str) -> LoweredPattern:
         """Return the lowered form of a registered or generated pattern. Its calls may name generated patterns.
 
         Raises:
             InvalidArgument: no pattern has this name.
         """
         if qualified_name not in self._lowered:
-            self._lowered[qualified_name] = self._lower(self._entry(qualified_name))
+            self._lowered[qualified_name] = self._lower(self._entry_of(qualified_name))
         return self._lowered[qualified_name]
 
     def __copy__(self) -> Library:
@@ -257,18 +268,17 @@ class Library:
         twin.unknown = self.unknown
         return twin
 
-    def _entry(self, name: str) -> Entry:
+    def _entry_of(self, name: str) -> LibraryEntry:
         entry = self._entries.get(name) or self._generated.get(name)
         if entry is None:
             hint = did_you_mean(name, self._entries)
             raise InvalidArgument(f"unknown pattern `{name}`", hint)
         return entry
 
-    def _lower(self, entry: Entry) -> LoweredPattern:
+    def _lower(self, entry: LibraryEntry) -> LoweredPattern:
         pattern = entry.pattern
         bodies = (
-            lower_body(pattern.parameters, types, self._generate, self.parameter_types)
-            for types in entry.bodies
+            lower_body(pattern.parameters, types, self._generated_name, self.parameter_types) for types in entry.bodies
         )
         return LoweredPattern(
             pattern.qualified_name,
@@ -280,16 +290,16 @@ class Library:
 
     def variable_types(self, pattern: Pattern) -> Mapping[str, StaticType | None]:
         """Return the types of the variables of a new pattern with one body, None where unknown. Errors are ignored."""
-        (body,) = self.resolved(pattern).bodies
+        (body,) = self.with_functions_resolved(pattern).bodies
 
-        def callee(name: str) -> Signature | None:
+        def callee(name: str) -> PatternSignature | None:
             called = self.resolve(name, pattern.package)
-            return Signature(called, self.parameter_types(called.qualified_name)) if called else None
+            return PatternSignature(called, self.parameter_types(called.qualified_name)) if called else None
 
-        reading = Reading(body, pattern.parameters)
+        reading = BodyVariables(body, pattern.parameters)
         return BodyTypes(reading, pattern.parameters, self.metamodel, callee).types
 
-    def _generate(self, wanted: ResolvedPath | AttributeType | Feature) -> str:
+    def _generated_name(self, wanted: ResolvedPath | AttributeType | Feature) -> str:
         """Return the name of the generated pattern for a path or for the values of a type. Register it if it is new.
 
         For a derived feature return the name of the pattern that defines it, or "".
@@ -311,18 +321,16 @@ class Library:
             )
             parameter = Parameter("value", type_name(type_))
             pattern = Pattern(type_name(type_), (parameter,), bodies, VALUES, private=True)
-            self._generated[name] = self._made(pattern, type_)
+            self._generated[name] = self._generated_entry(pattern, type_)
         return name
 
-    def _made(self, pattern: Pattern, *types: StaticType) -> Entry:
+    def _generated_entry(self, pattern: Pattern, *types: StaticType) -> LibraryEntry:
         """Return the entry of a generated pattern, which calls no other pattern. `types` are its parameter types."""
         bodies = (
-            BodyTypes(
-                Reading(body, pattern.parameters), pattern.parameters, self.metamodel, lambda name: None
-            )
+            BodyTypes(BodyVariables(body, pattern.parameters), pattern.parameters, self.metamodel, lambda name: None)
             for body in pattern.bodies
         )
-        return Entry(pattern, {}, types, bodies=tuple(bodies))
+        return LibraryEntry(pattern, {}, types, bodies=tuple(bodies))
 
     def _path_pattern(self, path: ResolvedPath) -> str:
         name = f"{PATHS}.{path}"
@@ -331,5 +339,5 @@ class Library:
             constraint = PathConstraint(path.cls, features, Variable("source"), Variable("target"))
             parameters = (Parameter("source", path.cls), Parameter("target", type_text(path.target)))
             pattern = Pattern(str(path), parameters, (Body((constraint,)),), PATHS, private=True)
-            self._generated[name] = self._made(pattern, path.source, path.target)
+            self._generated[name] = self._generated_entry(pattern, path.source, path.target)
         return name

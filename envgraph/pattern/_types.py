@@ -5,14 +5,14 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import Final
 
-from envgraph.errors import SHOWN, Diagnostic, did_you_mean, name_hint, with_article
+from envgraph.errors import SHOWN, Diagnostic, did_you_mean, name_hint, quote_with_article
 from envgraph.metamodel import EnumType, Metamodel, Scalar, Value, simple_name, type_name
-from envgraph.pattern._lowered import ObjectType, StaticType
-from envgraph.pattern._terms import Constant, Expression
+from envgraph.pattern._expression_data import Constant, Expression
+from envgraph.pattern._goals import ObjectType, StaticType
 
 NUMBERS = (Scalar.INT, Scalar.FLOAT)
 
-_ELSEWHERE: Final = {
+_FOREIGN_NAMES: Final = {
     Scalar.INT: ("int", "integer", "integerobject", "long", "short", "byte", "biginteger"),
     Scalar.FLOAT: ("float", "double", "doubleobject", "real", "number", "bigdecimal"),
     Scalar.BOOL: ("bool", "boolean", "booleanobject"),
@@ -20,7 +20,7 @@ _ELSEWHERE: Final = {
 }
 """Names of the data types in other languages, in lower case and without the prefix `E` of EMF."""
 
-_EXAMPLES: Final = {
+_VALUE_HINTS: Final = {
     Scalar.INT: "write a whole number, such as `3`",
     Scalar.FLOAT: "write a number, such as `1.5`",
     Scalar.BOOL: "write `true` or `false`",
@@ -56,8 +56,8 @@ def type_hint(name: str, metamodel: Metamodel) -> str | None:
     """
     if name == "EObject" and metamodel.class_list:
         return _any_object_hint(metamodel)
-    if metamodel.named(simple_name(name)):
-        return metamodel.likely(name)
+    if metamodel.full_names(simple_name(name)):
+        return metamodel.suggest_class(name)
     near = did_you_mean(name, type_names(metamodel)) or data_type_hint(name)
     return near or name_hint(name, metamodel.classes or type_names(metamodel))
 
@@ -69,7 +69,7 @@ def data_type_hint(name: str) -> str | None:
     ('write `float`', 'write `int`', None)
     """
     plain = name.removeprefix("E").lower()
-    return next((f"write `{scalar}`" for scalar, names in _ELSEWHERE.items() if plain in names), None)
+    return next((f"write `{scalar}`" for scalar, names in _FOREIGN_NAMES.items() if plain in names), None)
 
 
 def _any_object_hint(metamodel: Metamodel) -> str:
@@ -100,7 +100,7 @@ def value_hint(type_: StaticType, found: StaticType | None = None) -> str:
     'write a number, such as `1.5`; `.. ? 1 : 0` converts a bool'
     """
     if isinstance(type_, ObjectType):
-        return f"write a variable that stands for {with_article(type_.cls)}"
+        return f"write a variable that stands for {quote_with_article(type_.cls)}"
     if isinstance(type_, EnumType):
         shown = [f"`{type_.name}::{literal}`" for literal in type_.literals[: SHOWN.literals]]
         if len(type_.literals) > SHOWN.literals:
@@ -109,12 +109,12 @@ def value_hint(type_: StaticType, found: StaticType | None = None) -> str:
     if isinstance(found, ObjectType):
         return f"use an attribute of `{found.cls}`"
     if type_ is Scalar.STRING and found is not None:
-        return f"{_EXAMPLES[type_]}; `toString(..)` converts other values"
+        return f"{_VALUE_HINTS[type_]}; `toString(..)` converts other values"
     if type_ is Scalar.BOOL and found is not None:
         return "compare it: `.. == ..`"
     if type_ in NUMBERS and found is Scalar.BOOL:
-        return f"{_EXAMPLES[type_]}; `.. ? 1 : 0` converts a bool"
-    return _EXAMPLES[type_]
+        return f"{_VALUE_HINTS[type_]}; `.. ? 1 : 0` converts a bool"
+    return _VALUE_HINTS[type_]
 
 
 def value_type(value: Value) -> Scalar:
@@ -133,29 +133,29 @@ def is_subtype(type_: StaticType, above: StaticType, metamodel: Metamodel) -> bo
     return type_ == above
 
 
-def assignable(type_: StaticType, target: StaticType, metamodel: Metamodel) -> bool:
+def is_assignable(type_: StaticType, target: StaticType, metamodel: Metamodel) -> bool:
     """Return True if a value of `type_` may be stored where `target` is expected. An int may be stored as a float."""
     return is_subtype(type_, target, metamodel) or (type_ is Scalar.INT and target is Scalar.FLOAT)
 
 
-def may_fit(type_: StaticType, target: StaticType, metamodel: Metamodel) -> bool:
+def may_be_assignable(type_: StaticType, target: StaticType, metamodel: Metamodel) -> bool:
     """Return True if at least one value of `type_` may be stored where `target` is expected.
 
     For two classes this is the case if they have common instances.
     """
     if isinstance(type_, ObjectType) and isinstance(target, ObjectType):
-        return metamodel.overlap(type_.cls, target.cls)
-    return assignable(type_, target, metamodel)
+        return metamodel.may_overlap(type_.cls, target.cls)
+    return is_assignable(type_, target, metamodel)
 
 
-def compatible(one: StaticType, other: StaticType, metamodel: Metamodel) -> bool:
+def have_common_instances(one: StaticType, other: StaticType, metamodel: Metamodel) -> bool:
     """Return True if a value can be an instance of both types."""
     return meet(one, other, metamodel) is not None
 
 
-def comparable(one: StaticType, other: StaticType, metamodel: Metamodel) -> bool:
+def are_comparable(one: StaticType, other: StaticType, metamodel: Metamodel) -> bool:
     """Return True if values of the two types can be equal: compatible types, or an int and a float."""
-    return compatible(one, other, metamodel) or (one in NUMBERS and other in NUMBERS)
+    return have_common_instances(one, other, metamodel) or (one in NUMBERS and other in NUMBERS)
 
 
 def meet(one: StaticType, other: StaticType, metamodel: Metamodel) -> StaticType | None:
@@ -185,10 +185,10 @@ def meet(one: StaticType, other: StaticType, metamodel: Metamodel) -> StaticType
 
 def common_subclasses(one: str, other: str, metamodel: Metamodel) -> list[str]:
     """Return the names of the concrete classes whose objects are instances of both classes."""
-    return [name for name in metamodel.concrete(one) if metamodel.is_a(name, other)]
+    return [name for name in metamodel.concrete_classes(one) if metamodel.is_a(name, other)]
 
 
-def joins(types: Sequence[StaticType], metamodel: Metamodel) -> list[StaticType]:
+def least_common_supertypes(types: Sequence[StaticType], metamodel: Metamodel) -> list[StaticType]:
     """Return the least common supertypes of types: usually one, several after multiple inheritance, [] if none."""
     first = types[0]
     if not isinstance(first, ObjectType):
@@ -205,25 +205,21 @@ def joins(types: Sequence[StaticType], metamodel: Metamodel) -> list[StaticType]
     ]
 
 
-def literal_fits(value: Value, type_: StaticType) -> bool:
+def is_literal_assignable(value: Value, type_: StaticType) -> bool:
     """Return True if a literal (not of an enum) may be written where the type is expected."""
     own = value_type(value)
     return own == type_ or (own is Scalar.INT and type_ is Scalar.FLOAT)
 
 
-def coerced(value: Value, type_: StaticType | None) -> Value:
+def coerce(value: Value, type_: StaticType | None) -> Value:
     """Return a value as it is stored in a place of a type: an int is converted to a float if the type is float."""
     return float(value) if type_ is Scalar.FLOAT and isinstance(value, int) else value
 
 
-def wrong_type(expression: Expression, type_: StaticType, expected: StaticType) -> Diagnostic:
+def wrong_type_error(expression: Expression, type_: StaticType, expected: StaticType) -> Diagnostic:
     """Return the diagnostic for an expression of one type where another is expected."""
     hint = None
-    if (
-        isinstance(expected, EnumType)
-        and isinstance(expression, Constant)
-        and isinstance(expression.value, str)
-    ):
+    if isinstance(expected, EnumType) and isinstance(expression, Constant) and isinstance(expression.value, str):
         hint = enum_hint(expression.value, expected)
     elif expected is Scalar.INT and type_ is Scalar.FLOAT:
         hint = "convert it with `round`, `floor` or `toInt`"

@@ -7,27 +7,27 @@ True
 
 from typing import TYPE_CHECKING
 
-from envgraph.code import later
+from envgraph.code import export_lazily
 
 if TYPE_CHECKING:
     from envgraph.report._audit_report import audit_figures as audit_figures, audit_report as audit_report
     from envgraph.report._charts import (
         Series as Series,
+        chart_png as chart_png,
         line_chart as line_chart,
-        png as png,
-        standalone as standalone,
+        standalone_chart as standalone_chart,
     )
     from envgraph.report._family_report import (
         family_report as family_report,
         stage_rows as stage_rows,
         stage_table as stage_table,
     )
-    from envgraph.report._page import (
+    from envgraph.report._html_page import (
         Report as Report,
-        Section as Section,
-        Table as Table,
+        ReportSection as ReportSection,
+        ReportTable as ReportTable,
         render_html as render_html,
     )
-    from envgraph.report._training_report import Trained as Trained
+    from envgraph.report._training_report import TrainingResults as TrainingResults
 
-later(globals())
+export_lazily(globals())

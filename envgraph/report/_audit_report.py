@@ -9,24 +9,24 @@ import numpy as np
 
 from envgraph.learn import bootstrap_interval
 from envgraph.learn.audit import (
-    POOLED,
+    ALL_DOMAINS,
     PROBED,
     PROTOCOL,
     ROLLOUTS,
     Finding,
+    MethodSummary,
     Study,
-    Summary,
     rank_values,
-    summaries,
+    summarise_methods,
 )
-from envgraph.report._audit_charts import Interval, Panel, interval_chart, scatter_chart
+from envgraph.report._audit_charts import IntervalRow, ScatterPanel, interval_chart, scatter_chart
 from envgraph.report._charts import Series, line_chart
-from envgraph.report._page import Report, Section, Table
+from envgraph.report._html_page import Report, ReportSection, ReportTable
 
 _ESTIMATED = tuple(score for score in PROBED if not score.startswith("exact"))
 _KINDS = ("unsolvable", "hopeless (p < .05)", "in between", "mastered (p > .95)")
-_DRAWN = ("DR", "DR, solvable only", "PLR, random score", "PLR, MaxMC", "SFL, 16 rollouts")
-_DRAWN_EXACT = ("SFL, exact learnability", "PLR, exact regret", "PLR, exact learnability")
+_CURVE_METHODS = ("DR", "DR, solvable only", "PLR, random score", "PLR, MaxMC", "SFL, 16 rollouts")
+_EXACT_CURVE_METHODS = ("SFL, exact learnability", "PLR, exact regret", "PLR, exact learnability")
 
 
 def audit_report(
@@ -42,11 +42,11 @@ def audit_report(
     names = ", ".join(study.name for study in studies)
     counts = {word: sum(one.verdict == word for one in findings) for word in ("stands", "fails", "undecided")}
     said = ", ".join(f"{word} {count}" for word, count in counts.items())
-    sections = [_claims(findings)]
+    sections = [_claims_section(findings)]
     for study in studies:
-        sections += [_ranks(study), _taught(study, findings)]
+        sections += [_ranks_section(study), _methods_section(study, findings)]
     if len(studies) > 1:
-        sections.append(_pooled(findings))
+        sections.append(_pooled_section(findings))
     return Report(
         title=f"Scores of levels, audited: {names}",
         summary=f"How scores rank levels, what agents learn from levels chosen by scores, and what scores cost, "
@@ -62,16 +62,16 @@ def audit_figures(studies: Sequence[Study], findings: Sequence[Finding]) -> dict
     found: dict[str, str] = {}
     for study in studies:
         name = "".join(one if one.isalnum() else "_" for one in study.name)
-        charts = (*_ranks(study).charts, *_taught(study, findings).charts)
+        charts = (*_ranks_section(study).charts, *_methods_section(study, findings).charts)
         found |= {f"{name}_figure{number}": chart for number, chart in enumerate(charts, 1)}
     return found
 
 
-def _claims(findings: Sequence[Finding]) -> Section:
+def _claims_section(findings: Sequence[Finding]) -> ReportSection:
     domains = list(dict.fromkeys(one.domain for one in findings))
     known = {(one.claim, one.domain): one for one in findings}
     rows = tuple(
-        (claim, *(_verdict(known.get((claim, domain))) for domain in domains))
+        (claim, *(_format_verdict(known.get((claim, domain))) for domain in domains))
         for claim in dict.fromkeys(one.claim for one in findings)
     )
     text = (
@@ -82,27 +82,27 @@ def _claims(findings: Sequence[Finding]) -> Section:
         "and the p-value come from the same test, over seeds and over levels."
     )
     about = "The claims stated before the runs, and the value of each; tables 1 and 2 have the intervals."
-    return Section("Which claims stand", (text,), tables=(Table(about, ("claim", *domains), rows),))
+    return ReportSection("Which claims stand", (text,), tables=(ReportTable(about, ("claim", *domains), rows),))
 
 
-def _verdict(one: Finding | None) -> str:
+def _format_verdict(one: Finding | None) -> str:
     return "" if one is None else f"{one.verdict} {one.value:+z.3f}"
 
 
-def _ranks(study: Study) -> Section:
+def _ranks_section(study: Study) -> ReportSection:
     """Return the section with figures 1 and 2, and table 1: the ranking of levels by scores."""
     charts = []
     shown = next((run.shown for run in study.runs if run.shown), None)
     if shown is not None:
-        charts.append(_scatter(shown))
+        charts.append(_scatter_figure(shown))
     probed = [run for run in study.runs if run.rankings]
     if probed:
-        charts.append(_along_rollouts(study))
+        charts.append(_rollouts_figure(study))
     rows = []
     for score in PROBED:
         values = {name: rank_values(study, score, name) for name in _COLUMNS}
         if values["regret"]:
-            rows.append((score, *(_spread(values[name]) for name in _COLUMNS)))
+            rows.append((score, *(_format_mean(values[name]) for name in _COLUMNS)))
     solvable = study.levels.solvable[study.levels.probed].mean()
     text = (
         f"Students were trained by domain randomisation. At four points of training, every score was computed for "
@@ -114,7 +114,7 @@ def _ranks(study: Study) -> Section:
         f"rollouts; a correlation that does not rise with them shows a bias. Mean and interval over "
         f"{len(probed)} students.",
     )
-    table = Table(
+    table = ReportTable(
         f"Table 1: rank correlations of scores from {PROTOCOL.shown_rollouts} rollouts, and the levels in the highest "
         f"tenth of a score; mean over four points of training and {len(probed)} students, with half the width of the "
         f"95 % interval. A random tenth has {1 - solvable:.2f} unsolvable levels. Capture is the tenth's share of the "
@@ -123,7 +123,7 @@ def _ranks(study: Study) -> Section:
         tuple(rows),
         frozenset(range(1, 1 + len(_COLUMNS))),
     )
-    return Section(f"{study.name}: what scores rank", text, tuple(charts), (table,))
+    return ReportSection(f"{study.name}: what scores rank", text, tuple(charts), (table,))
 
 
 _COLUMNS = {
@@ -139,13 +139,13 @@ _COLUMNS = {
 }
 
 
-def _spread(values: Sequence[float]) -> str:
+def _format_mean(values: Sequence[float]) -> str:
     interval = bootstrap_interval(values)
     mean = float(np.mean(values))
     return f"{mean:.2f}" if interval is None else f"{mean:.2f} ± {(interval[1] - interval[0]) / 2:.2f}"
 
 
-def _scatter(shown: Mapping[str, Sequence[float]]) -> str:
+def _scatter_figure(shown: Mapping[str, Sequence[float]]) -> str:
     panels = []
     for score in PROBED:
         kinds: list[list[tuple[float, float]]] = [[], [], [], []]
@@ -154,13 +154,13 @@ def _scatter(shown: Mapping[str, Sequence[float]]) -> str:
         ):
             kind = 0 if not solvable else 1 if success < 0.05 else 3 if success > 0.95 else 2
             kinds[kind].append((regret, value))
-        panels.append(Panel(score, tuple(map(tuple, kinds))))
+        panels.append(ScatterPanel(score, tuple(map(tuple, kinds))))
     return scatter_chart(
         panels, _KINDS, x_label="exact regret", y_label="score", title="Figure 1: scores beside exact regret"
     )
 
 
-def _along_rollouts(study: Study) -> str:
+def _rollouts_figure(study: Study) -> str:
     series = []
     for score in _ESTIMATED:
         found = [rank_values(study, score, "regret_solvable", rollouts) for rollouts in ROLLOUTS]
@@ -182,9 +182,9 @@ def _along_rollouts(study: Study) -> str:
     )
 
 
-def _taught(study: Study, findings: Sequence[Finding]) -> Section:
+def _methods_section(study: Study, findings: Sequence[Finding]) -> ReportSection:
     """Return the section with figures 3 and 4, and tables 2 and 3: the success of training methods."""
-    found = summaries(study)
+    found = summarise_methods(study)
     levels, settings = study.levels, study.settings
     solvable = levels.solvable[levels.training].mean()
     text = (
@@ -200,17 +200,20 @@ def _taught(study: Study, findings: Sequence[Finding]) -> Section:
     gains = [one for one in found if one.method != "DR" and one.seeds > 1]
     charts = []
     if gains:
-        charts.append(_gains(gains, f"Figure 3: {study.name}, success minus that of domain randomisation"))
-    charts += [_curves(study, "steps"), _curves(study, "updates")]
-    return Section(
-        f"{study.name}: what scores teach", text, tuple(charts), (_methods(found), _ladder(study, findings))
+        charts.append(_gains_figure(gains, f"Figure 3: {study.name}, success minus that of domain randomisation"))
+    charts += [_curves_figure(study, "steps"), _curves_figure(study, "updates")]
+    return ReportSection(
+        f"{study.name}: what scores teach",
+        text,
+        tuple(charts),
+        (_methods_table(found), _ladder_table(study, findings)),
     )
 
 
-def _gains(rows: Sequence[Summary], title: str) -> str:
+def _gains_figure(rows: Sequence[MethodSummary], title: str) -> str:
     return interval_chart(
         [
-            Interval(
+            IntervalRow(
                 one.method,
                 one.gain,
                 one.gain_low,
@@ -225,10 +228,10 @@ def _gains(rows: Sequence[Summary], title: str) -> str:
     )
 
 
-def _curves(study: Study, by: str) -> str:
+def _curves_figure(study: Study, by: str) -> str:
     series = []
-    for method in (*_DRAWN, *_DRAWN_EXACT):
-        runs = list(study.of(method).values())
+    for method in (*_CURVE_METHODS, *_EXACT_CURVE_METHODS):
+        runs = list(study.runs_of(method).values())
         if not runs:
             continue
         curves = np.array([run.curve for run in runs])
@@ -241,14 +244,14 @@ def _curves(study: Study, by: str) -> str:
                 tuple(curves.mean(axis=0).tolist()),
                 tuple(float(low) for low, _ in edges),
                 tuple(float(high) for _, high in edges),
-                dashed=method in _DRAWN_EXACT,
+                is_dashed=method in _EXACT_CURVE_METHODS,
             )
         )
     title = f"Figure 4: {study.name}, success on held-out levels by {by}"
     return line_chart(series, x_label=by, y_label="success on held-out levels", title=title)
 
 
-def _methods(found: Sequence[Summary]) -> Table:
+def _methods_table(found: Sequence[MethodSummary]) -> ReportTable:
     rows = tuple(
         (
             one.method,
@@ -275,7 +278,7 @@ def _methods(found: Sequence[Summary]) -> Table:
         "worst 30 %",
         "regret",
     )
-    return Table(
+    return ReportTable(
         "Table 3: every method. Success of the stochastic policy, of its likeliest actions (greedy), and of the worst "
         "30 % of the levels (CVaR); the difference to domain randomisation with as many steps, and after as many "
         "updates; the mean exact regret; and the share of solvable levels among the training levels.",
@@ -285,7 +288,7 @@ def _methods(found: Sequence[Summary]) -> Table:
     )
 
 
-def _ladder(study: Study, findings: Sequence[Finding]) -> Table:
+def _ladder_table(study: Study, findings: Sequence[Finding]) -> ReportTable:
     parts = {
         "buffer": "a buffer alone",
         "filter": "a filter alone",
@@ -307,7 +310,7 @@ def _ladder(study: Study, findings: Sequence[Finding]) -> Table:
         for one in findings
         if one.domain == study.name and one.part in parts
     )
-    return Table(
+    return ReportTable(
         "Table 2: the parts of the gain, from domain randomisation to exact scores. p is the p-value of the "
         "test over seeds and levels, with Holm's correction; PoI is the probability of improvement.",
         ("part", "difference", "success", "interval", "p", "PoI", "seeds", "the claim"),
@@ -316,9 +319,9 @@ def _ladder(study: Study, findings: Sequence[Finding]) -> Table:
     )
 
 
-def _pooled(findings: Sequence[Finding]) -> Section:
+def _pooled_section(findings: Sequence[Finding]) -> ReportSection:
     rows = [
-        Interval(
+        IntervalRow(
             f"{one.method} - {one.other}"[:42],
             one.value,
             one.low,
@@ -327,8 +330,8 @@ def _pooled(findings: Sequence[Finding]) -> Section:
             one.verdict != "undecided",
         )
         for one in findings
-        if one.domain == POOLED
+        if one.domain == ALL_DOMAINS
     ]
     text = "All domains have equal weight; intervals are over seeds and over the levels of each domain."
     chart = interval_chart(rows, x_label="difference of success", title="Figure 3, all domains together")
-    return Section("All domains together", (text,), (chart,))
+    return ReportSection("All domains together", (text,), (chart,))

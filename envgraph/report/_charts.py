@@ -9,7 +9,7 @@ from re import sub
 from typing import Final
 
 from envgraph.code import dataclass
-from envgraph.draw import markup
+from envgraph.draw import escape_markup
 from envgraph.errors import InvalidArgument
 
 # After Okabe and Ito 2008, distinguishable with every common colour vision; darker on white and lighter on black:
@@ -30,8 +30,8 @@ class Series:
         label: the label in the legend.
         x, y: the coordinates of the points, of equal length.
         low, high: the band's edges at the points, or ().
-        marked: True to draw the points, too.
-        dashed: True to dash the line, for a baseline. Lines without a colour of their own get longer dashes.
+        has_points: True to draw the points, too.
+        is_dashed: True to dash the line, for a baseline. Lines without a colour of their own get longer dashes.
         number: the number of the line's colour, so that a line has the same colour in several charts; None for the
             position of the line.
     """
@@ -41,28 +41,26 @@ class Series:
     y: tuple[float, ...]
     low: tuple[float, ...] = ()
     high: tuple[float, ...] = ()
-    dashed: bool = False
-    marked: bool = False
+    is_dashed: bool = False
+    has_points: bool = False
     number: int | None = None
 
     def __post_init__(self) -> None:
         lengths = {len(self.x), len(self.y), *(len(edge) for edge in (self.low, self.high) if edge)}
         if len(lengths) != 1 or not self.x or bool(self.low) != bool(self.high):
-            raise InvalidArgument(
-                f"series `{self.label}` needs points, and `x`, `y`, `low` and `high` of equal length"
-            )
+            raise InvalidArgument(f"series `{self.label}` needs points, and `x`, `y`, `low` and `high` of equal length")
         if not all(isfinite(value) for value in (*self.x, *self.y, *self.low, *self.high)):
             raise InvalidArgument(f"series `{self.label}` has a value that is not finite")
 
 
-def ticks(low: float, high: float, about: int = 6, *, least: float = 0.0) -> list[float]:
+def tick_values(low: float, high: float, about: int = 6, *, least: float = 0.0) -> list[float]:
     """Return evenly spaced round numbers that cover `low` to `high`, about `about` of them.
 
     The step is 1, 2 or 5 times a power of ten, and at least `least`.
 
-    >>> ticks(0, 2.585)
+    >>> tick_values(0, 2.585)
     [0.0, 0.5, 1.0, 1.5, 2.0, 2.5, 3.0]
-    >>> ticks(0, 2, least=1)
+    >>> tick_values(0, 2, least=1)
     [0.0, 1.0, 2.0]
     """
     if not high > low:
@@ -88,31 +86,36 @@ def line_chart(series: Sequence[Series], *, x_label: str, y_label: str, title: s
     xs = [value for one in series for value in one.x]
     ys = [value for one in series for value in (*one.y, *one.low, *one.high)]
     whole = all(float(value).is_integer() for value in xs)  # no tick at half a generation
-    x_ticks, y_ticks = ticks(min(xs), max(xs), 8, least=float(whole)), ticks(min(ys), max(ys))
+    x_ticks, y_ticks = tick_values(min(xs), max(xs), 8, least=float(whole)), tick_values(min(ys), max(ys))
     # The x axis ends at the data, because a curve that stops before the frame looks unfinished.
     x_range = min(xs), max(*xs, min(xs) + 1e-9)
-    frame = Frame(74, 14, WIDTH - 100, 242, x_range, y_ticks)
+    frame = PlotArea(74, 14, WIDTH - 100, 242, x_range, y_ticks)
     x_ticks = [tick for tick in x_ticks if min(xs) <= tick <= max(xs)]
     numbers = [place if one.number is None else one.number for place, one in enumerate(series)]
-    drawn = [(one, colour(number), _dash(number, one)) for number, one in zip(numbers, series, strict=True)]
+    drawn = [
+        (one, line_colour(number), _dash_attribute(number, one)) for number, one in zip(numbers, series, strict=True)
+    ]
     # Letters of the legend are at most 7.5 pixels wide.
     columns = max(1, min(4, int(frame.width / (36 + 7.5 * max(len(one.label) for one in series)))))
     parts = [
         *frame.axes(x_ticks, y_ticks, x_label, y_label),
-        *(_band(frame, one, shade) for one, shade, _ in drawn if one.low),
-        *(_curve(frame, *one) for one in drawn),
+        *(_draw_band(frame, one, shade) for one, shade, _ in drawn if one.low),
+        *(_draw_curve(frame, *one) for one in drawn),
     ]
     for place, (one, shade, dash) in enumerate(drawn):
         x, y = frame.left + place % columns * frame.width / columns, 310 + place // columns * 20
-        parts += [line("line", (x, x + 22), (y, y), f"stroke: {shade}", dash), text(x + 28, y + 4, one.label)]
-    return chart(300 + 20 * ceil(len(series) / columns), title, parts)
+        parts += [
+            svg_line("line", (x, x + 22), (y, y), f"stroke: {shade}", dash),
+            svg_text(x + 28, y + 4, one.label),
+        ]
+    return svg_chart(300 + 20 * ceil(len(series) / columns), title, parts)
 
 
-def standalone(drawn: str) -> str:
+def standalone_chart(drawn: str) -> str:
     """Return a chart as the text of an SVG file, with the namespace, styles and colours that a page would provide.
 
     >>> drawn = line_chart([Series("a", (0, 1), (2, 3))], x_label="x", y_label="y", title="t")
-    >>> standalone(drawn).startswith('<svg xmlns="http://www.w3.org/2000/svg"')
+    >>> standalone_chart(drawn).startswith('<svg xmlns="http://www.w3.org/2000/svg"')
     True
     """
     head, rest = drawn.split("\n", 1)
@@ -128,8 +131,8 @@ def standalone(drawn: str) -> str:
     )
 
 
-def png(picture: str) -> bytes | None:
-    """Return a standalone chart as PNG, two pixels for each unit of its size; None without the extra `png`."""
+def chart_png(picture: str) -> bytes | None:
+    """Return a standalone chart as PNG, two pixels for each unit of its size; None without the extra `chart_png`."""
     if find_spec("resvg_py") is None:
         return None
     from resvg_py import svg_to_bytes
@@ -137,38 +140,40 @@ def png(picture: str) -> bytes | None:
     return bytes(svg_to_bytes(svg_string=picture, zoom=2.0))
 
 
-def chart(height: float, title: str, parts: Iterable[str]) -> str:
+def svg_chart(height: float, title: str, parts: Iterable[str]) -> str:
     """Return an SVG element that is `WIDTH` wide; the title is its description for screen readers."""
-    head = f'<svg class="chart" viewBox="0 0 {WIDTH} {height}" role="img" aria-label="{markup(title)}">'
-    return "\n".join([head, f"<title>{markup(title)}</title>", *parts, "</svg>"])
+    head = f'<svg class="chart" viewBox="0 0 {WIDTH} {height}" role="img" aria-label="{escape_markup(title)}">'
+    return "\n".join([head, f"<title>{escape_markup(title)}</title>", *parts, "</svg>"])
 
 
-def text(x: float, y: float, words: str, anchor: str = "", *, turned: bool = False) -> str:
-    """Return an SVG text element at a position; `anchor` is its `text-anchor`, and `turned` makes it read upwards."""
+def svg_text(x: float, y: float, words: str, anchor: str = "", *, is_vertical: bool = False) -> str:
+    """Return an SVG text element at a position; `anchor` is its `text-anchor`, and `is_vertical` makes it read
+    upwards.
+    """
     style = f' text-anchor="{anchor}"' if anchor else ""
-    style += f' transform="rotate(-90 {x:.1f} {y:.1f})"' if turned else ""
-    return f'<text x="{x:.1f}" y="{y:.1f}"{style}>{markup(words)}</text>'
+    style += f' transform="rotate(-90 {x:.1f} {y:.1f})"' if is_vertical else ""
+    return f'<text x="{x:.1f}" y="{y:.1f}"{style}>{escape_markup(words)}</text>'
 
 
-def line(kind: str, xs: tuple[float, float], ys: tuple[float, float], style: str = "", dash: str = "") -> str:
-    """Return an SVG line from (xs[0], ys[0]) to (xs[1], ys[1]); `kind` is its class in the style sheet."""
+def svg_line(css_class: str, xs: tuple[float, float], ys: tuple[float, float], style: str = "", dash: str = "") -> str:
+    """Return an SVG line from (xs[0], ys[0]) to (xs[1], ys[1]); `css_class` is its class in the style sheet."""
     ends = f'x1="{xs[0]:.1f}" x2="{xs[1]:.1f}" y1="{ys[0]:.1f}" y2="{ys[1]:.1f}"'
-    return f'<line class="{kind}" {ends}' + (f' style="{style}"' if style else "") + f"{dash}/>"
+    return f'<line class="{css_class}" {ends}' + (f' style="{style}"' if style else "") + f"{dash}/>"
 
 
-def dot(x: float, y: float, style: str, radius: float = 3) -> str:
+def svg_dot(x: float, y: float, style: str, radius: float = 3) -> str:
     """Return a filled SVG circle; `style` is its CSS colour."""
     return f'<circle cx="{x:.1f}" cy="{y:.1f}" r="{radius}" style="fill: {style}"/>'
 
 
-def colour(number: int) -> str:
+def line_colour(number: int) -> str:
     """Return the CSS colour of a line or kind of points; pages in dark mode override it."""
     place = number % len(COLOURS)
     return f"var(--line-{place}, {COLOURS[place]})"
 
 
 @dataclass(frozen=True, slots=True)
-class Frame:
+class PlotArea:
     """The plot area of a chart, in pixels, and the ranges of its data.
 
     Attributes:
@@ -200,49 +205,47 @@ class Frame:
         """Return the position of a data value, in pixels from the top."""
         return self.bottom - (value - self.y_range[0]) / (self.y_range[-1] - self.y_range[0]) * self.height
 
-    def axes(
-        self, x_ticks: Sequence[float], y_ticks: Sequence[float], x_label: str, y_label: str
-    ) -> Iterator[str]:
+    def axes(self, x_ticks: Sequence[float], y_ticks: Sequence[float], x_label: str, y_label: str) -> Iterator[str]:
         """Yield SVG elements of the axes with their labels, and a horizontal grid line for each y tick."""
         across, bottom = (self.left, self.right), self.bottom
         for tick in y_ticks:
             y = self.y(tick)
-            yield line("grid", across, (y, y))
-            yield text(self.left - 5, y + 4, _number(tick), "end")
+            yield svg_line("grid", across, (y, y))
+            yield svg_text(self.left - 5, y + 4, _format_tick(tick), "end")
         for tick in x_ticks:
             x = self.x(tick)
-            yield line("tick", (x, x), (bottom, bottom + 4))
-            yield text(x, bottom + 17, _number(tick), "middle")
-        yield line("axis", across, (bottom, bottom))
-        yield text(self.left + self.width / 2, bottom + 35, x_label, "middle")
+            yield svg_line("tick", (x, x), (bottom, bottom + 4))
+            yield svg_text(x, bottom + 17, _format_tick(tick), "middle")
+        yield svg_line("axis", across, (bottom, bottom))
+        yield svg_text(self.left + self.width / 2, bottom + 35, x_label, "middle")
         if y_label:
-            yield text(10, self.top + self.height / 2, y_label, "middle", turned=True)
+            yield svg_text(10, self.top + self.height / 2, y_label, "middle", is_vertical=True)
 
     def points(self, xs: Sequence[float], ys: Sequence[float]) -> str:
         """Return data points in the format of SVG's `points` attribute."""
         return " ".join(f"{self.x(x):.1f},{self.y(y):.1f}" for x, y in zip(xs, ys, strict=True))
 
 
-def _curve(frame: Frame, series: Series, shade: str, dash: str) -> str:
+def _draw_curve(frame: PlotArea, series: Series, shade: str, dash: str) -> str:
     points = f'points="{frame.points(series.x, series.y)}" style="stroke: {shade}"{dash}'
     alone = len(series.x) == 1
-    places = zip(series.x, series.y, strict=True) if series.marked or alone else ()
-    dots = [dot(frame.x(x), frame.y(y), shade) for x, y in places]
+    places = zip(series.x, series.y, strict=True) if series.has_points or alone else ()
+    dots = [svg_dot(frame.x(x), frame.y(y), shade) for x, y in places]
     return "\n".join([*([] if alone else [f'<polyline class="line" {points}/>']), *dots])
 
 
-def _band(frame: Frame, series: Series, shade: str) -> str:
+def _draw_band(frame: PlotArea, series: Series, shade: str) -> str:
     edge = frame.points(series.x + series.x[::-1], series.high + series.low[::-1])
     return f'<polygon class="band" points="{edge}" style="fill: {shade}"/>'
 
 
-def _dash(place: int, series: Series) -> str:
+def _dash_attribute(colour_number: int, series: Series) -> str:
     """Return the dash attribute of a dashed line, or of a line whose colour occurs before; "" for a solid line."""
-    round_ = place // len(COLOURS)
-    dash = [5 + 9 * round_, 4] if series.dashed or round_ else []
+    round_ = colour_number // len(COLOURS)
+    dash = [5 + 9 * round_, 4] if series.is_dashed or round_ else []
     return f' stroke-dasharray="{" ".join(map(str, dash))}"' if dash else ""
 
 
-def _number(value: float) -> str:
+def _format_tick(value: float) -> str:
     """Format a tick's label: thousands separated by a thin space, no trailing zeros."""
     return f"{value:,.0f}".replace(",", "\u2009") if abs(value) >= 1000 else f"{value:g}"

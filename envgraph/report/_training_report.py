@@ -21,7 +21,7 @@ from envgraph.learn import (
     performance_profile,
 )
 from envgraph.report._charts import Series, line_chart
-from envgraph.report._page import Section, Table
+from envgraph.report._html_page import ReportSection, ReportTable
 
 T = TypeVar("T")
 
@@ -30,7 +30,7 @@ _MOST_POINTS = 400
 
 
 @dataclass(frozen=True, slots=True)
-class Trained:
+class TrainingResults:
     """The results of training with one budget.
 
     Attributes:
@@ -57,13 +57,13 @@ class Trained:
         return best_way(self.experiment, target, can_succeed=self.can_succeed)
 
 
-def _panels(found: Iterable[tuple[str, str]], target: str) -> dict[str, list[tuple[str, str]]]:
+def _chart_panels(lines: Iterable[tuple[str, str]], target: str) -> dict[str, list[tuple[str, str]]]:
     """Return the lines (kind, label) of each chart, by chart title.
 
     Charts of curricula and of controls also show training on the target alone. If other baselines exist, or nothing
     else, the last chart shows all baselines.
     """
-    every = list(found)
+    every = list(lines)
     taught, compared, alone = (
         [one for one in every if one[0] == kind] for kind in ("curriculum", "control", "baseline")
     )
@@ -78,36 +78,34 @@ def _panels(found: Iterable[tuple[str, str]], target: str) -> dict[str, list[tup
     return panels
 
 
-def _numbers(panels: Mapping[str, Iterable[tuple[str, str]]]) -> dict[tuple[str, str], int]:
+def _colour_numbers(panels: Mapping[str, Iterable[tuple[str, str]]]) -> dict[tuple[str, str], int]:
     """Return the colour number of each line, the same in every chart, in the order of occurrence."""
     found = dict.fromkeys(one for panel in panels.values() for one in panel)
     return {one: number for number, one in enumerate(found)}
 
 
-def _line(kind: str, label: str) -> str:
+def _line_label(kind: str, label: str) -> str:
     """Return the label of a line for the legend; controls omit their kind."""
     return label if kind == "control" else f"{kind} {label}"
 
 
-def budget_charts(trained: Sequence[Trained], target: str) -> tuple[str, ...]:
+def budget_charts(trained: Sequence[TrainingResults], target: str) -> tuple[str, ...]:
     """Return charts of the success on the target by training budget; success need not increase with the budget."""
     lines: dict[tuple[str, str], list[Summary]] = {}
     for budget in trained:
         for one in budget.experiment.best_optimistic().summaries():
-            label = (
-                "optimistic" if one.label.startswith("optimistic") else one.label
-            )  # its initial values differ
+            label = "optimistic" if one.label.startswith("optimistic") else one.label  # its initial values differ
             lines.setdefault((one.kind, label), []).append(one)
-    panels = _panels(lines, target)
-    numbers = _numbers(panels)
+    panels = _chart_panels(lines, target)
+    numbers = _colour_numbers(panels)
     series = {
         (kind, label): Series(
-            _line(kind, label),
+            _line_label(kind, label),
             tuple(float(one.steps) for one in points),
             tuple(one.success_rate for one in points),
             tuple(one.success_interval[0] for one in points),
             tuple(one.success_interval[1] for one in points),
-            dashed=kind != "curriculum",
+            is_dashed=kind != "curriculum",
             number=numbers[kind, label],
         )
         for (kind, label), points in lines.items()
@@ -124,17 +122,17 @@ def budget_charts(trained: Sequence[Trained], target: str) -> tuple[str, ...]:
     )
 
 
-def training_section(trained: Trained, target: str) -> Section:
+def training_section(trained: TrainingResults, target: str) -> ReportSection:
     experiment = trained.experiment.best_optimistic()
     summaries = experiment.summaries()
     comparisons = compare(experiment, can_succeed=trained.can_succeed)
-    tables = [_agents(summaries, target)]
+    tables = [_agents_table(summaries, target)]
     if comparisons:
-        tables.append(_comparisons(comparisons))
-    panels = _panels(((one.kind, one.label) for one in summaries), target)
-    numbers = _numbers(panels)
+        tables.append(_comparisons_table(comparisons))
+    panels = _chart_panels(((one.kind, one.label) for one in summaries), target)
+    numbers = _colour_numbers(panels)
     series: dict[tuple[str, str], Series] = {
-        key: replace(curve(one, runs_of(experiment, one)), number=numbers[key])
+        key: replace(reward_curve(one, runs_of(experiment, one)), number=numbers[key])
         for one in summaries
         if (key := (one.kind, one.label)) in numbers
     }
@@ -151,16 +149,14 @@ def training_section(trained: Trained, target: str) -> Section:
     if len(charts) > 1:
         text += f" The charts show {'; '.join(panels)}."
     if any("controls" in name for name in panels):
-        text += (
-            " The last chart shows performance profiles: the share of agents whose return is above a value."
-        )
-    title = f"Training for {target}, {thousands(trained.steps)} steps an environment{trained.suffix}"
-    return Section(
-        title, (*findings(comparisons), text), (*charts, *_profiles(experiment, panels)), tuple(tables)
+        text += " The last chart shows performance profiles: the share of agents whose return is above a value."
+    title = f"Training for {target}, {format_thousands(trained.steps)} steps an environment{trained.suffix}"
+    return ReportSection(
+        title, (*findings(comparisons), text), (*charts, *_profile_charts(experiment, panels)), tuple(tables)
     )
 
 
-def _agents(summaries: Sequence[Summary], target: str) -> Table:
+def _agents_table(summaries: Sequence[Summary], target: str) -> ReportTable:
     """Return a table with one row for each curriculum, baseline or control."""
     rows = tuple(
         (
@@ -168,10 +164,10 @@ def _agents(summaries: Sequence[Summary], target: str) -> Table:
             f"{one.steps:,}",
             str(one.runs),
             f"{one.success_rate:.0%}",
-            _interval(one.success_interval, ".0%"),
+            _format_interval(one.success_interval, ".0%"),
             f"{one.mean_return:z.2f}",
             f"{one.return_iqm:z.2f}",
-            _interval(one.iqm_interval, "z.2f"),
+            _format_interval(one.iqm_interval, "z.2f"),
             f"{one.success_before:.0%}",
             "" if one.steps_to_threshold is None else f"{one.steps_to_threshold:,}",
         )
@@ -187,10 +183,10 @@ def _agents(summaries: Sequence[Summary], target: str) -> Table:
     )
     first = ("trained on", "steps", "seeds", "success", "interval")
     columns = (*first, "return", "IQM", "interval", "before", "to half")
-    return Table(caption, columns, rows, frozenset(range(1, len(columns))))
+    return ReportTable(caption, columns, rows, frozenset(range(1, len(columns))))
 
 
-def _comparisons(comparisons: Sequence[Comparison]) -> Table:
+def _comparisons_table(comparisons: Sequence[Comparison]) -> ReportTable:
     """Return a table with one row for each control."""
     first = comparisons[0]
     as_ = ".0%" if first.by == "success" else "z.2f"
@@ -199,7 +195,7 @@ def _comparisons(comparisons: Sequence[Comparison]) -> Table:
             one.called,
             format(one.value, as_),
             format(one.other, as_),
-            _interval(one.difference, as_),
+            _format_interval(one.difference, as_),
             f"{one.improvement:.2f}",
             "< 0.001" if one.p_value < 0.001 else f"{one.p_value:.2g}",
         )
@@ -211,23 +207,21 @@ def _comparisons(comparisons: Sequence[Comparison]) -> Table:
         "of a permutation test paired by seeds, with Holm's correction."
     )
     columns = ("control", first.curriculum, "control's", "difference", "improvement", "p")
-    return Table(caption, columns, rows, frozenset(range(1, len(columns))))
+    return ReportTable(caption, columns, rows, frozenset(range(1, len(columns))))
 
 
-def _interval(ends: tuple[float, float] | None, as_: str) -> str:
+def _format_interval(ends: tuple[float, float] | None, as_: str) -> str:
     return "" if ends is None else " to ".join(format(end, as_) for end in ends)
 
 
-def _profiles(experiment: Experiment, panels: Mapping[str, Sequence[tuple[str, str]]]) -> tuple[str, ...]:
+def _profile_charts(experiment: Experiment, panels: Mapping[str, Sequence[tuple[str, str]]]) -> tuple[str, ...]:
     """Return one chart of the share of agents whose return exceeds a value, with the lines of the chart of controls.
 
     Return () without such a chart, or if all returns are equal.
     """
     panel = next((panel for name, panel in panels.items() if "controls" in name), [])
-    numbers = _numbers(panels)
-    returns = {
-        one: [run.mean_return for run in experiment.runs if (run.kind, run.label) == one] for one in panel
-    }
+    numbers = _colour_numbers(panels)
+    returns = {one: [run.mean_return for run in experiment.runs if (run.kind, run.label) == one] for one in panel}
     every = sorted({value for values in returns.values() for value in values})
     if len(every) < 2:
         return ()
@@ -235,53 +229,49 @@ def _profiles(experiment: Experiment, panels: Mapping[str, Sequence[tuple[str, s
     points = [low + (high - low) * place / 100 for place in range(-1, 101)]
     series = [
         Series(
-            _line(*one),
+            _line_label(*one),
             tuple(points),
             tuple(performance_profile(values, points).tolist()),
-            dashed=one[0] != "curriculum",
+            is_dashed=one[0] != "curriculum",
             number=numbers[one],
         )
         for one, values in returns.items()
     ]
-    return (
-        line_chart(
-            series, x_label="return", y_label="share of the agents above it", title="Performance profiles"
-        ),
-    )
+    return (line_chart(series, x_label="return", y_label="share of the agents above it", title="Performance profiles"),)
 
 
 def runs_of(experiment: Experiment, summary: Summary) -> list[RunResult]:
     return [run for run in experiment.runs if (run.kind, run.label) == (summary.kind, summary.label)]
 
 
-def curve(summary: Summary, runs: Sequence[RunResult]) -> Series:
+def reward_curve(summary: Summary, runs: Sequence[RunResult]) -> Series:
     """Return the mean reward curve of runs, with its standard deviation; InvalidArgument if checkpoints differ."""
     steps = runs[0].curve.steps
     if any(run.curve.steps != steps for run in runs):
         raise InvalidArgument(f"the runs of {summary.label} have different checkpoints")
-    at = thinned(range(len(steps)))
+    at = thin_points(range(len(steps)))
     values = [[run.curve.reward[place] for run in runs] for place in at]
     means, spread = [fmean(one) for one in values], [pstdev(one) for one in values]
     return Series(
-        _line(summary.kind, summary.label),
+        _line_label(summary.kind, summary.label),
         tuple(float(steps[place]) for place in at),
         tuple(means),
         tuple(mean - width for mean, width in zip(means, spread, strict=True)),
         tuple(mean + width for mean, width in zip(means, spread, strict=True)),
-        dashed=summary.kind != "curriculum",
+        is_dashed=summary.kind != "curriculum",
     )
 
 
-def thinned(points: Sequence[T]) -> list[T]:
+def thin_points(points: Sequence[T]) -> list[T]:
     """Return at most 401 of the points, evenly spaced, including the last one."""
     stride = -(-len(points) // _MOST_POINTS)
     return [*points[: len(points) - 1 : stride], points[-1]]
 
 
-def thousands(number: int) -> str:
+def format_thousands(number: int) -> str:
     """Format whole thousands in short, other numbers in full.
 
-    >>> thousands(50_000), thousands(2_500)
+    >>> format_thousands(50_000), format_thousands(2_500)
     ('50k', '2500')
     """
     return f"{number // 1000}k" if number % 1000 == 0 else str(number)

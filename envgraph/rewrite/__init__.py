@@ -28,11 +28,11 @@ The module `_units` explains the steps of units.
 
 from typing import TYPE_CHECKING
 
-from envgraph.code import later
+from envgraph.code import export_lazily
 
 if TYPE_CHECKING:
-    from envgraph.rewrite._branches import Branches as Branches
-    from envgraph.rewrite._match import (
+    from envgraph.rewrite._choice_enumeration import Branches as Branches
+    from envgraph.rewrite._matches import (
         Application as Application,
         Firing as Firing,
         Match as Match,
@@ -40,18 +40,18 @@ if TYPE_CHECKING:
         Row as Row,
         Shape as Shape,
     )
-    from envgraph.rewrite._names import Signature as Signature
+    from envgraph.rewrite._signatures import Signature as Signature
     from envgraph.rewrite.derive._derive import derived as derived, derived_rules as derived_rules
-    from envgraph.rewrite.engine._described import Steps as Steps
-    from envgraph.rewrite.engine._engine import Engine as Engine
-    from envgraph.rewrite.engine._losses import Loss as Loss
-    from envgraph.rewrite.engine._register import Registration as Registration
-    from envgraph.rewrite.engine._trace import (
+    from envgraph.rewrite.engine._application_trace import (
         TRACE_FORMAT as TRACE_FORMAT,
         Trace as Trace,
         trace_schema as trace_schema,
         trace_to_text as trace_to_text,
     )
+    from envgraph.rewrite.engine._dangling import Loss as Loss
+    from envgraph.rewrite.engine._described_units import Steps as Steps
+    from envgraph.rewrite.engine._engine import Engine as Engine
+    from envgraph.rewrite.engine._registration import Registration as Registration
     from envgraph.rewrite.events._agenda import Agenda as Agenda
     from envgraph.rewrite.events._event_rules import EventRule as EventRule
     from envgraph.rewrite.explore._exploration import (
@@ -60,12 +60,12 @@ if TYPE_CHECKING:
         Statistics as Statistics,
         Transition as Transition,
     )
-    from envgraph.rewrite.explore._walks import (
+    from envgraph.rewrite.explore._state_walks import (
         SavepointWalk as SavepointWalk,
         walk_of_savepoints as walk_of_savepoints,
     )
-    from envgraph.rewrite.run._choice import Choice as Choice
-    from envgraph.rewrite.run._runner import Randomness as Randomness
-    from envgraph.rewrite.run._units import RunResult as RunResult
+    from envgraph.rewrite.run._rule_choice import RuleChoice as RuleChoice
+    from envgraph.rewrite.run._rule_runner import Randomness as Randomness
+    from envgraph.rewrite.run._unit_programs import RunResult as RunResult
 
-later(globals())
+export_lazily(globals())

@@ -6,31 +6,42 @@
 
 from typing import TYPE_CHECKING
 
-from envgraph.code import later
+from envgraph.code import export_lazily
 
 if TYPE_CHECKING:
-    from envgraph.lang import Options as Options
-    from envgraph.search._store import (
+    from envgraph.lang import ComponentOptions as ComponentOptions
+    from envgraph.search._run_store import (
         Generation as Generation,
         Individual as Individual,
         RunStore as RunStore,
         Trace as Trace,
     )
-    from envgraph.search.domain._components import Components as Components, Context as Context
-    from envgraph.search.domain._constraints import Reachable as Reachable
+    from envgraph.search.domain._components import (
+        ComponentContext as ComponentContext,
+        Components as Components,
+    )
+    from envgraph.search.domain._constraints import OutcomeReachable as OutcomeReachable
     from envgraph.search.domain._domain import (
         Domain as Domain,
-        domain_problems as domain_problems,
-        option_problems as option_problems,
+        check_component_options as check_component_options,
+        check_domain as check_domain,
     )
-    from envgraph.search.domain._optimise_file import (
+    from envgraph.search.domain._optimisation_file import (
+        optimisation_problem as optimisation_problem,
         optimise_domain as optimise_domain,
-        problem_of as problem_of,
     )
-    from envgraph.search.evolution._archive import Archive as Archive
-    from envgraph.search.evolution._evolution import Evolution as Evolution
-    from envgraph.search.evolution._samples import SampleProgress as SampleProgress, Sampler as Sampler
-    from envgraph.search.evolution._selection import (
+    from envgraph.search.evolution._bin_archive import Archive as Archive
+    from envgraph.search.evolution._evolution_settings import (
+        EvolutionSettings as EvolutionSettings,
+        SampleSettings as SampleSettings,
+    )
+    from envgraph.search.evolution._genetic_algorithm import Evolution as Evolution
+    from envgraph.search.evolution._model_sampler import (
+        ModelSampler as ModelSampler,
+        SampleProgress as SampleProgress,
+    )
+    from envgraph.search.evolution._mutation import Variation as Variation
+    from envgraph.search.evolution._survivor_selection import (
         BeamSearch as BeamSearch,
         ElitistParents as ElitistParents,
         ExactSelection as ExactSelection,
@@ -40,11 +51,20 @@ if TYPE_CHECKING:
         SimulatedAnnealing as SimulatedAnnealing,
         SurvivorSelection as SurvivorSelection,
         TournamentParents as TournamentParents,
-        acceptance as acceptance,
+        acceptance_probability as acceptance_probability,
     )
-    from envgraph.search.evolution._settings import SampleSettings as SampleSettings, Settings as Settings
-    from envgraph.search.evolution._variation import Variation as Variation
-    from envgraph.search.families._environment import (
+    from envgraph.search.families._family_file import (
+        family_schema as family_schema,
+        open_family as open_family,
+        read_family as read_family,
+        write_family as write_family,
+    )
+    from envgraph.search.families._family_pictures import (
+        family_svg as family_svg,
+        format_measure as format_measure,
+        format_measures as format_measures,
+    )
+    from envgraph.search.families._make import (
         make as make,
         make_aec as make_aec,
         make_environment as make_environment,
@@ -53,22 +73,11 @@ if TYPE_CHECKING:
         make_vector_environment as make_vector_environment,
         register as register,
     )
-    from envgraph.search.families._family import (
+    from envgraph.search.families._member_family import (
         Family as Family,
         Member as Member,
-        domain_of as domain_of,
-        run_file as run_file,
-    )
-    from envgraph.search.families._file import (
-        family_schema as family_schema,
-        open_family as open_family,
-        read_family as read_family,
-        write_family as write_family,
-    )
-    from envgraph.search.families._shown import (
-        caption as caption,
-        family_svg as family_svg,
-        measure_texts as measure_texts,
+        find_run_store as find_run_store,
+        load_stored_domain as load_stored_domain,
     )
     from envgraph.search.optimising import (
         Annealing as Annealing,
@@ -82,31 +91,24 @@ if TYPE_CHECKING:
         Walk as Walk,
         optimise as optimise,
     )
-    from envgraph.search.problem._diversity import (
-        BinnedEntropy as BinnedEntropy,
-        Bounded as Bounded,
-        Gini as Gini,
-        Statistic as Statistic,
-        Variance as Variance,
+    from envgraph.search.problem._candidate_pool import (
+        Candidate as Candidate,
+        FamilyMeasure as FamilyMeasure,
+        Pool as Pool,
+        StatisticMeasure as StatisticMeasure,
     )
-    from envgraph.search.problem._measures import (
+    from envgraph.search.problem._model_measures import (
         MatchCount as MatchCount,
         ShortestPath as ShortestPath,
         ShortestPlan as ShortestPlan,
     )
     from envgraph.search.problem._objective import (
-        Condition as Condition,
+        FamilyCondition as FamilyCondition,
         Objective as Objective,
-        Term as Term,
+        ObjectiveTerm as ObjectiveTerm,
     )
-    from envgraph.search.problem._objective_text import FamilyCall as FamilyCall, WrongCall as WrongCall
-    from envgraph.search.problem._paths import PathComplexity as PathComplexity
-    from envgraph.search.problem._pool import (
-        Candidate as Candidate,
-        FamilyMeasure as FamilyMeasure,
-        Over as Over,
-        Pool as Pool,
-    )
+    from envgraph.search.problem._objective_parser import FamilyCall as FamilyCall, WrongCall as WrongCall
+    from envgraph.search.problem._path_complexity import PathComplexity as PathComplexity
     from envgraph.search.problem._problem import (
         Constraint as Constraint,
         Forbid as Forbid,
@@ -114,19 +116,27 @@ if TYPE_CHECKING:
         Problem as Problem,
         Require as Require,
     )
-    from envgraph.search.runs._certified import (
-        Searched as Searched,
+    from envgraph.search.problem._statistics import (
+        BinnedEntropy as BinnedEntropy,
+        BoundedMeasure as BoundedMeasure,
+        Gini as Gini,
+        Statistic as Statistic,
+        Variance as Variance,
+    )
+    from envgraph.search.runs._ask_and_tell import Sampling as Sampling
+    from envgraph.search.runs._certificates_check import (
+        PlanSearchResult as PlanSearchResult,
         Verification as Verification,
-        apart as apart,
-        certificate_texts as certificate_texts,
         certificates as certificates,
-        keep_certificates as keep_certificates,
+        differing_members as differing_members,
+        format_certificates as format_certificates,
+        store_certificates as store_certificates,
         verify as verify,
     )
     from envgraph.search.runs._generate import (
-        evolve as evolve,
         export_ga4cl as export_ga4cl,
         generate as generate,
+        generate_from_domain as generate_from_domain,
         import_ga4cl as import_ga4cl,
         resume as resume,
     )
@@ -140,7 +150,6 @@ if TYPE_CHECKING:
         lineage_lengths as lineage_lengths,
         random_families as random_families,
     )
-    from envgraph.search.runs._rewards import reward_schedule as reward_schedule
-    from envgraph.search.runs._sampling import Sampling as Sampling
+    from envgraph.search.runs._reward_schedule import reward_schedule as reward_schedule
 
-later(globals())
+export_lazily(globals())

@@ -8,7 +8,7 @@ in the next. `mixture` combines several environments into one.
 
 from typing import TYPE_CHECKING
 
-from envgraph.code import later
+from envgraph.code import export_lazily
 
 if TYPE_CHECKING:
     from envgraph.solve._certificates import (
@@ -32,10 +32,10 @@ if TYPE_CHECKING:
         softened_policy as softened_policy,
     )
     from envgraph.solve._value_iteration import (
-        Optimum as Optimum,
+        OptimalPolicy as OptimalPolicy,
         optimal_episode as optimal_episode,
         optimal_return as optimal_return,
         value_iteration as value_iteration,
     )
 
-later(globals())
+export_lazily(globals())

@@ -13,7 +13,7 @@ from envgraph.code import dataclass
 from envgraph.env import Tabular
 from envgraph.errors import InvalidArgument
 from envgraph.solve._evaluation import evaluate_policy
-from envgraph.solve._running import flat, run
+from envgraph.solve._running import flat_arrays, run_loop
 from envgraph.solve._value_iteration import optimal_return
 
 
@@ -98,11 +98,11 @@ def shortest_plan(tabular: Tabular, outcome: int = 1, *, native: bool | None = N
         native: True to use numba; None for True if numba is installed. Loading numba takes longer than one search in
             Python.
     """
-    following, chance, _, ended = flat(tabular)
+    following, chance, _, ended = flat_arrays(tabular)
     starts = tabular.start_states, tabular.start_probability
     read = (following, chance, ended, *starts, *tabular.next_state.shape[1:], outcome)
     known = np.zeros(tabular.n_states, np.int64), np.zeros(tabular.n_states, np.int64)
-    return float(run("search", read, known, native=native) or inf)
+    return float(run_loop("search", read, known, native=native) or inf)
 
 
 def cvar(values: Sequence[float] | NDArray[np.float64], alpha: float) -> float:

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from envgraph.code import dataclass
 from envgraph.env import Tabular
 from envgraph.errors import InvalidArgument
-from envgraph.solve._running import flat, run
+from envgraph.solve._running import flat_arrays, run_loop
 
 
 @dataclass(frozen=True, slots=True)
@@ -51,18 +51,16 @@ def evaluate(
         InvalidArgument: the Q-values do not fit the environment, or a number is not positive.
     """
     if q.shape != (tabular.n_observations, tabular.n_actions):
-        raise InvalidArgument(
-            f"`q` has the shape {q.shape}, not {(tabular.n_observations, tabular.n_actions)}"
-        )
+        raise InvalidArgument(f"`q` has the shape {q.shape}, not {(tabular.n_observations, tabular.n_actions)}")
     if episodes < 1 or limit < 1:
         raise InvalidArgument(f"`episodes` is {episodes} and `limit` is {limit}, but both must be at least 1")
     policy = np.argmax(q[tabular.observation], axis=1)
     if tabular.deterministic:
-        return _follow(tabular, policy, limit)
-    return _sample(tabular, policy, episodes, limit, rng)
+        return _follow_episodes(tabular, policy, limit)
+    return _sample_episodes(tabular, policy, episodes, limit, rng)
 
 
-def _follow(tabular: Tabular, policy: NDArray[np.intp], limit: int) -> Evaluation:
+def _follow_episodes(tabular: Tabular, policy: NDArray[np.intp], limit: int) -> Evaluation:
     states = np.arange(tabular.n_states)
     following = tabular.next_state[states, policy, 0].tolist()
     rewards = tabular.reward[states, policy, 0].tolist()
@@ -78,13 +76,13 @@ def _follow(tabular: Tabular, policy: NDArray[np.intp], limit: int) -> Evaluatio
     return Evaluation(success, mean_return, mean_length, len(tabular.start_states), exact=True)
 
 
-def _sample(
+def _sample_episodes(
     tabular: Tabular, policy: NDArray[np.intp], episodes: int, limit: int, rng: np.random.Generator
 ) -> Evaluation:
     """Return the mean results of sampled episodes, which advance in parallel, one step at a time."""
     states = np.arange(tabular.n_states)
-    chances = accumulate(tabular.probability[states, policy])
-    starts = np.searchsorted(accumulate(tabular.start_probability), rng.random(episodes), "right")
+    chances = cumulative_probabilities(tabular.probability[states, policy])
+    starts = np.searchsorted(cumulative_probabilities(tabular.start_probability), rng.random(episodes), "right")
     state = tabular.start_states[starts]
     running = np.arange(episodes)
     totals, lengths, successes = np.zeros(episodes), np.zeros(episodes), 0
@@ -98,14 +96,10 @@ def _sample(
         state, running = tabular.next_state[index][ended == 0], running[ended == 0]
         if not len(running):
             break
-    return Evaluation(
-        successes / episodes, float(totals.mean()), float(lengths.mean()), episodes, exact=False
-    )
+    return Evaluation(successes / episodes, float(totals.mean()), float(lengths.mean()), episodes, exact=False)
 
 
-def evaluate_policy(
-    tabular: Tabular, policy: NDArray[Any] | None, limit: int, *, discount: float = 1.0
-) -> Evaluation:
+def evaluate_policy(tabular: Tabular, policy: NDArray[Any] | None, limit: int, *, discount: float = 1.0) -> Evaluation:
     """Return the exact expected values of a policy over states, from the distribution over states after each step.
 
     Args:
@@ -122,18 +116,18 @@ def evaluate_policy(
     if limit < 1 or not 0.0 <= discount <= 1.0:
         raise InvalidArgument(f"`limit`, {limit}, must be positive, and `discount`, {discount}, from 0 to 1")
     states, outcomes = tabular.n_states, tabular.next_state.size
-    arrays = flat(tabular), _shares(tabular, policy).reshape(-1)
+    arrays = flat_arrays(tabular), _action_probabilities(tabular, policy).reshape(-1)
     first, target = np.zeros(states + 1, np.int64), np.zeros(outcomes, np.int64)
     moved, success, gain = np.zeros(outcomes), np.zeros(states), np.zeros(states)
     written = first, target, moved, success, gain
-    used = run("chain", (*arrays[0], arrays[1], *tabular.next_state.shape[1:]), written)
+    used = run_loop("chain", (*arrays[0], arrays[1], *tabular.next_state.shape[1:]), written)
     present = np.bincount(tabular.start_states, tabular.start_probability, minlength=states)
     steps = first, target[:used], moved[:used], success, gain, discount, limit
-    success_rate, mean_return, mean_length = run("follow", steps, (present, np.zeros(states)))
+    success_rate, mean_return, mean_length = run_loop("follow", steps, (present, np.zeros(states)))
     return Evaluation(success_rate, mean_return, mean_length, len(tabular.start_states), exact=True)
 
 
-def _shares(tabular: Tabular, policy: NDArray[Any] | None) -> NDArray[np.float64]:
+def _action_probabilities(tabular: Tabular, policy: NDArray[Any] | None) -> NDArray[np.float64]:
     """Return float64 [states, actions], the action probabilities of a policy; a wrong policy raises InvalidArgument."""
     shape = tabular.n_states, tabular.n_actions
     if policy is None:
@@ -143,9 +137,7 @@ def _shares(tabular: Tabular, policy: NDArray[Any] | None) -> NDArray[np.float64
             raise InvalidArgument("each row of `policy` must be probabilities of actions with the sum 1")
         return np.ascontiguousarray(policy, np.float64)
     if policy.shape != shape[:1] or not np.issubdtype(policy.dtype, np.integer):
-        raise InvalidArgument(
-            f"`policy` has the shape {policy.shape}, but must be int {shape[:1]} or float {shape}"
-        )
+        raise InvalidArgument(f"`policy` has the shape {policy.shape}, but must be int {shape[:1]} or float {shape}")
     if not ((policy >= 0) & (policy < tabular.n_actions)).all():
         raise InvalidArgument(f"`policy` has actions that are not from 0 to {tabular.n_actions - 1}")
     shares = np.zeros(shape)
@@ -153,10 +145,10 @@ def _shares(tabular: Tabular, policy: NDArray[Any] | None) -> NDArray[np.float64
     return shares
 
 
-def accumulate(probability: NDArray[np.float64]) -> NDArray[np.float64]:
+def cumulative_probabilities(probability: NDArray[np.float64]) -> NDArray[np.float64]:
     """Return cumulative probabilities over the last axis, infinite from the last outcome that can happen.
 
-    >>> accumulate(np.array([0.5, 0.25, 0.25, 0.0])).tolist()
+    >>> cumulative_probabilities(np.array([0.5, 0.25, 0.25, 0.0])).tolist()
     [0.5, 0.75, inf, inf]
     """
     possible = probability > 0.0

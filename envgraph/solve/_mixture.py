@@ -34,18 +34,14 @@ def mixture(tabulars: Sequence[Tabular]) -> Tabular:
                 message = f"environment {place} of the mixture has other `{name}` than environment 1"
                 raise InvalidArgument(message)
         if bool(other.agent_names) != bool(first.agent_names):
-            raise InvalidArgument(
-                "either all environments of a mixture must have agents that take turns, or none"
-            )
+            raise InvalidArgument("either all environments of a mixture must have agents that take turns, or none")
     agents = tuple(dict.fromkeys(name for one in tabulars for name in one.agent_names))
     outcomes = max(one.next_state.shape[2] for one in tabulars)
     before = np.cumsum([0, *(one.n_states for one in tabulars[:-1])])
 
     def padded(name: str) -> NDArray[np.float64]:
         arrays = (getattr(one, name) for one in tabulars)
-        return np.concatenate(
-            [np.pad(array, ((0, 0), (0, 0), (0, outcomes - array.shape[2]))) for array in arrays]
-        )
+        return np.concatenate([np.pad(array, ((0, 0), (0, 0), (0, outcomes - array.shape[2]))) for array in arrays])
 
     places = [np.full(one.n_states, shift) for one, shift in zip(tabulars, before, strict=True)]
     starts = [one.start_states + shift for one, shift in zip(tabulars, before, strict=True)]
@@ -59,12 +55,12 @@ def mixture(tabulars: Sequence[Tabular]) -> Tabular:
         start_states=np.concatenate(starts).astype(np.int32),
         start_probability=np.concatenate([one.start_probability for one in tabulars]) / len(tabulars),
         agent_names=agents,
-        turn=np.concatenate([_turns(one, agents) for one in tabulars]) if agents else None,
-        allowed=np.concatenate([one.masks for one in tabulars]),
+        turn=np.concatenate([_turn_indices(one, agents) for one in tabulars]) if agents else None,
+        allowed=np.concatenate([one.action_masks for one in tabulars]),
     )
 
 
-def _turns(one: Tabular, agents: tuple[str, ...]) -> NDArray[np.int32]:
+def _turn_indices(one: Tabular, agents: tuple[str, ...]) -> NDArray[np.int32]:
     """Return for each state the index in `agents` of the agent whose turn it is."""
     places = [agents.index(name) for name in one.agent_names]
     return np.array(places, dtype=np.int32)[one.turn]

@@ -41,12 +41,8 @@ CAMPAIGNS = {
 
 def main() -> int:
     """Run the campaigns, and say what they found."""
-    parser = argparse.ArgumentParser(
-        prog="python -m tests.campaigns", description=(__doc__ or "").split("\n")[0]
-    )
-    parser.add_argument(
-        "names", nargs="*", metavar="NAME", help=f"some of {', '.join(CAMPAIGNS)}; by default all"
-    )
+    parser = argparse.ArgumentParser(prog="python -m tests.campaigns", description=(__doc__ or "").split("\n")[0])
+    parser.add_argument("names", nargs="*", metavar="NAME", help=f"some of {', '.join(CAMPAIGNS)}; by default all")
     parser.add_argument("--seconds", type=float, default=60, help="for each of them (60)")
     parser.add_argument("--first", type=int, default=0, help="number of the first case (0)")
     parser.add_argument("--case", type=int, help="only this case")

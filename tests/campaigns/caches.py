@@ -103,9 +103,7 @@ def _replace(random: Random, path: Path) -> None:
 
 
 def _swap(random: Random, path: Path) -> None:
-    shutil.copy(
-        random.choice([one for one in sorted(path.parent.iterdir()) if one.is_file()]), f"{path}.copy"
-    )
+    shutil.copy(random.choice([one for one in sorted(path.parent.iterdir()) if one.is_file()]), f"{path}.copy")
     os.replace(f"{path}.copy", path)
 
 

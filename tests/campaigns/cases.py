@@ -72,9 +72,7 @@ def _try(campaign: Campaign, number: int, writer: int) -> None:
         told = f"ok {kind}"
     except BaseException as problem:
         place = traceback.extract_tb(problem.__traceback__)[-1]
-        told = (
-            f"failed {type(problem).__name__}: {problem} ({os.path.basename(place.filename)}:{place.lineno})"
-        )
+        told = f"failed {type(problem).__name__}: {problem} ({os.path.basename(place.filename)}:{place.lineno})"
     os.write(writer, told[:60_000].encode(errors="replace"))
     os._exit(0)
 

@@ -50,14 +50,10 @@ def campaign(random: Random) -> str:
         copy = Path(f"{name}.copy")
         shutil.copytree(disk, copy)
         try:
-            inside = (
-                f"mount -t tmpfs -o size={size + 64}k none {disk} && cp -r {copy}/. {disk} && cd {disk} && "
-            )
+            inside = f"mount -t tmpfs -o size={size + 64}k none {disk} && cp -r {copy}/. {disk} && cd {disk} && "
             if full:
                 left = random.choice([0, 4, 20])
-                inside += (
-                    f"(head -c {size + 64}k /dev/zero > filler; truncate -s -{left}k filler) 2>/dev/null; "
-                )
+                inside += f"(head -c {size + 64}k /dev/zero > filler; truncate -s -{left}k filler) 2>/dev/null; "
             else:
                 inside += f"mount -o remount,ro {disk} && "
             command = random.choice(_WRITING if full else (*_READING, *_WRITING))

@@ -40,15 +40,11 @@ def _encoded(random: Random, directory: Path) -> str:
     if kind in ("cr", "crlf"):
         path.write_bytes(text.replace("\n", "\r" if kind == "cr" else "\r\n").encode())
     elif kind == "surrogate":
-        path.write_bytes(
-            (text[:at] + random.choice("\ud800\udfff") + text[at:]).encode("utf-8", "surrogatepass")
-        )
+        path.write_bytes((text[:at] + random.choice("\ud800\udfff") + text[at:]).encode("utf-8", "surrogatepass"))
     elif kind == "nul":
         path.write_text(text[:at] + "\0" * random.choice([1, 1000]) + text[at:], encoding="utf-8")
     elif kind == "bytes":
-        path.write_bytes(
-            text[:at].encode() + random.randbytes(random.choice([1, 5, 100])) + text[at:].encode()
-        )
+        path.write_bytes(text[:at].encode() + random.randbytes(random.choice([1, 5, 100])) + text[at:].encode())
     else:
         path.write_bytes((text[:at] + "é" + text[at:]).encode(kind, "replace"))
     read(path, readers[name])
@@ -68,9 +64,7 @@ def _importing(random: Random, directory: Path) -> str:
             (directory / f"f{number}.query").write_text(f'import "f{number + 1}.query"\n')
         root.write_text('import "f0.query"\n')
     elif kind == "wide":
-        root.write_text(
-            "".join(f'import "f{number}.query"\n' for number in range(random.choice([100, 100_000])))
-        )
+        root.write_text("".join(f'import "f{number}.query"\n' for number in range(random.choice([100, 100_000]))))
     elif kind == "itself":
         root.write_text('import "root.query"\nimport "./../' + directory.name + '/root.query"\n')
     elif kind == "missing":
@@ -87,9 +81,7 @@ def _importing(random: Random, directory: Path) -> str:
             (inside / path.name).symlink_to(path)
         if kind == "link":
             load_family(str(inside / "family.toml"))
-            assert not load_workspace(
-                [str(path) for path in inside.iterdir() if path.suffix != ".toml"]
-            ).errors
+            assert not load_workspace([str(path) for path in inside.iterdir() if path.suffix != ".toml"]).errors
             return kind
         (outside / "network.query").unlink()
         root = inside / "network.rules"

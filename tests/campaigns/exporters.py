@@ -27,18 +27,18 @@ import gymnasium
 import numpy as np
 from markdown_it import MarkdownIt
 
-from envgraph.cli import _adopt, _export
+from envgraph.cli import _adopt_command, _export_command
 from envgraph.env import adopt
 from envgraph.errors import EnvgraphError
 from envgraph.graph import model_to_json, model_to_xmi
 from envgraph.lang import Bundle, model_to_text
-from envgraph.lang.write._text_terms import string
+from envgraph.lang.write._term_writer import format_string
 from envgraph.metamodel import metamodel_to_ecore
 from envgraph.report import family_report, render_html
 from envgraph.search import Domain, Family, Member, open_family, write_family
 from envgraph.search.export import write_package
 
-FORMATS: Final = _export._KNOWN
+FORMATS: Final = _export_command._EXPORT_FORMATS
 """Every format of `envgraph export`."""
 
 CODE: Final = "__import__('pathlib').Path('CANARY').touch()"
@@ -180,10 +180,7 @@ def prepare() -> None:
 
 def campaign(random: Random) -> str:
     """Export a family with random names to every format."""
-    names = [
-        "".join(random.choice(_PIECES) for _ in range(random.choice([1, 1, 2, 3, 6, 20])))[:300]
-        for _ in range(3)
-    ]
+    names = ["".join(random.choice(_PIECES) for _ in range(random.choice([1, 1, 2, 3, 6, 20])))[:300] for _ in range(3)]
     kind = random.choice(["yard", "yard", "lake", "doors", "templates"])
     with tempfile.TemporaryDirectory() as directory, contextlib.chdir(directory):
         folder = Path(directory)
@@ -212,16 +209,12 @@ def yard(names: Sequence[str]) -> Family:
     measure = "".join(c for c in names[-1] if c <= "\uffff") or "none"  # JSON names no others as TOML does
     words = {
         "DOC": first.replace("*/", "* /"),
-        "PLACES": " ".join(
-            f"p{n} : Place {{ name = {string(name)} }}," for n, name in enumerate(distinct[:3])
-        ),
-        "FIRST": string(first),
-        "OBSERVED": " ".join(f"observe robot.happy if find named(robot, {string(name)})" for name in names),
+        "PLACES": " ".join(f"p{n} : Place {{ name = {format_string(name)} }}," for n, name in enumerate(distinct[:3])),
+        "FIRST": format_string(first),
+        "OBSERVED": " ".join(f"observe robot.happy if find named(robot, {format_string(name)})" for name in names),
         "MEASURE": json.dumps(measure).replace("\x7f", "\\u007f"),
     }
-    texts = {
-        file: re.sub("|".join(words), lambda found: words[found[0]], text) for file, text in YARD.items()
-    }
+    texts = {file: re.sub("|".join(words), lambda found: words[found[0]], text) for file, text in YARD.items()}
     domain = Domain.from_bundle(Bundle(("family.toml",), texts))
     model = write_model(domain)
     members = tuple(Member(name, {measure: 1.0}, model) for name in distinct)
@@ -237,7 +230,7 @@ def write_model(domain: Domain) -> str:
 def lake(said: str = "a lake") -> Family:
     """FrozenLake, adopted."""
     adopted, _ = adopt("FrozenLake-v1", 0, is_slippery=False)
-    kind, words = next(_adopt._ways(adopted))
+    kind, words = next(_adopt_command._candidate_templates(adopted))
     assert kind == "grid"
     return of_texts("grid", {**words, "said": said, "id": said})
 
@@ -265,11 +258,11 @@ def doors(said: str = "get to the goal") -> Family:
 def of_texts(kind: str, words: Mapping[str, Any]) -> Family:
     """The family of one member that the templates of `envgraph adopt` make."""
     given = {"name": "adopted", "environment": "Adopted", "limit": 20, **words}
-    texts = _adopt._texts(kind, given)
+    texts = _adopt_command._render_files(kind, given)
     if kind == "minigrid":
         metamodel = texts["adopted.metamodel"].replace("@colour Colour colour", "string colour")
         texts["adopted.metamodel"] = f"{metamodel}class exec extends Thing\n"
-        model = texts["adopted.model"].replace("::red", string(words["said"]))
+        model = texts["adopted.model"].replace("::red", format_string(words["said"]))
         texts["adopted.model"] = model.replace(": Key", ": exec")
     domain = Domain.from_bundle(Bundle(("family.toml",), texts))
     if kind == "minigrid":
@@ -290,14 +283,14 @@ def exported(family: Family, folder: Path, formats: Sequence[str]) -> set[str]:
     read = open_family(folder / "family.json")
     for format in formats:
         output = folder / format
-        if format not in _export._FOLDERS:
+        if format not in _export_command._FOLDER_FORMATS:
             output = output.with_suffix({"svg": ".svg", "npz": ".npz"}.get(format, ".json"))
         with (
             contextlib.redirect_stdout(io.StringIO()),
             contextlib.suppress(EnvgraphError),
-            mock.patch.object(_export, "open_family", lambda *_: read),  # what was explored is kept
+            mock.patch.object(_export_command, "open_family", lambda *_: read),  # what was explored is kept
         ):
-            _export.export_family(str(folder / "family.json"), folder, format, output)
+            _export_command.export_family(str(folder / "family.json"), folder, format, output)
             made.add(format)
     (folder / "page.html").write_text(render_html(family_report(read)), "utf-8")
     return made

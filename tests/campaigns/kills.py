@@ -112,9 +112,7 @@ def campaign(random: Random) -> str:
             if killed(random, directory, *_TRAIN):
                 begun = (directory / "runs" / "m" / "training" / "unfinished.jsonl").exists()
                 good(run(directory, *(("train", "m", "--resume") if begun else (*_TRAIN, "--force"))))
-            assert _trained(directory) == {
-                key: text for key, text in expected.items() if key != "family.json"
-            }
+            assert _trained(directory) == {key: text for key, text in expected.items() if key != "family.json"}
         if kind == "export":
             _killed(random, directory, "export", "m", "-o", "family.json")
             assert (directory / "family.json").read_text() in ("old", expected["family.json"])

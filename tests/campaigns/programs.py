@@ -12,8 +12,8 @@ from envgraph.search import generate
 from tests.oracle.naive._naive import NaiveMatcher
 from tests.oracle.rewriting_agreement import disagreement, given_values
 from tests.oracle.rewriting_worlds import state_of
-from tests.oracle.test_rewriting_agrees import world
-from tests.oracle.views_walk import stroll
+from tests.oracle.test_rewriting_agrees import random_rewriting_case
+from tests.oracle.views_walk import run_random_walk
 
 SEARCHED = ["burning_forest/paper.toml", "keydoor/diverse.toml", "network/diverse.toml"]
 
@@ -28,9 +28,9 @@ def campaign(random: Random) -> str:
         _generate(random.randrange(10**6), random.choice(SEARCHED))
         return "families"
     if random.random() < 0.5:
-        stroll(random.randrange(2**32))
+        run_random_walk(random.randrange(2**32))
         return "views"
-    found = world(random.randrange(2**48))
+    found = random_rewriting_case(random.randrange(2**48))
     for rule in found.rules:
         given = given_values(found.dice, rule, state_of(found.model))
         engine = found.engine(rule, watch=not given and random.random() < 0.5)
@@ -50,11 +50,7 @@ def _generate(seed: int, domain: str) -> None:
         naive = Engine(model, matcher=NaiveMatcher)
         naive.add(*engine.definitions)
         for name in (*engine.patterns, *engine.rules):
-            if (
-                any(one.required for one in engine.signature(name).parameters)
-                if name in engine.rules
-                else False
-            ):
+            if any(one.is_required for one in engine.signature(name).parameters) if name in engine.rules else False:
                 continue
             rows = [sorted(match.row for match in one.matches(name)) for one in (engine, naive)]
             assert rows[0] == rows[1], name

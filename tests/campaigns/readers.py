@@ -97,9 +97,7 @@ def _changed(random: Random, text: str, other: str) -> str:
             parts[at:at] = others[place : place + random.choice([1, 5, 30])]
         elif kind == 5:  # nested deeply
             depth = random.choice([3, 50, 3000])
-            before, after = random.choice(
-                [("(", ")"), ("{", "}"), ("[", "]"), ("-", ""), ("<a>", "</a>"), ("!", "")]
-            )
+            before, after = random.choice([("(", ")"), ("{", "}"), ("[", "]"), ("-", ""), ("<a>", "</a>"), ("!", "")])
             parts[at] = before * depth + parts[at] + after * depth
         else:  # repeated often
             parts[at:to] = parts[at:to] * random.choice([2, 20, 500])
@@ -140,9 +138,7 @@ def corpus() -> tuple[dict[str, str], dict[str, Reader]]:
     texts["keydoor.trace"] = trace_to_text(engine, trace)
     readers["keydoor.trace"] = _trace
     with tempfile.TemporaryDirectory() as directory:
-        found = generate(
-            "burning_forest/paper.toml", Path(directory, "run.sqlite"), generations=0, population=2
-        )
+        found = generate("burning_forest/paper.toml", Path(directory, "run.sqlite"), generations=0, population=2)
     texts["family.json"] = write_family(found)
     readers["family.json"] = _family
     return texts, readers

@@ -79,9 +79,7 @@ def _change(random: Random, kind: str, connection: sqlite3.Connection) -> None:
     if kind == "newer":
         connection.execute("UPDATE setting SET value = '99' WHERE key = 'format'")
         return
-    tables = [
-        row[0] for row in connection.execute("SELECT name FROM sqlite_master WHERE type = 'table' ORDER BY 1")
-    ]
+    tables = [row[0] for row in connection.execute("SELECT name FROM sqlite_master WHERE type = 'table' ORDER BY 1")]
     for _ in range(random.choice([1, 1, 3])):
         table = random.choice(tables)
         columns = [row[1] for row in connection.execute(f"PRAGMA table_info({table})")]
@@ -91,9 +89,7 @@ def _change(random: Random, kind: str, connection: sqlite3.Connection) -> None:
         rows = [row[0] for row in connection.execute(f"SELECT {key} FROM {table}")]
         if not rows:
             continue
-        value = random.choice(
-            [None, -1, 10**18, 1.5, "nan", "", "null", "[]", "{}", '{"a": NaN}', "1e999", b"\xff\0"]
-        )
+        value = random.choice([None, -1, 10**18, 1.5, "nan", "", "null", "[]", "{}", '{"a": NaN}', "1e999", b"\xff\0"])
         row, column = random.choice(rows), random.choice(columns)
         try:
             if random.random() < 0.3:

@@ -15,9 +15,7 @@ from envgraph.learn import Experiment, FamilyMember, RunResult, TrainingSettings
 from tests.unit.learn.small_tables import random_table
 
 FAMILY = [FamilyMember(f"E{number}", random_table(number)) for number in (1, 2, 3)]
-SETTINGS = TrainingSettings(
-    steps_per_environment=400, evaluation_episodes=20, limit=25, checkpoint=100, seeds=3
-)
+SETTINGS = TrainingSettings(steps_per_environment=400, evaluation_episodes=20, limit=25, checkpoint=100, seeds=3)
 
 
 @contextmanager

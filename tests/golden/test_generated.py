@@ -13,7 +13,7 @@ from pathlib import Path
 import pytest
 
 import envgraph
-from envgraph.code import _compile
+from envgraph.code import _compile_text
 from envgraph.lang import bundled_domain, bundled_domains
 from envgraph.match import FREE, CompiledMatcher, ViewMatcher
 from envgraph.rewrite import Engine
@@ -41,7 +41,7 @@ def questions(engine: Engine) -> Iterator[str]:
             yield f"rows {place}"
             matcher.prepare(name, bound)
             yield f"seek {place}"
-            matcher.seeker(name, bound)
+            matcher.prepare_iterator(name, bound)
             row = row or matcher.first(name, (FREE,) * width)
             if row is not None:
                 values = tuple(row[n] if n in bound else FREE for n in range(width))
@@ -65,7 +65,7 @@ def generated(domain: str) -> Texts:
     """All texts of a domain, each where it is first needed."""
     found: Texts = {}
     asked = "open"
-    compiled = _compile.compiled
+    compiled = _compile_text.compile_cached
 
     def noted(text: str, file: str) -> object:
         if file != "<data class>":  # those are made once in a process
@@ -73,7 +73,7 @@ def generated(domain: str) -> Texts:
         return compiled(text, file)
 
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(_compile, "compiled", noted)
+        patch.setattr(_compile_text, "compile_cached", noted)
         engine = envgraph.open(bundled_domain(domain), seed=1)
         for asked in questions(engine):  # noqa: B007
             pass
@@ -85,7 +85,7 @@ def digest(text: str) -> str:
 
 
 @pytest.mark.parametrize("domain", bundled_domains())
-def test_generated_functions_are_what_they_were(domain: str, request: pytest.FixtureRequest) -> None:
+def test_generated_functions_equal_the_expected_texts(domain: str, request: pytest.FixtureRequest) -> None:
     texts = generated(domain)
     if directory := request.config.getoption("--generated", default=None):
         for asked, each in texts.items():
@@ -95,9 +95,7 @@ def test_generated_functions_are_what_they_were(domain: str, request: pytest.Fix
     summary = [f"{asked}: {len(each)} {digest(chr(10).join(each))}" for asked, each in texts.items()]
     expected = {HERE / f"{domain}.expected": "\n".join([*summary, ""])}
     if domain == SHOWN:
-        shown = dict.fromkeys(
-            text for asked, each in texts.items() if "explain" not in asked for text in each
-        )
+        shown = dict.fromkeys(text for asked, each in texts.items() if "explain" not in asked for text in each)
         expected[HERE / f"{domain}.py.expected"] = "\n".join(shown)
     for path, now in expected.items():
         if request.config.getoption("--update-golden", default=False):

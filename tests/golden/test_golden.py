@@ -23,16 +23,14 @@ def texts() -> dict[str, str]:
 
 
 def expected_texts() -> list[Path]:
-    return [
-        path for path in HERE.rglob("*.expected") if path.parent.name != "generated"
-    ]  # which is generated source
+    return [path for path in HERE.rglob("*.expected") if path.parent.name != "generated"]  # which is generated source
 
 
 TEXTS = texts()
 CASES = [name for name in TEXTS if not name.startswith("shared/")]
 
 
-def said_about(name: str) -> str:
+def diagnostics_text(name: str) -> str:
     said = load_workspace([name], files=TextFiles(TEXTS)).diagnostics
     return "\n\n".join(str(one) for one in said) + "\n" if said else "nothing is wrong\n"
 
@@ -40,7 +38,7 @@ def said_about(name: str) -> str:
 @pytest.mark.parametrize("name", CASES)
 def test_file_is_diagnosed_as_expected(name: str, request: pytest.FixtureRequest) -> None:
     expected = HERE / f"{name}.expected"
-    said = said_about(name)
+    said = diagnostics_text(name)
     if request.config.getoption("--update-golden", default=False):
         expected.write_text(said, encoding="utf-8")
     assert expected.is_file(), f"no {expected.name}: run pytest tests/golden --update-golden"
@@ -51,7 +49,7 @@ HINTLESS = ("there is no such file",)
 """What has no hint: nobody knows what to write instead."""
 
 
-def test_every_mistake_says_how_to_mend_it() -> None:
+def test_every_expected_diagnostic_has_a_hint() -> None:
     for path in expected_texts():
         for said in path.read_text(encoding="utf-8").strip("\n").split("\n\n"):
             first = said.split("\n")[0]

@@ -14,24 +14,24 @@ from envgraph.lang import load_workspace
 from envgraph.match.passes import (
     FOR_VIEWS,
     ON_DEMAND,
-    Bodies,
     Pass,
+    RewrittenBodies,
 )
 from envgraph.match.plan import CallGraph
 from envgraph.pattern import (
-    Absence,
+    AbsenceAtom,
     AggregateAtom,
     AttributeAtom,
     CallAtom,
     ClosureAtom,
-    Condition,
+    ConditionAtom,
     Conjunction,
     Goal,
     InstanceAtom,
     Library,
     LinkAtom,
     UnequalAtom,
-    Valuation,
+    ValuationAtom,
 )
 
 HERE = Path(__file__).parent / "passes"
@@ -54,16 +54,14 @@ def goal_text(goal: Goal, body: Conjunction) -> str:
             return f"find {step}{closure.value}({named(one, other)})"
         case UnequalAtom(one, other):
             return f"{named(one)} != {named(other)}"
-        case Condition(_, reads):
+        case ConditionAtom(_, reads):
             return f"check over {named(*(v for _, v in reads))}"
-        case Valuation(_, reads, result):
+        case ValuationAtom(_, reads, result):
             return f"{named(result)} == eval over {named(*(v for _, v in reads))}"
         case AggregateAtom():
             return f"{named(goal.result)} == {goal.function} {goal_text(goal.relation, body)}"
-        case Absence(alternatives, outer):
-            inner = (
-                " and ".join(goal_text(each, body) for each in alternative) for alternative in alternatives
-            )
+        case AbsenceAtom(alternatives, outer):
+            inner = (" and ".join(goal_text(each, body) for each in alternative) for alternative in alternatives)
             return f"neg for {named(*outer) or 'nothing'}: {' or '.join(inner)}"
 
 
@@ -77,12 +75,12 @@ def body_text(body: Conjunction) -> Iterator[str]:
 def passes_text(library: Library) -> Iterator[str]:
     for pattern in library.patterns:
         name = pattern.qualified_name
-        for number, lowered in enumerate(library.lowered(name).bodies, start=1):
+        for number, lowered in enumerate(library.lowered_pattern(name).bodies, start=1):
             yield f"{name}, body {number}"
             yield from body_text(lowered)
             for pipeline, passes in PIPELINES.items():
-                bodies = Bodies(library, CallGraph(library), passes)
-                bodies.of(name)
+                bodies = RewrittenBodies(library, CallGraph(library), passes)
+                bodies.bodies_of(name)
                 body = lowered
                 for rewrite in passes:
                     after = rewrite(body, bodies)
@@ -90,12 +88,12 @@ def passes_text(library: Library) -> Iterator[str]:
                         yield f"  {pipeline}, {rewrite.__name__}"
                         yield from body_text(after)
                     body = after
-                assert body == bodies.of(name)[number - 1]
+                assert body == bodies.bodies_of(name)[number - 1]
         yield ""
 
 
 @pytest.mark.parametrize("path", sorted(HERE.glob("*.query")), ids=lambda path: path.stem)
-def test_bodies_are_rewritten_as_expected(path: Path, request: pytest.FixtureRequest) -> None:
+def test_passes_rewrite_pattern_bodies_as_expected(path: Path, request: pytest.FixtureRequest) -> None:
     workspace = load_workspace([str(path)])
     assert not workspace.diagnostics
     library = workspace.engine().library
@@ -106,7 +104,7 @@ def test_bodies_are_rewritten_as_expected(path: Path, request: pytest.FixtureReq
     assert text == expected.read_text(encoding="utf-8")
 
 
-def test_every_pass_rewrites_something() -> None:
+def test_every_pass_rewrites_a_body_of_an_expected_text() -> None:
     told = "".join(path.read_text(encoding="utf-8") for path in HERE.glob("*.passes"))
     for pipeline, passes in PIPELINES.items():
         for each in passes:

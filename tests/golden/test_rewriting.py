@@ -83,7 +83,7 @@ def shown(model: Model, value: object) -> str:
     return repr(value) if identity is None else model.graph.describe(identity).strip("`")
 
 
-def story(name: str) -> str:
+def applications_text(name: str) -> str:
     workspace = load_workspace([name, "shared/shelf.model"], files=TextFiles(TEXTS))
     parts = []
     for rule in workspace.definitions:
@@ -94,9 +94,9 @@ def story(name: str) -> str:
 
 
 @pytest.mark.parametrize("name", CASES)
-def test_rules_do_what_is_expected(name: str, request: pytest.FixtureRequest) -> None:
+def test_rule_applications_equal_the_expected_texts(name: str, request: pytest.FixtureRequest) -> None:
     expected = HERE / f"{name.removesuffix('.rules')}.applied"
-    done = story(name)
+    done = applications_text(name)
     if request.config.getoption("--update-golden", default=False):
         expected.write_text(done, encoding="utf-8")
     assert expected.is_file(), f"no {expected.name}: run pytest tests/golden --update-golden"
@@ -108,7 +108,7 @@ def test_every_expected_text_belongs_to_a_case() -> None:
     assert found == {f"{name.removesuffix('.rules')}.applied" for name in CASES}
 
 
-def test_a_given_value_that_does_not_exist_is_an_error() -> None:
+def test_unknown_argument_of_a_rule_is_an_error() -> None:
     workspace = load_workspace(["rewriting/arrows.rules", "shared/shelf.model"], files=TextFiles(TEXTS))
     with pytest.raises(EnvgraphError):
         workspace.engine(seed=0).matches("forward", nothing=1)

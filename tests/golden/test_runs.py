@@ -44,7 +44,7 @@ def result_of(text: str) -> str:
     engine = Engine(chain(3), seed=1)
     engine.add(*patterns(QUERIES), *definitions(f"{text}\n{RULES}"))
     engine.step_limit = 60
-    taken = [parameter.name for parameter in engine.signature("u").parameters if parameter.required]
+    taken = [parameter.name for parameter in engine.signature("u").parameters if parameter.is_required]
     try:
         run = engine.run("u", **dict.fromkeys(taken, 0))
     except EnvgraphError as error:
@@ -59,7 +59,7 @@ def result_of(text: str) -> str:
 
 
 @pytest.mark.parametrize("path", FILES, ids=lambda path: path.stem)
-def test_units_do_what_the_file_says(path: Path, request: pytest.FixtureRequest) -> None:
+def test_unit_runs_equal_the_results_in_the_file(path: Path, request: pytest.FixtureRequest) -> None:
     said = [(title, text, result_of(text)) for title, text, _ in examples(path)]
     if request.config.getoption("--update-golden", default=False):
         parts = [f"=== {title}\n{text}\n---\n{result}\n" for title, text, result in said]

@@ -8,14 +8,14 @@ from struct import unpack
 import pytest
 
 from envgraph.cli import main
-from envgraph.report import Series, line_chart, png, standalone
+from envgraph.report import Series, chart_png, line_chart, standalone_chart
 
 pytest.importorskip("resvg_py")
 
 
 def picture(colour: int) -> bytes:
     one = Series("a", (0.0, 1.0), (2.0, 3.0), number=colour)
-    found = png(standalone(line_chart([one], x_label="x", y_label="y", title="t")))
+    found = chart_png(standalone_chart(line_chart([one], x_label="x", y_label="y", title="t")))
     assert found is not None
     return found
 
@@ -31,6 +31,4 @@ def test_the_paper_has_its_charts_as_png_beside_svg(tmp_path: Path, monkeypatch:
     short = "--seeds 2 --steps 10000 --no-times --force --output"
     monkeypatch.setattr("sys.argv", ["envgraph", "reproduce", "paper", *short.split(), str(tmp_path)])
     assert main() == 0
-    assert (
-        {one.stem for one in tmp_path.glob("*.png")} == {one.stem for one in tmp_path.glob("*.svg")} != set()
-    )
+    assert {one.stem for one in tmp_path.glob("*.png")} == {one.stem for one in tmp_path.glob("*.svg")} != set()

@@ -15,8 +15,8 @@ from envgraph.learn import (
     Curriculum,
     Epsilon,
     FamilyMember,
-    Journal,
     RunResult,
+    TrainingJournal,
     TrainingSettings,
     run_experiment,
 )
@@ -60,9 +60,7 @@ CURRICULA = [
 
 
 def settings(student: str) -> TrainingSettings:
-    base = TrainingSettings(
-        steps_per_environment=STEPS, limit=20, checkpoint=100, epsilon=Epsilon(decay=0.97)
-    )
+    base = TrainingSettings(steps_per_environment=STEPS, limit=20, checkpoint=100, epsilon=Epsilon(decay=0.97))
     return replace(base, student=student)  # type: ignore[arg-type]
 
 
@@ -80,9 +78,7 @@ def test_all_ways_have_exactly_as_many_steps_and_a_seed_gives_one_result(student
             }
             assert curve.steps == ends[run.label]
         assert curve.reward[-1] == curve.successes[-1] > 0, "a success is a reward of 1"
-    assert all(
-        run.success_rate == 1.0 and run.mean_length == 5.0 for run in found.runs if run.label == "near-far"
-    )
+    assert all(run.success_rate == 1.0 and run.mean_length == 5.0 for run in found.runs if run.label == "near-far")
     again = run_experiment(FAMILY, settings(student), CURRICULA[:1], seeds=[1], workers=1)
     assert again.runs == tuple(run for run in found.runs if (run.label, run.seed) == ("near-far", 1))
     first, second = (run for run in found.runs if run.label == "near-far")
@@ -91,8 +87,7 @@ def test_all_ways_have_exactly_as_many_steps_and_a_seed_gives_one_result(student
 
 def test_processes_change_no_result() -> None:
     alone, beside = (
-        run_experiment(FAMILY, settings("sb3:ppo"), CURRICULA[:1], seeds=[0, 1], workers=workers)
-        for workers in (1, 2)
+        run_experiment(FAMILY, settings("sb3:ppo"), CURRICULA[:1], seeds=[0, 1], workers=workers) for workers in (1, 2)
     )
     assert alone == beside
 
@@ -125,9 +120,7 @@ def test_a_resumed_training_has_the_same_results_byte_for_byte(
     with interrupted(after=3, monkeypatch=monkeypatch):
         assert train(*begin) == 130
     assert train("--resume", "--student", "tabular") == 1
-    assert (
-        f"the interrupted training has other student: `{student}`, not `tabular`" in capsys.readouterr().err
-    )
+    assert f"the interrupted training has other student: `{student}`, not `tabular`" in capsys.readouterr().err
     assert train("--resume") == 0
     assert results() == whole
 
@@ -136,16 +129,16 @@ class interrupted:
     """Ctrl-C comes when so many agents have ended."""
 
     def __init__(self, after: int, monkeypatch: pytest.MonkeyPatch) -> None:
-        self._left, self._patch, self._add = after, monkeypatch, Journal.add
+        self._left, self._patch, self._add = after, monkeypatch, TrainingJournal.add
 
     def __enter__(self) -> None:
-        def counted(journal: Journal, part: str, target: str, result: RunResult) -> None:
+        def counted(journal: TrainingJournal, part: str, target: str, result: RunResult) -> None:
             if not self._left:
                 raise KeyboardInterrupt
             self._left -= 1
             self._add(journal, part, target, result)
 
-        self._patch.setattr(Journal, "add", counted)
+        self._patch.setattr(TrainingJournal, "add", counted)
 
     def __exit__(self, *_: object) -> None:
-        self._patch.setattr(Journal, "add", self._add)
+        self._patch.setattr(TrainingJournal, "add", self._add)

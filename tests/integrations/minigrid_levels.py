@@ -35,13 +35,9 @@ LEVELS = [
 
 
 @pytest.mark.parametrize(("level", "seed", "first"), LEVELS)
-def test_a_level_steps_as_it_does_there(
-    envgraph_command: Envgraph, level: str, seed: int, first: float | None
-) -> None:
+def test_a_level_steps_as_it_does_there(envgraph_command: Envgraph, level: str, seed: int, first: float | None) -> None:
     """Side by side under random actions and along the best policy, whose return is MiniGrid's."""
-    said = ok(
-        envgraph_command("adopt", f"MiniGrid-{level}", "-o", "mine", "--seed", seed, "--format", "json")
-    )
+    said = ok(envgraph_command("adopt", f"MiniGrid-{level}", "-o", "mine", "--seed", seed, "--format", "json"))
     assert said.json["kind"] == "minigrid" and said.json["states"] > 20  # type: ignore[index, call-overload]
     assert "no problems" in ok(envgraph_command("check", "mine")).out
     texts = [str(path) for path in Path("mine").iterdir() if path.suffix != ".toml"]
@@ -86,16 +82,10 @@ def _values(table: Any) -> Any:
     return values
 
 
-@pytest.mark.parametrize(
-    "level", ["Dynamic-Obstacles-5x5-v0", "GoToDoor-5x5-v0", "Fetch-5x5-N2-v0", "MemoryS7-v0"]
-)
+@pytest.mark.parametrize("level", ["Dynamic-Obstacles-5x5-v0", "GoToDoor-5x5-v0", "Fetch-5x5-N2-v0", "MemoryS7-v0"])
 def test_levels_with_rules_of_their_own_are_refused(envgraph_command: Envgraph, level: str) -> None:
     done = envgraph_command("adopt", f"MiniGrid-{level}")
-    assert (
-        done.code == 1
-        and "changes the steps or rewards of MiniGrid" in done.err
-        and not list(Path().iterdir())
-    )
+    assert done.code == 1 and "changes the steps or rewards of MiniGrid" in done.err and not list(Path().iterdir())
 
 
 def test_boxes_give_what_is_inside_and_large_levels_are_tried_along_ways(envgraph_command: Envgraph) -> None:
@@ -118,5 +108,5 @@ def test_a_family_goes_back_as_levels_that_step_as_its_members_do(
     for member in (f"E{place}" for place in range(1, 7)):
         env = gymnasium.make(name.replace("E6", member))
         check_env(env.unwrapped, skip_render_check=True)
-        found = MiniGridLevel.of(env.unwrapped, 0)
+        found = MiniGridLevel.from_reset(env.unwrapped, 0)
         assert [*found.differences(envgraph.make("five", member).unwrapped.tabular)] == []

@@ -89,9 +89,7 @@ def test_turns_are_an_aec_environment(observation: Any) -> None:
     env = envgraph.make_aec(domain="warehouse", observation=observation, max_episode_steps=70)
     without_other_warnings(lambda: api_test(env, num_cycles=300))
     env.close()
-    without_other_warnings(
-        lambda: api_test(TurnEnv(coins(), observation=observation, limit=50), num_cycles=300)
-    )
+    without_other_warnings(lambda: api_test(TurnEnv(coins(), observation=observation, limit=50), num_cycles=300))
 
 
 @pytest.mark.parametrize("observation", ["index", "multi"])
@@ -308,9 +306,7 @@ def test_a_reset_goes_over_to_a_variant_and_refuses_other_options(tmp_path: Path
     with pytest.raises(InvalidArgument, match="`E99`"):
         reset(variant="E99")
     for name in ("state", "nonsense"):
-        with pytest.raises(
-            InvalidArgument, match=f"unknown reset option `{name}`: the options are `variant`"
-        ):
+        with pytest.raises(InvalidArgument, match=f"unknown reset option `{name}`: the options are `variant`"):
             reset(**{name: 1})
 
 

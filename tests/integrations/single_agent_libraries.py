@@ -96,9 +96,7 @@ def test_goals_are_learned_by_hindsight() -> None:
 
 @pytest.mark.parametrize("mode", [AutoresetMode.NEXT_STEP, AutoresetMode.SAME_STEP])
 def test_a_loop_in_the_style_of_cleanrl_learns_with_masks(mode: AutoresetMode) -> None:
-    envs = envgraph.make_vec(
-        domain="keydoor", num_envs=16, observation="flat", action_masks=True, autoreset_mode=mode
-    )
+    envs = envgraph.make_vec(domain="keydoor", num_envs=16, observation="flat", action_masks=True, autoreset_mode=mode)
     envs = wrappers.vector.RecordEpisodeStatistics(envs) if mode is AutoresetMode.NEXT_STEP else envs
     width, actions = envs.single_observation_space.shape[0], envs.single_action_space.n
     policy = torch.nn.Linear(width, actions)

@@ -39,19 +39,13 @@ def form_of(model: Model) -> Form:
     place = {node: position for position, node in enumerate(nodes)}
     classes = [model.graph.class_of(node) for node in nodes]
     values = [
-        tuple(
-            (attribute.name, model.graph.value(node, attribute)) for attribute in _attributes(metamodel, cls)
-        )
+        tuple((attribute.name, model.graph.value(node, attribute)) for attribute in _attributes(metamodel, cls))
         for node, cls in zip(nodes, classes, strict=True)
     ]
     links = [
         (
             str(reference),
-            [
-                (place[node], place[target])
-                for node in nodes
-                for target in model.graph.targets(node, reference)
-            ],
+            [(place[node], place[target]) for node in nodes for target in model.graph.targets(node, reference)],
         )
         for reference in _written(metamodel)
     ]
@@ -80,9 +74,7 @@ def _attributes(metamodel: Metamodel, cls: str) -> list[Attribute]:
     return [feature for feature in metamodel.features(cls).values() if isinstance(feature, Attribute)]
 
 
-def _all_values(
-    metamodel: Metamodel, classes: Sequence[str]
-) -> Iterator[list[tuple[tuple[str, Value], ...]]]:
+def _all_values(metamodel: Metamodel, classes: Sequence[str]) -> Iterator[list[tuple[tuple[str, Value], ...]]]:
     for chosen in product(*(_values_of_one(metamodel, cls) for cls in classes)):
         yield list(chosen)
 
@@ -117,9 +109,7 @@ def _written(metamodel: Metamodel) -> list[Reference]:
         reference
         for reference in metamodel.references
         for opposite in (metamodel.opposite(reference),)
-        if opposite is None
-        or reference.containment
-        or (not opposite.containment and reference.index <= opposite.index)
+        if opposite is None or reference.containment or (not opposite.containment and reference.index <= opposite.index)
     ]
 
 
@@ -128,10 +118,7 @@ def _all_links(metamodel: Metamodel, classes: Sequence[str]) -> Iterator[list[tu
     choices = [list(_links_of_one(metamodel, reference, classes)) for reference in references]
     for chosen in product(*choices):
         parts = [
-            pair
-            for reference, pairs in zip(references, chosen, strict=True)
-            if reference.containment
-            for pair in pairs
+            pair for reference, pairs in zip(references, chosen, strict=True) if reference.containment for pair in pairs
         ]
         if _is_forest(parts) and _all_placed(metamodel, classes, parts):
             yield [(str(reference), pairs) for reference, pairs in zip(references, chosen, strict=True)]
@@ -185,7 +172,7 @@ def _is_root(metamodel: Metamodel, cls: str) -> bool:
             part
             for feature in metamodel.features(one).values()
             if isinstance(feature, Reference) and feature.containment
-            for part in metamodel.concrete(feature.target)
+            for part in metamodel.concrete_classes(feature.target)
         }
         for one in concrete
     }

@@ -45,9 +45,7 @@ def closure(steps: Rows) -> Rows:
 
 
 def _placed(model: Model, cls: str, place: tuple[int, int]) -> Rows:
-    return ids(
-        (f, t) for f in every(model, "Forest") for t in f.states if t.cls == cls and (t.x, t.y) == place
-    )
+    return ids((f, t) for f in every(model, "Forest") for t in f.states if t.cls == cls and (t.x, t.y) == place)
 
 
 def _neighbours(model: Model) -> Iterator[tuple[Node, Node]]:
@@ -67,9 +65,7 @@ def _solvable(model: Model) -> Rows:
 
 
 def _density(model: Model) -> Rows:
-    return ids(
-        (f, sum(t.cls == "BurningTile" for t in f.states), len(f.states)) for f in every(model, "Forest")
-    )
+    return ids((f, sum(t.cls == "BurningTile" for t in f.states), len(f.states)) for f in every(model, "Forest"))
 
 
 def _truck_on(model: Model, cls: str) -> Iterator[tuple[Node, Node]]:
@@ -79,9 +75,7 @@ def _truck_on(model: Model, cls: str) -> Iterator[tuple[Node, Node]]:
 
 
 BURNING_FOREST: dict[str, Callable[[Model], Rows]] = {
-    "burningTile": lambda m: ids(
-        (f, t) for f in every(m, "Forest") for t in f.states if t.cls == "BurningTile"
-    ),
+    "burningTile": lambda m: ids((f, t) for f in every(m, "Forest") for t in f.states if t.cls == "BurningTile"),
     "startTileFixedLocation": lambda m: _placed(m, "StartTile", (0, 0)),
     "goalTileFixedLocation": lambda m: _placed(m, "GoalTile", (7, 7)),
     "waterTileFixedLocation": lambda m: _placed(m, "WaterTile", (3, 5)),
@@ -112,12 +106,8 @@ KEYDOOR: dict[str, Callable[[Model], Rows]] = {
     "enterable": lambda m: ids((c,) for c in every(m, "Floor") if c.cls != "Door" or c.open),
     "atExit": lambda m: ids((h,) for h in every(m, "Hero") if h.at.cls == "Exit"),
     "holds": lambda m: ids((h, key.colour) for h in every(m, "Hero") for key in h.inventory),
-    "keyless": lambda m: ids(
-        (d,) for d in every(m, "Door") if d.colour not in {key.colour for key in every(m, "Key")}
-    ),
-    "buried": lambda m: ids(
-        (c,) for c in every(m, "Wall") if c.item or c in [h.at for h in every(m, "Hero")]
-    ),
+    "keyless": lambda m: ids((d,) for d in every(m, "Door") if d.colour not in {key.colour for key in every(m, "Key")}),
+    "buried": lambda m: ids((c,) for c in every(m, "Wall") if c.item or c in [h.at for h in every(m, "Hero")]),
     "keyOf": lambda m: ids((key, key.colour) for key in every(m, "Key")),
 }
 

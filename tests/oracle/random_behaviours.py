@@ -30,20 +30,17 @@ from envgraph.env.compiled import NotCompiled, program_of
 from envgraph.errors import EvaluationError, ResolutionError, Severity
 from envgraph.metamodel import Attribute, Class, EnumType, Metamodel, Reference, Scalar
 from envgraph.pattern import (
-    Atomic,
+    AtomicStep,
     Binary,
-    Block,
-    Call,
     Check,
-    Choice,
     Conditional,
     Constant,
-    Create,
+    CreateAction,
     EnumLiteral,
     Expression,
-    If,
+    IfStep,
     Library,
-    Merge,
+    MergeAction,
     Modification,
     Navigation,
     Negation,
@@ -53,17 +50,20 @@ from envgraph.pattern import (
     PatternCall,
     RightSide,
     Rule,
-    Sequence as Steps,
+    RuleBlock,
     StaticType,
     Step,
+    StepSequence as Steps,
     Term,
-    Try,
+    TryStep,
     Unary,
     Unit,
+    UnitCall,
+    UnitChoice,
     Variable,
 )
 from envgraph.rewrite import Engine
-from tests.oracle.rewriting_smaller import mended
+from tests.oracle.rewriting_smaller import without_refused_parts
 from tests.oracle.rewriting_worlds import concrete, random_model, random_patterns, random_rule, state_of
 from tests.oracle.worlds import COLOUR, Dice, add, body, domain, edit, parameters, random_metamodel
 from tests.unit.env.side_by_side import family_keys
@@ -72,7 +72,7 @@ ENUM = COLOUR.name
 
 
 @dataclass(frozen=True)
-class BehaviourWorld:
+class BehaviourCase:
     """A family with a behaviour."""
 
     engines: tuple[Engine, ...]
@@ -81,12 +81,12 @@ class BehaviourWorld:
     """What clauses had that is not compiled; they are left out."""
 
 
-def random_behaviour_world(seed: int) -> BehaviourWorld:
+def random_behaviour_case(seed: int) -> BehaviourCase:
     """What follows from a number."""
     dice = Dice(seed)
-    metamodel = _tame(dice, random_metamodel(dice))
+    metamodel = _simplified_metamodel(dice, random_metamodel(dice))
     while not metamodel.references or not concrete(metamodel):
-        metamodel = _tame(dice, random_metamodel(dice))
+        metamodel = _simplified_metamodel(dice, random_metamodel(dice))
     model = random_model(dice, metamodel)
     known = random_patterns(dice, metamodel)
     library = Library(metamodel)
@@ -98,7 +98,7 @@ def random_behaviour_world(seed: int) -> BehaviourWorld:
     engine.add(*known, *library.patterns)
     state = state_of(model)
     for number in range(dice.number(2, 5)):
-        rule = mended(engine, _simple(dice, random_rule(dice, state, known, f"r{number}")))
+        rule = without_refused_parts(engine, _simplified_rule(dice, random_rule(dice, state, known, f"r{number}")))
         if rule is not None:
             engine.add(replace(rule, weight=dice.one([1.0, 1.0, 0.3, 2.5]), priority=dice.one([0, 0, 0, 1])))
     for node in state.classes:
@@ -110,10 +110,10 @@ def random_behaviour_world(seed: int) -> BehaviourWorld:
             edit(dice, other.model)
         engines.append(other)
     builder = _Builder(dice, engines)
-    return BehaviourWorld(tuple(engines), builder.behaviour(), tuple(builder.refused))
+    return BehaviourCase(tuple(engines), builder.behaviour(), tuple(builder.refused))
 
 
-def _tame(dice: Dice, metamodel: Metamodel) -> Metamodel:
+def _simplified_metamodel(dice: Dice, metamodel: Metamodel) -> Metamodel:
     """The metamodel with fewer features with many values, and a class to retype to without a loss."""
     plain = {
         reference.name
@@ -136,20 +136,20 @@ def _tame(dice: Dice, metamodel: Metamodel) -> Metamodel:
     return Metamodel(metamodel.name, tuple(classes), tuple(metamodel.enums.values()))
 
 
-def _simple(dice: Dice, rule: Rule) -> Rule:
+def _simplified_rule(dice: Dice, rule: Rule) -> Rule:
     """The rule, often without blocks that change something, and without what it creates or merges."""
-    right = _modest(dice, rule.right, rule)
+    right = _simplified_right_side(dice, rule.right, rule)
     blocks = rule.blocks
     if dice.chance(50):
         blocks = tuple(one for one in blocks if one.kind in ("not", "require"))
     return replace(rule, blocks=tuple(_block(dice, one, rule) for one in blocks), right=right)
 
 
-def _block(dice: Dice, block: Block, rule: Rule) -> Block:
-    return block if block.right is None else replace(block, right=_modest(dice, block.right, rule))
+def _block(dice: Dice, block: RuleBlock, rule: Rule) -> RuleBlock:
+    return block if block.right is None else replace(block, right=_simplified_right_side(dice, block.right, rule))
 
 
-def _modest(
+def _simplified_right_side(
     dice: Dice, right: RightSide | Modification | None, rule: Rule
 ) -> RightSide | Modification | None:
     """The right side without merges, mostly, and half of the time without what is created."""
@@ -171,7 +171,7 @@ def _modest(
 
 
 def _makes(action: object, making: bool) -> bool:
-    return isinstance(action, Merge) or (not making and isinstance(action, Create) and bool(action.nodes))
+    return isinstance(action, MergeAction) or (not making and isinstance(action, CreateAction) and bool(action.nodes))
 
 
 class _Builder:
@@ -200,9 +200,7 @@ class _Builder:
             node
             for cls in concrete(self._metamodel)
             for node in model.graph.exact_extent(cls)
-            if all(
-                one.model.graph.alive(node) and one.model.graph.class_of(node) == cls for one in self._engines
-            )
+            if all(one.model.graph.alive(node) and one.model.graph.class_of(node) == cls for one in self._engines)
         ]
         for _ in range(dice.number(0, 2)):
             if everywhere:
@@ -223,11 +221,7 @@ class _Builder:
         return found
 
     def _agent(self, found: Behaviour, number: int, together: bool) -> Behaviour:
-        classes = [
-            cls
-            for cls in self._metamodel.classes
-            if all(one.model.graph.extent(cls) for one in self._engines)
-        ]
+        classes = [cls for cls in self._metamodel.classes if all(one.model.graph.extent(cls) for one in self._engines)]
         if not classes:
             return found
         cls, outer = self._dice.one(classes), self._scope
@@ -331,7 +325,7 @@ class _Builder:
         arguments: list[Expression] = []
         outputs: dict[str, StaticType] = {}
         for taken in engine.signature(rule).parameters:
-            if taken.output:
+            if taken.is_output:
                 outputs[f"o{len(outputs)}"] = taken.type or Scalar.INT
                 arguments.append(Variable(f"o{len(outputs) - 1}"))
             else:
@@ -357,23 +351,19 @@ class _Builder:
         roll = dice.number(0, 11) if depth else 0
         if roll < 3 or not self._callable:
             call = self._call(scope)[0]
-            return Call(call.rule or "nobody", tuple(self._opened(one) for one in call.arguments))
+            return UnitCall(call.rule or "nobody", tuple(self._opened(one) for one in call.arguments))
         inner = [self._step(scope, depth - 1) for _ in range(dice.number(2, 3))]
         if roll < 6:
-            return Choice(tuple(inner))
+            return UnitChoice(tuple(inner))
         if roll < 8:
-            return Try(inner[0], inner[1] if dice.chance(50) else None)
+            return TryStep(inner[0], inner[1] if dice.chance(50) else None)
         if roll < 10:
             test = self._test(scope)
             condition = (
-                Check(test)
-                if test is not None and dice.chance(50)
-                else self._condition(dice.chance(30), scope)[0]
+                Check(test) if test is not None and dice.chance(50) else self._condition(dice.chance(30), scope)[0]
             )
-            return If(condition, inner[0], inner[1] if dice.chance(50) else None)
-        return (
-            Steps((inner[0], *(Try(one) for one in inner[1:]))) if roll < 11 else Atomic(Steps((inner[0],)))
-        )
+            return IfStep(condition, inner[0], inner[1] if dice.chance(50) else None)
+        return Steps((inner[0], *(TryStep(one) for one in inner[1:]))) if roll < 11 else AtomicStep(Steps((inner[0],)))
 
     def _opened(self, argument: Expression) -> Expression:
         """An argument, or often `_` for one that has no value."""
@@ -408,9 +398,7 @@ class _Builder:
         self, negative: bool, scope: dict[str, StaticType] | None = None
     ) -> tuple[PatternCall | Negation, dict[str, StaticType]]:
         dice = self._dice
-        pattern = dice.one(
-            [one for one in self._engine.library.patterns if not one.package and "#" not in one.name]
-        )
+        pattern = dice.one([one for one in self._engine.library.patterns if not one.package and "#" not in one.name])
         arguments: list[Term] = []
         free: dict[str, StaticType] = {}
         for type_ in self._engine.library.parameter_types(pattern.qualified_name):
@@ -462,15 +450,13 @@ class _Builder:
             or (
                 isinstance(own, ObjectType)
                 and isinstance(type_, ObjectType)
-                and self._metamodel.overlap(own.cls, type_.cls)
+                and self._metamodel.may_overlap(own.cls, type_.cls)
             )
         ]
 
     def _paths(self, scope: dict[str, StaticType], depth: int = 2) -> list[tuple[Expression, StaticType]]:
         """What can be read from some names."""
-        found: list[tuple[Expression, StaticType]] = [
-            (Variable(name), type_) for name, type_ in scope.items()
-        ]
+        found: list[tuple[Expression, StaticType]] = [(Variable(name), type_) for name, type_ in scope.items()]
         last = found
         for _ in range(depth):
             new: list[tuple[Expression, StaticType]] = []
@@ -478,9 +464,7 @@ class _Builder:
                 if isinstance(type_, ObjectType):
                     for feature in self._metamodel.features(type_.cls).values():
                         if not feature.many:
-                            end = (
-                                ObjectType(feature.target) if isinstance(feature, Reference) else feature.type
-                            )
+                            end = ObjectType(feature.target) if isinstance(feature, Reference) else feature.type
                             new.append((Navigation(path, feature.name), end))
             found, last = [*found, *new], new
         return found

@@ -96,9 +96,7 @@ class Writer:
         two = self._random.choice([*nodes, "_"])
         match self._random.randrange(8):
             case 0:
-                return self._random.choice(
-                    ["kinds", "all kinds", "half", f"twice({self._random.choice(nodes)})"]
-                )
+                return self._random.choice(["kinds", "all kinds", "half", f"twice({self._random.choice(nodes)})"])
             case 1:
                 return f"mark({one}, {self._value(nodes, values)})"
             case 2:
@@ -136,9 +134,7 @@ class Writer:
 
     def _value(self, nodes: list[str], values: list[str]) -> str:
         one = self._random.choice(nodes)
-        return self._random.choice(
-            [f"{one}.n + 1", f"{one}.next.n", "4", *values, *(f"{v} % 3" for v in values)]
-        )
+        return self._random.choice([f"{one}.n + 1", f"{one}.next.n", "4", *values, *(f"{v} % 3" for v in values)])
 
     def _where(self, name: str) -> str:
         return self._random.choice(["", f" where {self._condition([name])}"])

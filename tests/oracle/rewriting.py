@@ -12,24 +12,24 @@ from dataclasses import dataclass, field
 from itertools import product
 
 from envgraph.pattern import (
-    Block,
     Constant,
-    Create,
+    CreateAction,
     DeleteEdge,
     DeleteNode,
-    Edge,
     Expression,
     LeftSide,
-    Merge,
+    MergeAction,
     Modification,
-    Move,
-    Node,
+    MoveAction,
     Pattern,
-    Redirect,
-    Retype,
+    RedirectAction,
+    RetypeAction,
     RightSide,
     Rule,
-    Set,
+    RuleBlock,
+    RuleEdge,
+    RuleNode,
+    SetAction,
 )
 from tests.oracle.rewriting_search import (
     Arrow,
@@ -64,7 +64,7 @@ class Instance:
     made: Env = field(default_factory=dict)
 
     @property
-    def arrows(self) -> list[Edge]:
+    def arrows(self) -> list[RuleEdge]:
         """Arrows of single links, its own first."""
         own = [e for e in self.left.edges if not e.closure and "_" not in (e.source, e.target)]
         return own + (self.parent.arrows if self.parent else [])
@@ -82,7 +82,7 @@ class Instance:
     def knows(self, name: str) -> bool:
         return name in self.made or name in self.env or (self.parent is not None and self.parent.knows(name))
 
-    def link(self, edge: Edge) -> Link:
+    def link(self, edge: RuleEdge) -> Link:
         return edge.reference, self.thing(edge.source), self.thing(edge.target)
 
 
@@ -91,25 +91,21 @@ class Change:
     """What one right side does to the names of its scope."""
 
     deleted: list[str] = field(default_factory=list)
-    removed: list[Edge] = field(default_factory=list)
+    removed: list[RuleEdge] = field(default_factory=list)
     retyped: list[tuple[str, str]] = field(default_factory=list)
-    created: list[Node] = field(default_factory=list)
-    added: list[Edge] = field(default_factory=list)
-    moved: list[Move] = field(default_factory=list)
-    merged: list[Merge] = field(default_factory=list)
-    redirected: list[Edge] = field(default_factory=list)
-    sets: list[Set] = field(default_factory=list)
+    created: list[RuleNode] = field(default_factory=list)
+    added: list[RuleEdge] = field(default_factory=list)
+    moved: list[MoveAction] = field(default_factory=list)
+    merged: list[MergeAction] = field(default_factory=list)
+    redirected: list[RuleEdge] = field(default_factory=list)
+    sets: list[SetAction] = field(default_factory=list)
 
 
 def change_of(instance: Instance, state: State) -> Change:
     right = instance.right
     if right is None:
         return Change()
-    return (
-        of_graph(instance, right, state)
-        if isinstance(right, RightSide)
-        else of_actions(right.actions, instance)
-    )
+    return of_graph(instance, right, state) if isinstance(right, RightSide) else of_actions(right.actions, instance)
 
 
 def of_graph(instance: Instance, right: RightSide, state: State) -> Change:
@@ -119,9 +115,7 @@ def of_graph(instance: Instance, right: RightSide, state: State) -> Change:
     ends = [end for edge in left.edges for end in (edge.source, edge.target)]
     nodes = dict.fromkeys([node.name for node in left.nodes] + ends)
     mine = [name for name in nodes if name != "_" and name not in outside]
-    there = {node.name for node in right.nodes} | {
-        e for edge in right.edges for e in (edge.source, edge.target)
-    }
+    there = {node.name for node in right.nodes} | {e for edge in right.edges for e in (edge.source, edge.target)}
     change = of_actions(right.actions, instance)
     change.deleted += [name for name in mine if name not in there and name not in change.deleted]
     for node in right.nodes:
@@ -138,7 +132,7 @@ def of_graph(instance: Instance, right: RightSide, state: State) -> Change:
     return change
 
 
-def canonical(state: State, edge: Edge) -> set[Arrow]:
+def canonical(state: State, edge: RuleEdge) -> set[Arrow]:
     """The arrow as written forwards and backwards."""
     opposite = state.reference(edge.reference).opposite
     arrow = (edge.reference, edge.source, edge.target)
@@ -149,24 +143,24 @@ def of_actions(actions: Sequence[object], instance: Instance) -> Change:
     change = Change()
     for action in actions:
         match action:
-            case Create(nodes, edges):
+            case CreateAction(nodes, edges):
                 change.created += [node for node in nodes if node.type]
                 change.added += edges
             case DeleteNode(node):
                 change.deleted.append(node.name)
             case DeleteEdge(edge):
                 change.removed.append(edge)
-            case Retype(node, cls):
+            case RetypeAction(node, cls):
                 change.retyped.append((node.name, cls))
-            case Redirect(edge, target):
+            case RedirectAction(edge, target):
                 change.redirected.append(edge)
                 change.removed.append(edge)
-                change.added.append(Edge(edge.source, edge.reference, target.name))
-            case Set():
+                change.added.append(RuleEdge(edge.source, edge.reference, target.name))
+            case SetAction():
                 change.sets.append(action)
-            case Move():
+            case MoveAction():
                 change.moved.append(action)
-            case Merge():
+            case MergeAction():
                 change.merged.append(action)
     return change
 
@@ -191,9 +185,7 @@ class Unclear:
 Outcome = State | Refused | Unclear
 
 
-def outcomes(
-    state: State, rule: Rule, patterns: Mapping[str, Pattern], match: Env, most: int = 20
-) -> list[Outcome]:
+def outcomes(state: State, rule: Rule, patterns: Mapping[str, Pattern], match: Env, most: int = 20) -> list[Outcome]:
     """What applying a rule at a match may lead to: one outcome for each choice that `optional` blocks have.
 
     Empty if there are too many choices.
@@ -213,7 +205,7 @@ def outcomes(
     return found
 
 
-def choices(matching: Matching, blocks: Sequence[Block], around: Instance) -> Iterator[list[Instance]]:
+def choices(matching: Matching, blocks: Sequence[RuleBlock], around: Instance) -> Iterator[list[Instance]]:
     """The instances of blocks, and of those inside them, in every way that `optional` leaves open."""
     ways: list[list[list[Instance]]] = []
     for block in blocks:
@@ -294,13 +286,9 @@ class Application:
                 values = self.values(one.value, instance, one.feature)
                 if self.before.attribute(one.feature) is None:
                     values = [value for value in values if value is not None]
-                self.assigned.append(
-                    (number, instance.thing(one.object.name), one.feature, one.operator, values)
-                )
+                self.assigned.append((number, instance.thing(one.object.name), one.feature, one.operator, values))
 
-    def values(
-        self, value: Expression | tuple[Expression, ...], instance: Instance, feature: str
-    ) -> list[Item | None]:
+    def values(self, value: Expression | tuple[Expression, ...], instance: Instance, feature: str) -> list[Item | None]:
         """The values of a list, or the one value; where an attribute needs one, a path has to lead to it."""
         env = {}
         around: Instance | None = instance
@@ -308,9 +296,7 @@ class Application:
             env = around.env | around.made | env
             around = around.parent
         try:
-            found = [
-                evaluated(self.before, e, env) for e in (value if isinstance(value, tuple) else (value,))
-            ]
+            found = [evaluated(self.before, e, env) for e in (value if isinstance(value, tuple) else (value,))]
         except NoValue:
             self.reasons.add("error")
             return [None]
@@ -346,9 +332,7 @@ class Application:
                 removed += outer.removed
                 around = around.parent
             gone = {instance.value(name) for name in deleted}
-            removed += [
-                e for e in instance.arrows if {instance.value(e.source), instance.value(e.target)} & gone
-            ]
+            removed += [e for e in instance.arrows if {instance.value(e.source), instance.value(e.target)} & gone]
             for name in deleted:
                 for other, value in instance.env.items():
                     if other != name and isinstance(value, Thing) and value == instance.value(name):
@@ -412,9 +396,7 @@ class Application:
         kept: dict[Thing, set[Thing]] = {}
         for instance, change in self.both:
             for merge in change.merged:
-                kept.setdefault(instance.thing(merge.absorbed.name), set()).add(
-                    instance.thing(merge.kept.name)
-                )
+                kept.setdefault(instance.thing(merge.absorbed.name), set()).add(instance.thing(merge.kept.name))
         if len(kept) > 1:
             self.unclear.append("several are absorbed")
         if any(len(into) > 1 for into in kept.values()) or any(
@@ -469,17 +451,11 @@ class Application:
         if any(clash(self.before, one, other) for one in made for other in made):
             self.reasons |= {"full", "containment"}
         for _, thing, feature, operator, values in self.assigned:
-            if operator == "=" and any(
-                link[:2] == (feature, thing) and link[2] not in values for link in asked
-            ):
+            if operator == "=" and any(link[:2] == (feature, thing) and link[2] not in values for link in asked):
                 self.reasons.add("ambiguous")
 
     def moved_links(self) -> list[Link]:
-        return [
-            (m.reference, i.thing(m.container.name), i.thing(m.node.name))
-            for i, c in self.both
-            for m in c.moved
-        ]
+        return [(m.reference, i.thing(m.container.name), i.thing(m.node.name)) for i, c in self.both for m in c.moved]
 
     def new_links(self) -> list[Link]:
         """All links that the rule adds but by `set`, `move` and `merge`, in both directions."""

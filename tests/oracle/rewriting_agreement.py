@@ -32,9 +32,7 @@ def key(env: Env) -> tuple[tuple[str, object], ...]:
     return tuple(sorted(env.items()))
 
 
-def disagreement(
-    engine: Engine, patterns: Sequence[Pattern], rule: Rule, given: Env, most: int = 8
-) -> str | None:
+def disagreement(engine: Engine, patterns: Sequence[Pattern], rule: Rule, given: Env, most: int = 8) -> str | None:
     """How engine and oracle differ, in the matches or in what the rule does at one of them; None if they do not.
 
     The rule is applied at some matches, each time from the state at the beginning.
@@ -45,9 +43,7 @@ def disagreement(
     expected = Matching(state, rule, Search(state, known)).matches(given)
     found = engine.matches(rule.name, **given)
     things = {n for env in expected for n, v in env.items() if isinstance(v, Thing)}
-    if {key(env) for env in expected} != {key(env_of(match, things)) for match in found} or len(
-        expected
-    ) != len(found):
+    if {key(env) for env in expected} != {key(env_of(match, things)) for match in found} or len(expected) != len(found):
         ours = sorted(map(str, (key(env) for env in expected)))
         theirs = sorted(map(str, (key(env_of(match, things)) for match in found)))
         return f"matches: oracle {ours} engine {theirs}"
@@ -79,9 +75,7 @@ def application_disagrees(
         return None
     if any(agrees(one, said, found, state) for one in expected):
         return None
-    return f"oracle {[described(one) for one in expected]}, engine {said}" + (
-        f" {described(found)}" if found else ""
-    )
+    return f"oracle {[described(one) for one in expected]}, engine {said}" + (f" {described(found)}" if found else "")
 
 
 def applied(engine: Engine, rule: Rule, match: Match, model: Model) -> tuple[str, State | None]:

@@ -12,14 +12,13 @@ from envgraph.metamodel import Attribute, Metamodel, Reference, Scalar
 from envgraph.pattern import (
     Aggregate,
     Binary,
-    Block,
     Check,
     Closure,
     Comparison,
     Conditional,
     Constant,
     Constraint,
-    Create,
+    CreateAction,
     EnumLiteral,
     Evaluation,
     Expression,
@@ -32,6 +31,7 @@ from envgraph.pattern import (
     Relation,
     RightSide,
     Rule,
+    RuleBlock,
     Term,
     TypeConstraint,
     Variable,
@@ -273,9 +273,7 @@ class Search:
 
     def pairs(self, path: PathConstraint) -> list[tuple[Item, Item]]:
         state = self.state
-        step: set[tuple[Item, Item]] = {
-            (t, t) for t in state.classes if not path.type or state.is_a(t, path.type)
-        }
+        step: set[tuple[Item, Item]] = {(t, t) for t in state.classes if not path.type or state.is_a(t, path.type)}
         for name in path.features:
             edges = self.edges(name)
             step = {(a, d) for a, b in step for c, d in edges if b == c}
@@ -398,9 +396,7 @@ def unbound(one: Constraint, unknown: set[str]) -> int:
     sides = [len(variables_of(term) & unknown) for term in terms_of(one)]
     if isinstance(one, Comparison) and one.operator == "==":
         plain = [isinstance(term, Variable) for term in terms_of(one)]
-        known = any(not count for count in sides) and all(
-            p or not c for p, c in zip(plain, sides, strict=True)
-        )
+        known = any(not count for count in sides) and all(p or not c for p, c in zip(plain, sides, strict=True))
         return 0 if known else 1000
     return 1000 if any(sides) else 0
 
@@ -428,7 +424,7 @@ class Matching:
     def of(
         self,
         left: LeftSide,
-        blocks: Sequence[Block],
+        blocks: Sequence[RuleBlock],
         env: Env,
         types: Sequence[Constraint] = (),
         outside: Sequence[str] = (),
@@ -463,10 +459,10 @@ class Matching:
             found = found.union(*(names for names in equations if names & found and len(names) == 2))
         return found
 
-    def conditions(self, blocks: Sequence[Block], env: Env) -> bool:
+    def conditions(self, blocks: Sequence[RuleBlock], env: Env) -> bool:
         return all(self.holds(block, env) for block in blocks)
 
-    def holds(self, block: Block, env: Env) -> bool:
+    def holds(self, block: RuleBlock, env: Env) -> bool:
         match block.kind:
             case "not":
                 return not self.inside(block, env)
@@ -475,7 +471,7 @@ class Matching:
             case _:
                 return True
 
-    def inside(self, block: Block, env: Env) -> list[Env]:
+    def inside(self, block: RuleBlock, env: Env) -> list[Env]:
         """The matches of a block that extend one of what encloses it."""
         return self.of(block.left, block.blocks, env, (), tuple(env))
 
@@ -509,7 +505,7 @@ def created_by(rule: Rule) -> set[str]:
     right = rule.right
     if right is None:
         return set()
-    made = [right] if isinstance(right, RightSide) else [a for a in right.actions if isinstance(a, Create)]
+    made = [right] if isinstance(right, RightSide) else [a for a in right.actions if isinstance(a, CreateAction)]
     known = {node.name for node in rule.left.nodes}
     outputs = {p.name for p in rule.parameters if p.direction == "out"}
     return {node.name for one in made for node in one.nodes if node.type and node.name not in known} & outputs

@@ -6,12 +6,12 @@ from dataclasses import replace
 
 from envgraph.errors import Severity
 from envgraph.pattern import (
-    Block,
-    Create,
+    CreateAction,
     LeftSide,
     Modification,
     RightSide,
     Rule,
+    RuleBlock,
 )
 from envgraph.rewrite import Engine
 
@@ -20,7 +20,7 @@ def errors(engine: Engine, rule: Rule) -> list[str]:
     return [str(one) for one in engine.check(rule) if one.severity is Severity.ERROR]
 
 
-def mended(engine: Engine, rule: Rule, dropped: list[str] | None = None) -> Rule | None:
+def without_refused_parts(engine: Engine, rule: Rule, dropped: list[str] | None = None) -> Rule | None:
     """The rule without the parts that are refused when it is registered; None if nothing is left."""
     problems = errors(engine, rule)
     while problems:
@@ -49,7 +49,7 @@ def parts_left_out(rule: Rule) -> list[Rule]:
     return found
 
 
-def smaller_blocks(blocks: tuple[Block, ...]) -> list[tuple[Block, ...]]:
+def smaller_blocks(blocks: tuple[RuleBlock, ...]) -> list[tuple[RuleBlock, ...]]:
     found = [blocks[:i] + blocks[i + 1 :] for i in range(len(blocks))]
     for i, block in enumerate(blocks):
         inner = [replace(block, right=one) for one in smaller_rights(block.right)]
@@ -71,19 +71,14 @@ def smaller_rights(right: RightSide | Modification | None) -> list[RightSide | M
     found: list[RightSide | Modification | None] = [None]
     found += [replace(right, actions=without(right.actions, i)) for i in range(len(right.actions))]
     for i, one in enumerate(right.actions):
-        if isinstance(one, Create):
+        if isinstance(one, CreateAction):
             smaller = [replace(one, edges=without(one.edges, j)) for j in range(len(one.edges))]
             smaller += [
-                replace(
-                    one, nodes=tuple(replace(n, assignments=without(n.assignments, j)) for n in one.nodes)
-                )
+                replace(one, nodes=tuple(replace(n, assignments=without(n.assignments, j)) for n in one.nodes))
                 for node in one.nodes
                 for j in range(len(node.assignments))
             ]
-            found += [
-                replace(right, actions=(*right.actions[:i], each, *right.actions[i + 1 :]))
-                for each in smaller
-            ]
+            found += [replace(right, actions=(*right.actions[:i], each, *right.actions[i + 1 :])) for each in smaller]
     if isinstance(right, RightSide):
         found += [replace(right, edges=without(right.edges, i)) for i in range(len(right.edges))]
         for i, node in enumerate(right.nodes):
@@ -92,9 +87,7 @@ def smaller_rights(right: RightSide | Modification | None) -> list[RightSide | M
                 less = replace(node, assignments=without(node.assignments, j))
                 found.append(replace(right, nodes=(*right.nodes[:i], less, *right.nodes[i + 1 :])))
             if node.type:
-                found.append(
-                    replace(right, nodes=(*right.nodes[:i], replace(node, type=None), *right.nodes[i + 1 :]))
-                )
+                found.append(replace(right, nodes=(*right.nodes[:i], replace(node, type=None), *right.nodes[i + 1 :])))
     return found
 
 

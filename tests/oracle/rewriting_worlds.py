@@ -14,7 +14,6 @@ from envgraph.pattern import (
     Aggregate,
     Assignment,
     Binary,
-    Block,
     Body,
     Check,
     Closure,
@@ -22,29 +21,30 @@ from envgraph.pattern import (
     Conditional,
     Constant,
     Constraint,
-    Create,
+    CreateAction,
     DeleteEdge,
     DeleteNode,
-    Edge,
     EnumLiteral,
     Evaluation,
     Expression,
     LeftSide,
-    Merge,
+    MergeAction,
     Modification,
-    Move,
+    MoveAction,
     Navigation,
     Negation,
-    Node,
     Parameter,
     PathConstraint,
     Pattern,
     PatternCall,
-    Redirect,
-    Retype,
+    RedirectAction,
+    RetypeAction,
     RightSide,
     Rule,
-    Set,
+    RuleBlock,
+    RuleEdge,
+    RuleNode,
+    SetAction,
     TypeConstraint,
     Variable,
 )
@@ -79,10 +79,7 @@ def state_of(model: Model) -> State:
     """The graph as the oracle sees it."""
     metamodel = model.metamodel
     nodes = [
-        Thing(node)
-        for cls in metamodel.class_list
-        if not cls.abstract
-        for node in model.graph.exact_extent(cls.name)
+        Thing(node) for cls in metamodel.class_list if not cls.abstract for node in model.graph.exact_extent(cls.name)
     ]
     classes = {node: model.graph.class_of(node) for node in sorted(nodes)}
     values: dict[tuple[Thing, str], Item | tuple[Item, ...] | None] = {
@@ -114,7 +111,7 @@ def random_patterns(dice: Dice, metamodel: Metamodel) -> list[Pattern]:
     path = PathConstraint(r.owner, (r.name,), x, y)
     bodies = [Body((path,))]
     back = [
-        o for o in references if metamodel.overlap(o.owner, r.target) and metamodel.overlap(o.target, r.owner)
+        o for o in references if metamodel.may_overlap(o.owner, r.target) and metamodel.may_overlap(o.target, r.owner)
     ]
     if back and dice.chance(60):
         other = dice.one(back)
@@ -133,9 +130,7 @@ def random_patterns(dice: Dice, metamodel: Metamodel) -> list[Pattern]:
         body = Body((PathConstraint(a.owner, (a.name,), x, v), PathConstraint(a.owner, (a.name,), z, v)))
         type_ = a.type.name if isinstance(a.type, EnumType) else a.type.value
         found.append(
-            Pattern(
-                "valued", (Parameter("x", a.owner), Parameter("z", a.owner), Parameter("v", type_)), (body,)
-            )
+            Pattern("valued", (Parameter("x", a.owner), Parameter("z", a.owner), Parameter("v", type_)), (body,))
         )
     return found
 
@@ -200,8 +195,8 @@ def above(scope: Scope, thing: Thing) -> str:
 def random_left(scope: Scope, size: int) -> LeftSide:
     """Nodes, arrows and constraints that mostly hold for the witness."""
     dice, state = scope.dice, scope.state
-    nodes: list[Node] = []
-    edges: list[Edge] = []
+    nodes: list[RuleNode] = []
+    edges: list[RuleEdge] = []
     constraints: list[Constraint] = []
     things = sorted(state.classes)
     new: list[str] = []
@@ -216,7 +211,7 @@ def random_left(scope: Scope, size: int) -> LeftSide:
             cls = above(scope, thing)
             name = scope.object(cls, thing)
             if dice.chance(90):
-                nodes.append(Node(name, cls))
+                nodes.append(RuleNode(name, cls))
             else:
                 constraints.append(TypeConstraint(cls, Variable(name)))
             new.append(name)
@@ -227,7 +222,7 @@ def random_left(scope: Scope, size: int) -> LeftSide:
     return LeftSide(tuple(nodes), tuple(edges), tuple(constraints))
 
 
-def grow(scope: Scope, nodes: list[Node], edges: list[Edge], free: Sequence[Thing]) -> None:
+def grow(scope: Scope, nodes: list[RuleNode], edges: list[RuleEdge], free: Sequence[Thing]) -> None:
     """An arrow from a known name, to a new name or a known one."""
     dice, state = scope.dice, scope.state
     source = dice.one(list(scope.classes))
@@ -235,21 +230,15 @@ def grow(scope: Scope, nodes: list[Node], edges: list[Edge], free: Sequence[Thin
     if not references:
         return
     start = scope.thing(source)
-    real = [
-        (r, t) for r, s, t in sorted(state.links) if s == start and any(one.name == r for one in references)
-    ]
+    real = [(r, t) for r, s, t in sorted(state.links) if s == start and any(one.name == r for one in references)]
     if real and dice.chance(85):
         name, thing = dice.one(real)
     else:
         name, thing = dice.one(references).name, None
     reference = state.reference(name)
-    known = [o for o, cls in scope.classes.items() if scope.metamodel.overlap(cls, reference.target)
+    known = [o for o, cls in scope.classes.items() if scope.metamodel.may_overlap(cls, reference.target)
              and (thing is None or scope.thing(o) == thing)]  # fmt: skip
-    closure = (
-        dice.one(["+", "*"])
-        if scope.metamodel.is_a(reference.target, reference.owner) and dice.chance(8)
-        else ""
-    )
+    closure = dice.one(["+", "*"]) if scope.metamodel.is_a(reference.target, reference.owner) and dice.chance(8) else ""
     if known and (dice.chance(70) or thing is None):
         target = dice.one(known)
     elif dice.chance(5):
@@ -257,14 +246,12 @@ def grow(scope: Scope, nodes: list[Node], edges: list[Edge], free: Sequence[Thin
     else:
         cls = reference.target
         if thing is not None and dice.chance(50):
-            below = [
-                c for c in scope.metamodel.supertypes(state.classes[thing]) if scope.metamodel.is_a(c, cls)
-            ]
+            below = [c for c in scope.metamodel.supertypes(state.classes[thing]) if scope.metamodel.is_a(c, cls)]
             cls = dice.one(below)
         target = scope.object(cls, thing)
         if cls != reference.target or dice.chance(60):
-            nodes.append(Node(target, cls))
-    edges.append(Edge(source, name, target, closure))  # type: ignore[arg-type]
+            nodes.append(RuleNode(target, cls))
+    edges.append(RuleEdge(source, name, target, closure))  # type: ignore[arg-type]
 
 
 def constraint(scope: Scope) -> Constraint | None:
@@ -279,18 +266,14 @@ def constraint(scope: Scope) -> Constraint | None:
         attribute = dice.one(attributes)
         known = [v for v, type_ in scope.data.items() if type_ == attribute.type]
         if known and dice.chance(50):
-            return PathConstraint(
-                attribute.owner, (attribute.name,), Variable(name), Variable(dice.one(known))
-            )
+            return PathConstraint(attribute.owner, (attribute.name,), Variable(name), Variable(dice.one(known)))
         fresh = scope.fresh("v")
         scope.data[fresh] = attribute.type
         return PathConstraint(attribute.owner, (attribute.name,), Variable(name), Variable(fresh))
     if roll < 5 and references:
         return path(scope, name, dice.one(references))
     if roll < 6:
-        below = [c for c in metamodel.classes if metamodel.overlap(c, scope.classes[name])] or [
-            scope.classes[name]
-        ]
+        below = [c for c in metamodel.classes if metamodel.may_overlap(c, scope.classes[name])] or [scope.classes[name]]
         made: TypeConstraint | PathConstraint | PatternCall = TypeConstraint(dice.one(below), Variable(name))
         return Negation(made) if dice.chance(40) else made
     if roll < 9:
@@ -301,13 +284,9 @@ def constraint(scope: Scope) -> Constraint | None:
         return Negation(PathConstraint(reference.owner, (reference.name,), Variable(name), dice.one(others)))
     if roll < 11:
         others = [
-            o for o, cls in scope.classes.items() if o != name and metamodel.overlap(cls, scope.classes[name])
+            o for o, cls in scope.classes.items() if o != name and metamodel.may_overlap(cls, scope.classes[name])
         ]
-        return (
-            Comparison(dice.one(["==", "!=", "!="]), Variable(name), Variable(dice.one(others)))
-            if others
-            else None
-        )
+        return Comparison(dice.one(["==", "!=", "!="]), Variable(name), Variable(dice.one(others))) if others else None
     if roll < 12 and references:
         reference = dice.one(references)
         over = PathConstraint(reference.owner, (reference.name,), Variable(name), Variable("_"))
@@ -336,7 +315,7 @@ def path(scope: Scope, name: str, reference: Reference) -> Constraint:
     closure = Closure.ONCE
     if metamodel.is_a(cls, reference.owner) and dice.chance(25):
         closure = dice.one([Closure.PLUS, Closure.STAR])
-    known = [o for o, own in scope.classes.items() if metamodel.overlap(own, cls)]
+    known = [o for o, own in scope.classes.items() if metamodel.may_overlap(own, cls)]
     target = dice.one(known) if known and dice.chance(60) else scope.object(cls, None)
     return PathConstraint(reference.owner, tuple(features), Variable(name), Variable(target), closure)
 
@@ -345,14 +324,14 @@ def call(scope: Scope, name: str) -> Constraint | None:
     """A call of a pattern, maybe negated or counted."""
     dice, metamodel = scope.dice, scope.metamodel
     pattern = dice.one(scope.patterns)
-    if not metamodel.overlap(pattern.parameters[0].type or "", scope.classes[name]):
+    if not metamodel.may_overlap(pattern.parameters[0].type or "", scope.classes[name]):
         return None
     negative = dice.chance(35)
     arguments = [Variable(name)]
     for parameter in pattern.parameters[1:]:
         cls = parameter.type or ""
         if cls in metamodel.classes:
-            known = [o for o, own in scope.classes.items() if metamodel.overlap(own, cls)]
+            known = [o for o, own in scope.classes.items() if metamodel.may_overlap(own, cls)]
             if known and dice.chance(50):
                 arguments.append(Variable(dice.one(known)))
             elif negative or dice.chance(15):
@@ -370,7 +349,7 @@ def call(scope: Scope, name: str) -> Constraint | None:
         return Negation(made)
     if (
         len(arguments) == 2
-        and metamodel.overlap(pattern.parameters[0].type or "", pattern.parameters[1].type or "")
+        and metamodel.may_overlap(pattern.parameters[0].type or "", pattern.parameters[1].type or "")
         and dice.chance(15)
     ):
         return replace(made, closure=dice.one([Closure.PLUS, Closure.STAR]))
@@ -397,9 +376,7 @@ def values(scope: Scope, type_: AttributeType) -> list[Expression]:
     found: list[Expression] = [Variable(name) for name, own in scope.data.items() if own == type_]
     for name in scope.classes:
         found += [
-            Navigation(Variable(name), one.name)
-            for one in scope.attributes(name)
-            if one.type == type_ and not one.many
+            Navigation(Variable(name), one.name) for one in scope.attributes(name) if one.type == type_ and not one.many
         ]
         for reference in scope.references(name):
             if not reference.many:
@@ -477,7 +454,7 @@ class Right:
     def objects(self) -> list[str]:
         return [name for name in self.scope.classes if name not in self.deleted]
 
-    def arrows(self) -> list[Edge]:
+    def arrows(self) -> list[RuleEdge]:
         return [e for e in self.left.edges if not e.closure and "_" not in (e.source, e.target)]
 
 
@@ -503,32 +480,32 @@ def action(right: Right) -> object:
     if roll < 13:
         return assignment(right, name)
     if roll < 15:
-        return Retype(Variable(name), dice.one(concrete(scope.metamodel)))
+        return RetypeAction(Variable(name), dice.one(concrete(scope.metamodel)))
     if roll < 16:
         edge = some_arrow(right, name)
         if edge is None:
             return None
         others = [o for o in scope.fitting(scope.state.reference(edge.reference).target) if o in objects]
-        return Redirect(edge, Variable(dice.one(others))) if others else None
+        return RedirectAction(edge, Variable(dice.one(others))) if others else None
     if roll < 17:
         others = [o for o in objects if o != name]
         if not others:
             return None
         kept = dice.one(others)
         right.deleted.add(name)
-        return Merge(Variable(kept), Variable(name))
+        return MergeAction(Variable(kept), Variable(name))
     if roll < 18:
         holders = [(r.name, o) for o in objects for r in scope.references(o) if r.containment
                    and scope.metamodel.is_a(scope.classes[name], r.target)]  # fmt: skip
         if not holders:
             return None
         reference, holder = dice.one(holders)
-        return Move(Variable(name), Variable(holder), reference)
+        return MoveAction(Variable(name), Variable(holder), reference)
     edge = new_edge(right, name)
-    return Create((), (edge,)) if edge else None
+    return CreateAction((), (edge,)) if edge else None
 
 
-def some_arrow(right: Right, name: str) -> Edge | None:
+def some_arrow(right: Right, name: str) -> RuleEdge | None:
     """An arrow of the left side, or now and then one that may not be there."""
     dice, arrows = right.scope.dice, right.arrows()
     return dice.one(arrows) if arrows and dice.chance(80) else new_edge(right, name)
@@ -538,10 +515,10 @@ def concrete(metamodel: Metamodel) -> list[str]:
     return [cls.name for cls in metamodel.class_list if not cls.abstract]
 
 
-def new_edge(right: Right, source: str) -> Edge | None:
+def new_edge(right: Right, source: str) -> RuleEdge | None:
     scope, dice = right.scope, right.scope.dice
     choices = [
-        Edge(source, reference.name, target)
+        RuleEdge(source, reference.name, target)
         for reference in scope.references(source)
         for target in scope.fitting(reference.target)
         if target not in right.deleted
@@ -549,14 +526,14 @@ def new_edge(right: Right, source: str) -> Edge | None:
     return dice.one(choices) if choices else None
 
 
-def creation(right: Right) -> Create:
+def creation(right: Right) -> CreateAction:
     """A new object, with values and links."""
     scope, dice = right.scope, right.scope.dice
     node = new_node(right)
-    edges: list[Edge] = []
+    edges: list[RuleEdge] = []
     if dice.chance(50):
         holders = [
-            Edge(o, r.name, node.name)
+            RuleEdge(o, r.name, node.name)
             for o in right.objects()
             for r in scope.references(o)
             if o != node.name and scope.metamodel.is_a(scope.classes[node.name], r.target)
@@ -566,10 +543,10 @@ def creation(right: Right) -> Create:
     if dice.chance(40):
         edge = new_edge(right, node.name)
         edges += [edge] if edge else []
-    return Create((node,), tuple(edges))
+    return CreateAction((node,), tuple(edges))
 
 
-def new_node(right: Right) -> Node:
+def new_node(right: Right) -> RuleNode:
     scope, dice = right.scope, right.scope.dice
     cls = dice.one(concrete(scope.metamodel))
     given: dict[str, Assignment] = {}
@@ -581,7 +558,7 @@ def new_node(right: Right) -> Node:
             if made is not None:
                 given[feature.name] = Assignment(feature.name, made)
     name = scope.object(cls, None)
-    return Node(name, cls, tuple(given.values()))
+    return RuleNode(name, cls, tuple(given.values()))
 
 
 def assigned(right: Right, feature: Attribute | Reference) -> Expression | tuple[Expression, ...] | None:
@@ -620,7 +597,7 @@ def matched(right: Right) -> set[str]:
     return nodes | {end for edge in right.left.edges for end in (edge.source, edge.target)}
 
 
-def assignment(right: Right, name: str) -> Set | None:
+def assignment(right: Right, name: str) -> SetAction | None:
     scope, dice = right.scope, right.scope.dice
     features = scope.features(name)
     if not features:
@@ -639,14 +616,14 @@ def assignment(right: Right, name: str) -> Set | None:
             operator = dice.one(["+=", "-="])
         elif feature.type is Scalar.STRING:
             operator, made = "+=", Constant("a")
-    return Set(Variable(name), feature.name, operator, made)  # type: ignore[arg-type]
+    return SetAction(Variable(name), feature.name, operator, made)  # type: ignore[arg-type]
 
 
 def random_graph(scope: Scope, left: LeftSide, own: Sequence[str]) -> RightSide:
     """The graph after the rule: most of the left side, and something new."""
     dice = scope.dice
     right = Right(scope, left)
-    nodes: list[Node] = []
+    nodes: list[RuleNode] = []
     actions: list[object] = []
     types = {node.name: node.type for node in left.nodes}
     for name in own:
@@ -654,7 +631,7 @@ def random_graph(scope: Scope, left: LeftSide, own: Sequence[str]) -> RightSide:
             cls = types.get(name)
             if cls is not None and dice.chance(20):
                 cls = dice.one(concrete(scope.metamodel))
-            nodes.append(Node(name, cls if dice.chance(50) else None))
+            nodes.append(RuleNode(name, cls if dice.chance(50) else None))
         else:
             right.deleted.add(name)
             if dice.chance(50):
@@ -676,9 +653,7 @@ def own_nodes(left: LeftSide, outside: set[str]) -> list[str]:
     """The nodes of a left side that are its own."""
     ends = [end for edge in left.edges for end in (edge.source, edge.target)]
     return [
-        name
-        for name in dict.fromkeys([*(n.name for n in left.nodes), *ends])
-        if name != "_" and name not in outside
+        name for name in dict.fromkeys([*(n.name for n in left.nodes), *ends]) if name != "_" and name not in outside
     ]
 
 
@@ -686,20 +661,16 @@ def random_right(scope: Scope, left: LeftSide, outside: set[str]) -> RightSide |
     roll = scope.dice.number(0, 19)
     if roll < 1:
         return None
-    return (
-        random_graph(scope, left, own_nodes(left, outside)) if roll < 7 else random_modification(scope, left)
-    )
+    return random_graph(scope, left, own_nodes(left, outside)) if roll < 7 else random_modification(scope, left)
 
 
 # --- blocks and rules
 
 
-def random_block(scope: Scope, depth: int, conditional: bool, made: Mapping[str, str] | None = None) -> Block:
+def random_block(scope: Scope, depth: int, conditional: bool, made: Mapping[str, str] | None = None) -> RuleBlock:
     """A block; one inside a condition is a condition. What encloses it may make objects for its right side."""
     dice = scope.dice
-    kinds = (
-        ["not", "require"] if conditional else ["not", "require", "forall", "forall", "forall+", "optional"]
-    )
+    kinds = ["not", "require"] if conditional else ["not", "require", "forall", "forall", "forall+", "optional"]
     kind = dice.one(kinds)
     inner = scope.inner()
     outside = set(inner.classes)
@@ -711,7 +682,7 @@ def random_block(scope: Scope, depth: int, conditional: bool, made: Mapping[str,
         right = random_right(inner, left, outside | set(known))
         known = {name: cls for name, cls in inner.classes.items() if name not in seen.classes}
     blocks = [random_block(seen, depth + 1, condition, known)] if depth < 2 and dice.chance(30) else []
-    return Block(kind, left, tuple(blocks), right)  # type: ignore[arg-type]
+    return RuleBlock(kind, left, tuple(blocks), right)  # type: ignore[arg-type]
 
 
 def random_rule(dice: Dice, state: State, patterns: Sequence[Pattern], name: str = "r") -> Rule:

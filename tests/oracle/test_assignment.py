@@ -68,7 +68,7 @@ def value(engine: Engine, pattern: str) -> float:
 
 @pytest.mark.parametrize("watched", [True, False])
 @pytest.mark.parametrize("seed", range(3))
-def test_the_index_is_that_of_the_definition_wherever_the_moves_lead(seed: int, watched: bool) -> None:
+def test_cra_index_equals_its_definition_after_random_moves(seed: int, watched: bool) -> None:
     engine = random_model(seed, 8)
     if watched:
         engine.watch("craIndex", "cohesion", "coupling", "unassigned")

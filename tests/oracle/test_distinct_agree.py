@@ -11,7 +11,7 @@ from hypothesis import HealthCheck, example, given, settings, strategies as st
 
 from envgraph.graph import Model
 from envgraph.match import FREE, CompiledMatcher
-from envgraph.match.generate import _generate, _sources
+from envgraph.match.generate import _sources, _translation
 from envgraph.pattern import Constraint, Library, Pattern
 from tests.oracle.naive._naive import NaiveMatcher
 from tests.oracle.test_closures_on_demand import PLACES, places
@@ -85,12 +85,10 @@ def answers(model: Model, library: Library, questions: list[tuple[str, tuple[obj
 
 
 @pytest.mark.usefixtures("limits")
-@settings(
-    max_examples=int(0.15 * settings().max_examples), suppress_health_check=list(HealthCheck), deadline=None
-)
+@settings(max_examples=int(0.15 * settings().max_examples), suppress_health_check=list(HealthCheck), deadline=None)
 @given(seed=st.integers(0, 2**32))
 @example(seed=5)
-def test_distinct_sets_change_neither_results_nor_their_order(seed: int) -> None:
+def test_matchers_with_distinct_sets_give_the_same_rows_in_the_same_order(seed: int) -> None:
     dice = Random(seed)
     model, library = places(dice, 6), Library(PLACES)
     asked = patterns(dice)
@@ -105,9 +103,7 @@ def test_distinct_sets_change_neither_results_nor_their_order(seed: int) -> None
             given_ = dice.choice(expected) if expected and dice.random() < 0.7 else None
             arguments = tuple(
                 (given_[place] if given_ else dice.choice(nodes) if type_ != "int" else 1) if bound else FREE
-                for place, (bound, type_) in enumerate(
-                    zip(mask, (p.type for p in each.parameters), strict=True)
-                )
+                for place, (bound, type_) in enumerate(zip(mask, (p.type for p in each.parameters), strict=True))
             )
             rows = [row for row in expected if agrees(row, arguments)]
             assert_rows(compiled, each.name, arguments, rows)
@@ -115,12 +111,12 @@ def test_distinct_sets_change_neither_results_nor_their_order(seed: int) -> None
             questions.append((each.name, arguments))
     with_sets = answers(model, library, questions)
     with pytest.MonkeyPatch.context() as patch:
-        for module in (_generate, _sources):
+        for module in (_translation, _sources):
             patch.setattr(module, "distinct_places", lambda *_: {})
         assert answers(model, library, questions) == with_sets
 
 
-def test_there_are_distinct_sets_to_test() -> None:
+def test_generated_code_contains_distinct_sets() -> None:
     library = Library(PLACES)
     library.add(pattern("far(a : Place, b : Place)", [path("Place.to.near.to.near", "a", "b")]))
     assert CompiledMatcher(Model(PLACES), library).source("far", (0,)).count(" not in ") == 3

@@ -49,24 +49,22 @@ def asked(engine: Engine, pattern: str) -> set[tuple[object, ...]]:
     return rows
 
 
-def agree(name: str, engine: Engine) -> None:
+def assert_queries_equal_python(name: str, engine: Engine) -> None:
     """Every query finds what plain Python finds."""
     for pattern, by_hand in BY_HAND[name].items():
         assert asked(engine, f"{name}.{pattern}") == by_hand(engine.model), pattern
 
 
 @pytest.mark.parametrize(("name", "model"), MODELS)
-def test_there_is_plain_python_for_every_query(name: str, model: str) -> None:
+def test_every_query_of_a_domain_has_a_python_version(name: str, model: str) -> None:
     files = (path for path in bundled_domain(name).glob("*.*") if path.suffix != ".toml")
     texts = load_workspace(sorted(files))
-    assert {pattern.qualified_name for pattern in texts.patterns} == {
-        f"{name}.{one}" for one in BY_HAND[name]
-    }
+    assert {pattern.qualified_name for pattern in texts.patterns} == {f"{name}.{one}" for one in BY_HAND[name]}
 
 
 @pytest.mark.parametrize(("name", "model"), MODELS)
-def test_queries_of_the_sample_model_find_what_plain_python_finds(name: str, model: str) -> None:
-    agree(name, domain_engine(name, model))
+def test_queries_of_the_sample_model_equal_their_python_versions(name: str, model: str) -> None:
+    assert_queries_equal_python(name, domain_engine(name, model))
 
 
 def walk(engine: Engine, rng: np.random.Generator, steps: int) -> Iterator[None]:
@@ -82,20 +80,18 @@ def walk(engine: Engine, rng: np.random.Generator, steps: int) -> Iterator[None]
 
 @pytest.mark.parametrize("watched", [False, True])
 @pytest.mark.parametrize(("name", "model"), MODELS)
-def test_queries_find_what_plain_python_finds_wherever_the_rules_lead(
-    name: str, model: str, watched: bool
-) -> None:
+def test_queries_equal_their_python_versions_after_random_rules(name: str, model: str, watched: bool) -> None:
     engine = domain_engine(name, model)
     if watched:
         engine.watch(*(f"{name}.{pattern}" for pattern in BY_HAND[name]))
     for seed in range(3 if NIGHTLY else 1):
         for _ in walk(engine, np.random.default_rng(seed), 40):
-            agree(name, engine)
+            assert_queries_equal_python(name, engine)
     engine.check_integrity()
 
 
 @pytest.mark.parametrize(("name", "model"), [one for one in MODELS if one[1] != "running_4x4"])
-def test_every_rule_applies_in_a_model_that_the_rules_reach(name: str, model: str) -> None:
+def test_every_rule_is_applicable_in_some_reachable_model(name: str, model: str) -> None:
     engine = domain_engine(name, model)
     start = engine.commit()
     applied: set[str] = set()
@@ -136,7 +132,7 @@ def try_out(engine: Engine, rule: str, applied: set[str], reasons: dict[str, set
         reasons.setdefault(rule, set()).add("no match")
 
 
-def test_links_go_from_one_network_to_another_where_there_are_two() -> None:
+def test_link_operators_move_links_between_two_networks() -> None:
     engine = domain_engine("network", "backbone")
     model = engine.model
     routers = [model.create("Router", name=name) for name in ("Oslo", "Paris")]
@@ -150,7 +146,7 @@ def test_links_go_from_one_network_to_another_where_there_are_two() -> None:
 
 
 @pytest.mark.parametrize("name", BY_HAND)
-def test_many_mutations_keep_every_constraint_and_can_be_taken_back(name: str) -> None:
+def test_mutations_keep_every_constraint_and_can_be_rolled_back(name: str) -> None:
     """As a search mutates: what does not satisfy the constraints that are queries is rolled back."""
     domain = Domain.load(f"{name}/{'paper' if name == 'burning_forest' else 'diverse'}.toml")
     engine = domain.engine()

@@ -10,7 +10,7 @@ from envgraph.graph import Model
 from envgraph.match import FREE, CompiledMatcher, Matcher
 from envgraph.pattern import Library, ObjectType
 from tests.oracle.naive._naive import NaiveMatcher
-from tests.oracle.worlds import World, domain, worlds
+from tests.oracle.worlds import RandomCase, domain, random_cases
 
 EXAMPLES = settings().max_examples
 """Of the profile: 50 by day, 5,000 at night."""
@@ -36,14 +36,12 @@ def snapshot(matcher: Matcher, library: Library) -> dict[str, list[tuple[object,
     return {name: list(matcher.rows(name, free(size))) for name, size in sizes(library).items()}
 
 
-def candidates(world: World, pattern: str, naive: list[tuple[object, ...]]) -> list[tuple[object, ...]]:
+def candidates(world: RandomCase, pattern: str, naive: list[tuple[object, ...]]) -> list[tuple[object, ...]]:
     """Tuples to take bound values from: matches, and others of the right types."""
     columns: list[list[object]] = []
     for type_ in world.library.parameter_types(pattern):
         if isinstance(type_, ObjectType):
-            columns.append(
-                [n for c in world.model.metamodel.classes for n in world.model.graph.exact_extent(c)]
-            )
+            columns.append([n for c in world.model.metamodel.classes for n in world.model.graph.exact_extent(c)])
         else:
             columns.append(list(domain(type_)))
     found = [world.dice.one(naive)] if naive else []
@@ -52,7 +50,7 @@ def candidates(world: World, pattern: str, naive: list[tuple[object, ...]]) -> l
     return found
 
 
-def assert_agree(world: World, compiled: Matcher, naive: Matcher) -> None:
+def assert_agree(world: RandomCase, compiled: Matcher, naive: Matcher) -> None:
     """Every question about every pattern has the same answer."""
     for pattern, size in sizes(world.library).items():
         expected = list(naive.rows(pattern, free(size)))
@@ -107,15 +105,15 @@ def assert_prepared(matcher: Matcher, pattern: str, arguments: Row, expected: li
     values = [arguments[position] for position in bound]
     expected = list(matcher.rows(pattern, arguments))
     assert matcher.prepare(pattern, bound)(*values) == expected
-    assert list(matcher.seeker(pattern, bound)(*values)) == expected
+    assert list(matcher.prepare_iterator(pattern, bound)(*values)) == expected
 
 
 QUESTIONS = (assert_rows, assert_exists, assert_count, assert_first, assert_prepared)
 
 
 @many(2)
-@given(worlds())
-def test_compiled_and_naive_matcher_agree_after_every_edit(world: World) -> None:
+@given(random_cases())
+def test_compiled_and_naive_matcher_agree_after_every_edit(world: RandomCase) -> None:
     compiled, naive = (kind(world.model, world.library) for kind in (CompiledMatcher, NaiveMatcher))
     assert_agree(world, compiled, naive)
     for _ in range(world.dice.number(0, 2)):
@@ -124,8 +122,8 @@ def test_compiled_and_naive_matcher_agree_after_every_edit(world: World) -> None
 
 
 @many(1)
-@given(worlds())
-def test_rows_and_their_order_are_back_after_a_rollback(world: World) -> None:
+@given(random_cases())
+def test_rollback_restores_rows_and_their_order(world: RandomCase) -> None:
     compiled = CompiledMatcher(world.model, world.library)
     before = snapshot(compiled, world.library)
     savepoint = world.model.graph.history.savepoint()
@@ -138,8 +136,8 @@ def test_rows_and_their_order_are_back_after_a_rollback(world: World) -> None:
 
 
 @many(0.7)
-@given(worlds())
-def test_order_belongs_to_the_version_and_not_to_the_way_it_was_reached(world: World) -> None:
+@given(random_cases())
+def test_order_of_rows_depends_only_on_the_version(world: RandomCase) -> None:
     model = world.model
     matchers = [CompiledMatcher(model, world.library)]
     versions = []
@@ -155,8 +153,8 @@ def test_order_belongs_to_the_version_and_not_to_the_way_it_was_reached(world: W
 
 
 @many(0.3)
-@given(worlds())
-def test_two_matchers_generate_the_same_source(world: World) -> None:
+@given(random_cases())
+def test_two_matchers_generate_the_same_source(world: RandomCase) -> None:
     other = Model(world.model.metamodel)
     for pattern, size in reversed(sizes(world.library).items()):
         for bound in (tuple(range(size)), ()):

@@ -9,7 +9,7 @@ from envgraph.match import CompiledMatcher
 from envgraph.pattern import Library, conformance_patterns
 from tests.oracle.naive._naive import NaiveMatcher
 from tests.oracle.test_matchers_agree import assert_agree, snapshot
-from tests.oracle.worlds import Dice, World
+from tests.oracle.worlds import Dice, RandomCase
 
 MODELS = {
     "burning_forest": "running_4x4",
@@ -27,7 +27,7 @@ def test_matchers_agree_on_the_queries_of_a_domain(name: str) -> None:
     library = Library(workspace.metamodel)
     library.add(*workspace.patterns)
     library.add(*conformance_patterns(workspace.metamodel))
-    world = World(library, workspace.model(), Dice(1))
+    world = RandomCase(library, workspace.model(), Dice(1))
     compiled, naive = (kind(world.model, library) for kind in (CompiledMatcher, NaiveMatcher))
     assert_agree(world, compiled, naive)
     before = snapshot(compiled, library)

@@ -20,7 +20,7 @@ pyecore_side = pytest.importorskip("tests.oracle.pyecore_side", exc_type=ImportE
 DATA = Path(__file__).parents[1] / "data" / "emf"
 
 
-def test_the_library_is_the_same_on_both_sides() -> None:
+def test_library_model_is_read_alike_by_pyecore_and_envgraph() -> None:
     model = load_workspace([DATA / "library.xmi"]).model()
     package = pyecore_side.read_package((DATA / "library.ecore").read_text("utf-8"))
     roots = pyecore_side.read_objects((DATA / "library.xmi").read_text("utf-8"), package)
@@ -29,7 +29,7 @@ def test_the_library_is_the_same_on_both_sides() -> None:
     assert again.canonical_hash() == model.canonical_hash()
 
 
-def test_pyecore_reads_our_metamodel_of_the_library() -> None:
+def test_pyecore_reads_the_library_metamodel_written_by_envgraph() -> None:
     metamodel = load_workspace([DATA / "library.ecore"]).metamodel
     assert metamodel is not None
     package = pyecore_side.read_package(metamodel_to_ecore(metamodel))
@@ -44,13 +44,13 @@ def test_pyecore_reads_our_metamodel_of_the_library() -> None:
 
 
 @given(metamodels())
-def test_pyecore_reads_our_metamodels(metamodel: Metamodel) -> None:
+def test_pyecore_reads_metamodels_written_by_envgraph(metamodel: Metamodel) -> None:
     package = pyecore_side.read_package(_ecore(metamodel))
     assert pyecore_side.package_in_words(package) == pyecore_side.metamodel_in_words(metamodel)
 
 
 @given(metamodels())
-def test_we_read_the_metamodels_of_pyecore(metamodel: Metamodel) -> None:
+def test_envgraph_reads_metamodels_written_by_pyecore(metamodel: Metamodel) -> None:
     text = pyecore_side.write(pyecore_side.read_package(_ecore(metamodel)))
     again = parse_ecore(Source("m.ecore", text))
     # pyecore 0.15 leaves opposites out when it writes.
@@ -61,7 +61,7 @@ def test_we_read_the_metamodels_of_pyecore(metamodel: Metamodel) -> None:
 
 
 @given(models())
-def test_pyecore_reads_our_models(model: Model) -> None:
+def test_pyecore_reads_models_written_by_envgraph(model: Model) -> None:
     assume(not _own_opposites(model.metamodel))
     package = pyecore_side.read_package(_ecore(model.metamodel))
     roots = pyecore_side.read_objects(_xmi(model), package)
@@ -69,7 +69,7 @@ def test_pyecore_reads_our_models(model: Model) -> None:
 
 
 @given(models())
-def test_we_read_the_models_of_pyecore(model: Model) -> None:
+def test_envgraph_reads_models_written_by_pyecore(model: Model) -> None:
     assume(len(model) and not _own_opposites(model.metamodel))
     package = pyecore_side.read_package(_ecore(model.metamodel))
     ours = _xmi(model)
@@ -102,7 +102,5 @@ def _own_opposites(metamodel: Metamodel) -> bool:
 def _without_opposites(cls: Class) -> Class:
     return replace(
         cls,
-        features=tuple(
-            replace(one, opposite=None) if isinstance(one, Reference) else one for one in cls.features
-        ),
+        features=tuple(replace(one, opposite=None) if isinstance(one, Reference) else one for one in cls.features),
     )

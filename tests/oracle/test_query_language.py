@@ -24,8 +24,7 @@ FILES = sorted(path.stem for path in (GOLDEN / "query").glob("constructs_*.query
 EXPECTED = {
     name.strip(): rows.strip()
     for name, _, rows in (
-        line.partition("=")
-        for line in (Path(__file__).parent / "query_language.txt").read_text("utf-8").splitlines()
+        line.partition("=") for line in (Path(__file__).parent / "query_language.txt").read_text("utf-8").splitlines()
     )
 }
 MATCHERS: list[Kind] = [CompiledMatcher, NaiveMatcher, watched]
@@ -48,9 +47,7 @@ def rows_of(matcher: Matcher, library: Library, pattern: str, arguments: Row) ->
     types = library.parameter_types(pattern)
     rows = [
         " ".join(
-            getattr(matcher.model.node(value), "name", "port")
-            if isinstance(type_, ObjectType)
-            else repr(value)
+            getattr(matcher.model.node(value), "name", "port") if isinstance(type_, ObjectType) else repr(value)
             for value, type_ in zip(row, types, strict=True)
         )
         for row in matcher.rows(pattern, arguments)
@@ -61,7 +58,7 @@ def rows_of(matcher: Matcher, library: Library, pattern: str, arguments: Row) ->
 
 @pytest.mark.parametrize("make", MATCHERS)
 @pytest.mark.parametrize("file", FILES)
-def test_each_construct_has_the_rows_that_it_should_have(file: str, make: Kind) -> None:
+def test_each_query_construct_has_the_expected_rows(file: str, make: Kind) -> None:
     engine = engine_of(file)
     matcher = make(engine.model, engine.library)
     for name in names_in(file):
@@ -117,20 +114,19 @@ def assert_agree(engine: Engine, matchers: Sequence[Matcher], naive: Matcher, pa
                     assert matcher.exists(pattern, arguments) is bool(expected)
 
 
-def test_the_files_have_every_row_that_is_expected() -> None:
+def test_every_expected_result_belongs_to_a_query_of_the_files() -> None:
     known = {f"{file}.{name}" for file in FILES for name in names_in(file)}
     assert set(EXPECTED) <= known
 
 
 @pytest.mark.parametrize("file", FILES)
-def test_views_of_every_construct_follow_edits_and_rollbacks(file: str) -> None:
+def test_views_of_every_construct_are_updated_by_edits_and_rollbacks(file: str) -> None:
     engine = engine_of(file)
     naive = NaiveMatcher(engine.model, engine.library)
     watchable = [
         f"harbour.{name}"
         for name in names_in(file)
-        if not engine.library.inputs(f"harbour.{name}")
-        and engine.library.get(f"harbour.{name}").strategy != "search"
+        if not engine.library.inputs(f"harbour.{name}") and engine.library.get(f"harbour.{name}").strategy != "search"
     ]
     engine.watch(*watchable)
     before = snapshot(engine.matcher, engine.library, watchable)

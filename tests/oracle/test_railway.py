@@ -67,7 +67,7 @@ def assert_as_by_hand(engine: Engine) -> None:
         pytest.param("repair", 64, [8_163, 78, 1_415, 232, 821, 236], marks=AT_NIGHT),
     ],
 )
-def test_counts_are_the_published_ones(
+def test_match_counts_equal_the_published_counts(
     domain: Workspace, scenario: str, size: int, expected: list[int]
 ) -> None:
     engine = engine_on(domain, scenario, size)
@@ -79,7 +79,7 @@ def test_counts_are_the_published_ones(
     "scenario",
     [pytest.param("batch", marks=AT_NIGHT), "repair", pytest.param("inject", marks=AT_NIGHT)],
 )
-def test_the_naive_matcher_finds_the_same(domain: Workspace, scenario: str) -> None:
+def test_naive_matcher_finds_the_same_rows(domain: Workspace, scenario: str) -> None:
     engine = engine_on(domain, scenario, 1)
     naive = NaiveMatcher(engine.model, engine.library)
     for query in QUERIES:
@@ -94,7 +94,9 @@ def snapshot(engine: Engine) -> list[list[Row]]:
 
 
 @pytest.mark.parametrize(("kind", "size", "quota"), RUNS)
-def test_views_follow_batches_and_versions(domain: Workspace, kind: str, size: int, quota: Quota) -> None:
+def test_views_are_updated_by_batches_rollbacks_and_versions(
+    domain: Workspace, kind: str, size: int, quota: Quota
+) -> None:
     """After every batch, after it is rolled back and done again, and at every version: rows, and their order."""
     engine = engine_on(domain, kind, size)
     model = engine.model
@@ -119,7 +121,7 @@ def test_views_follow_batches_and_versions(domain: Workspace, kind: str, size: i
 
 
 @pytest.mark.parametrize("kind", ["repair", "inject"])
-def test_listeners_hear_what_turns_one_state_into_the_next(domain: Workspace, kind: str) -> None:
+def test_listeners_are_notified_of_the_difference_between_states(domain: Workspace, kind: str) -> None:
     engine = engine_on(domain, kind, LARGE)
     heard: dict[str, set[Row]] = {}
     for query in QUERIES:
@@ -148,7 +150,7 @@ def edit(batch: Iterable[tuple[Operation, Row]]) -> None:
         operation.edit(*row)
 
 
-def test_enough_repairs_leave_nothing_to_repair(domain: Workspace) -> None:
+def test_repairs_remove_all_violations(domain: Workspace) -> None:
     engine = engine_on(domain, "repair", 1)
     protocol = Protocol(engine, "repair", Quota(fixed=10))
     for _ in range(BATCHES):
@@ -157,7 +159,7 @@ def test_enough_repairs_leave_nothing_to_repair(domain: Workspace) -> None:
 
 
 @pytest.mark.parametrize("kind", ["repair", "inject"])
-def test_the_rules_do_what_the_operations_do(domain: Workspace, kind: str) -> None:
+def test_rules_change_the_model_like_the_python_operations(domain: Workspace, kind: str) -> None:
     """At each chosen match, unless it is gone by then: the same facts, ids of new elements included."""
     engine = engine_on(domain, kind, 8)
     model = engine.model

@@ -83,15 +83,13 @@ def definitions(dice: Random) -> list[Pattern]:
     found += [
         pattern("none(a : Place)", [is_a("Place", "a"), neg(PatternCall("p", (Variable("a"), end)))]),
         pattern("apart(a : Place, b : Place)", [path("Place.near", "a", "b"), neg(find("p", "a", "b"))]),
-        pattern(
-            "size(a : Place, n : int)", [is_a("Place", "a"), equal("n", fold("count", find("q", "_", "a")))]
-        ),
+        pattern("size(a : Place, n : int)", [is_a("Place", "a"), equal("n", fold("count", find("q", "_", "a")))]),
         pattern("closed(a : Place, b : Place)", [find("q+", "a", "b"), find("p*", "b", "a")]),
     ]
     return found
 
 
-def world(dice: Random) -> tuple[Model, Library] | None:
+def random_model_and_library(dice: Random) -> tuple[Model, Library] | None:
     """A model and patterns; None for patterns that mean nothing."""
     library = Library(PLACES)
     try:
@@ -114,17 +112,15 @@ def limits(request: pytest.FixtureRequest) -> Iterator[None]:
 
 
 @pytest.mark.usefixtures("limits")
-@settings(
-    max_examples=int(0.3 * settings().max_examples), suppress_health_check=list(HealthCheck), deadline=None
-)
+@settings(max_examples=int(0.3 * settings().max_examples), suppress_health_check=list(HealthCheck), deadline=None)
 @given(seed=st.integers(0, 2**32))
-def test_recursive_patterns_have_the_right_rows(seed: int) -> None:
-    check(Random(seed))
+def test_recursive_patterns_have_the_rows_of_the_naive_matcher(seed: int) -> None:
+    compare_matchers(Random(seed))
 
 
-def check(dice: Random) -> bool:
+def compare_matchers(dice: Random) -> bool:
     """Compare the matchers on one world; False if there is nothing to compare."""
-    made = world(dice)
+    made = random_model_and_library(dice)
     if made is None:
         return False
     model, library = made

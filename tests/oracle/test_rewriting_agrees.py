@@ -16,21 +16,21 @@ from envgraph.graph import Model
 from envgraph.lang import format_text, to_text
 from envgraph.pattern import (
     Alap,
-    Atomic,
-    Call,
-    Choice,
+    AtomicStep,
     Pattern,
     Repeat,
     Rule,
-    Sequence,
     Step,
-    Try,
+    StepSequence,
+    TryStep,
     Unit,
+    UnitCall,
+    UnitChoice,
 )
 from envgraph.rewrite import Engine
 from tests.oracle.rewriting_agreement import disagreement, given_values
 from tests.oracle.rewriting_search import Env, Matching, Search, Thing
-from tests.oracle.rewriting_smaller import mended
+from tests.oracle.rewriting_smaller import without_refused_parts
 from tests.oracle.rewriting_worlds import MOST, concrete, random_model, random_patterns, random_rule, state_of
 from tests.oracle.worlds import Dice, random_metamodel
 from tests.profile import examples
@@ -41,7 +41,7 @@ SEEDS = st.integers(0, 2**48)
 
 
 @dataclass
-class World:
+class RewritingCase:
     """A graph with patterns and rules."""
 
     dice: Dice
@@ -59,7 +59,7 @@ class World:
         return engine
 
 
-def world(seed: int, size: int = 1) -> World:
+def random_rewriting_case(seed: int, size: int = 1) -> RewritingCase:
     """What follows from a number."""
     dice = Dice(seed)
     metamodel = random_metamodel(dice)
@@ -70,14 +70,14 @@ def world(seed: int, size: int = 1) -> World:
     engine = Engine(model)
     engine.add(*patterns)
     state = state_of(model)
-    made = [mended(engine, random_rule(dice, state, patterns, f"r{number}")) for number in range(size)]
-    return World(dice, model, patterns, [rule for rule in made if rule is not None])
+    made = [without_refused_parts(engine, random_rule(dice, state, patterns, f"r{number}")) for number in range(size)]
+    return RewritingCase(dice, model, patterns, [rule for rule in made if rule is not None])
 
 
 @settings(max_examples=examples(70))
 @given(SEEDS)
-def test_rules_do_what_the_oracle_says(seed: int) -> None:
-    found = world(seed)
+def test_rule_applications_equal_the_oracle(seed: int) -> None:
+    found = random_rewriting_case(seed)
     for rule in found.rules:
         given = given_values(found.dice, rule, state_of(found.model))
         engine = found.engine(rule, watch=not given and seed % 3 == 0)
@@ -86,9 +86,9 @@ def test_rules_do_what_the_oracle_says(seed: int) -> None:
 
 @settings(max_examples=examples(10))
 @given(SEEDS)
-def test_rules_do_it_one_after_the_other(seed: int) -> None:
+def test_consecutive_rule_applications_equal_the_oracle(seed: int) -> None:
     """Where one rule leads, the next ones have their matches, watched or not."""
-    found = world(seed, size=3)
+    found = random_rewriting_case(seed, size=3)
     given = {rule.name: given_values(found.dice, rule, state_of(found.model)) for rule in found.rules}
     free = [rule for rule in found.rules if not given[rule.name]]
     engine = found.engine(*found.rules)
@@ -118,8 +118,8 @@ def apply_quietly(engine: Engine, name: str, **arguments: object) -> str:
 
 @settings(max_examples=examples(25))
 @given(SEEDS)
-def test_what_is_bound_in_advance_chooses_among_the_matches(seed: int) -> None:
-    found = world(seed)
+def test_bound_parameters_filter_the_matches(seed: int) -> None:
+    found = random_rewriting_case(seed)
     for rule in found.rules:
         state = state_of(found.model)
         values = given_values(found.dice, rule, state)
@@ -129,7 +129,7 @@ def test_what_is_bound_in_advance_chooses_among_the_matches(seed: int) -> None:
             continue
         chosen = found.dice.one(expected)
         names = [name for name in chosen if found.dice.chance(40)]
-        bound = plain(values | {name: chosen[name] for name in names})
+        bound = object_ids_for_things(values | {name: chosen[name] for name in names})
         engine = found.engine(rule)
         rows = {tuple(match.row) for match in engine.matches(rule.name, **bound)}
         order = engine.prepare(rule.name).shape.names
@@ -142,18 +142,18 @@ def test_what_is_bound_in_advance_chooses_among_the_matches(seed: int) -> None:
         if things:
             other = max(state.classes) + 1000
             with pytest.raises(InvalidArgument, match="which does not exist"):
-                engine.matches(rule.name, **plain(values | {things[0]: Thing(other)}))
+                engine.matches(rule.name, **object_ids_for_things(values | {things[0]: Thing(other)}))
 
 
-def plain(env: Env) -> dict[str, object]:
+def object_ids_for_things(env: Env) -> dict[str, object]:
     """With ids for objects."""
     return {name: int(value) if isinstance(value, Thing) else value for name, value in env.items()}
 
 
 @settings(max_examples=examples(25))
 @given(SEEDS)
-def test_a_rule_and_its_text_do_the_same(seed: int) -> None:
-    found = world(seed)
+def test_rule_read_from_its_text_is_applied_alike(seed: int) -> None:
+    found = random_rewriting_case(seed)
     for rule in found.rules:
         text = to_text(rule)
         assert format_text("rules", text) == text
@@ -172,8 +172,8 @@ def test_a_rule_and_its_text_do_the_same(seed: int) -> None:
 @settings(max_examples=examples(15))
 @given(SEEDS)
 @example(1297)  # a variable of two classes that nothing can be of
-def test_rollback_restores_the_state_and_its_order(seed: int) -> None:
-    found = world(seed, size=4)
+def test_rollback_restores_the_state_and_the_order_of_rows(seed: int) -> None:
+    found = random_rewriting_case(seed, size=4)
     free = [rule for rule in found.rules if not given_values(found.dice, rule, state_of(found.model))]
     if not free:
         return
@@ -197,21 +197,21 @@ def random_step(dice: Dice, names: list[str], depth: int = 0) -> Step:
     """A unit of any kind of steps."""
     roll = dice.number(0, 9) if depth < 3 else 0
     if roll < 2:
-        return Call(dice.one(names), every=dice.chance(25))
+        return UnitCall(dice.one(names), every=dice.chance(25))
     inner = random_step(dice, names, depth + 1)
     match roll:
         case 2 | 3 | 4:
-            return Sequence((inner, *(random_step(dice, names, depth + 1) for _ in range(dice.number(1, 2)))))
+            return StepSequence((inner, *(random_step(dice, names, depth + 1) for _ in range(dice.number(1, 2)))))
         case 5:
-            return Choice((inner, *(Call(dice.one(names)) for _ in range(dice.number(1, 2)))))
+            return UnitChoice((inner, *(UnitCall(dice.one(names)) for _ in range(dice.number(1, 2)))))
         case 6:
             return Alap(inner)
         case 7:
             return Repeat(dice.number(0, 1), dice.number(1, 3), inner)
         case 8:
-            return Try(inner, random_step(dice, names, depth + 1) if dice.chance(60) else None)
+            return TryStep(inner, random_step(dice, names, depth + 1) if dice.chance(60) else None)
         case _:
-            return Atomic(inner)
+            return AtomicStep(inner)
 
 
 def snapshot_of(engine: Engine) -> tuple[object, ...]:

@@ -44,9 +44,7 @@ class Oracle:
 
     def post_scores(self) -> dict[int, int]:
         """Ten and its likes for each comment below a post."""
-        return {
-            post: sum(10 + len(self.likers(comment)) for comment in self.below(post)) for post in self.posts
-        }
+        return {post: sum(10 + len(self.likers(comment)) for comment in self.below(post)) for post in self.posts}
 
     def comment_scores(self) -> dict[int, int]:
         """Squared sizes of the groups of friends who like a comment."""
@@ -56,9 +54,7 @@ class Oracle:
         """The likers of a comment, those together that friendships among them join."""
         groups: list[set[int]] = []
         for user in self.likers(comment):
-            joined = [
-                group for group in groups if any(frozenset((user, one)) in self.friends for one in group)
-            ]
+            joined = [group for group in groups if any(frozenset((user, one)) in self.friends for one in group)]
             groups = [group for group in groups if group not in joined]
             groups.append({user}.union(*joined))
         return groups
@@ -95,9 +91,7 @@ class Network:
             new.commented = self.model.node(place)
             self.oracle.above[new.id] = place
             return
-        getattr(self, kind)(
-            user, other, comments[second % len(comments)], submissions[first % len(submissions)]
-        )
+        getattr(self, kind)(user, other, comments[second % len(comments)], submissions[first % len(submissions)])
 
     def like(self, user: int, _other: int, comment: int, _place: int) -> None:
         """A user likes a comment, or does no longer."""
@@ -187,7 +181,7 @@ def ranked(network: Network, scores: dict[int, int]) -> list[int]:
 
 @settings(max_examples=EXAMPLES // 4)
 @given(EDITS)
-def test_both_matchers_give_the_scores_of_the_oracle(edits: list[tuple[str, int, int]]) -> None:
+def test_scores_of_both_matchers_equal_the_oracle(edits: list[tuple[str, int, int]]) -> None:
     engine, network = start()
     matchers = engine.matcher, NaiveMatcher(engine.model, engine.library)
     for edit in edits:
@@ -198,7 +192,7 @@ def test_both_matchers_give_the_scores_of_the_oracle(edits: list[tuple[str, int,
     assert best(engine.matches("commentScore")) == ranked(network, network.oracle.comment_scores())
 
 
-class Audience:
+class ScoreListener:
     """Hears of the net changes of a watched pattern, and keeps what its matches should be.
 
     Attributes:
@@ -209,9 +203,9 @@ class Audience:
     def __init__(self, engine: Engine, pattern: str) -> None:
         self.scores = scores(engine.matcher, pattern)
         self.podium = Podium(engine.matches(pattern))
-        engine.listen(pattern, self.hear)
+        engine.listen(pattern, self.on_change)
 
-    def hear(self, appeared: Sequence[Match], disappeared: Sequence[Match]) -> None:
+    def on_change(self, appeared: Sequence[Match], disappeared: Sequence[Match]) -> None:
         """A net change: nothing in it was there already, nothing goes that was not there."""
         assert appeared or disappeared
         assert not set(appeared) & set(disappeared)
@@ -231,12 +225,12 @@ BATCHES = st.lists(st.tuples(st.sampled_from(("keep", "keep", "refuse", "back"))
 
 @settings(max_examples=EXAMPLES // 4)
 @given(BATCHES)
-def test_views_follow_changes_rollbacks_and_versions(
+def test_views_are_updated_by_changes_rollbacks_and_versions(
     batches: list[tuple[str, list[tuple[str, int, int]]]],
 ) -> None:
     engine, network = start()
     engine.watch(*QUERIES.values())
-    audiences = {pattern: Audience(engine, pattern) for pattern in QUERIES.values()}
+    audiences = {pattern: ScoreListener(engine, pattern) for pattern in QUERIES.values()}
     first = engine.commit(), deepcopy(network.oracle)
     for end, edits in batches:
         before = deepcopy(network.oracle), [engine.matches(pattern) for pattern in QUERIES.values()]

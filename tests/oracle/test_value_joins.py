@@ -10,7 +10,7 @@ from hypothesis import given, settings, strategies as st
 
 from envgraph.graph import Model
 from envgraph.match import FREE, CompiledMatcher, ViewMatcher
-from envgraph.match.generate import _generate
+from envgraph.match.generate import _translation
 from envgraph.metamodel import Attribute, Class, EnumType, Metamodel, Reference, Scalar, Value
 from envgraph.pattern import (
     Binary,
@@ -130,7 +130,7 @@ def library_of(dice: Dice) -> Library:
     return library
 
 
-def world(dice: Dice) -> Model:
+def random_objects_with_values(dice: Dice) -> Model:
     """Some objects with values, more than questions that are answered without an index."""
     model = Model(WORLD)
     for _ in range(dice.number(3, 12)):
@@ -148,7 +148,7 @@ def change(dice: Dice, model: Model, node: int) -> None:
             model.graph.set_value(node, model.metamodel.feature("P", name), dice.one([*values, None]))  # type: ignore[arg-type]
 
 
-def disturb(dice: Dice, model: Model) -> None:
+def edit_or_roll_back(dice: Dice, model: Model) -> None:
     """Random changes, sometimes rolled back."""
     savepoint = model.graph.history.savepoint() if dice.chance(30) else None
     for _ in range(dice.number(1, 3)):
@@ -164,15 +164,13 @@ def disturb(dice: Dice, model: Model) -> None:
 @contextmanager
 def without_indexes() -> Iterator[None]:
     """Functions that are generated in the block compare row by row."""
-    with patch.object(_generate, "value_join", lambda *_: None):
+    with patch.object(_translation, "value_join", lambda *_: None):
         yield
 
 
 def ask_all(dice: Dice, model: Model, library: Library) -> None:
     """Hold the matchers against each other between changes."""
-    naive, compiled, plain = (
-        kind(model, library) for kind in (NaiveMatcher, CompiledMatcher, CompiledMatcher)
-    )
+    naive, compiled, plain = (kind(model, library) for kind in (NaiveMatcher, CompiledMatcher, CompiledMatcher))
     names = {each.qualified_name: len(each.parameters) for each in library.patterns}
     for _ in range(5):
         for name, width in names.items():
@@ -190,34 +188,32 @@ def ask_all(dice: Dice, model: Model, library: Library) -> None:
                 assert compiled.first(name, given) == expected[0]
                 assert compiled.count(name, given) == len(expected)
                 assert compiled.exists(name, given)
-        disturb(dice, model)
+        edit_or_roll_back(dice, model)
 
 
 @settings(max_examples=examples(60))
 @given(st.integers(0, 2**48))
 def test_matchers_agree_on_comparisons_of_computed_values(seed: int) -> None:
     dice = Dice(seed)
-    ask_all(dice, world(dice), library_of(dice))
+    ask_all(dice, random_objects_with_values(dice), library_of(dice))
 
 
 @settings(max_examples=examples(30))
 @given(st.integers(0, 2**48))
 def test_views_agree_on_comparisons_of_computed_values(seed: int) -> None:
     dice = Dice(seed)
-    model, library = world(dice), library_of(dice)
+    model, library = random_objects_with_values(dice), library_of(dice)
     naive, views = NaiveMatcher(model, library), ViewMatcher(model, library)
     names = {each.qualified_name: len(each.parameters) for each in library.patterns}
     views.watch(*names)
     for _ in range(6):
         for name, width in names.items():
-            assert sorted(views.rows(name, (FREE,) * width)) == sorted(naive.rows(name, (FREE,) * width)), (
-                name
-            )
+            assert sorted(views.rows(name, (FREE,) * width)) == sorted(naive.rows(name, (FREE,) * width)), name
         views.check_integrity()
         before = {name: list(views.rows(name, (FREE,) * width)) for name, width in names.items()}
         savepoint = model.graph.history.savepoint()
-        disturb(dice, model)
+        edit_or_roll_back(dice, model)
         views.rows("pair", (FREE, FREE))
         model.graph.history.rollback(savepoint)
         assert before == {name: list(views.rows(name, (FREE,) * width)) for name, width in names.items()}
-        disturb(dice, model)
+        edit_or_roll_back(dice, model)

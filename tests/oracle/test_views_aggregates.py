@@ -10,10 +10,10 @@ from hypothesis import given, settings, strategies as st
 from envgraph.graph import Model, Store
 from envgraph.lang import from_text
 from envgraph.match import FREE, CompiledMatcher, ViewMatcher
-from envgraph.match._aggregates import aggregate
-from envgraph.match._costs import ViewCosts
+from envgraph.match._aggregate_values import aggregate
+from envgraph.match._match_costs import ViewCosts
 from envgraph.match.views.operators import _group_aggregates as _folds
-from envgraph.match.views.operators._running_aggregates import Totals
+from envgraph.match.views.operators._running_aggregates import RunningTotal
 from envgraph.metamodel import Attribute, Class, Metamodel, Reference, Scalar
 from envgraph.pattern import Library, Pattern
 from tests.oracle.worlds import Dice
@@ -112,16 +112,16 @@ def episode(dice: Dice, stock: Stock, nested: int) -> None:
             stock.model.graph.history.rollback(savepoint)
             assert stock.values() == before
         case _:
-            shelf = stock.model.graph.history.shelve(savepoint)
+            shelf = stock.model.graph.history.undo_to(savepoint)
             assert stock.values() == before
-            stock.model.graph.history.release(stock.model.graph.history.resume(shelf))
+            stock.model.graph.history.release(stock.model.graph.history.redo(shelf))
             assert stock.values() == after
     stock.check()
 
 
 @settings(max_examples=EXAMPLES // 2)
 @given(seed=st.integers(0, 2**32), large=st.sampled_from((0, 2, 5)))
-def test_running_aggregates_are_those_of_the_group(seed: int, large: int) -> None:
+def test_incremental_aggregates_equal_recomputed_aggregates(seed: int, large: int) -> None:
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(ViewCosts, "large", large)
         dice = Dice(seed)
@@ -144,7 +144,7 @@ def test_running_aggregates_are_those_of_the_group(seed: int, large: int) -> Non
                 stock.check()
 
 
-def test_a_change_of_a_large_group_does_not_read_the_group(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_change_in_a_large_group_does_not_recompute_its_aggregate(monkeypatch: pytest.MonkeyPatch) -> None:
     stock = Stock(500)
     for number, item in enumerate(stock.items):
         stock.model.graph.set_value(item, STOCK, number)
@@ -171,7 +171,7 @@ def test_a_change_of_a_large_group_does_not_read_the_group(monkeypatch: pytest.M
     stock.check()
 
 
-def test_extremes_that_come_and_go_for_ever_take_no_room() -> None:
+def test_memory_of_extremes_is_bounded_under_repeated_changes() -> None:
     stock = Stock(100)
     for number, item in enumerate(stock.items):
         stock.model.graph.set_value(item, STOCK, number)
@@ -179,11 +179,11 @@ def test_extremes_that_come_and_go_for_ever_take_no_room() -> None:
     stock.views.watch("min_stock")
     for round_ in range(2_000):
         stock.model.graph.set_value(stock.items[50], STOCK, 1_000 + round_)
-        stock.views.kept.settle()
-    operators = stock.views.kept.network.operators.values()
-    (fold,) = (operator for operator in operators if isinstance(operator, _folds.Fold))
+        stock.views.watched_views.process_pending()
+    operators = stock.views.watched_views.network.operators.values()
+    (fold,) = (operator for operator in operators if isinstance(operator, _folds.AggregateOperator))
     (running,) = fold._running.values()
-    assert isinstance(running, _folds.Extremes)
+    assert isinstance(running, _folds.RunningExtreme)
     assert len(running._heap) <= 2 * 100 + 64
     assert len(running._counts) <= 2 * 100 + 64
     stock.check()
@@ -194,14 +194,14 @@ def test_extremes_that_come_and_go_for_ever_take_no_room() -> None:
     st.lists(st.sampled_from((*INTS, *FLOATS, float("-inf"))), min_size=1, max_size=6),
     st.lists(st.sampled_from((*INTS, *FLOATS)), max_size=4),
 )
-def test_totals_of_any_numbers_are_those_of_the_aggregate_or_unknown(
+def test_incremental_totals_equal_the_aggregate_or_are_unknown(
     function: str, values: list[int | float], gone: list[int | float]
 ) -> None:
-    totals = Totals(Store(SHOP), function, [*values, *gone])
-    totals.follow([(value, -1) for value in gone])
+    totals = RunningTotal(Store(SHOP), function, [*values, *gone])
+    totals.apply_changes([(value, -1) for value in gone])
     mixed = len({type(value) for value in values}) > 1
-    assert not (mixed and totals.knows)
-    if totals.knows:
+    assert not (mixed and totals.is_exact)
+    if totals.is_exact:
         assert totals.value() == aggregate(function, values)
 
 
@@ -222,7 +222,7 @@ def test_the_sum_of_floats_does_not_depend_on_their_order(values: list[float]) -
     assert len({repr(aggregate("avg", order)) for order in orders}) == 1
 
 
-def test_sums_beyond_what_a_number_can_hold_are_none() -> None:
+def test_sums_that_overflow_are_none() -> None:
     assert aggregate("sum", [1e308] * 2) is None
     assert aggregate("sum", list(repeat(2**62, 2))) is None
     assert aggregate("sum", [float("inf"), float("-inf")]) is None

@@ -145,13 +145,11 @@ class EagerViews(Views):
 TestViews = Views.TestCase
 TestViews.settings = settings(max_examples=(4 if NIGHTLY else 1) * EXAMPLES, stateful_step_count=10)
 TestEagerViews = EagerViews.TestCase
-TestEagerViews.settings = settings(
-    max_examples=EXAMPLES if NIGHTLY else EXAMPLES // 2, stateful_step_count=10
-)
+TestEagerViews.settings = settings(max_examples=EXAMPLES if NIGHTLY else EXAMPLES // 2, stateful_step_count=10)
 
 
 @pytest.mark.parametrize("seed", [2, 3, 15, 16, 24])
-def test_listeners_are_told_in_the_order_of_rows_when_a_model_has_outgrown_its_plan(seed: int) -> None:
+def test_listeners_are_notified_in_row_order_after_replanning_a_grown_model(seed: int) -> None:
     with pytest.MonkeyPatch.context() as patch:
         set_thresholds(patch, EAGER)
         walk = Walk(seed, watch=100)

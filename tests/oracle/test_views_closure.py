@@ -239,14 +239,12 @@ def episode(dice: Dice, views: ViewMatcher, shadow: Shadow, kind: str, nested: i
         model.graph.history.release(savepoint)
         return
     after, changed = order(views), shadow.state()
-    shelf = (
-        model.graph.history.shelve(savepoint) if end == "shelve" else model.graph.history.rollback(savepoint)
-    )
+    shelf = model.graph.history.undo_to(savepoint) if end == "shelve" else model.graph.history.rollback(savepoint)
     shadow.restore(state)
     assert order(views) == before
     assert_as_expected(views, shadow, kind)
     if shelf is not None:
-        model.graph.history.release(model.graph.history.resume(shelf))
+        model.graph.history.release(model.graph.history.redo(shelf))
         shadow.restore(changed)
         assert order(views) == after
         assert_as_expected(views, shadow, kind)
@@ -255,18 +253,18 @@ def episode(dice: Dice, views: ViewMatcher, shadow: Shadow, kind: str, nested: i
 @pytest.mark.parametrize("kind", STEPS)
 @settings(max_examples=EXAMPLES // 5, suppress_health_check=list(HealthCheck))
 @given(seed=st.integers(0, 2**32))
-def test_closures_of_small_graphs_are_those_of_networkx(kind: str, seed: int) -> None:
+def test_closures_of_small_graphs_equal_networkx(kind: str, seed: int) -> None:
     walk(seed, kind, 3, 6, 12, 24)
 
 
 @pytest.mark.parametrize("kind", STEPS)
 @settings(max_examples=EXAMPLES // 12, suppress_health_check=list(HealthCheck))
 @given(seed=st.integers(0, 2**32))
-def test_closures_of_graphs_with_two_hundred_nodes_are_those_of_networkx(kind: str, seed: int) -> None:
+def test_closures_of_graphs_with_two_hundred_nodes_equal_networkx(kind: str, seed: int) -> None:
     walk(seed, kind, 200, intricate=False)
 
 
-def test_a_change_of_a_large_tree_does_not_keep_the_whole_tree() -> None:
+def test_journal_copies_a_large_tree_only_once_per_savepoint() -> None:
     model = Model(PLACES)
     start = model.graph.new("Start")
     ring = [model.graph.new("Place") for _ in range(500)]
@@ -296,14 +294,12 @@ def test_a_change_of_a_large_tree_does_not_keep_the_whole_tree() -> None:
     views.check_integrity()
 
 
-def test_all_starts_of_a_graph_without_circles_have_trees_that_are_copied_once() -> None:
+def test_journal_copies_the_tree_of_each_start_of_an_acyclic_graph_once() -> None:
     model = Model(PLACES)
     chain = [model.graph.new("Place") for _ in range(60)]
     for near, far in pairwise(chain):
         model.graph.link(near, TO, far)
-    model.graph.link(
-        chain[-2], TO, model.graph.new("Place")
-    )  # so that it always has a link, and always is a start
+    model.graph.link(chain[-2], TO, model.graph.new("Place"))  # so that it always has a link, and always is a start
     library = Library(PLACES)
     library.add(*STEPS["link"], *ASKED)
     views = ViewMatcher(model, library)
@@ -326,7 +322,7 @@ def test_all_starts_of_a_graph_without_circles_have_trees_that_are_copied_once()
     views.check_integrity()
 
 
-def test_cycles_take_memory_in_proportion_to_the_steps() -> None:
+def test_memory_of_cycle_views_is_linear_in_the_number_of_links() -> None:
     model = Model(PLACES)
     chain = [model.graph.new("Place") for _ in range(3000)]
     for near, far in pairwise(chain):
@@ -335,7 +331,7 @@ def test_cycles_take_memory_in_proportion_to_the_steps() -> None:
     library.add(*STEPS["link"], *ASKED)
     views = ViewMatcher(model, library)
     views.watch("loops", "straight")
-    sizes = {each.name: each.size() for each in views.kept.network.operators.values()}
+    sizes = {each.name: each.size() for each in views.watched_views.network.operators.values()}
     assert sizes["step/circles"] == 0
     assert max(sizes.values()) <= 3000  # not a pair of a node and each that it reaches
     savepoint = model.graph.history.savepoint()
@@ -418,7 +414,7 @@ class Grid:
     def stored(self) -> int:
         """Nodes in all reached sets that are held, each set once, and in the indexes of them."""
         found = 0
-        for operator in self.views.kept.network.operators.values():
+        for operator in self.views.watched_views.network.operators.values():
             if hasattr(operator, "reached"):
                 found += sum(map(len, {id(each): each for each in operator.reached.values()}.values()))
         return found
@@ -428,7 +424,7 @@ class Grid:
         return self.views.count(pattern_, (FREE,) * size)
 
 
-def test_a_grid_of_thousands_of_cells_does_not_store_its_pairs() -> None:
+def test_closure_of_a_large_grid_does_not_store_all_pairs() -> None:
     grid = Grid(50)
     cells = 2_500
     assert grid.count("loop", 1) == grid.count("fromStart", 1) == cells
@@ -452,7 +448,7 @@ def test_a_grid_of_thousands_of_cells_does_not_store_its_pairs() -> None:
     assert grid.count("solvable", 2) == 1
 
 
-def test_a_grid_that_falls_into_halves_and_grows_together_does_not_store_its_pairs() -> None:
+def test_closure_of_a_grid_that_is_split_and_rejoined_does_not_store_all_pairs() -> None:
     grid = Grid(40)
     cells = 1_600
     savepoint = grid.model.graph.history.savepoint()
@@ -485,7 +481,7 @@ def test_changing_a_leaf_of_a_deep_tree_updates_its_ancestors(monkeypatch: pytes
     views, looked = watched(model, library), []
     pairs = views.count("below", (FREE, FREE))
     assert pairs > 16 * len(nodes)
-    (closure,) = (type(each) for each in views.kept.network.operators.values() if hasattr(each, "reached"))
+    (closure,) = (type(each) for each in views.watched_views.network.operators.values() if hasattr(each, "reached"))
     cut = closure._cut
     monkeypatch.setattr(closure, "_cut", lambda *given: looked.append(given) or cut(*given))
     (above,) = model.graph.sources(nodes[-1], to)

@@ -24,7 +24,7 @@ from envgraph.pattern import (
     Variable,
 )
 from tests.oracle.views_walk import Walk, step
-from tests.oracle.worlds import Dice, World
+from tests.oracle.worlds import Dice, RandomCase
 from tests.thresholds import EAGER, set_thresholds
 from tests.unit.match.writing import equal, find, fold, is_a, neg, path, pattern, unequal
 
@@ -108,7 +108,7 @@ def outside(dice: Dice, number: int, called: list[Pattern]) -> Pattern:
     return Pattern(made.name, parameters, made.bodies)
 
 
-def world(seed: int, size: int = 1) -> World:
+def random_difference_case(seed: int, size: int = 1) -> RandomCase:
     """Such patterns, and a model of a few objects."""
     dice = Dice(seed)
     library, model = Library(METAMODEL), Model(METAMODEL)
@@ -118,7 +118,7 @@ def world(seed: int, size: int = 1) -> World:
     outsides = [outside(dice, number, insides) for number in range(2)]
     for each in (*insides, *outsides):
         library.add(each)
-    found = World(library, model, dice)
+    found = RandomCase(library, model, dice)
     for _ in range(dice.number(2, 5) * size):
         model.graph.new(dice.one(["N", "N", "M"]))
     found.edit(dice.number(0, 25) * size)
@@ -130,7 +130,7 @@ def stroll(seed: int, patched: bool) -> None:
     with pytest.MonkeyPatch.context() as patch:
         set_thresholds(patch, EAGER if patched else {})
         dice = Dice(seed)
-        walk = Walk(seed, watch=0, world=world)
+        walk = Walk(seed, watch=0, world=random_difference_case)
         walk.views.watch(*(name for name in walk.sizes if name.startswith("outside") or dice.chance(10)))
         walk.check()
         for _ in range(dice.number(3, 12)):
@@ -140,9 +140,7 @@ def stroll(seed: int, patched: bool) -> None:
         walk.close()
 
 
-@settings(
-    max_examples=int(0.4 * settings().max_examples), suppress_health_check=list(HealthCheck), deadline=None
-)
+@settings(max_examples=int(0.4 * settings().max_examples), suppress_health_check=list(HealthCheck), deadline=None)
 @given(seed=st.integers(0, 2**32), patched=st.booleans())
 @example(seed=1, patched=False)
 def test_watched_patterns_with_differences_agree_with_the_naive_matcher(seed: int, patched: bool) -> None:

@@ -70,30 +70,22 @@ def callers(names: str, called: list[str]) -> list[Pattern]:
         pattern(f"{names}5(a : Inn, n : int)", [path("Place.n", "a", 2), size]),
         pattern(f"{names}6(a : Place)", [is_a("Inn", "a"), find(p, "a", "a")]),
         pattern(f"{names}7(a : Red, b : Place)", [find(p, "a", "m"), zero, path("Place.to+", "m", "b")]),
-        pattern(
-            f"{names}8(a : Red, b : Place)", [find(p, "a", "b"), find(q, "b", "a")], [NEAR, find(q, "a", "b")]
-        ),
+        pattern(f"{names}8(a : Red, b : Place)", [find(p, "a", "b"), find(q, "b", "a")], [NEAR, find(q, "a", "b")]),
     ]
 
 
-def world(dice: Random) -> tuple[Model, Library] | None:
+def random_model_and_library(dice: Random) -> tuple[Model, Library] | None:
     """A model and patterns; None for patterns that mean nothing."""
     library = Library(PLACES)
     try:
         if dice.random() < 0.6:
             names = ["left", "right", "twice", "other", "round", "square", "same"]
             library.add(*USUAL, *callers("c", dice.sample(names, 2)), *callers("d", dice.sample(names, 2)))
-            library.add(
-                pattern("via0(k : Place, b : Red)", [path("Place.n", "a", 0), find("via", "a", "k", "b")])
-            )
-            library.add(
-                pattern("via1(a : Place, b : Red)", [path("Place.n", "k", 0), find("via", "a", "k", "b")])
-            )
+            library.add(pattern("via0(k : Place, b : Red)", [path("Place.n", "a", 0), find("via", "a", "k", "b")]))
+            library.add(pattern("via1(a : Place, b : Red)", [path("Place.n", "k", 0), find("via", "a", "k", "b")]))
         else:
             library.add(*definitions(dice), *callers("c", ["p", "q"]), *callers("d", ["q", "p"]))
-            library.add(
-                pattern("t0(a : Place, c : Place)", [path("Place.n", "b", 0), find("t", "a", "b", "c")])
-            )
+            library.add(pattern("t0(a : Place, c : Place)", [path("Place.n", "b", 0), find("t", "a", "b", "c")]))
     except EnvgraphError:
         return None
     return places(dice, 6), library
@@ -113,7 +105,7 @@ def edit(dice: Random, model: Model) -> None:
 
 def walk(dice: Random) -> bool:
     """Compare the matchers after each change, and the order of rows after a rollback; False if there is nothing."""
-    made = world(dice)
+    made = random_model_and_library(dice)
     if made is None:
         return False
     model, library = made
@@ -146,17 +138,15 @@ def walk(dice: Random) -> bool:
     return True
 
 
-@settings(
-    max_examples=int(0.3 * settings().max_examples), suppress_health_check=list(HealthCheck), deadline=None
-)
+@settings(max_examples=int(0.3 * settings().max_examples), suppress_health_check=list(HealthCheck), deadline=None)
 @given(seed=st.integers(0, 2**32))
-def test_watched_calls_of_recursive_patterns_have_the_right_rows(seed: int) -> None:
+def test_watched_recursive_patterns_have_the_rows_of_the_naive_matcher(seed: int) -> None:
     walk(Random(seed))
 
 
 @pytest.mark.parametrize("called", ["left", "twice", "chained"])
 @pytest.mark.parametrize("known", ["a", "b"])
-def test_one_asked_value_keeps_no_more_rows_than_there_are_places(called: str, known: str) -> None:
+def test_watched_recursive_call_with_a_bound_value_stores_at_most_one_row_per_node(called: str, known: str) -> None:
     model, library = Model(PLACES), Library(PLACES)
     chain = [model.graph.new("Place") for _ in range(100)]
     for near, far in pairwise(chain):
@@ -170,7 +160,7 @@ def test_one_asked_value_keeps_no_more_rows_than_there_are_places(called: str, k
     expected = [(chain[50], place) if known == "a" else (place, chain[50]) for place in chain]
     expected = expected[51:] if known == "a" else expected[:50]
     assert sorted(views.rows("asking", (FREE, FREE))) == expected
-    assert max(each.size() for each in views.kept.network.operators.values()) <= 100
+    assert max(each.size() for each in views.watched_views.network.operators.values()) <= 100
     model.graph.unlink(chain[60], PLACES.feature("Place", "to"), chain[61])  # type: ignore[arg-type]
     assert views.count("asking", (FREE, FREE)) == (10 if known == "a" else 50)
     model.graph.set_value(chain[70], PLACES.attributes[0], 7)

@@ -16,26 +16,26 @@ from envgraph.metamodel import Value
 from envgraph.pattern import (
     Alap,
     Applicable,
-    Atomic,
-    Call,
+    AtomicStep,
     Check,
-    Choice,
     Comparison,
     Constraint,
     Expression,
-    If,
+    IfStep,
     Negation,
     PatternCall,
     Repeat,
-    Sequence as Steps,
     Step,
-    Try,
+    StepSequence as Steps,
+    TryStep,
     TypeConstraint,
     Unit,
+    UnitCall,
+    UnitChoice,
     Variable,
+    check_holds,
     evaluate,
-    holds,
-    navigations,
+    required_paths,
     value_of,
 )
 from envgraph.rewrite import Engine, Firing, Match
@@ -82,24 +82,24 @@ class Interpreter:
         match step:
             case Steps(steps):
                 return any([self._step(inner, names) for inner in steps])
-            case Call():
+            case UnitCall():
                 return self._call(step, names)
-            case Atomic(body):
+            case AtomicStep(body):
                 return self._whole(body, names)
             case Alap(body):
                 return self._alap(body, names)
             case Repeat():
                 return self._repeat(step, names)
-            case Try(body, otherwise):
+            case TryStep(body, otherwise):
                 try:
                     return self._whole(body, dict(names))
                 except Failure:
                     return otherwise is not None and self._step(otherwise, dict(names))
-            case If(condition, then, otherwise):
+            case IfStep(condition, then, otherwise):
                 if self._asked(condition, names):
                     return self._step(then, dict(names))
                 return otherwise is not None and self._step(otherwise, dict(names))
-            case Choice(alternatives):
+            case UnitChoice(alternatives):
                 return self._choice(alternatives, names)
 
     def _whole(self, step: Step, names: Names) -> bool:
@@ -136,7 +136,7 @@ class Interpreter:
         return bound if isinstance(bound, int) else int(self._value(bound, names))
 
     def _value(self, expression: Expression, names: Names) -> Value:
-        if any(evaluate(path, names, self._read) is None for path in navigations(expression)):
+        if any(evaluate(path, names, self._read) is None for path in required_paths(expression)):
             raise Failure
         value = evaluate(expression, names, self._read)
         if value is None:
@@ -156,14 +156,14 @@ class Interpreter:
         raise Failure
 
     def _preferred(self, step: Step) -> tuple[int, float, Step]:
-        if isinstance(step, Call):
+        if isinstance(step, UnitCall):
             signature = self.engine.signature(step.name)
             return signature.priority, signature.weight, step
         return 0, 1.0, step
 
     # --- calls
 
-    def _call(self, call: Call, names: Names) -> bool:
+    def _call(self, call: UnitCall, names: Names) -> bool:
         signature = self.engine.signature(call.name)
         given: Names = {}
         wanted: dict[str, str] = {}
@@ -188,7 +188,7 @@ class Interpreter:
         names.update({own: done[theirs] for own, theirs in wanted.items()})
         return True
 
-    def _group(self, call: Call) -> bool:
+    def _group(self, call: UnitCall) -> bool:
         members = self.engine.group(call.name)
         if call.every:
             return self._every([match for member in members for match in self.engine.matches(member)])
@@ -203,7 +203,7 @@ class Interpreter:
                 return True
         raise Failure
 
-    def _chosen(self, call: Call, rule: str, given: Names, names: Names) -> list[Match]:
+    def _chosen(self, call: UnitCall, rule: str, given: Names, names: Names) -> list[Match]:
         shape = self.engine.prepare(rule).shape
         for name, value in given.items():
             if name not in shape.names:
@@ -245,9 +245,7 @@ class Interpreter:
             raise
         assert done is not None
         self.trace.append(done.firing)
-        outputs = {
-            name: value.id if isinstance(value, Node) else value for name, value in done.outputs.items()
-        }
+        outputs = {name: value.id if isinstance(value, Node) else value for name, value in done.outputs.items()}
         return {**_plain(match), **outputs}
 
     # --- conditions and chance
@@ -275,7 +273,7 @@ class Interpreter:
 
     def _holds(self, condition: Constraint, names: Names) -> bool:
         if isinstance(condition, Check):
-            return holds(condition.expression, names, self._read)
+            return check_holds(condition.expression, names, self._read)
         if isinstance(condition, Negation):
             return not self._holds(condition.relation, names)
         if isinstance(condition, Comparison):
@@ -284,12 +282,9 @@ class Interpreter:
             return alive and (left == right) is (condition.operator == "==")
         if isinstance(condition, TypeConstraint):
             node = int(names[condition.term.name])  # type: ignore[union-attr]
-            return (
-                self.engine.model.graph.alive(node)
-                and self.engine.model.graph.class_of(node) == condition.type
-            )
+            return self.engine.model.graph.alive(node) and self.engine.model.graph.class_of(node) == condition.type
         assert isinstance(condition, PatternCall)
-        _, parameters = self.engine.catalog.parameters_of(condition.pattern)
+        _, parameters = self.engine.catalog.pattern_parameters(condition.pattern)
         bound = {
             parameter: names[argument.name]
             for parameter, argument in zip(parameters, condition.arguments, strict=True)

@@ -25,7 +25,7 @@ from envgraph.graph import Savepoint, Version
 from envgraph.match import FREE, CompiledMatcher, Matcher, ViewMatcher
 from envgraph.match.views import Subscription
 from tests.oracle.naive._naive import NaiveMatcher
-from tests.oracle.worlds import Dice, World, edit, random_world
+from tests.oracle.worlds import Dice, RandomCase, edit, random_case
 from tests.thresholds import EAGER, set_thresholds
 
 Row = tuple[object, ...]
@@ -33,7 +33,7 @@ Order = dict[str, list[Row]]
 
 
 @dataclass
-class Told:
+class ListenerState:
     """What a listener believes a pattern's matches to be.
 
     Attributes:
@@ -66,7 +66,7 @@ class Walk:
         size: int = 1,
         naive: bool = True,
         watch: int = 100,
-        world: Callable[[int, int], World] = random_world,
+        world: Callable[[int, int], RandomCase] = random_case,
     ) -> None:
         made = world(seed, size)
         dice = Dice(seed)
@@ -81,7 +81,7 @@ class Walk:
         self.views.watch(*(name for name in self.sizes if dice.chance(watch)))
         self.savepoints: list[tuple[Savepoint, Order]] = []
         self.versions: list[tuple[Version, Order]] = []
-        self.told: dict[str, list[Told]] = {name: [] for name in self.sizes}
+        self.told: dict[str, list[ListenerState]] = {name: [] for name in self.sizes}
 
     # --- what must hold
 
@@ -113,14 +113,12 @@ class Walk:
         if rows:
             chosen = dice.one(rows)
             arguments = tuple(value if dice.chance(50) else FREE for value in chosen)
-            agreeing = [
-                r for r in rows if all(a is FREE or a == v for a, v in zip(arguments, r, strict=True))
-            ]
+            agreeing = [r for r in rows if all(a is FREE or a == v for a, v in zip(arguments, r, strict=True))]
             assert sorted(self.views.rows(name, arguments)) == sorted(agreeing)
             assert self.views.exists(name, arguments)
             assert self.views.count(name, arguments) == len(agreeing)
 
-    def _assert_back(self, before: Order) -> None:
+    def _assert_order_restored(self, before: Order) -> None:
         """The watched patterns list their rows in the order that they had then."""
         now = self.order()
         for name in now:
@@ -130,7 +128,7 @@ class Walk:
         return sum(each.calls for listeners in self.told.values() for each in listeners)
 
     @contextmanager
-    def _untold(self) -> Iterator[None]:
+    def _assert_not_notified(self) -> Iterator[None]:
         """Nobody may be told anything inside."""
         before = self._calls()
         yield
@@ -140,8 +138,8 @@ class Walk:
 
     def edit(self, dice: Dice, count: int, thin: bool = False) -> None:
         """Random changes."""
-        if self.model.graph.history.depth:
-            with self._untold():
+        if self.model.graph.history.savepoint_depth:
+            with self._assert_not_notified():
                 self._edit(dice, count, thin)
         else:
             self._edit(dice, count, thin)
@@ -152,9 +150,9 @@ class Walk:
 
     def load(self, dice: Dice, count: int) -> None:
         """Random changes that are not recorded, if there is nothing to go back to."""
-        if not self.model.graph.history.idle:
+        if not self.model.graph.history.is_idle:
             return
-        with self._untold(), self.model.loading():
+        with self._assert_not_notified(), self.model.loading():
             self._edit(dice, count)
             name = dice.one(list(self.sizes))
             rows = self.views.rows(name, self.free(name))
@@ -171,9 +169,9 @@ class Walk:
         """Roll back to the innermost savepoint."""
         if self.savepoints:
             savepoint, before = self.savepoints.pop()
-            with self._untold():
+            with self._assert_not_notified():
                 self.model.graph.history.rollback(savepoint)
-                self._assert_back(before)
+                self._assert_order_restored(before)
 
     def release(self) -> None:
         """Keep the changes since the innermost savepoint."""
@@ -181,11 +179,11 @@ class Walk:
             return
         savepoint, _ = self.savepoints.pop()
         if self.savepoints:
-            with self._untold():
+            with self._assert_not_notified():
                 self.model.graph.history.release(savepoint)
         else:
             self.model.graph.history.release(savepoint)
-            self._assert_all_told()
+            self._assert_all_notified()
 
     # --- versions
 
@@ -193,7 +191,7 @@ class Walk:
         """Name the present state."""
         if not self.savepoints:
             version = self.model.commit()
-            self._assert_all_told()
+            self._assert_all_notified()
             self.versions.append((version, self.order()))
 
     def check_out(self, number: int) -> None:
@@ -207,8 +205,8 @@ class Walk:
             self.model.checkout(version)
         except TransactionError:
             self.model.checkout(version, discard=True)
-        self._assert_back(before)
-        self._assert_all_told()
+        self._assert_order_restored(before)
+        self._assert_all_notified()
 
     def drop(self, number: int) -> None:
         """Hold a version no longer."""
@@ -223,7 +221,7 @@ class Walk:
 
     def watch(self, pattern: str) -> None:
         """Watch a pattern, if there is no state to go back to; else that is refused, or asked for later."""
-        if self.model.graph.history.idle:
+        if self.model.graph.history.is_idle:
             self.views.watch(pattern)
             assert pattern in self.views.watched
         elif pattern not in self.views.watched:
@@ -259,7 +257,7 @@ class Walk:
             assert appeared == [row for row in now if row in set(appeared)]
             assert disappeared == sorted(disappeared)
 
-        listener = Told(self.views.listen(pattern, changed), rows)
+        listener = ListenerState(self.views.listen(pattern, changed), rows)
         rows.update(self.views.rows(pattern, self.free(pattern)))
         self.told[pattern].append(listener)
 
@@ -271,10 +269,10 @@ class Walk:
     def deliver(self) -> None:
         """Tell now, also what may be rolled back."""
         self.views.listeners.deliver()
-        self._assert_all_told()
+        self._assert_all_notified()
 
-    def _assert_all_told(self) -> None:
-        with self._untold():
+    def _assert_all_notified(self) -> None:
+        with self._assert_not_notified():
             for name, listeners in self.told.items():
                 for listener in listeners:
                     assert listener.rows == set(self.views.rows(name, self.free(name))), f"{name}: not told"
@@ -329,7 +327,7 @@ def step(walk: Walk, dice: Dice, size: int = 1) -> None:
             walk.ask(dice)
 
 
-def stroll(seed: int, size: int = 1, naive: bool = True) -> None:
+def run_random_walk(seed: int, size: int = 1, naive: bool = True) -> None:
     """A walk of random steps."""
     dice = Dice(seed)
     walk = Walk(seed, size, naive, watch=85)
@@ -345,9 +343,7 @@ def stroll(seed: int, size: int = 1, naive: bool = True) -> None:
 
 def main(arguments: Sequence[str]) -> int:
     """Walk, and say what failed."""
-    parser = argparse.ArgumentParser(
-        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
-    )
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("first", type=int)
     parser.add_argument("last", type=int)
     parser.add_argument("--size", type=int, default=1, help="times as many objects, links and edits")
@@ -359,7 +355,7 @@ def main(arguments: Sequence[str]) -> int:
     failed: Counter[tuple[str, str, int]] = Counter()
     for seed in range(options.first, options.last):
         try:
-            stroll(seed, options.size, naive=options.size == 1 and not options.compiled)
+            run_random_walk(seed, options.size, naive=options.size == 1 and not options.compiled)
         except Exception as problem:
             frame = traceback.extract_tb(problem.__traceback__)[-1]
             kind = (type(problem).__name__, frame.filename, frame.lineno or 0)

@@ -22,6 +22,7 @@ from envgraph.pattern import (
     Body,
     Check,
     Closure,
+    ColumnMark,
     Comparison,
     Conditional,
     Constant,
@@ -30,7 +31,6 @@ from envgraph.pattern import (
     Evaluation,
     Expression,
     FunctionCall,
-    Hash,
     Library,
     Navigation,
     Negation,
@@ -217,7 +217,7 @@ class Scope:
     def fits(self, own: StaticType, type_: StaticType) -> bool:
         """Whether some value has both types."""
         if isinstance(own, ObjectType) and isinstance(type_, ObjectType):
-            return self.metamodel.overlap(own.cls, type_.cls)
+            return self.metamodel.may_overlap(own.cls, type_.cls)
         return own == type_
 
     def new(self, type_: StaticType) -> str:
@@ -300,12 +300,8 @@ def path(scope: Scope, positive: bool) -> Relation:
     # The same relation, positive and under `neg` or `count`.
     if not positive and scope.paths and dice.chance(40):
         cls, features, last = dice.one(scope.paths)
-        return PathConstraint(
-            cls, features, scope.term(ObjectType(cls), positive), scope.term(last, positive)
-        )
-    cls = dice.one(
-        [name for name in metamodel.classes if metamodel.features(name)] or list(metamodel.classes)
-    )
+        return PathConstraint(cls, features, scope.term(ObjectType(cls), positive), scope.term(last, positive))
+    cls = dice.one([name for name in metamodel.classes if metamodel.features(name)] or list(metamodel.classes))
     steps: list[str] = []
     current: StaticType = ObjectType(cls)
     for _ in range(dice.one([1, 1, 1, 2])):
@@ -359,14 +355,14 @@ def _over_numbers(scope: Scope) -> tuple[Relation, StaticType] | None:
     if calls and dice.chance(60):
         called, position = dice.one(calls)
         made = call(scope, called, positive=False)
-        arguments = (*made.arguments[:position], Hash(), *made.arguments[position + 1 :])
+        arguments = (*made.arguments[:position], ColumnMark(), *made.arguments[position + 1 :])
         return replace(made, arguments=arguments), type_of(called.parameters[position].type)
     for _ in range(3):
         over = path(scope, positive=False)
         if isinstance(over, PathConstraint):
             feature = _last(scope, over)
             if isinstance(feature, Attribute) and feature.type in (Scalar.INT, Scalar.FLOAT):
-                return replace(over, target=Hash()), feature.type
+                return replace(over, target=ColumnMark()), feature.type
     return None
 
 
@@ -452,9 +448,7 @@ def constraint(scope: Scope) -> Constraint | None:
         if made is None:
             return None
         known = scope.names(made[1])
-        return Comparison(
-            "==", Variable(dice.one(known) if known and dice.chance(60) else scope.new(made[1])), made[0]
-        )
+        return Comparison("==", Variable(dice.one(known) if known and dice.chance(60) else scope.new(made[1])), made[0])
     if roll < 18:
         value = number(scope)
         known = scope.names(Scalar.INT)
@@ -464,14 +458,14 @@ def constraint(scope: Scope) -> Constraint | None:
     return None if test is None else Check(test)
 
 
-def tangle(scope: Scope) -> list[Constraint]:
-    """One relation positive, and negated or counted beside it: see `tangled`."""
+def random_tangled_constraints(scope: Scope) -> list[Constraint]:
+    """One relation positive, and negated or counted beside it: see `combine_positive_and_negative`."""
     dice = scope.dice
     calls = [each for each in scope.callable if len(each.parameters) > 1]
     if calls and dice.chance(60):
         called = dice.one(calls)
         terms = [Variable("_")] * len(called.parameters)
-        return tangled(
+        return combine_positive_and_negative(
             scope, PatternCall(called.name, tuple(terms)), [type_of(p.type) for p in called.parameters]
         )
     links = [
@@ -483,10 +477,10 @@ def tangle(scope: Scope) -> list[Constraint]:
         return []
     over, source, feature = dice.one(links)
     target = ObjectType(feature.target) if isinstance(feature, Reference) else feature.type
-    return tangled(scope, over, [source, target])
+    return combine_positive_and_negative(scope, over, [source, target])
 
 
-def tangled(
+def combine_positive_and_negative(
     scope: Scope, over: PatternCall | PathConstraint, types: Sequence[StaticType]
 ) -> list[Constraint]:
     """A relation positive, and negated or counted beside it, mostly with a single variable in common.
@@ -560,10 +554,8 @@ def body(
     if partners and dice.chance(60):
         constraints.append(call(scope, dice.one(partners), positive=True))
     if dice.chance(20):
-        constraints.extend(tangle(scope))
-    for _ in range(
-        dice.one([1, 1, 2, 3, 4, 5, 6])
-    ):  # of one relation alone is what can be inlined everywhere
+        constraints.extend(random_tangled_constraints(scope))
+    for _ in range(dice.one([1, 1, 2, 3, 4, 5, 6])):  # of one relation alone is what can be inlined everywhere
         made = constraint(scope)
         if made is not None:
             constraints.append(made)
@@ -590,18 +582,18 @@ def random_library(dice: Dice, metamodel: Metamodel) -> Library:
         ]
         add(library, group)
     if dice.chance(20):
-        add_tower(dice, library)
+        add_closure_patterns(dice, library)
     return library
 
 
-def add_tower(dice: Dice, library: Library) -> None:
+def add_closure_patterns(dice: Dice, library: Library) -> None:
     """Add a step in which a relation is tangled, its closure, and what counts, sums up and negates that closure."""
     metamodel = library.metamodel
     links = [
         (cls, feature)
         for cls in metamodel.classes
         for feature in metamodel.features(cls).values()
-        if isinstance(feature, Reference) and metamodel.overlap(cls, feature.target)
+        if isinstance(feature, Reference) and metamodel.may_overlap(cls, feature.target)
     ]
     if not links:
         return
@@ -618,9 +610,13 @@ def add_tower(dice: Dice, library: Library) -> None:
         return Scope(dice, metamodel, library.patterns[-3:], (), {p.name: type_of(p.type) for p in ends})
 
     over = PathConstraint(cls, (link.name,), Variable("p0"), Variable("p1"))
-    step = grow(ends, [over, *tangled(scope(), over, types)], *([[over]] if dice.chance(20) else []))
+    step = grow(
+        ends,
+        [over, *combine_positive_and_negative(scope(), over, types)],
+        *([[over]] if dice.chance(20) else []),
+    )
     followed = PatternCall(step.name, (over.source, over.target), dice.one([Closure.PLUS, Closure.STAR]))
-    closed = grow(ends, [followed, *(tangled(scope(), over, types) if dice.chance(25) else [])])
+    closed = grow(ends, [followed, *(combine_positive_and_negative(scope(), over, types) if dice.chance(25) else [])])
     near, far = dice.one([(0, 1), (1, 0)])
 
     def reaching(other: Term) -> PatternCall:
@@ -637,10 +633,10 @@ def add_tower(dice: Dice, library: Library) -> None:
     if numbers and dice.chance(60):
         value = PathConstraint(str(ends[far].type), (dice.one(numbers),), Variable("x"), Variable("n"))
         valued = grow(heads, [reaching(Variable("x")), value])
-        total = Aggregate(dice.one(["sum", "min", "max"]), PatternCall(valued.name, (Variable("p0"), Hash())))
+        total = Aggregate(dice.one(["sum", "min", "max"]), PatternCall(valued.name, (Variable("p0"), ColumnMark())))
     grow(heads, [Comparison("==", Variable("n"), total)])
     last = scope()
-    both = tangled(last, PatternCall(closed.name, (Variable("p0"), Variable("p1"))), types)
+    both = combine_positive_and_negative(last, PatternCall(closed.name, (Variable("p0"), Variable("p1"))), types)
     more = constraint(last)
     grow(ends[:1], both if more is None else [*both, more])
 
@@ -690,15 +686,13 @@ def _plain(pattern: Pattern, cls: str) -> Body:
         if isinstance(kind, ObjectType):
             constraints.append(TypeConstraint(kind.cls, Variable(parameter.name)))
         else:
-            literal = (
-                EnumLiteral("Colour", "red") if isinstance(kind, EnumType) else Constant(DOMAINS[kind][0])
-            )
+            literal = EnumLiteral("Colour", "red") if isinstance(kind, EnumType) else Constant(DOMAINS[kind][0])
             constraints.append(Comparison("==", Variable(parameter.name), literal))
     return Body(tuple(constraints))
 
 
 @dataclass(frozen=True)
-class World:
+class RandomCase:
     """A library, a model of its metamodel, and random edits of it."""
 
     library: Library
@@ -711,11 +705,11 @@ class World:
             edit(self.dice, self.model, thin)
 
 
-def random_world(seed: int, size: int = 1) -> World:
+def random_case(seed: int, size: int = 1) -> RandomCase:
     """A metamodel with patterns, and a model of a few objects; of so many times more with `size`."""
     dice = Dice(seed)
     metamodel = random_metamodel(dice)
-    world = World(random_library(dice, metamodel), Model(metamodel), dice)
+    world = RandomCase(random_library(dice, metamodel), Model(metamodel), dice)
     for cls in metamodel.class_list:
         if not cls.abstract:
             for _ in range(dice.number(0, 3) * size):
@@ -724,6 +718,6 @@ def random_world(seed: int, size: int = 1) -> World:
     return world
 
 
-def worlds() -> st.SearchStrategy[World]:
+def random_cases() -> st.SearchStrategy[RandomCase]:
     """Random worlds."""
-    return st.integers(0, 2**32).map(random_world)
+    return st.integers(0, 2**32).map(random_case)

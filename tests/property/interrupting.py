@@ -109,13 +109,7 @@ class Trip:
         # Where Python looks for signals: a function begins, a call of one in C returns. A generator that goes on would
         # be interrupted in its `try`, which cannot be had here.
         goes_on = event == "call" and frame.f_code.co_flags & CO_GENERATOR
-        if (
-            self.tripped
-            and self._call is not None
-            and event in ("call", "c_return")
-            and not goes_on
-            and _ours(frame)
-        ):
+        if self.tripped and self._call is not None and event in ("call", "c_return") and not goes_on and _ours(frame):
             self.calls += 1
             if self.calls == self._call:
                 self._call = None

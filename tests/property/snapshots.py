@@ -15,9 +15,7 @@ def snapshot(model: Model) -> dict[str, object]:
         "extents": {cls.name: list(model.graph.extent(cls.name)) for cls in model.metamodel.class_list},
         "classes": [(node, model.graph.class_of(node), model.graph.object_name(node)) for node in nodes],
         "values": [
-            (str(a), node, repr(model.graph.value(node, a)))
-            for a in model.metamodel.attributes
-            for node in nodes
+            (str(a), node, repr(model.graph.value(node, a))) for a in model.metamodel.attributes for node in nodes
         ],
         "targets": [
             (str(r), node, list(model.graph.targets(node, r)), list(model.graph.sources(node, r)))

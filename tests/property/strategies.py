@@ -43,9 +43,7 @@ def metamodels(draw: st.DrawFn) -> Metamodel:
         features[draw(st.sampled_from(names))].append(draw(_attributes(f"a{number}")))
     for number in range(draw(st.integers(1, 4))):
         owner, target = draw(st.sampled_from(names)), draw(st.sampled_from(names))
-        for name, reference in zip(
-            (owner, target), draw(_relations(f"r{number}", owner, target)), strict=False
-        ):
+        for name, reference in zip((owner, target), draw(_relations(f"r{number}", owner, target)), strict=False):
             features[name].append(reference)
     classes = [
         Class(name, is_abstract, above, tuple(features[name]))
@@ -199,9 +197,7 @@ def _link(draw: Any, model: Model, kind: str) -> None:
     node = draw(st.sampled_from(sources))
     if kind == "link":
         # Several at once: crowded ends are stored in another way than others.
-        for target in candidates[draw(st.sampled_from([0, 1, 2, -1, -5])) :][
-            : draw(st.sampled_from([1, 4, 99]))
-        ]:
+        for target in candidates[draw(st.sampled_from([0, 1, 2, -1, -5])) :][: draw(st.sampled_from([1, 4, 99]))]:
             model.graph.link(node, reference, target)
     elif kind == "set_target":
         model.graph.set_target(node, reference, draw(st.none() | st.sampled_from(candidates)))
@@ -257,9 +253,7 @@ def bounded_metamodels(draw: st.DrawFn) -> Metamodel:
         Class(
             name,
             abstract=name != names[-1] and draw(st.integers(0, 5)) == 0,
-            supertypes=tuple(
-                draw(st.lists(st.sampled_from(names[:i]), unique=True, max_size=2)) if i else ()
-            ),
+            supertypes=tuple(draw(st.lists(st.sampled_from(names[:i]), unique=True, max_size=2)) if i else ()),
             features=tuple(features[name]),
             frozen=draw(st.integers(0, 15)) == 15,
         )
@@ -316,6 +310,6 @@ def _repair(model: Model, random: Random, node: int, reference: Reference, most:
         with suppress(RuleError):
             if model.graph.link(node, reference, candidate):
                 return
-    classes = model.metamodel.concrete(reference.target)
+    classes = model.metamodel.concrete_classes(reference.target)
     if classes and len(model) < most:
         model.graph.new(random.choice(classes))

@@ -86,9 +86,7 @@ def facts(made: Model) -> set[object]:
             if isinstance(feature, Attribute):
                 found.add((node.id, feature.name, made.graph.value(node.id, feature)))
             else:
-                found.update(
-                    (node.id, feature.name, target) for target in made.graph.targets(node.id, feature)
-                )
+                found.update((node.id, feature.name, target) for target in made.graph.targets(node.id, feature))
     return found
 
 
@@ -105,7 +103,7 @@ def outcome(rule: str, edges: list[tuple[str, int, int]], number: int) -> object
     try:
         made.apply("r", matches[number % len(matches)])
     except (RuleError, EvaluationError):
-        assert snapshot(made.model) == before and not made.model.graph.history.depth
+        assert snapshot(made.model) == before and not made.model.graph.history.savepoint_depth
         return "refused"
     made.model.check_integrity()
     return facts(made.model)

@@ -60,7 +60,7 @@ def assert_placed(diagnostics: tuple[Diagnostic, ...]) -> None:
 
 
 @given(st.sampled_from(LANGUAGES), SLIPS)
-def test_slips_in_a_file_are_reported_with_positions(name: str, slips: list[Slip]) -> None:
+def test_random_typos_in_a_file_are_reported_with_positions(name: str, slips: list[Slip]) -> None:
     texts = TEXTS | {name: slipped(TEXTS[name], slips)}
     started = process_time()
     assert_placed(load_workspace([name], files=TextFiles(texts)).diagnostics)
@@ -68,7 +68,7 @@ def test_slips_in_a_file_are_reported_with_positions(name: str, slips: list[Slip
 
 
 @given(SLIPS)
-def test_slips_in_a_family_file_are_reported_with_positions(slips: list[Slip]) -> None:
+def test_random_typos_in_a_family_file_are_reported_with_positions(slips: list[Slip]) -> None:
     files = TextFiles(TEXTS | {FAMILY: slipped(TEXTS[FAMILY], slips)})
     started = process_time()
     try:
@@ -82,7 +82,7 @@ def test_slips_in_a_family_file_are_reported_with_positions(slips: list[Slip]) -
 
 @settings(max_examples=examples(30))
 @given(st.sampled_from([*TEXTS]), SLIPS)
-def test_a_domain_loads_or_says_why_not(name: str, slips: list[Slip]) -> None:
+def test_domain_with_random_typos_is_loaded_or_refused_with_a_reason(name: str, slips: list[Slip]) -> None:
     texts = TEXTS | {name: slipped(TEXTS[name], slips)}
     started = process_time()
     try:

@@ -48,7 +48,7 @@ edits = st.deferred(
 
 @settings(max_examples=examples(50))
 @given(st.lists(edits, min_size=1, max_size=3))
-def test_a_changed_trace_is_refused_at_a_place_or_leads_somewhere(
+def test_edited_trace_is_replayed_or_refused_with_a_position(
     changes: list[tuple[int, int, str]],
 ) -> None:
     text = recorded()

@@ -67,9 +67,7 @@ def edit(model: Model, what: tuple[Any, ...]) -> None:
             node.n = what[2]
         case "link":
             other = nodes[what[2] % len(nodes)]
-            node.links = (
-                [one for one in node.links if one != other] if other in node.links else [*node.links, other]
-            )
+            node.links = [one for one in node.links if one != other] if other in node.links else [*node.links, other]
         case "next":
             node.next = None if what[2] == SIZE else nodes[what[2] % len(nodes)]
         case _:
@@ -138,19 +136,14 @@ def note(log: list[Fired], event: str) -> Callable[..., None]:
         ("checkout", []),
     ]
 )
-def test_what_fires_is_the_difference_of_the_match_sets(script: list[Any]) -> None:
+def test_event_jobs_fire_for_the_difference_of_the_match_sets(script: list[Any]) -> None:
     made = start()
     logs: dict[str, list[Fired]] = {name: [] for name in made.patterns}
     plain: dict[str, list[Fired]] = {name: [] for name in made.patterns}
     for name, log in logs.items():
-        jobs = {
-            event: note(log, event)
-            for event in ("appear", "disappear", *(["update"] if name in KEYS else []))
-        }
+        jobs = {event: note(log, event) for event in ("appear", "disappear", *(["update"] if name in KEYS else []))}
         made.on(name, existing=False, key=KEYS.get(name), **jobs)
-        made.on(
-            name, appear=note(plain[name], "appear"), disappear=note(plain[name], "disappear"), priority=1
-        )
+        made.on(name, appear=note(plain[name], "appear"), disappear=note(plain[name], "disappear"), priority=1)
     made.settle()
     for name, log in plain.items():
         assert {row for _, row, _ in log} == found(made, name)
@@ -165,7 +158,7 @@ def test_what_fires_is_the_difference_of_the_match_sets(script: list[Any]) -> No
             if kind == "checkout":
                 appeared = disappeared = set()
             if kind == "loose":  # some edits are transactions of their own
-                assert balance(plain[name]) == balance(log) == (appeared, disappeared)
+                assert net_changes(plain[name]) == net_changes(log) == (appeared, disappeared)
             else:
                 check_plain(plain[name], appeared, disappeared)
                 check_updates(log, appeared, disappeared)
@@ -174,7 +167,7 @@ def test_what_fires_is_the_difference_of_the_match_sets(script: list[Any]) -> No
         assert len(made.agenda) == 0
 
 
-def balance(log: list[Fired]) -> tuple[set[Any], set[Any]]:
+def net_changes(log: list[Fired]) -> tuple[set[Any], set[Any]]:
     """What has come, and what has gone, when all is told."""
     total: Counter[tuple[Any, ...]] = Counter()
     for event, row, before in log:
@@ -182,9 +175,7 @@ def balance(log: list[Fired]) -> tuple[set[Any], set[Any]]:
         if before is not None:
             total[before] -= 1
     assert set(total.values()) <= {-1, 0, 1}
-    return {row for row, count in total.items() if count == 1}, {
-        row for row, count in total.items() if count == -1
-    }
+    return {row for row, count in total.items() if count == 1}, {row for row, count in total.items() if count == -1}
 
 
 def check_plain(log: list[Fired], appeared: set[Any], disappeared: set[Any]) -> None:
@@ -195,9 +186,7 @@ def check_plain(log: list[Fired], appeared: set[Any], disappeared: set[Any]) -> 
 def check_updates(log: list[Fired], appeared: set[Any], disappeared: set[Any]) -> None:
     """Every match that has come or gone is told once; none comes and another goes with one key."""
     new = [row for event, row, _ in log if event in ("appear", "update")]
-    old = [
-        row if before is None else before for event, row, before in log if event in ("disappear", "update")
-    ]
+    old = [row if before is None else before for event, row, before in log if event in ("disappear", "update")]
     assert sorted(new) == sorted(appeared) and sorted(old) == sorted(disappeared)
     assert all(row[0] == before[0] for _, row, before in log if before is not None)
     if any(event == "update" for event, _, _ in log):
@@ -216,9 +205,7 @@ class Mirror:
         self.log: list[str] = []
         self._habits = list(habits)
         update = {"update": self.update, "key": KEYS[name]} if name in KEYS else {}
-        self.rule: EventRule = made.on(
-            name, appear=self.appear, disappear=self.disappear, priority=priority, **update
-        )
+        self.rule: EventRule = made.on(name, appear=self.appear, disappear=self.disappear, priority=priority, **update)
 
     def appear(self, match: Match) -> None:
         assert match.row not in self.rows and match.row in found(self.made, self.name)
@@ -248,9 +235,7 @@ class Mirror:
         model = self.made.model
         edit(
             model,
-            [("done", habit), ("number", habit, habit % 3), ("link", habit, habit // 2), ("create",)][
-                habit % 4
-            ],
+            [("done", habit), ("number", habit, habit % 3), ("link", habit, habit // 2), ("create",)][habit % 4],
         )
         if habit % 5 == 0:
             raise ZeroDivisionError
@@ -259,10 +244,7 @@ class Mirror:
 def mirror(script: list[Any], habits: list[int]) -> tuple[list[list[str]], int]:
     """Mirrors of all patterns while a script runs, checked after each step."""
     made = start()
-    mirrors = [
-        Mirror(made, name, habits[number % 3 :: 3], number % 3 - 1)
-        for number, name in enumerate(made.patterns)
-    ]
+    mirrors = [Mirror(made, name, habits[number % 3 :: 3], number % 3 - 1) for number, name in enumerate(made.patterns)]
     runner = Runner(made)
     for kind, changes in [("keep", []), *script]:
         if kind in ("commit", "checkout"):
@@ -286,5 +268,5 @@ def mirror(script: list[Any], habits: list[int]) -> tuple[list[list[str]], int]:
 @given(scripts, st.lists(st.integers(0, 40), max_size=12))
 @example([("keep", [("number", 1, 2), ("delete", 0)])], [1, 5, 2, 10, 3, 0])
 @example([], [0, 6, 0, 0, 0, 0, 0, 31, 4, 6, 0, 0])
-def test_jobs_can_keep_a_copy_of_the_matches(script: list[Any], habits: list[int]) -> None:
+def test_event_jobs_can_maintain_a_copy_of_the_matches(script: list[Any], habits: list[int]) -> None:
     assert mirror(script, habits) == mirror(script, habits)

@@ -9,7 +9,7 @@ import networkx as nx
 from hypothesis import given, settings, strategies as st
 
 from envgraph.errors import EvaluationError, RuleError
-from envgraph.graph import Model, Shapes, to_networkx
+from envgraph.graph import IsomorphismClasses, Model, to_networkx
 from envgraph.metamodel import Attribute, Class, Metamodel, Reference, Scalar
 from envgraph.rewrite import Engine, Exploration, Firing
 from tests.profile import examples
@@ -66,7 +66,7 @@ def isomorphic(left: Model, right: Model) -> bool:
     )
 
 
-def copied(
+def explore_by_copying(
     start: Model, names: list[str], same: Same, limit: int
 ) -> tuple[list[Model], list[tuple[int, int, str, object]], bool]:
     """States, transitions, and whether there are more than the limit: breadth first, a copy for every state."""
@@ -81,9 +81,7 @@ def copied(
                 except RuleError:
                     model.graph.history.rollback(mark)
                     continue
-                known = [
-                    number for number, other in enumerate(states) if other is not model and same(other, model)
-                ]
+                known = [number for number, other in enumerate(states) if other is not model and same(other, model)]
                 changed = model.copy()
                 model.graph.history.rollback(mark)
                 if not known and same(changed, model):
@@ -110,7 +108,7 @@ def start(size: int) -> Model:
     keep=st.booleans(),
 )
 @settings(max_examples=examples(20))
-def test_the_states_are_those_that_copies_reach(
+def test_explored_states_equal_those_reached_by_copying_models(
     size: int, names: list[str], up_to: str, watched: bool, keep: bool
 ) -> None:
     made = engine_on(start(size))
@@ -120,7 +118,9 @@ def test_the_states_are_those_that_copies_reach(
     found = made.explore(names, limit=MOST, up_to=up_to, keep=keep)  # type: ignore[arg-type]
     assert snapshot(made.model) == before
     made.check_integrity()
-    states, edges, more = copied(start(size), names, same_facts if up_to == "identity" else isomorphic, MOST)
+    states, edges, more = explore_by_copying(
+        start(size), names, same_facts if up_to == "identity" else isomorphic, MOST
+    )
     assert found.complete is not more and len(found) == len(states)
     if not watched:  # a view lists the matches in an order of its own
         assert [(t.source, t.target, t.name, t.firings[0].values) for t in found.transitions] == edges
@@ -144,7 +144,7 @@ def test_the_states_are_those_that_copies_reach(
     seed=st.integers(0, 10),
 )
 @settings(max_examples=examples(20))
-def test_every_strategy_finds_the_same_and_leaves_no_trace(
+def test_exploration_strategies_find_the_same_states_and_leave_the_model_unchanged(
     size: int, names: list[str], up_to: str, seed: int
 ) -> None:
     made = engine_on(start(size))
@@ -203,9 +203,7 @@ GRAPHS = Metamodel(
 def random_graph(random: Random, size: int) -> Model:
     """Small and regular, so that many pairs are hard to tell apart."""
     model = Model(GRAPHS)
-    nodes = [
-        model.create("M" if random.random() < 0.1 else "N", v=int(random.random() < 0.1)) for _ in range(size)
-    ]
+    nodes = [model.create("M" if random.random() < 0.1 else "N", v=int(random.random() < 0.1)) for _ in range(size)]
     to, other, even = (model.metamodel.feature("N", name) for name in ("to", "other", "even"))
     for shift in random.sample(range(size), min(2, size)):
         order = random.sample(range(size), size)
@@ -235,11 +233,11 @@ def shuffled(model: Model, random: Random) -> Model:
 @given(seed=st.integers(0, 10**6), size=st.integers(0, 8))
 @settings(max_examples=examples(50))
 def test_shapes_are_numbered_up_to_isomorphism(seed: int, size: int) -> None:
-    random, shapes = Random(seed), Shapes()
+    random, shapes = Random(seed), IsomorphismClasses()
     models = [random_graph(random, size) for _ in range(4)]
     models += [shuffled(model, random) for model in models]
-    numbers = [shapes.number(model.graph.store) for model in models]
+    numbers = [shapes.class_number(model.graph.store) for model in models]
     for one, left in zip(numbers, models, strict=True):
         for other, right in zip(numbers, models, strict=True):
             assert (one == other) == isomorphic(left, right)
-    assert [shapes.number(model.graph.store) for model in models] == numbers
+    assert [shapes.class_number(model.graph.store) for model in models] == numbers

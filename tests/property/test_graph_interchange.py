@@ -30,7 +30,7 @@ def test_json_restores_ids_and_every_order(model: Model) -> None:
 
 
 @given(models(), st.data())
-def test_a_model_that_was_read_behaves_as_the_one_that_was_written(model: Model, data: st.DataObject) -> None:
+def test_model_read_from_json_accepts_edits_like_the_original(model: Model, data: st.DataObject) -> None:
     again = model_from_json(model_to_json(model), model.metamodel)
     drawn: list[Any] = []
 
@@ -58,9 +58,7 @@ def test_networkx_keeps_all_facts(model: Model) -> None:
 def test_the_canonical_hash_ignores_ids_and_orders(model: Model, dice) -> None:
     data = model_to_json(model)
     data.pop("orders", None)
-    new = dict(
-        zip((entry["id"] for entry in data["objects"]), _shuffled(range(len(model)), dice), strict=True)
-    )
+    new = dict(zip((entry["id"] for entry in data["objects"]), _shuffled(range(len(model)), dice), strict=True))
     for entry in data["objects"]:
         for feature in model.metamodel.features(entry["class"]).values():
             if feature.name in entry["features"] and not isinstance(feature, Attribute):
@@ -81,13 +79,11 @@ def _shuffled(items, dice) -> list:
 
 
 @given(models())
-def test_conformance_is_what_counting_says(model: Model) -> None:
+def test_conformance_violations_equal_counted_bounds(model: Model) -> None:
     expected = []
     for node in model.graph.store.nodes():
         for feature in model.metamodel.features(model.graph.class_of(node)).values():
-            held = (model.graph.values if isinstance(feature, Attribute) else model.graph.targets)(
-                node, feature
-            )  # type: ignore[operator]
+            held = (model.graph.values if isinstance(feature, Attribute) else model.graph.targets)(node, feature)  # type: ignore[operator]
             wrong = not feature.lower <= len(held) <= (feature.upper or 10**9)
             if wrong:
                 expected.append((node, feature.name))

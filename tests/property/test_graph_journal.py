@@ -4,8 +4,15 @@ from __future__ import annotations
 
 from hypothesis import given, strategies as st
 
-from envgraph.graph import EXCHANGE, IN, OUT, SET, IndexedSet
-from envgraph.graph.store._journal import MOVE, Extent, Journal, invert as _invert, net_changes, take_back
+from envgraph.graph import ADDED, ASSIGNED, OVERWRITTEN, REMOVED, IndexedSet
+from envgraph.graph.store._undo_log import (
+    MOVED,
+    Extent,
+    Journal,
+    net_journal,
+    undo_after_exception,
+    undo_and_invert as _invert,
+)
 
 
 class Register:
@@ -21,7 +28,7 @@ class Register:
         return before
 
 
-class World:
+class JournaledStructures:
     """A dict, a set, two extents that share their columns, and a register; changed at random, with a journal."""
 
     def __init__(self) -> None:
@@ -36,10 +43,10 @@ class World:
     def change(self, kind: str, key: int, value: int) -> None:
         """One change; `key` and `value` are below 12."""
         if kind == "set":
-            self.journal.extend((self.values, key % 4, self.values[key % 4], SET))
+            self.journal.extend((self.values, key % 4, self.values[key % 4], ASSIGNED))
             self.values[key % 4] = value
         elif kind == "exchange":
-            self.journal.extend((self.register, "r", self.register.exchange("r", value), EXCHANGE))
+            self.journal.extend((self.register, "r", self.register.exchange("r", value), OVERWRITTEN))
         elif kind == "set member":
             self._toggle(self.set, key)
         else:
@@ -51,10 +58,10 @@ class World:
 
     def _toggle(self, sequence: IndexedSet[int] | Extent, key: int) -> None:
         if key in sequence:
-            self.journal.extend((sequence, key, sequence.take(key), IN))
+            self.journal.extend((sequence, key, sequence.take(key), REMOVED))
         else:
             sequence.add(key)
-            self.journal.extend((sequence, key, None, OUT))
+            self.journal.extend((sequence, key, None, ADDED))
 
     def snapshot(self) -> object:
         """Everything, order included."""
@@ -80,7 +87,7 @@ def invert_net(journal: Journal) -> Journal:
     """The same, each place once."""
     inverse: Journal = []
     _invert(reversed(journal), inverse)
-    return net_changes(inverse)
+    return net_journal(inverse)
 
 
 CHANGES = st.lists(
@@ -93,7 +100,7 @@ CHANGES = st.lists(
 )
 
 
-def make(changes: list[tuple[str, int, int]], world: World) -> Journal:
+def make(changes: list[tuple[str, int, int]], world: JournaledStructures) -> Journal:
     """The journal of some more changes."""
     world.journal = []
     for change in changes:
@@ -102,20 +109,20 @@ def make(changes: list[tuple[str, int, int]], world: World) -> Journal:
 
 
 @given(CHANGES, CHANGES)
-def test_reverting_to_a_mark_restores_everything(first: list, second: list) -> None:
-    world = World()
+def test_reverting_the_journal_to_a_mark_restores_all_structures(first: list, second: list) -> None:
+    world = JournaledStructures()
     journal = make(first, world)
     mark, before = len(journal), world.snapshot()
     for change in second:
         world.change(*change)
-    take_back(journal, mark)
+    undo_after_exception(journal, mark)
     assert world.snapshot() == before
     assert len(journal) == mark
 
 
 @given(CHANGES, st.lists(st.booleans(), min_size=1, max_size=6))
-def test_inverse_segments_go_back_and_forth(changes: list, nets: list[bool]) -> None:
-    world = World()
+def test_inverted_journal_segments_undo_and_redo_the_changes(changes: list, nets: list[bool]) -> None:
+    world = JournaledStructures()
     ends = [world.snapshot()]
     segment = make(changes, world)
     ends.append(world.snapshot())
@@ -125,8 +132,8 @@ def test_inverse_segments_go_back_and_forth(changes: list, nets: list[bool]) -> 
 
 
 @given(st.lists(CHANGES, min_size=2, max_size=5), st.data())
-def test_reduced_segments_can_be_joined_and_reduced_again(parts: list[list], data: st.DataObject) -> None:
-    world = World()
+def test_reduced_journal_segments_can_be_concatenated_and_reduced_again(parts: list[list], data: st.DataObject) -> None:
+    world = JournaledStructures()
     start = world.snapshot()
     joined: Journal = []
     for changes in parts:
@@ -144,16 +151,16 @@ def test_reduced_segments_can_be_joined_and_reduced_again(parts: list[list], dat
 
 
 @given(CHANGES)
-def test_a_reduced_segment_names_every_place_once(changes: list) -> None:
-    world = World()
+def test_reduced_journal_segment_contains_every_changed_entry_once(changes: list) -> None:
+    world = JournaledStructures()
     segment = invert_net(make(changes, world))
     places = list(zip(map(id, segment[::4]), segment[1::4], strict=True))
     assert len(places) == len(set(places))
 
 
 @given(CHANGES)
-def test_a_segment_without_net_change_reduces_to_nothing(changes: list) -> None:
-    world = World()
+def test_journal_segment_without_net_change_is_reduced_to_an_empty_one(changes: list) -> None:
+    world = JournaledStructures()
     there = make([change for change in changes if change[0] != "exchange"], world)
     before = world.snapshot()
     back = invert(there)
@@ -177,14 +184,14 @@ def test_other_structures_can_use_the_journal() -> None:
     matches, counter = IndexedSet[tuple[int, int]](()), Counter()
     index: dict[int, object] = {}
     journal: Journal = []
-    journal.extend((matches, (1, 2), None, OUT))
+    journal.extend((matches, (1, 2), None, ADDED))
     matches.add((1, 2))
-    journal.extend((counter, "p", counter.exchange("p", 1), EXCHANGE))
-    journal.extend((index, 1, index.get(1), SET))
+    journal.extend((counter, "p", counter.exchange("p", 1), OVERWRITTEN))
+    journal.extend((index, 1, index.get(1), ASSIGNED))
     index[1] = (1, 2)
     mark = len(journal)
-    journal.extend((matches, (1, 2), matches.take((1, 2)), IN))
-    take_back(journal, mark)
+    journal.extend((matches, (1, 2), matches.take((1, 2)), REMOVED))
+    undo_after_exception(journal, mark)
     assert matches == [(1, 2)]
     back: Journal = []
     _invert(reversed(journal), back)
@@ -193,11 +200,11 @@ def test_other_structures_can_use_the_journal() -> None:
     assert (matches, counter.counts, index) == ([(1, 2)], {"p": 1}, {1: (1, 2)})
 
 
-def test_a_move_updates_indices_and_can_be_undone() -> None:
+def test_moving_an_item_updates_indices_and_can_be_undone() -> None:
     items = IndexedSet(tuple(range(300)))
     journal: Journal = []
     for item, index in ((299, 0), (5, 200), (0, 299), (150, 150), (299, 298)):
-        journal.extend((items, item, items.where(item), MOVE))
+        journal.extend((items, item, items.where(item), MOVED))
         items.move(item, index)
         assert items[index] == item and [items.where(one) for one in items] == [*range(300)]
     after = list(items)

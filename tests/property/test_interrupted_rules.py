@@ -40,7 +40,7 @@ unit run { alap { up; } atomic { grow; try { never; } else { grow; } } alap { gr
 """
 
 
-class World:
+class InterruptedEngine:
     """Items in a chain, views of them, and an event rule."""
 
     def __init__(self) -> None:
@@ -56,7 +56,7 @@ class World:
 
     def check(self) -> None:
         """Assert that everything is right."""
-        assert not self.model.graph.history.depth
+        assert not self.model.graph.history.savepoint_depth
         self.model.check_integrity()
         naive = NaiveMatcher(self.model, self.engine.library)
         for name, arity in (("following", 2), ("big", 2), ("last", 1)):
@@ -84,7 +84,7 @@ STEPS: dict[str, Step] = {
 
 def outcomes(name: str) -> tuple[list[object], int]:
     """The states before and after, and how many instructions there are."""
-    world, trip = World(), Trip(0)
+    world, trip = InterruptedEngine(), Trip(0)
     states = [world.state()]
     trip.run(lambda: STEPS[name](world.engine))
     world.check()
@@ -93,7 +93,7 @@ def outcomes(name: str) -> tuple[list[object], int]:
 
 def interrupt(name: str, trip: Trip, states: list[object]) -> None:
     """Be interrupted, look at everything, and go on."""
-    world = World()
+    world = InterruptedEngine()
     if trip.run(lambda: STEPS[name](world.engine)):
         world.check()
         assert world.state() in states
@@ -107,7 +107,7 @@ def interrupt(name: str, trip: Trip, states: list[object]) -> None:
 
 
 @pytest.mark.parametrize("name", STEPS)
-def test_rules_and_units_are_applied_or_not(name: str) -> None:
+def test_interrupted_rules_and_units_are_applied_completely_or_not_at_all(name: str) -> None:
     states, instructions = outcomes(name)
     for number in range(ONCE):
         interrupt(name, Trip(1 + instructions * number // ONCE), states)

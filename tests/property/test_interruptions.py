@@ -11,7 +11,7 @@ from itertools import count
 import pytest
 from hypothesis import settings
 
-from envgraph.graph import Model, Savepoint, Shelf, Version, model_to_json
+from envgraph.graph import Model, Savepoint, UndoneChanges, Version, model_to_json
 from envgraph.match import FREE
 from envgraph.metamodel import Attribute, Metamodel, Scalar
 from envgraph.pattern import Library
@@ -31,10 +31,7 @@ ONCE, TWICE = (800, 200) if NIGHTLY else (2, 1)
 NAMES = Attribute("names", Scalar.STRING, lower=0, upper=None)
 PEOPLE = Metamodel(
     METAMODEL.name,
-    [
-        replace(cls, features=(*cls.features, NAMES)) if cls.name == "Person" else cls
-        for cls in METAMODEL.class_list
-    ],
+    [replace(cls, features=(*cls.features, NAMES)) if cls.name == "Person" else cls for cls in METAMODEL.class_list],
     METAMODEL.enum_types,
 )
 
@@ -43,9 +40,7 @@ PATTERNS = (
     pattern("two(a : Person, c : Person)", [find("knows", "a", "b"), find("knows", "b", "c")]),
     pattern("reaches(a : Person, b : Person)", [find("knows+", "a", "b")]),
     pattern("lonely(a : Person)", [is_a("Person", "a"), neg(find("knows", "a", "_"))]),
-    pattern(
-        "fans(a : Person, n : int)", [is_a("Person", "a"), equal("n", fold("count", find("two", "_", "a")))]
-    ),
+    pattern("fans(a : Person, n : int)", [is_a("Person", "a"), equal("n", fold("count", find("two", "_", "a")))]),
     pattern(
         "aged(a : Person, b : Person, n : int)",
         [path("Person.knows", "a", "b"), path("Person.age", "b", "n")],
@@ -65,9 +60,7 @@ PATTERNS = (
     ),
     pattern("chiefs(a : Chief, t : Team)", [is_a("Chief", "a"), path("Team.members", "t", "a")]),
     pattern("paid(a : Person, m : int)", [path("Person.age", "a", "m")]),
-    pattern(
-        "namesakes(a : Person, b : Person)", [path("Person.names", "a", "n"), path("Person.names", "b", "n")]
-    ),
+    pattern("namesakes(a : Person, b : Person)", [path("Person.names", "a", "n"), path("Person.names", "b", "n")]),
     pattern(
         "named(a : Person, n : int)",
         [is_a("Person", "a"), equal("n", fold("count", path("Person.names", "a", "_")))],
@@ -88,7 +81,7 @@ def small(monkeypatch: pytest.MonkeyPatch) -> None:
     set_thresholds(monkeypatch, small)
 
 
-class World:
+class InterruptedModel:
     """Some people, views of them, somebody who listens, and what a scenario keeps."""
 
     def __init__(self) -> None:
@@ -104,12 +97,12 @@ class World:
         model.create("Team", object_name="t1")
         self.matcher = watched(model, self.library)
         self.heard: set[tuple[object, ...]] = set(self.rows("two"))
-        self.matcher.listen("two", self.hear)
+        self.matcher.listen("two", self.on_change)
         self.versions: list[Version] = []
         self.savepoints: list[Savepoint] = []
-        self.shelves: list[Shelf] = []
+        self.shelves: list[UndoneChanges] = []
 
-    def hear(self, appeared: list[tuple[object, ...]], disappeared: list[tuple[object, ...]]) -> None:
+    def on_change(self, appeared: list[tuple[object, ...]], disappeared: list[tuple[object, ...]]) -> None:
         """Be told of changes."""
         self.heard -= set(disappeared)
         self.heard |= set(appeared)
@@ -129,8 +122,7 @@ class World:
         if state not in EXPECTED:
             naive = NaiveMatcher(self.model, self.library)
             EXPECTED[state] = {
-                name: naive.rows(name, (FREE,) * len(self.library.parameter_types(name)))
-                for name in self.names
+                name: naive.rows(name, (FREE,) * len(self.library.parameter_types(name))) for name in self.names
             }
         return EXPECTED[state]
 
@@ -143,7 +135,7 @@ class World:
         self.matcher.check_integrity()
         self.model.check_integrity()
 
-    def go_on(self, states: dict[int, object]) -> None:
+    def assert_usable(self, states: dict[int, object]) -> None:
         """What is done after an interruption works, and leads to where it should."""
         model = self.model
         self.model.graph.history.unwind(0)
@@ -167,124 +159,124 @@ class World:
         assert self.heard == set(self.rows("two"))
 
 
-Step = Callable[[World], object]
+Step = Callable[[InterruptedModel], object]
 
 
-def _id(world: World, name: str) -> int:
+def _id(world: InterruptedModel, name: str) -> int:
     return world.model[name].id
 
 
-def create(world: World) -> None:
+def create(world: InterruptedModel) -> None:
     """An object with features, at once."""
     model = world.model
     model.create("Chief", object_name="new", age=3, knows=[model["p0"], model["p4"]], boss=model["p4"])
 
 
-def new(world: World) -> None:
+def new(world: InterruptedModel) -> None:
     """An object."""
     world.model.graph.new("Person", "n2")
 
 
-def link(world: World) -> None:
+def link(world: InterruptedModel) -> None:
     """A link."""
     world.model.graph.link(_id(world, "p0"), METAMODEL.feature("Person", "knows"), _id(world, "p0"))  # type: ignore[arg-type]
 
 
-def unlink(world: World) -> None:
+def unlink(world: InterruptedModel) -> None:
     """A link goes."""
     world.model.graph.unlink(_id(world, "p0"), METAMODEL.feature("Person", "knows"), _id(world, "p1"))  # type: ignore[arg-type]
 
 
-def value(world: World) -> None:
+def value(world: InterruptedModel) -> None:
     """A value."""
     world.model["p1"].age = 9
 
 
-def values(world: World) -> None:
+def values(world: InterruptedModel) -> None:
     """Other values of many."""
     world.model["p0"].names = ["c", "b", "d"] if world.model["p0"].names[0] == "a" else ["a"]
 
 
-def insert(world: World) -> None:
+def insert(world: InterruptedModel) -> None:
     """A value before the others."""
     world.model["p0"].names.insert(0, f"n{len(world.model['p0'].names)}")
 
 
-def append(world: World) -> None:
+def append(world: InterruptedModel) -> None:
     """A value behind the others."""
     world.model["p0"].names.append(f"n{len(world.model['p0'].names)}")
 
 
-def remove(world: World) -> None:
+def remove(world: InterruptedModel) -> None:
     """The second value goes."""
     del world.model["p0"].names[1]
 
 
-def place(world: World) -> None:
+def place(world: InterruptedModel) -> None:
     """A target at the front, which is new or was the last one."""
     people = world.model
     people["p0"].knows.insert(0, people["p6"])
 
 
-def rotate(world: World) -> None:
+def rotate(world: InterruptedModel) -> None:
     """The first target becomes the last."""
     people = world.model["p0"].knows
     people.insert(len(people), people[0])
 
 
-def boss(world: World) -> None:
+def boss(world: InterruptedModel) -> None:
     """Another target, whose opposite is crowded."""
     world.model["p1"].boss = world.model["p4"]
 
 
-def move(world: World) -> None:
+def move(world: InterruptedModel) -> None:
     """Another container."""
     world.model["t1"].members.append(world.model["p5"])
 
 
-def targets(world: World) -> None:
+def targets(world: InterruptedModel) -> None:
     """Other targets."""
     people = world.model
     people["p0"].knows = [people["p4"], people["p2"], people["p1"], people["p0"]]
 
 
-def clear(world: World) -> None:
+def clear(world: InterruptedModel) -> None:
     """No targets."""
     world.model["p2"].knows = []
 
 
-def retype(world: World) -> None:
+def retype(world: InterruptedModel) -> None:
     """Another class."""
     world.model["p1"].retype("Chief")
 
 
-def lose(world: World) -> None:
+def lose(world: InterruptedModel) -> None:
     """Another class, which has none of the features."""
     world.model["p3"].retype("Ghost", lossy=True)
 
 
-def rename(world: World) -> None:
+def rename(world: InterruptedModel) -> None:
     """Another name."""
     world.model.graph.set_object_name(_id(world, "p2"), "other")
 
 
-def delete(world: World) -> None:
+def delete(world: InterruptedModel) -> None:
     """A container with its contents."""
     world.model["t1" if world.model.graph.find_object("t0") is None else "t0"].delete("spo")
 
 
-def ask(world: World) -> None:
+def ask(world: InterruptedModel) -> None:
     """All views."""
     for name in world.names:
         world.rows(name)
 
 
-def deliver(world: World) -> None:
+def deliver(world: InterruptedModel) -> None:
     """Tell who listens."""
     world.matcher.listeners.deliver()
 
 
-def several(world: World) -> None:
+def several(world: InterruptedModel) -> None:
     """A transaction."""
     with world.model.transaction():
         link(world)
@@ -297,7 +289,7 @@ def several(world: World) -> None:
             delete(world)
 
 
-def fail(world: World) -> None:
+def fail(world: InterruptedModel) -> None:
     """A transaction that fails."""
     try:
         with world.model.transaction():
@@ -310,70 +302,70 @@ def fail(world: World) -> None:
         pass
 
 
-def commit(world: World) -> None:
+def commit(world: InterruptedModel) -> None:
     """A version."""
     world.versions.append(world.model.commit())
 
 
-def first(world: World) -> None:
+def first(world: InterruptedModel) -> None:
     """To the first version."""
     world.model.checkout(world.versions[0], discard=True)
 
 
-def last(world: World) -> None:
+def last(world: InterruptedModel) -> None:
     """To the last version."""
     world.model.checkout(world.versions[-1], discard=True)
 
 
-def forget(world: World) -> None:
+def forget(world: InterruptedModel) -> None:
     """Nobody holds the second version any more."""
     del world.versions[1]
-    assert world.model.graph.history.idle is False
+    assert world.model.graph.history.is_idle is False
 
 
-def forget_all(world: World) -> None:
+def forget_all(world: InterruptedModel) -> None:
     """Nobody holds any version."""
     world.versions.clear()
-    assert world.model.graph.history.idle
+    assert world.model.graph.history.is_idle
 
 
-def mark(world: World) -> None:
+def mark(world: InterruptedModel) -> None:
     """A savepoint."""
     world.savepoints.append(world.model.graph.history.savepoint())
 
 
-def back(world: World) -> None:
+def back(world: InterruptedModel) -> None:
     """To the last savepoint."""
     world.model.graph.history.rollback(world.savepoints.pop())
 
 
-def keep(world: World) -> None:
+def keep(world: InterruptedModel) -> None:
     """Close the last savepoint."""
     world.model.graph.history.release(world.savepoints.pop())
 
 
-def shelve(world: World) -> None:
+def shelve(world: InterruptedModel) -> None:
     """To the last savepoint, for a time."""
-    world.shelves.append(world.model.graph.history.shelve(world.savepoints.pop()))
+    world.shelves.append(world.model.graph.history.undo_to(world.savepoints.pop()))
 
 
-def resume(world: World) -> None:
+def resume(world: InterruptedModel) -> None:
     """What was shelved."""
-    world.savepoints.append(world.model.graph.history.resume(world.shelves[-1]))
+    world.savepoints.append(world.model.graph.history.redo(world.shelves[-1]))
 
 
-def load(world: World) -> None:
+def load(world: InterruptedModel) -> None:
     """Without a journal."""
     with world.model.loading():
         link(world)
 
 
-def watch_less(world: World) -> None:
+def watch_less(world: InterruptedModel) -> None:
     """A view goes."""
     world.matcher.unwatch("above")
 
 
-def watch_more(world: World) -> None:
+def watch_more(world: InterruptedModel) -> None:
     """A view comes."""
     world.matcher.watch("above")
 
@@ -442,7 +434,7 @@ SCENARIOS: dict[str, tuple[Step, ...]] = {
 @cache
 def play(steps: tuple[Step, ...]) -> tuple[list[object], list[dict[int, object]], int]:
     """States before the steps and after the last, those of the versions, and how many instructions there are."""
-    world, trip = World(), Trip(0)
+    world, trip = InterruptedModel(), Trip(0)
     states, numbered = [world.state()], [dict[int, object]()]
     for step in steps:
         trip.run(lambda step=step: step(world))  # type: ignore[misc]
@@ -454,22 +446,20 @@ def play(steps: tuple[Step, ...]) -> tuple[list[object], list[dict[int, object]]
     return states, numbered, trip.passed
 
 
-def _here(world: World) -> Iterator[tuple[Version, object]]:
+def _here(world: InterruptedModel) -> Iterator[tuple[Version, object]]:
     version = world.model.version
     if version is not None:
         yield version, world.state()
 
 
-def interrupt(
-    steps: tuple[Step, ...], trip: Trip, states: list[object], numbered: list[dict[int, object]]
-) -> None:
+def interrupt(steps: tuple[Step, ...], trip: Trip, states: list[object], numbered: list[dict[int, object]]) -> None:
     """Play until the interruption, and look at everything."""
-    world = World()
+    world = InterruptedModel()
     for number, step in enumerate(steps):
         if trip.run(lambda step=step: step(world)):  # type: ignore[misc]
             world.check()
             assert world.state() in (states[number], states[number + 1])
-            world.go_on(numbered[number + 1])
+            world.assert_usable(numbered[number + 1])
             return
 
 
@@ -481,7 +471,7 @@ def spread(name: str, most: int, instructions: int) -> Iterator[int]:
 
 
 @pytest.mark.parametrize("name", SCENARIOS)
-def test_an_interruption_anywhere_leaves_nothing_half_done(name: str) -> None:
+def test_interruption_at_any_instruction_leaves_the_state_before_or_after(name: str) -> None:
     steps = SCENARIOS[name]
     states, numbered, instructions = play(steps)
     for instruction in spread(name, ONCE, instructions):
@@ -489,7 +479,7 @@ def test_an_interruption_anywhere_leaves_nothing_half_done(name: str) -> None:
 
 
 @pytest.mark.parametrize("name", SCENARIOS)
-def test_nor_does_another_one_while_that_is_dealt_with(name: str) -> None:
+def test_second_interruption_during_recovery_leaves_a_consistent_state(name: str) -> None:
     steps = SCENARIOS[name]
     states, numbered, instructions = play(steps)
     for number, instruction in enumerate(spread(name, TWICE, instructions)):
@@ -498,7 +488,7 @@ def test_nor_does_another_one_while_that_is_dealt_with(name: str) -> None:
             interrupt(steps, Trip(instruction, call), states, numbered)
 
 
-def test_a_commit_may_be_interrupted_anywhere() -> None:
+def test_interrupted_commit_leaves_a_usable_model() -> None:
     model, trip = Model(PEOPLE), Trip(0)
     trip.run(model.commit)
     for instruction in range(trip.passed):
@@ -511,7 +501,7 @@ def test_a_commit_may_be_interrupted_anywhere() -> None:
         model.check_integrity()
 
 
-def test_a_way_that_was_walked_before_may_be_interrupted_anywhere() -> None:
+def test_interrupted_checkout_of_a_visited_version_leaves_a_consistent_state() -> None:
     model = Model(PEOPLE)
     people = [model.create("Person", age=number) for number in range(4)]
     first = model.commit()
@@ -552,7 +542,7 @@ def test_no_interruption_leaves_a_transaction_open(fails: bool) -> None:
         trip = Trip(instruction)
         with suppress(KeyError):
             trip.run(change)
-        assert model.graph.history.depth == 0
+        assert model.graph.history.savepoint_depth == 0
         assert person.age in ((0,) if fails else (0, 1))
         model.check_integrity()
         person.age = 0
@@ -561,7 +551,7 @@ def test_no_interruption_leaves_a_transaction_open(fails: bool) -> None:
     assert instruction > 100
 
 
-class Refusing:
+class RaisingListener:
     """A listener that raises when it is notified of a change for the n-th time."""
 
     def __init__(self, number: int) -> None:
@@ -584,17 +574,17 @@ class Refused(Exception):
 
 
 @pytest.mark.parametrize("name", SCENARIOS)
-def test_nor_does_an_exception_of_a_listener(name: str) -> None:
+def test_exception_of_a_listener_leaves_the_state_before_or_after(name: str) -> None:
     steps = SCENARIOS[name]
     states, numbered, _ = play(steps)
     for change in (*range(1, 9), 12, 17, 25, 40) if NIGHTLY else (1, 4, 17):
-        world = World()
-        Notified(world.model, Refusing(change))
+        world = InterruptedModel()
+        Notified(world.model, RaisingListener(change))
         for number, step in enumerate(steps):
             try:
                 step(world)
             except Refused:
                 world.check()
                 assert world.state() in (states[number], states[number + 1])
-                world.go_on(numbered[number + 1])
+                world.assert_usable(numbered[number + 1])
                 break

@@ -30,10 +30,7 @@ LIBRARY = (
     "EBigDecimal",
 )
 TYPES = [f"ecore:EDataType http://www.eclipse.org/emf/2002/Ecore#//{name}" for name in (*LIBRARY, "EBoolean")]
-TYPES += [
-    f"ecore:EDataType http://www.eclipse.org/emf/2002/Ecore#//{name}"
-    for name in ("EString", "EChar", "EDate")
-]
+TYPES += [f"ecore:EDataType http://www.eclipse.org/emf/2002/Ecore#//{name}" for name in ("EString", "EChar", "EDate")]
 TYPES += [
     "ecore:EDataType http://www.eclipse.org/emf/2003/XMLType#//Decimal",
     "#//Money",
@@ -65,9 +62,7 @@ def features(draw: st.DrawFn) -> dict[str, str]:
         found["upperBound"] = draw(st.sampled_from(["1", "2", "-1", "-2"]))
     if draw(st.booleans()):
         found |= {"xsi:type": "ecore:EReference", "eType": "#//Part"}
-        found |= {
-            name: draw(BOOLS) for name in draw(st.sets(st.sampled_from(["containment", "resolveProxies"])))
-        }
+        found |= {name: draw(BOOLS) for name in draw(st.sets(st.sampled_from(["containment", "resolveProxies"])))}
         return found
     found |= {"xsi:type": "ecore:EAttribute", "eType": draw(st.sampled_from(TYPES))}
     word = found["eType"].rpartition("/")[2]
@@ -77,14 +72,16 @@ def features(draw: st.DrawFn) -> dict[str, str]:
     return found
 
 
-def said(text: str) -> list[dict[str, str]]:
+def feature_attributes(text: str) -> list[dict[str, str]]:
     """What the tags of the features say beside the usual."""
     tags = ElementTree.fromstring(text).iter("eStructuralFeatures")
     return [{key: value for key, value in tag.attrib.items() if USUAL.get(key) != value} for tag in tags]
 
 
 @given(st.lists(features(), max_size=4))
-def test_features_are_the_same_after_reading_and_writing(found: list[dict[str, str]]) -> None:
+def test_ecore_features_keep_their_xml_attributes_after_reading_and_writing(
+    found: list[dict[str, str]],
+) -> None:
     tags = [
         f"<eStructuralFeatures name='f{place}' {' '.join(f'{key}={quoteattr(value)}' for key, value in one.items())}/>"
         for place, one in enumerate(found)
@@ -92,6 +89,6 @@ def test_features_are_the_same_after_reading_and_writing(found: list[dict[str, s
     text = f"{HEAD}{''.join(tags)}</eClassifiers></ecore:EPackage>"
     metamodel = parse_ecore(Source("p.ecore", text))
     written = metamodel_to_ecore(metamodel)
-    assert said(written) == said(text)
+    assert feature_attributes(written) == feature_attributes(text)
     again = parse_ecore(Source("p.ecore", written))
     assert (again.class_list, again.packages) == (metamodel.class_list, metamodel.packages)

@@ -19,7 +19,7 @@ def read(text: str, metamodel: Metamodel) -> Model:
 
 
 @given(models())
-def test_a_model_that_was_written_reads_back_isomorphic(model: Model) -> None:
+def test_model_read_from_its_text_is_isomorphic(model: Model) -> None:
     try:
         text = model_to_text(model)
     except InvalidArgument as error:
@@ -32,7 +32,7 @@ def test_a_model_that_was_written_reads_back_isomorphic(model: Model) -> None:
 
 
 @pytest.mark.parametrize("domain", ["keydoor", "network", "railway", "warehouse"])
-def test_bundled_models_read_back(domain: str) -> None:
+def test_bundled_models_are_restored_from_their_text(domain: str) -> None:
     metamodel = bundled_domain(domain) / f"{domain}.metamodel"
     source = metamodel.read_text("utf-8")
     for file in [*bundled_domain(domain).glob("*.model")] or [metamodel]:
@@ -46,7 +46,7 @@ def read_back(model: Model, metamodel: str) -> None:
     assert again.model().canonical_hash() == model.canonical_hash()
 
 
-def test_names_stay_where_they_can_and_are_made_where_they_must() -> None:
+def test_model_text_keeps_valid_object_names_and_replaces_others() -> None:
     place = Class("Place", False, (), (Attribute("label", Scalar.STRING), Reference("to", "Place", 0, None)))
     model = Model(Metamodel("map", (place,)), "m")
     home = model.create("Place", object_name="grid", label='a "b"\\\n\u00e9\x07')

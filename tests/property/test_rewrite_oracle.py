@@ -18,17 +18,17 @@ from envgraph.graph import Model
 from envgraph.match import ViewMatcher
 from envgraph.metamodel import Attribute, Class, Metamodel, Reference, Scalar
 from envgraph.pattern import (
-    Block,
-    Create,
+    CreateAction,
     DeleteEdge,
     DeleteNode,
-    Edge,
     LeftSide,
     Modification,
-    Node,
-    Retype,
+    RetypeAction,
     RightSide,
     Rule,
+    RuleBlock,
+    RuleEdge,
+    RuleNode,
     Variable,
 )
 from envgraph.rewrite import Engine
@@ -165,16 +165,15 @@ def rewritten(graph: Graph, rule: Sketch, found: dict[str, int], fresh: int) -> 
 def as_rule(sketch: Sketch, modify: bool) -> Rule:
     """The rule in one of the two notations."""
     left = LeftSide(
-        tuple(Node(name, cls) for name, cls in sketch.left.items()),
-        tuple(Edge(s, r, t) for r, s, t in sketch.arrows),
+        tuple(RuleNode(name, cls) for name, cls in sketch.left.items()),
+        tuple(RuleEdge(s, r, t) for r, s, t in sketch.arrows),
     )
     blocks = tuple(
-        Block("not", LeftSide(edges=(Edge(s, r, f"other{i}"),)))
-        for i, (r, s, _) in enumerate(sketch.forbidden)
+        RuleBlock("not", LeftSide(edges=(RuleEdge(s, r, f"other{i}"),))) for i, (r, s, _) in enumerate(sketch.forbidden)
     )
     right = RightSide(
-        tuple(Node(name, cls) for name, cls in sketch.right.items()),
-        tuple(Edge(s, r, t) for r, s, t in sketch.after),
+        tuple(RuleNode(name, cls) for name, cls in sketch.right.items()),
+        tuple(RuleEdge(s, r, t) for r, s, t in sketch.after),
     )
     return Rule(
         "r",
@@ -188,19 +187,19 @@ def as_rule(sketch: Sketch, modify: bool) -> Rule:
 
 def modification(sketch: Sketch) -> Modification:
     """The same changes as actions."""
-    new = tuple(Node(name, cls) for name, cls in sketch.right.items() if name not in sketch.left)
+    new = tuple(RuleNode(name, cls) for name, cls in sketch.right.items() if name not in sketch.left)
     before, after = {canonical(a) for a in sketch.arrows}, {canonical(a) for a in sketch.after}
-    edges = tuple(Edge(s, r, t) for r, s, t in sketch.after if canonical((r, s, t)) not in before)
+    edges = tuple(RuleEdge(s, r, t) for r, s, t in sketch.after if canonical((r, s, t)) not in before)
     return Modification(
         (
-            *(DeleteEdge(Edge(s, r, t)) for r, s, t in sketch.arrows if canonical((r, s, t)) not in after),
+            *(DeleteEdge(RuleEdge(s, r, t)) for r, s, t in sketch.arrows if canonical((r, s, t)) not in after),
             *(DeleteNode(Variable(name)) for name in sketch.left if name not in sketch.right),
             *(
-                Retype(Variable(name), cls)
+                RetypeAction(Variable(name), cls)
                 for name, cls in sketch.right.items()
                 if name in sketch.left and cls is not None and cls != sketch.left[name]
             ),
-            Create(new, edges),
+            CreateAction(new, edges),
         )
     )
 
@@ -231,9 +230,7 @@ def as_graph(model: Model) -> Graph:
 def graphs(draw: st.DrawFn) -> Graph:
     size = draw(st.integers(1, 6))
     classes = {node: draw(st.sampled_from("AB")) for node in range(size)}
-    ends = st.tuples(
-        st.sampled_from((*REFERENCES, "own")), st.integers(0, size - 1), st.integers(0, size - 1)
-    )
+    ends = st.tuples(st.sampled_from((*REFERENCES, "own")), st.integers(0, size - 1), st.integers(0, size - 1))
     links: set[Link] = set()
     for reference, source, target in draw(st.lists(ends, max_size=10)):
         more = links | closed({(reference, source, target)})
@@ -252,9 +249,7 @@ def sketches(draw: st.DrawFn) -> Sketch:
     def arrows(names: list[str], most: int) -> tuple[Arrow, ...]:
         if not names:
             return ()
-        found = draw(
-            st.lists(st.tuples(reference, st.sampled_from(names), st.sampled_from(names)), max_size=most)
-        )
+        found = draw(st.lists(st.tuples(reference, st.sampled_from(names), st.sampled_from(names)), max_size=most))
         return tuple(found)
 
     before = arrows(list(left), 3)
@@ -267,9 +262,7 @@ def sketches(draw: st.DrawFn) -> Sketch:
         right[name] = draw(st.sampled_from("AB"))
     after = kept + arrows(list(right), 2)
     forbidden = arrows(list(left), 1)
-    return Sketch(
-        left, before, forbidden, right, after, draw(st.booleans()), draw(st.sampled_from(("dpo", "spo")))
-    )
+    return Sketch(left, before, forbidden, right, after, draw(st.booleans()), draw(st.sampled_from(("dpo", "spo"))))
 
 
 def equal(one: Graph, other: Graph) -> bool:
@@ -278,7 +271,7 @@ def equal(one: Graph, other: Graph) -> bool:
 
 @settings(max_examples=examples(70))
 @given(graphs(), sketches(), st.booleans())
-def test_rules_do_what_the_oracle_says(graph: Graph, sketch: Sketch, modify: bool) -> None:
+def test_rule_applications_equal_the_oracle(graph: Graph, sketch: Sketch, modify: bool) -> None:
     model = as_model(graph)
     engine = Engine(model, matcher=ViewMatcher if modify else NaiveMatcher)
     engine.add(as_rule(sketch, modify))
@@ -289,9 +282,7 @@ def test_rules_do_what_the_oracle_says(graph: Graph, sketch: Sketch, modify: boo
     assert len(found) == len(expected)
     assume(found)
     for match in found[:12]:
-        result = rewritten(
-            graph, sketch, dict(zip(names, map(int, match.row), strict=True)), len(graph.classes)
-        )
+        result = rewritten(graph, sketch, dict(zip(names, map(int, match.row), strict=True)), len(graph.classes))
         savepoint = model.graph.history.savepoint()
         try:
             application = engine.apply("r", match)
@@ -308,7 +299,7 @@ def test_rules_do_what_the_oracle_says(graph: Graph, sketch: Sketch, modify: boo
 
 @settings(max_examples=examples(40))
 @given(graphs(), sketches(), sketches(), st.integers(0, 2**32 - 1))
-def test_both_notations_lead_to_the_same_state_and_order(
+def test_rhs_and_modify_notations_give_the_same_state_and_order(
     graph: Graph, first: Sketch, second: Sketch, seed: int
 ) -> None:
     states = []
@@ -326,8 +317,6 @@ def test_both_notations_lead_to_the_same_state_and_order(
                     trace.extend(engine.fire(*chosen))
                 except RuleError as error:
                     trace.append(error.reason)
-        links = [
-            [list(model.graph.targets(n, r)) for r in METAMODEL.references] for n in model.graph.extent("A")
-        ]
+        links = [[list(model.graph.targets(n, r)) for r in METAMODEL.references] for n in model.graph.extent("A")]
         states.append((trace, list(model.graph.extent("A")), links, model.state_hash()))
     assert states[0] == states[1]

@@ -75,7 +75,7 @@ def test_rollback_restores_state_and_order(size: int, seed: int, first: list[str
 
 @settings(max_examples=examples(20))
 @given(st.integers(1, 5), st.integers(0, 2**32 - 1), steps)
-def test_a_trace_leads_to_the_same_state_and_order(size: int, seed: int, names: list[str]) -> None:
+def test_replayed_trace_gives_the_same_state_and_order(size: int, seed: int, names: list[str]) -> None:
     made = start(size, seed)
     version = made.commit()
     with made.recording() as trace:
@@ -91,7 +91,7 @@ def test_a_trace_leads_to_the_same_state_and_order(size: int, seed: int, names: 
 
 @settings(max_examples=examples(10))
 @given(st.integers(1, 5), st.integers(0, 2**32 - 1), steps)
-def test_one_seed_gives_one_result_whatever_was_undone_before(size: int, seed: int, names: list[str]) -> None:
+def test_result_of_a_seed_does_not_depend_on_rolled_back_changes(size: int, seed: int, names: list[str]) -> None:
     straight, detour = start(size, seed), start(size, seed)
     savepoint = detour.model.graph.history.savepoint()
     with suppress(RuleError):

@@ -96,7 +96,7 @@ def engine_of(metamodel: str, query: str) -> Engine:
 
 @given(st.text(alphabet=st.characters(exclude_categories=["Cs"]), max_size=20))
 @example("".join(NASTY))
-def test_a_literal_is_only_a_value(text: str) -> None:
+def test_any_string_literal_is_compiled_as_a_value(text: str) -> None:
     query = f"""
         pattern stored(x : Node) {{ Node.label(x, {quoted(text)}); }}
         pattern other(x : Node) {{ Node.label(x, label); label != {quoted(text)}; }}
@@ -127,7 +127,7 @@ NAME = st.sampled_from(NAMES)
 @given(st.lists(NAME, min_size=7, max_size=7, unique=True))
 @example(["__class__", "s", "self", "def", "lambda", "import", "None"])
 @example(["_", "__x", "_x", "x", "__", "___", "_1"])
-def test_a_name_is_only_a_name(names: list[str]) -> None:
+def test_any_identifier_is_compiled_as_a_name(names: list[str]) -> None:
     cls, reference, attribute, pattern, *variables = (f"^{name}" for name in names)
     assume(not {cls[1:], reference[1:], attribute[1:]} & ELSEWHERE)
     # A name that starts with `_` is for one use, and these are used more than once.

@@ -6,67 +6,67 @@ from dataclasses import replace
 
 from hypothesis import given, settings, strategies as st
 
-from envgraph.errors import InvalidArgument, RuleError, Source, spelling
+from envgraph.errors import InvalidArgument, RuleError, Source, exact_key
 from envgraph.lang import Pattern as PatternOf, Rule as RuleOf, Unit as UnitOf, format_text, to_text
-from envgraph.lang.read._query import read_query
-from envgraph.lang.read._rules import read_rules
-from envgraph.lang.syntax._grammar import grammar
-from envgraph.lang.syntax._parsing import parse
-from envgraph.lang.write._text_rules import RuleText, read_again
-from envgraph.lang.write._text_terms import plain_doc
+from envgraph.lang.read._query_reader import read_query
+from envgraph.lang.read._rules_reader import read_rules
+from envgraph.lang.syntax._grammar import load_grammar
+from envgraph.lang.syntax._parser import parse
+from envgraph.lang.write._rule_writer import RuleWriter, definition_as_read
+from envgraph.lang.write._term_writer import normalised_doc
 from envgraph.metamodel import Annotation
 from envgraph.pattern import (
     Aggregate,
     Alap,
     Applicable,
     Assignment,
-    Atomic,
+    AtomicStep,
     Binary,
-    Block,
     Body,
-    Call,
     Check,
-    Choice,
     Closure,
+    ColumnMark,
     Comparison,
     Conditional,
     Constant,
-    Create,
+    CreateAction,
     DeleteEdge,
     DeleteNode,
-    Edge,
     EnumLiteral,
     Evaluation,
     FunctionCall,
-    Hash,
-    If,
+    IfStep,
     LeftSide,
-    Merge,
+    MergeAction,
     Modification,
-    Move,
+    MoveAction,
     Navigation,
     Negation,
-    Node,
     Parameter,
     PathConstraint,
     Pattern,
     PatternCall,
-    Redirect,
+    RedirectAction,
     Repeat,
-    Retype,
+    RetypeAction,
     RightSide,
     Rule,
-    Sequence,
-    Set,
+    RuleBlock,
+    RuleEdge,
+    RuleNode,
+    SetAction,
     Step,
-    Try,
+    StepSequence,
+    TryStep,
     TypeConstraint,
     Unary,
     Unit,
+    UnitCall,
+    UnitChoice,
     Variable,
 )
 from envgraph.rewrite import Engine
-from tests.oracle.worlds import World, worlds
+from tests.oracle.worlds import RandomCase, random_cases
 from tests.profile import examples
 from tests.property.test_rewrite_oracle import Graph, Sketch, as_model, as_rule, graphs, sketches
 from tests.unit.rewrite.graphs import chain
@@ -106,16 +106,14 @@ TERMS = st.deferred(
         VARIABLES,
         CONSTANTS,
         LITERALS,
-        st.just(Hash()),
+        st.just(ColumnMark()),
         st.builds(Evaluation, EXPRESSIONS),
         st.builds(Aggregate, st.sampled_from(["count", "sum", "min", "max", "avg"]), RELATIONS),
     )
 )
 RELATIONS = st.one_of(
     st.builds(TypeConstraint, NAMES, TERMS),
-    st.builds(
-        PathConstraint, NAMES, st.lists(NAMES, min_size=1, max_size=2).map(tuple), TERMS, TERMS, CLOSURES
-    ),
+    st.builds(PathConstraint, NAMES, st.lists(NAMES, min_size=1, max_size=2).map(tuple), TERMS, TERMS, CLOSURES),
     st.builds(PatternCall, QUALIFIED, st.lists(TERMS, max_size=3).map(tuple), CLOSURES),
 )
 CONDITIONS = st.one_of(
@@ -154,34 +152,32 @@ PATTERNS = st.builds(
 
 ASSIGNED = EXPRESSIONS | st.lists(EXPRESSIONS, max_size=2).map(tuple)
 ENDS = st.sampled_from(["a", "b", "c", "d", "_"])
-EDGES = st.lists(st.builds(Edge, ENDS, NAMES, ENDS, st.sampled_from(["", "+", "*"])), max_size=4).map(tuple)
+EDGES = st.lists(st.builds(RuleEdge, ENDS, NAMES, ENDS, st.sampled_from(["", "+", "*"])), max_size=4).map(tuple)
 
 
 @st.composite
-def nodes(draw: st.DrawFn, values: bool) -> tuple[Node, ...]:
+def nodes(draw: st.DrawFn, values: bool) -> tuple[RuleNode, ...]:
     found = []
     for name in draw(st.lists(st.sampled_from(["a", "b", "c", "d", "e"]), max_size=5, unique=True)):
         type_ = draw(st.none() | NAMES)
-        assigned = (
-            draw(st.lists(st.builds(Assignment, NAMES, ASSIGNED), max_size=2)) if values and type_ else []
-        )
-        found.append(Node(name, type_, tuple(assigned)))
+        assigned = draw(st.lists(st.builds(Assignment, NAMES, ASSIGNED), max_size=2)) if values and type_ else []
+        found.append(RuleNode(name, type_, tuple(assigned)))
     return tuple(found)
 
 
-ARROWS = st.builds(Edge, ENDS, NAMES, ENDS, st.sampled_from(["", "+", "*"]))
+ARROWS = st.builds(RuleEdge, ENDS, NAMES, ENDS, st.sampled_from(["", "+", "*"]))
 ACTIONS = st.one_of(
-    st.builds(Create, nodes(True), EDGES),
+    st.builds(CreateAction, nodes(True), EDGES),
     st.builds(DeleteNode, st.builds(Variable, NAMES)),
     st.builds(DeleteEdge, ARROWS),
-    st.builds(Set, st.builds(Variable, NAMES), NAMES, st.sampled_from(["=", "+=", "-="]), ASSIGNED),
+    st.builds(SetAction, st.builds(Variable, NAMES), NAMES, st.sampled_from(["=", "+=", "-="]), ASSIGNED),
 )
 IN_MODIFY = st.one_of(
     ACTIONS,
-    st.builds(Retype, st.builds(Variable, NAMES), NAMES),
-    st.builds(Move, st.builds(Variable, NAMES), st.builds(Variable, NAMES), NAMES),
-    st.builds(Merge, st.builds(Variable, NAMES), st.builds(Variable, NAMES)),
-    st.builds(Redirect, ARROWS, st.builds(Variable, NAMES)),
+    st.builds(RetypeAction, st.builds(Variable, NAMES), NAMES),
+    st.builds(MoveAction, st.builds(Variable, NAMES), st.builds(Variable, NAMES), NAMES),
+    st.builds(MergeAction, st.builds(Variable, NAMES), st.builds(Variable, NAMES)),
+    st.builds(RedirectAction, ARROWS, st.builds(Variable, NAMES)),
 )
 LEFTS = st.builds(LeftSide, nodes(False), EDGES, st.lists(CONDITIONS, max_size=2).map(tuple))
 RIGHTS = st.one_of(
@@ -191,12 +187,12 @@ RIGHTS = st.one_of(
         RightSide,
         nodes(True),
         EDGES,
-        st.lists(ACTIONS.filter(lambda one: not isinstance(one, Create)), max_size=2).map(tuple),
+        st.lists(ACTIONS.filter(lambda one: not isinstance(one, CreateAction)), max_size=2).map(tuple),
     ),
 )
 BLOCKS = st.deferred(
     lambda: st.builds(
-        Block,
+        RuleBlock,
         st.sampled_from(["not", "require", "forall", "forall+", "optional"]),
         LEFTS,
         st.lists(BLOCKS, max_size=1).map(tuple),
@@ -222,37 +218,31 @@ RULES = st.builds(
 
 ARGUMENTS = st.lists(EXPRESSIONS, max_size=2).map(tuple)
 # Nothing is applicable at no value, so there is no text that asks it.
-ASKED = st.builds(
-    Applicable, NAMES, ARGUMENTS.filter(lambda given: Constant(None) not in given), st.booleans()
-)
+ASKED = st.builds(Applicable, NAMES, ARGUMENTS.filter(lambda given: Constant(None) not in given), st.booleans())
 WHERE = st.lists(CONDITIONS, max_size=2).map(tuple)
 CALLS = st.one_of(
-    st.builds(Call, QUALIFIED, ARGUMENTS, st.booleans(), where=WHERE),
-    st.builds(Call, QUALIFIED, ARGUMENTS, first=st.just(True), where=WHERE),
-    st.builds(Call, QUALIFIED, ARGUMENTS, st.just(True), limit=st.none() | st.integers(1, 9), by=EXPRESSIONS),
+    st.builds(UnitCall, QUALIFIED, ARGUMENTS, st.booleans(), where=WHERE),
+    st.builds(UnitCall, QUALIFIED, ARGUMENTS, first=st.just(True), where=WHERE),
+    st.builds(UnitCall, QUALIFIED, ARGUMENTS, st.just(True), limit=st.none() | st.integers(1, 9), by=EXPRESSIONS),
 )
 
 
 def steps(inner: st.SearchStrategy) -> st.SearchStrategy:
     return st.one_of(
-        st.builds(Sequence, st.lists(inner, max_size=3).map(tuple)),
-        st.builds(Choice, st.lists(CALLS, min_size=1, max_size=3).map(tuple)),
-        st.builds(Choice, st.lists(inner, min_size=2, max_size=3).map(tuple)),
+        st.builds(StepSequence, st.lists(inner, max_size=3).map(tuple)),
+        st.builds(UnitChoice, st.lists(CALLS, min_size=1, max_size=3).map(tuple)),
+        st.builds(UnitChoice, st.lists(inner, min_size=2, max_size=3).map(tuple)),
         st.builds(Alap, inner),
         st.builds(Repeat, EXPRESSIONS, st.integers(0, 3) | EXPRESSIONS, inner),
-        st.builds(Atomic, inner),
-        st.builds(
-            lambda low, more, body: Repeat(low, low + more, body), st.integers(0, 3), st.integers(0, 3), inner
-        ),
-        st.builds(Try, inner, st.none() | inner),
-        st.builds(If, CONDITIONS | ASKED, inner, st.none() | inner),
+        st.builds(AtomicStep, inner),
+        st.builds(lambda low, more, body: Repeat(low, low + more, body), st.integers(0, 3), st.integers(0, 3), inner),
+        st.builds(TryStep, inner, st.none() | inner),
+        st.builds(IfStep, CONDITIONS | ASKED, inner, st.none() | inner),
     )
 
 
 STEPS: st.SearchStrategy[Step] = st.recursive(CALLS, steps, max_leaves=6)
-UNITS = st.builds(
-    Unit, NAMES, PARAMETERS, STEPS, st.just("") | QUALIFIED, st.floats(0.01, 9), st.integers(0, 3)
-)
+UNITS = st.builds(Unit, NAMES, PARAMETERS, STEPS, st.just("") | QUALIFIED, st.floats(0.01, 9), st.integers(0, 3))
 
 
 def patterns_of(text: str) -> tuple[Pattern, ...]:
@@ -268,7 +258,7 @@ def rules_of(text: str) -> tuple[object, ...]:
 def test_any_pattern_is_read_back_from_its_text(pattern: Pattern) -> None:
     text = to_text(pattern)
     (found,) = patterns_of(text)
-    assert spelling(found) == spelling(replace(pattern, doc=plain_doc(pattern.doc)))
+    assert exact_key(found) == exact_key(replace(pattern, doc=normalised_doc(pattern.doc)))
     assert format_text("query", text) == text
     assert to_text(found) == text
 
@@ -278,7 +268,7 @@ def test_any_pattern_is_read_back_from_its_text(pattern: Pattern) -> None:
 def test_any_rule_is_read_back_from_its_text(rule: Rule) -> None:
     text = to_text(rule)
     (found,) = rules_of(text)
-    assert found == read_again(rule)
+    assert found == definition_as_read(rule)
     assert format_text("rules", text) == text
     assert to_text(found) == text
 
@@ -288,14 +278,14 @@ def test_any_rule_is_read_back_from_its_text(rule: Rule) -> None:
 def test_any_unit_is_read_back_from_its_text(unit: Unit) -> None:
     text = to_text(unit)
     (found,) = rules_of(text)
-    assert found == read_again(unit)
+    assert found == definition_as_read(unit)
     assert format_text("rules", text) == text
     assert to_text(found) == text
 
 
 @settings(max_examples=examples(40))
-@given(worlds())
-def test_patterns_of_random_worlds_are_read_back(world: World) -> None:
+@given(random_cases())
+def test_random_library_patterns_are_read_back_from_their_text(world: RandomCase) -> None:
     for pattern in world.library.patterns:
         try:
             text = to_text(pattern)
@@ -309,7 +299,7 @@ def test_patterns_of_random_worlds_are_read_back(world: World) -> None:
 # --- parts of definitions, in texts and in data
 
 
-WRITER = RuleText("it", grammar("rules").core.keywords)
+WRITER = RuleWriter("it", load_grammar("rules").lexer.keywords)
 
 
 def fields_of(rule: Rule) -> dict[str, object]:
@@ -333,50 +323,50 @@ def inside(text: str) -> str:
 
 @settings(max_examples=examples(40))
 @given(RULES, st.booleans())
-def test_a_rule_of_parts_is_the_rule_of_its_text(rule: Rule, texts: bool) -> None:
+def test_rule_built_from_parts_equals_the_rule_read_from_text(rule: Rule, texts: bool) -> None:
     right: dict[str, object] = {}
     if rule.right is not None:
         part = "modify" if isinstance(rule.right, Modification) else "rhs"
-        right = {part: inside(WRITER.right(rule.right)) if texts else rule.right}
+        right = {part: inside(WRITER.format_right_side(rule.right)) if texts else rule.right}
     made = RuleOf(
         rule.name,
-        inside("{" + WRITER.parameters(rule.parameters)[1:-1] + "}") if texts else rule.parameters,
-        WRITER.left(rule.left) if texts else rule.left,
-        blocks="\n".join(map(WRITER.block, rule.blocks)) if texts else rule.blocks,
+        inside("{" + WRITER.format_parameters(rule.parameters)[1:-1] + "}") if texts else rule.parameters,
+        WRITER.format_left_side(rule.left) if texts else rule.left,
+        blocks="\n".join(map(WRITER.format_block, rule.blocks)) if texts else rule.blocks,
         **right,
         **fields_of(rule),
     )
-    assert made == read_again(rule)
+    assert made == definition_as_read(rule)
     assert (to_text(made),) == (to_text(rule),)
 
 
 @settings(max_examples=examples(30))
 @given(PATTERNS, UNITS, st.booleans())
-def test_patterns_and_units_of_parts_are_those_of_their_texts(
+def test_patterns_and_units_built_from_parts_equal_those_read_from_text(
     pattern: Pattern, unit: Unit, texts: bool
 ) -> None:
     bodies = [body for body in pattern.bodies if body.name is None] or [Body(())]
     pattern = replace(pattern, bodies=tuple(bodies))
     made = PatternOf(
         pattern.name,
-        WRITER.parameters(pattern.parameters)[1:-1] if texts else pattern.parameters,
-        ["".join(f"{WRITER.condition(one)};" for one in b.constraints) if texts else b for b in bodies],
+        WRITER.format_parameters(pattern.parameters)[1:-1] if texts else pattern.parameters,
+        ["".join(f"{WRITER.format_condition(one)};" for one in b.constraints) if texts else b for b in bodies],
         package=pattern.package,
         private=pattern.private,
         strategy=pattern.strategy,
         annotations=pattern.annotations,
         doc=pattern.doc,
     )
-    assert made == replace(pattern, doc=plain_doc(pattern.doc))
+    assert made == replace(pattern, doc=normalised_doc(pattern.doc))
     other = UnitOf(
         unit.name,
-        WRITER.parameters(unit.parameters)[1:-1] if texts else unit.parameters,
-        WRITER.steps(unit.body) if texts else unit.body,
+        WRITER.format_parameters(unit.parameters)[1:-1] if texts else unit.parameters,
+        WRITER.format_statements(unit.body) if texts else unit.body,
         package=unit.package,
         weight=unit.weight,
         priority=unit.priority,
     )
-    assert other == read_again(unit)
+    assert other == definition_as_read(unit)
 
 
 # --- what rules do
@@ -384,7 +374,7 @@ def test_patterns_and_units_of_parts_are_those_of_their_texts(
 
 @settings(max_examples=examples(40))
 @given(graphs(), sketches(), st.booleans(), st.integers(0, 99))
-def test_a_rule_and_its_text_do_the_same(graph: Graph, sketch: Sketch, modify: bool, seed: int) -> None:
+def test_rule_read_from_its_text_is_applied_alike(graph: Graph, sketch: Sketch, modify: bool, seed: int) -> None:
     rule = as_rule(sketch, modify)
     (read,) = rules_of(to_text(rule))
     states = []
@@ -420,25 +410,23 @@ def runnable(inner: st.SearchStrategy) -> st.SearchStrategy:
         ]
     )
     return st.one_of(
-        st.builds(Sequence, st.lists(inner, min_size=1, max_size=3).map(tuple)),
-        st.builds(Choice, st.lists(RUNNABLE_CALLS, min_size=1, max_size=3).map(tuple)),
-        st.builds(Choice, st.lists(inner, min_size=2, max_size=3).map(tuple)),
-        st.builds(Atomic, inner),
-        st.builds(
-            lambda low, more, body: Repeat(low, low + more, body), st.integers(0, 2), st.integers(0, 2), inner
-        ),
-        st.builds(Try, inner, st.none() | inner),
-        st.builds(If, test, inner, st.none() | inner),
+        st.builds(StepSequence, st.lists(inner, min_size=1, max_size=3).map(tuple)),
+        st.builds(UnitChoice, st.lists(RUNNABLE_CALLS, min_size=1, max_size=3).map(tuple)),
+        st.builds(UnitChoice, st.lists(inner, min_size=2, max_size=3).map(tuple)),
+        st.builds(AtomicStep, inner),
+        st.builds(lambda low, more, body: Repeat(low, low + more, body), st.integers(0, 2), st.integers(0, 2), inner),
+        st.builds(TryStep, inner, st.none() | inner),
+        st.builds(IfStep, test, inner, st.none() | inner),
     )
 
 
 TRUE, FALSE = (Check(Binary("==", Constant(1), Constant(number))) for number in (1, 2))
 RUNNABLE_CALLS = st.one_of(
-    st.builds(Call, st.sampled_from(["grow", "cut", "drop", "join", "kinds"])),
-    st.builds(Call, st.sampled_from(["grow", "drop", "join"]), every=st.just(True)),
-    st.builds(Call, st.just("cut"), first=st.just(True)),
+    st.builds(UnitCall, st.sampled_from(["grow", "cut", "drop", "join", "kinds"])),
+    st.builds(UnitCall, st.sampled_from(["grow", "drop", "join"]), every=st.just(True)),
+    st.builds(UnitCall, st.just("cut"), first=st.just(True)),
     st.builds(
-        Call,
+        UnitCall,
         st.just("grow"),
         every=st.just(True),
         limit=st.integers(1, 2),
@@ -450,7 +438,7 @@ RUNNABLE_CALLS = st.one_of(
 
 @settings(max_examples=examples(40))
 @given(st.recursive(RUNNABLE_CALLS, runnable, max_leaves=6), st.integers(0, 99))
-def test_a_unit_and_its_text_do_the_same(body: Step, seed: int) -> None:
+def test_unit_read_from_its_text_runs_alike(body: Step, seed: int) -> None:
     unit = Unit("u", (), body)
     (read,) = rules_of(to_text(unit))
     states = []

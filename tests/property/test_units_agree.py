@@ -36,7 +36,7 @@ def start(text: str, length: int, seed: int, watched: bool = False) -> Engine:
 
 @settings(max_examples=examples(40))
 @given(seeds, st.integers(1, 4), st.booleans())
-def test_a_random_unit_does_what_the_interpreter_does(seed: int, length: int, watched: bool) -> None:
+def test_random_unit_runs_like_the_interpreter(seed: int, length: int, watched: bool) -> None:
     text = Writer(Random(seed)).unit()
     made, plain = start(text, length, seed, watched), start(text, length, seed, watched)
     interpreter = Interpreter(plain, seed)
@@ -56,7 +56,7 @@ def test_a_random_unit_does_what_the_interpreter_does(seed: int, length: int, wa
 
 @settings(max_examples=examples(25))
 @given(seeds, st.integers(1, 4))
-def test_a_random_unit_can_be_taken_back_and_replayed(seed: int, length: int) -> None:
+def test_random_unit_can_be_rolled_back_and_replayed(seed: int, length: int) -> None:
     text = Writer(Random(seed)).unit()
     made = start(text, length, seed)
     before, savepoint = snapshot(made.model), made.model.graph.history.savepoint()
@@ -77,7 +77,7 @@ def test_a_random_unit_can_be_taken_back_and_replayed(seed: int, length: int) ->
 
 @settings(max_examples=examples(15))
 @given(seeds, st.integers(1, 4))
-def test_a_random_unit_that_is_atomic_is_all_or_nothing(seed: int, length: int) -> None:
+def test_failing_atomic_block_rolls_back_a_random_unit(seed: int, length: int) -> None:
     text = Writer(Random(seed)).unit()
     made = start(f"{text} unit whole(a : Item) {{ atomic {{ u(a); never; }} }}", length, seed)
     before = snapshot(made.model)

@@ -20,7 +20,7 @@ TEXTS = {path.name: path.read_text("utf-8") for path in sorted(DATA.iterdir())}
 
 
 @given(metamodels())
-def test_a_metamodel_comes_back_from_ecore(metamodel: Metamodel) -> None:
+def test_metamodel_is_restored_from_its_ecore_text(metamodel: Metamodel) -> None:
     text = metamodel_to_ecore(metamodel)
     assume("\ud800" not in text)
     again = parse_ecore(Source("m.ecore", text))
@@ -33,7 +33,7 @@ def test_a_metamodel_comes_back_from_ecore(metamodel: Metamodel) -> None:
 
 
 @given(models())
-def test_a_model_comes_back_from_xmi(model: Model) -> None:
+def test_model_is_restored_from_its_xmi_text(model: Model) -> None:
     try:
         text = model_to_xmi(model)
     except InvalidArgument:
@@ -50,7 +50,7 @@ def test_a_model_comes_back_from_xmi(model: Model) -> None:
 
 @settings(deadline=None)
 @given(st.sampled_from(sorted(TEXTS)), SLIPS)
-def test_slips_in_a_file_are_told_with_a_place_and_soon(name: str, slips: list[Slip]) -> None:
+def test_random_typos_in_ecore_and_xmi_are_reported_quickly_with_positions(name: str, slips: list[Slip]) -> None:
     texts = {**TEXTS, name: slipped(TEXTS[name], slips)}
     started = process_time()
     files = [f"{name.partition('.')[0]}.{ending}" for ending in ("ecore", "xmi", "vql")]

@@ -19,7 +19,7 @@ from envgraph.rewrite import Engine
 ROOT = Path(__file__).parents[2]
 
 
-def test_the_picture_of_the_rooms_is_that_of_the_import_contract() -> None:
+def test_the_package_picture_agrees_with_the_import_contract() -> None:
     drawn = runpy.run_path(str(ROOT / "docs" / "rooms.py"))["picture"]()
     assert drawn == (ROOT / "docs" / "rooms.svg").read_text("utf-8"), "run python docs/rooms.py"
 
@@ -39,7 +39,7 @@ def imports(tree: ast.AST) -> Iterator[ast.ImportFrom]:
             yield from imports(child)
 
 
-def test_no_module_imports_one_that_imports_it() -> None:
+def test_modules_have_no_cyclic_imports() -> None:
     """A name of a package counts as an import of the module that has it, which is loaded when the name is used."""
     trees = {
         ".".join(path.relative_to(ROOT).with_suffix("").parts).removesuffix(".__init__"): syntax_tree(path)
@@ -67,12 +67,10 @@ def test_no_module_imports_one_that_imports_it() -> None:
     assert circles == []
 
 
-def test_what_packages_export_is_imported_somewhere_or_told_of_in_the_docs() -> None:
+def test_exported_names_are_imported_or_documented() -> None:
     """Classes aside: their objects show the package that exports them as their place."""
     used: set[str] = set()
-    for path in (
-        path for room in ("envgraph", "tests", "benchmarks") for path in sorted((ROOT / room).rglob("*.py"))
-    ):
+    for path in (path for room in ("envgraph", "tests", "benchmarks") for path in sorted((ROOT / room).rglob("*.py"))):
         for each in ast.walk(syntax_tree(path)):
             if isinstance(each, ast.ImportFrom):
                 used.update(f"{each.module}.{alias.name}" for alias in each.names)
@@ -83,24 +81,14 @@ def test_what_packages_export_is_imported_somewhere_or_told_of_in_the_docs() -> 
     unused = []
     for path in sorted((ROOT / "envgraph").rglob("__init__.py")):
         package = import_module(".".join(path.parent.relative_to(ROOT).parts))
-        names = [
-            name for name in getattr(package, "__all__", ()) if not isinstance(getattr(package, name), type)
-        ]
-        unused += [
-            f"{package.__name__}.{n}"
-            for n in names
-            if f"{package.__name__}.{n}" not in used and n not in words
-        ]
+        names = [name for name in getattr(package, "__all__", ()) if not isinstance(getattr(package, name), type)]
+        unused += [f"{package.__name__}.{n}" for n in names if f"{package.__name__}.{n}" not in used and n not in words]
     assert unused == []
 
 
-def test_what_models_and_engines_offer_is_told_of_in_the_docs() -> None:
+def test_public_members_of_models_and_engines_are_documented() -> None:
     """All else belongs to one of their parts."""
-    pages = [
-        one
-        for one in sorted((ROOT / "docs").rglob("*.md"))
-        if "architecture" not in str(one.relative_to(ROOT))
-    ]
+    pages = [one for one in sorted((ROOT / "docs").rglob("*.md")) if "architecture" not in str(one.relative_to(ROOT))]
     text = "".join(one.read_text("utf-8") for one in (*pages, ROOT / "README.md"))
     told = set(re.findall(r"[.`](\w+)", text))
     engine = Engine(Model(Metamodel("m", ())))

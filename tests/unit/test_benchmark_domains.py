@@ -23,9 +23,7 @@ def links(engine: Engine) -> dict[str, int]:
     """How many there are of each reference."""
     model = engine.model
     return {
-        reference.name: sum(
-            len(model.graph.targets(node, reference)) for node in model.graph.extent(reference.owner)
-        )
+        reference.name: sum(len(model.graph.targets(node, reference)) for node in model.graph.extent(reference.owner))
         for reference in model.metamodel.references
     }
 
@@ -33,7 +31,9 @@ def links(engine: Engine) -> dict[str, int]:
 @pytest.mark.parametrize("size", [2, 3, 40])
 @pytest.mark.parametrize("way", [prepared, facade])
 @pytest.mark.parametrize("watched", [True, False])
-def test_the_ring_after_each_phase(size: int, way: Callable[[Engine], Rewrite], watched: bool) -> None:
+def test_the_ring_has_the_expected_links_after_each_phase(
+    size: int, way: Callable[[Engine], Rewrite], watched: bool
+) -> None:
     engine = ring(watched)
     rewrite = way(engine)
     done = 0
@@ -56,7 +56,7 @@ def test_the_ring_after_each_phase(size: int, way: Callable[[Engine], Rewrite], 
     engine.check_integrity()
 
 
-def test_while_the_token_goes_round_one_process_has_the_resource() -> None:
+def test_only_one_process_holds_the_resource_while_the_token_is_passed() -> None:
     engine = ring()
     rewrite = prepared(engine)
     for phase in PHASES[:3]:
@@ -73,7 +73,7 @@ def test_while_the_token_goes_round_one_process_has_the_resource() -> None:
     assert not engine.exists("take") and engine.count("request") == 5
 
 
-def test_the_unit_passes_the_token_until_nobody_asks() -> None:
+def test_the_unit_passes_the_token_until_no_request_is_left() -> None:
     engine = ring()
     rewrite = prepared(engine)
     for phase in PHASES[:3]:
@@ -97,7 +97,7 @@ def test_clips_does_as_many_rewrites_of_the_ring() -> None:
 
 
 @pytest.mark.parametrize("watched", [True, False])
-def test_triangles_level_by_level(watched: bool) -> None:
+def test_triangles_have_the_expected_counts_at_each_level(watched: bool) -> None:
     engine = triangle(watched)
     for level in range(1, 6):
         assert split_all(engine, level) == 3 ** (level - 1)
@@ -137,7 +137,7 @@ def test_philosophers_have_the_published_states_and_transitions(size: int, trans
     assert engine.model.state_hash() == before
 
 
-def test_philosophers_up_to_rotation_are_necklaces() -> None:
+def test_philosopher_states_up_to_isomorphism_are_as_many_as_necklaces() -> None:
     """Necklaces of n beads of three colours (Moreau 1872): 11, 24, 51 and 130."""
     sizes = [len(table(size).explore(RULES, up_to="isomorphism")) for size in (3, 4, 5, 6)]
     assert sizes == [11, 24, 51, 130]

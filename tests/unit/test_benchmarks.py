@@ -26,7 +26,7 @@ def test_each_benchmark_runs_in_its_quick_form(name: str, capfd: pytest.CaptureF
 
 
 @pytest.mark.parametrize("error", [TypeError("no measure"), SystemExit("no measure")])
-def test_a_benchmark_that_fails_is_named_at_the_end_and_stops_no_other(
+def test_failed_benchmarks_are_named_at_the_end_and_other_benchmarks_run(
     error: BaseException, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     def fail(_: object) -> None:
@@ -48,7 +48,7 @@ def test_a_benchmark_says_which_package_is_not_installed(
     assert f"not installed, so left out: {package} (pip install {package})\n" in capsys.readouterr().out
 
 
-def test_help_tells_what_each_benchmark_does(capsys: pytest.CaptureFixture[str]) -> None:
+def test_help_describes_each_benchmark(capsys: pytest.CaptureFixture[str]) -> None:
     with pytest.raises(SystemExit) as stop:
         main(["--help"])
     assert stop.value.code == 0

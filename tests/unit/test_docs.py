@@ -31,7 +31,7 @@ import pytest
 import envgraph
 from envgraph.cli import main
 from envgraph.env import EnvgraphEnv, EnvgraphLiveEnv, Simulator, explore
-from envgraph.env.compiled import CompiledEnv, enumerated, program_of
+from envgraph.env.compiled import CompiledEnv, enumerate_states, program_of
 from envgraph.errors import Diagnostic
 from envgraph.graph import check_conformance
 from envgraph.lang import LANGUAGES, TextFiles, load_workspace
@@ -149,13 +149,11 @@ def beside_garden(block: Block) -> tuple[str, str]:
 
 
 @pytest.mark.parametrize("name", GARDEN)
-def test_every_file_of_the_reference_is_read_without_a_word(name: str) -> None:
+def test_every_file_of_the_reference_is_read_without_diagnostics(name: str) -> None:
     assert [str(problem) for problem in problems({}, name)] == []
 
 
-@pytest.mark.parametrize(
-    "block", [b for word in ("clause", "part") for b, _ in reference_blocks(word)], ids=str
-)
+@pytest.mark.parametrize("block", [b for word in ("clause", "part") for b, _ in reference_blocks(word)], ids=str)
 def test_fragments_of_the_reference_are_read_without_an_error(block: Block) -> None:
     name, text = beside_garden(block)
     said = problems({name: text}, name)
@@ -194,7 +192,7 @@ def test_models_of_the_reference_conform_to_their_metamodel() -> None:
 
 
 @pytest.mark.usefixtures("garden_directory")
-def test_rules_and_units_of_the_reference_apply_wherever_they_match() -> None:
+def test_rules_and_units_of_the_reference_apply_to_all_their_matches() -> None:
     engine = envgraph.open("garden.model", "garden.rules", "garden.behaviour.rules")
     start = engine.commit()
     for rule in engine.rules:
@@ -209,14 +207,14 @@ def test_rules_and_units_of_the_reference_apply_wherever_they_match() -> None:
 
 
 @pytest.mark.usefixtures("garden_directory")
-def test_recipes_of_the_reference_are_the_same_on_every_engine() -> None:
+def test_recipes_of_the_reference_give_the_same_tables_on_every_engine() -> None:
     workspace = load_workspace(["errand.model", "errand.environment"])
     engine, behaviour = workspace.engine(), workspace.behaviour()
     table, program = explore(engine, behaviour).tabular, program_of(engine, behaviour, native=False)
     assert set(table.terminated.ravel().tolist()) == {-1, 0, 1, 2}
     assert len(table.start_states) == 12, "three goals, and two stops that may be closed"
     assert {"robot at", "robot target"} < {*EnvgraphEnv(table, observation="dict").observation_space}
-    listed = enumerated(program)
+    listed = enumerate_states(program)
     for name in (
         "next_state",
         "probability",
@@ -250,7 +248,7 @@ def test_each_bed_of_the_reference_has_its_own_chance_of_rain() -> None:
     assert found == {3: 1, 2: 3, 1: 3, 0: 1}
 
 
-def test_family_of_the_reference_is_diverse_and_its_agent_gets_home(garden_directory: Path) -> None:
+def test_family_of_the_reference_is_diverse_and_solvable(garden_directory: Path) -> None:
     family = generate("family.toml", garden_directory / "run.sqlite")
     assert len({member.measures["beds"] for member in family.members}) == 4
     for member in family.members:
@@ -333,9 +331,7 @@ def test_code_of_a_page_runs_and_prints_what_it_shows(
             assert printed == after.text, f"{after}: it prints\n{printed}"
 
 
-def test_mistake_in_a_new_domain_is_reported_as_shown(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_mistake_in_a_new_domain_is_reported_as_shown(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     shown = next(block.text for block in blocks(COMMANDS) if "maze.rules" in block.words)
     monkeypatch.setattr(sys, "argv", ["envgraph", "new", "maze", "--directory", str(tmp_path)])
     assert main() == 0
@@ -345,9 +341,7 @@ def test_mistake_in_a_new_domain_is_reported_as_shown(
     assert [str(one) for one in found] == [shown.rstrip("\n")]
 
 
-def test_every_command_is_explained(
-    capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_every_command_is_explained(capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(sys, "argv", ["envgraph", "--help"])
     with contextlib.suppress(SystemExit):
         main()
@@ -388,9 +382,7 @@ def test_an_architecture_page_names_three_types_of_its_package(page: Path) -> No
     )
     assert table is not None
     names = re.findall(r"^\| `(\w+)`", table.group(1), re.MULTILINE)
-    modules = "\n".join(
-        path.read_text("utf-8") for path in sorted((ROOT / "envgraph" / page.stem).rglob("*.py"))
-    )
+    modules = "\n".join(path.read_text("utf-8") for path in sorted((ROOT / "envgraph" / page.stem).rglob("*.py")))
     assert len(names) == 3
     assert [name for name in names if not re.search(rf"^(?:class|def) {name}\b", modules, re.MULTILINE)] == []
 

@@ -69,16 +69,14 @@ def wheel(tmp_path_factory: pytest.TempPathFactory) -> Path:
 @pytest.fixture(scope="module")
 def scripts(wheel: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
     """The scripts directory of a fresh environment with the wheel in it."""
-    return fresh(tmp_path_factory.mktemp("fresh"), wheel).parent
+    return environment_with_wheel(tmp_path_factory.mktemp("fresh"), wheel).parent
 
 
-def fresh(home: Path, wheel: Path) -> Path:
+def environment_with_wheel(home: Path, wheel: Path) -> Path:
     """The Python of a new environment with a wheel in it."""
     run(sys.executable, "-m", "venv", "--without-pip", home, cwd=wheel.parent)
     python = home / "bin" / "python"
-    run(
-        sys.executable, "-m", "pip", "--python", python, "install", "--no-index", "--no-deps", wheel, cwd=home
-    )
+    run(sys.executable, "-m", "pip", "--python", python, "install", "--no-index", "--no-deps", wheel, cwd=home)
     # Dependencies are borrowed from this environment, to install nothing twice. A path file inside a borrowed
     # directory is not read, so an editable envgraph there stays invisible. Written last: pip would see it.
     site = Path(run(python, "-c", "import sysconfig; print(sysconfig.get_path('purelib'))", cwd=home).strip())
@@ -104,7 +102,7 @@ def test_wheel_ships_package_grammars_and_rules(wheel: Path) -> None:
     assert not {name for name in names if not name.startswith(("envgraph/", "envgraph-"))}
 
 
-def test_source_distribution_ships_what_a_wheel_is_built_from(tmp_path: Path) -> None:
+def test_source_distribution_ships_all_files_needed_to_build_a_wheel(tmp_path: Path) -> None:
     run(sys.executable, "-m", "build", "--sdist", "--no-isolation", "--outdir", tmp_path, cwd=ROOT)
     (built,) = tmp_path.glob("*.tar.gz")
     with tarfile.open(built) as archive:
@@ -131,20 +129,16 @@ def test_wheel_checks_and_generates_from_an_empty_directory(scripts: Path, tmp_p
         assert (tmp_path / "runs" / name.partition("/")[0] / "run.sqlite").is_file()
 
 
-def test_an_exported_package_is_built_installed_and_tested_where_there_is_no_envgraph(tmp_path: Path) -> None:
+def test_an_exported_package_works_without_envgraph_installed(tmp_path: Path) -> None:
     small = ["search.generations=1", "search.population=2"]
-    write_package(
-        generate("burning_forest/paper.toml", tmp_path / "run.sqlite", overrides=small), tmp_path / "fires"
-    )
+    write_package(generate("burning_forest/paper.toml", tmp_path / "run.sqlite", overrides=small), tmp_path / "fires")
     build = (sys.executable, "-m", "build", "--wheel", "--no-isolation", "--outdir", tmp_path)
     run(*build, tmp_path / "fires", cwd=tmp_path)
     (built,) = tmp_path.glob("*.whl")
     names = {name for name in zipfile.ZipFile(built).namelist() if not name.startswith("fires-")}
     assert names == {"fires/__init__.py", "fires/environment.py", "fires/tables.npz"}
-    python = fresh(tmp_path / "fresh", built)
-    tests = run(
-        python, "-m", "pytest", "-q", "-p", "no:cacheprovider", tmp_path / "fires" / "tests", cwd=tmp_path
-    )
+    python = environment_with_wheel(tmp_path / "fresh", built)
+    tests = run(python, "-m", "pytest", "-q", "-p", "no:cacheprovider", tmp_path / "fires" / "tests", cwd=tmp_path)
     assert "8 passed" in tests
     run(
         python,
@@ -201,7 +195,7 @@ def installed(name: str) -> bool:
     return True
 
 
-def test_nothing_lies_about_at_the_top_level() -> None:
+def test_the_top_level_contains_only_expected_files() -> None:
     git = ("git", "-C", str(ROOT), "ls-files", "--cached", "--others", "--exclude-standard")
     top = {line.split("/")[0] for line in run(*git, cwd=ROOT).splitlines()}
     folders = {".ci", "benchmarks", "docs", "envgraph", "grammars", "rules", "tests"}

@@ -42,13 +42,13 @@ def test_shuffling_is_that_of_java_util_collections() -> None:
         ("repair", 64, 107_352, 306_126),
     ],
 )
-def test_sizes_are_the_published_ones(scenario: str, size: int, nodes: int, edges: int) -> None:
+def test_node_and_edge_counts_agree_with_the_published_counts(scenario: str, size: int, nodes: int, edges: int) -> None:
     railway = generate(scenario, size)
     assert (railway.node_count, railway.edge_count) == (nodes, edges)
 
 
 @pytest.mark.parametrize("scenario", ["batch", "repair", "inject"])
-def test_the_model_holds_what_was_generated(scenario: str) -> None:
+def test_the_model_contains_the_generated_objects_values_and_links(scenario: str) -> None:
     railway = generate(scenario, 1)
     model = build(railway, workspace().metamodel)
     model.check_integrity()
@@ -59,9 +59,7 @@ def test_the_model_holds_what_was_generated(scenario: str) -> None:
     for name, edges in railway.edges.items():
         reference = _railway.reference(model.metamodel, name)
         assert all(model.graph.has_link(source, reference, target) for source, target in edges)
-        assert sum(
-            len(model.graph.targets(node.id, reference)) for node in model.nodes(reference.owner)
-        ) == len(edges)
+        assert sum(len(model.graph.targets(node.id, reference)) for node in model.nodes(reference.owner)) == len(edges)
 
 
 def test_a_railway_without_mistakes_conforms_to_its_metamodel() -> None:
@@ -69,7 +67,7 @@ def test_a_railway_without_mistakes_conforms_to_its_metamodel() -> None:
 
 
 @pytest.mark.parametrize("module", [_railway, _railway_edits])
-def test_examples_in_the_documentation(module: object) -> None:
+def test_doctests_of_the_railway_modules_pass(module: object) -> None:
     failed, tried = doctest.testmod(module, optionflags=doctest.ELLIPSIS)  # type: ignore[arg-type]
     assert tried > 0
     assert failed == 0

@@ -73,7 +73,7 @@ class Empty:
     """Has no fields."""
 
 
-def test_values_are_compared_shown_and_hashed() -> None:
+def test_records_are_compared_printed_and_hashed_by_their_fields() -> None:
     one, same, other = Point(1, tags=["a"], place="here"), Point(1), Point(2)
     assert one == same != other and hash(one) == hash(same)
     assert repr(one) == "Point(x=1, y=0, tags=['a'])"
@@ -82,12 +82,12 @@ def test_values_are_compared_shown_and_hashed() -> None:
     assert repr(Odd(1)) == "odd" and Odd(1) == Odd(2) and Odd(3) in {Odd(3): 0}
 
 
-def test_a_number_that_is_no_number_is_itself() -> None:
+def test_records_with_the_same_nan_are_equal() -> None:
     nan = float("nan")
     assert Odd(1) == Odd(1) and Point(nan) == Point(nan)  # type: ignore[arg-type]
 
 
-def test_what_is_frozen_does_not_change() -> None:
+def test_frozen_records_refuse_assignment() -> None:
     one = Point(1)
     with pytest.raises(FrozenInstanceError, match="cannot assign to field 'x'"):
         one.x = 2  # type: ignore[misc]
@@ -104,7 +104,7 @@ def test_what_is_frozen_does_not_change() -> None:
         hash(made)
 
 
-def test_defaults_are_made_anew_and_arguments_are_checked() -> None:
+def test_default_factories_are_called_for_each_record() -> None:
     assert Open(1).rest is not Open(1).rest
     with pytest.raises(TypeError, match="missing 1 required positional argument: 'x'"):
         Point()  # type: ignore[call-arg]
@@ -116,14 +116,14 @@ def test_copies_pickles_and_replacements_are_equal(one: Any) -> None:
     assert copy.copy(one) == copy.deepcopy(one) == pickle.loads(pickle.dumps(one)) == replace(one) == one
 
 
-def test_a_record_that_holds_itself_is_shown() -> None:
+def test_the_repr_of_a_record_that_contains_itself_is_finite() -> None:
     inside: list[object] = []
     inside.append(Alone(inside))
     assert repr(inside[0]) == "Alone(x=[...])"
 
 
 @pytest.mark.parametrize("made", [Point, Named, Open])
-def test_tools_see_what_the_standard_library_would_make(made: Any) -> None:
+def test_records_have_the_fields_and_signature_of_standard_dataclasses(made: Any) -> None:
     names = [one.name for one in fields(made)]
     body = {name: made.__dict__[name] for name in ("__post_init__",) if name in made.__dict__}
     twin: Callable[..., Any] = dataclasses.make_dataclass(

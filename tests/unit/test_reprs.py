@@ -35,18 +35,18 @@ PACKAGES = (
 LONG = "x\x1b[31m" * 60
 
 
-def public() -> Iterator[tuple[str, Any]]:
+def public_objects() -> Iterator[tuple[str, Any]]:
     for package in PACKAGES:
         module = import_module(package)
         yield from ((f"{package}.{name}", getattr(module, name)) for name in module.__all__)
 
 
 CLASSES = {
-    item: name for name, item in public() if inspect.isclass(item) and item.__module__.startswith("envgraph")
+    item: name for name, item in public_objects() if inspect.isclass(item) and item.__module__.startswith("envgraph")
 }
 
 
-def fits(item: object) -> bool:
+def has_short_repr(item: object) -> bool:
     text = repr(item)
     return len(text) < 200 and text.isprintable()
 
@@ -102,12 +102,12 @@ def world(family: Family) -> list[object]:
     ]  # fmt: skip
 
 
-def test_everything_that_people_meet_has_a_short_repr(world: list[object]) -> None:
+def test_objects_of_public_classes_have_a_short_repr(world: list[object]) -> None:
     for one in world:
-        assert fits(one), f"{type(one)}: {repr(one)[:300]}"
+        assert has_short_repr(one), f"{type(one)}: {repr(one)[:300]}"
 
 
-def test_everything_inside_of_it_has_one_as_well(world: list[object]) -> None:
+def test_parts_of_objects_of_public_classes_have_a_short_repr(world: list[object]) -> None:
     seen: dict[int, object] = {}
     waiting = list(world)
     kinds = set()
@@ -124,25 +124,23 @@ def test_everything_inside_of_it_has_one_as_well(world: list[object]) -> None:
             waiting.extend(getattr(one, field.name) for field in fields(one))
         if type(one) in CLASSES:
             kinds.add(type(one))
-            assert fits(one), f"{type(one)}: {repr(one)[:300]}"
+            assert has_short_repr(one), f"{type(one)}: {repr(one)[:300]}"
     assert len(kinds) > 80
 
 
-def test_a_short_repr_is_that_of_the_data() -> None:
+def test_a_short_repr_shows_all_fields() -> None:
     from envgraph.metamodel import Glyph, Reference
     from envgraph.pattern import Constant, Variable
 
     assert repr(Glyph("B", "#e8590c")) == "Glyph(letter='B', colour='#e8590c')"
     assert repr((Constant(1), Variable("x"))) == "(Constant(value=1), Variable(name='x'))"
-    assert repr(Reference("next", "Link", doc="to " * 90)).startswith(
-        "Reference(name='next', target='Link', lower=1,"
-    )
+    assert repr(Reference("next", "Link", doc="to " * 90)).startswith("Reference(name='next', target='Link', lower=1,")
 
 
-def test_names_of_everything_else_are_short() -> None:
-    for name, item in public():
+def test_public_functions_and_constants_have_a_short_repr() -> None:
+    for name, item in public_objects():
         if not inspect.isclass(item) and type(item).__module__.startswith("envgraph"):
-            assert fits(item), name
+            assert has_short_repr(item), name
 
 
 def test_notebooks_show_matches_reasons_plans_and_tables(family: Family) -> None:

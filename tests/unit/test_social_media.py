@@ -63,7 +63,7 @@ def test_the_naive_matcher_agrees() -> None:
         assert sorted(naive.rows(*arguments)) == sorted(engine.matcher.rows(*arguments))
 
 
-def test_the_example_in_the_comments_of_the_small_model_is_right() -> None:
+def test_scores_of_the_small_model_agree_with_its_comments() -> None:
     engine = open_engine("social_media")
     assert [(match.post.object_name, match.score) for match in engine.matches("postScore")] == [
         ("hello", 2 * 10 + 4 + 2),
@@ -75,7 +75,7 @@ def test_the_example_in_the_comments_of_the_small_model_is_right() -> None:
     ]
 
 
-def test_a_podium_follows_scores_up_and_down() -> None:
+def test_a_podium_is_updated_when_scores_rise_and_fall() -> None:
     engine = open_engine("social_media")
     riddle = engine.model["riddle"]
     podium = Podium(before := engine.matches("commentScore"), size=1)
@@ -89,7 +89,7 @@ def test_a_podium_follows_scores_up_and_down() -> None:
     ):
         riddle.likedBy = [engine.model[name] for name in likers]
         after = engine.matches("commentScore")
-        podium.update(*net(before, after))
+        podium.update(*appeared_and_disappeared(before, after))
         before = after
         assert podium.best() == [leader] == best(after, 1)
     riddle.delete("spo")
@@ -97,7 +97,7 @@ def test_a_podium_follows_scores_up_and_down() -> None:
     assert podium.best() == []
 
 
-def test_a_podium_forgets_former_scores() -> None:
+def test_a_podium_removes_outdated_scores_from_its_heap() -> None:
     engine = open_engine("social_media")
     riddle, ann = engine.model["riddle"], engine.model["ann"]
     podium = Podium(before := engine.matches("commentScore"))
@@ -107,14 +107,12 @@ def test_a_podium_forgets_former_scores() -> None:
         else:
             riddle.likedBy.remove(ann)
         after = engine.matches("commentScore")
-        podium.update(*net(before, after))
+        podium.update(*appeared_and_disappeared(before, after))
         before = after
     assert podium.best() == [11, 12]
     assert len(podium._heap) <= 2 * 2 + 64
 
 
-def net(before: list[Match], after: list[Match]) -> tuple[list[Match], list[Match]]:
+def appeared_and_disappeared(before: list[Match], after: list[Match]) -> tuple[list[Match], list[Match]]:
     """What appeared and what disappeared."""
-    return [match for match in after if match not in before], [
-        match for match in before if match not in after
-    ]
+    return [match for match in after if match not in before], [match for match in before if match not in after]

@@ -6,44 +6,44 @@ the engine's search plans, with numbers in place of objects. A member of a famil
 
 from typing import TYPE_CHECKING
 
-from envgraph.code import later
+from envgraph.code import export_lazily
 
 if TYPE_CHECKING:
-    from envgraph.env.compiled._batch import Batch as Batch
-    from envgraph.env.compiled._changes import unaffected as unaffected
+    from envgraph.env.compiled._batch import CompiledBatch as CompiledBatch
+    from envgraph.env.compiled._batch_arrays import generator_states as generator_states
+    from envgraph.env.compiled._changes import unaffected_patterns as unaffected_patterns
+    from envgraph.env.compiled._compiled_program import (
+        CompiledProgram as CompiledProgram,
+        compile_for_model as compile_for_model,
+        program_of as program_of,
+        set_generator_state as set_generator_state,
+    )
     from envgraph.env.compiled._enumeration import (
-        Tables as Tables,
-        enumerated as enumerated,
-        explored as explored,
+        TableBuilder as TableBuilder,
+        enumerate_states as enumerate_states,
+        explore_fast as explore_fast,
     )
     from envgraph.env.compiled._environments import (
         CompiledEnv as CompiledEnv,
         CompiledVectorEnv as CompiledVectorEnv,
-        Streams as Streams,
+        StreamMode as StreamMode,
     )
-    from envgraph.env.compiled._explanation import explanation as explanation
-    from envgraph.env.compiled._export import (
-        check_package as check_package,
-        export as export,
+    from envgraph.env.compiled._explanation import explain_compilation as explain_compilation
+    from envgraph.env.compiled._export_package import (
+        check_package_name as check_package_name,
+        export_package as export_package,
         program_files as program_files,
     )
-    from envgraph.env.compiled._learner import Learner as Learner, Rates as Rates
-    from envgraph.env.compiled._member import Borrowed as Borrowed
-    from envgraph.env.compiled._native import functions as functions, has_numba as has_numba
-    from envgraph.env.compiled._planning import (
-        Plan as Plan,
+    from envgraph.env.compiled._learner import Learner as Learner, LearningRates as LearningRates
+    from envgraph.env.compiled._loading import has_numba as has_numba, load_functions as load_functions
+    from envgraph.env.compiled._member_data import SharedEngine as SharedEngine
+    from envgraph.env.compiled._not_compiled import NotCompiled as NotCompiled
+    from envgraph.env.compiled._plan_search import (
+        ActionPlan as ActionPlan,
         Plans as Plans,
         PlanSearch as PlanSearch,
-        guided as guided,
+        with_guide_counts as with_guide_counts,
     )
-    from envgraph.env.compiled._player import Player as Player
-    from envgraph.env.compiled._program import (
-        Program as Program,
-        program_of as program_of,
-        program_over as program_over,
-        set_stream as set_stream,
-    )
-    from envgraph.env.compiled._refused import NotCompiled as NotCompiled
-    from envgraph.env.compiled._world import streams as streams
+    from envgraph.env.compiled._program_player import ProgramPlayer as ProgramPlayer
 
-later(globals())
+export_lazily(globals())

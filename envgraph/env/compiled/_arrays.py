@@ -72,7 +72,7 @@ FIRST = {"target": "cpu"}
 
 
 @infer_global(operator.getitem)
-class Read(AbstractTemplate):
+class ReadTyping(AbstractTemplate):
     """The numba typing of `array[index]` for vectors and matrices. numba tries it before dozens of its own typings."""
 
     metadata = FIRST
@@ -89,7 +89,7 @@ class Read(AbstractTemplate):
 
 
 @infer_global(operator.setitem)
-class Write(AbstractTemplate):
+class WriteTyping(AbstractTemplate):
     """The numba typing of `array[index] = value` for vectors and matrices."""
 
     metadata = FIRST
@@ -103,7 +103,7 @@ class Write(AbstractTemplate):
         return None
 
 
-def entry_of(context, builder, array_type, array, place):
+def emit_address(context, builder, array_type, array, place):
     """Emit code that computes the address of an entry, or of a row if a matrix has only one index."""
     if isinstance(array_type, Vector):
         return builder.gep(array, [place], inbounds=True)
@@ -116,9 +116,9 @@ def entry_of(context, builder, array_type, array, place):
 
 @lower_builtin(operator.getitem, Vector, types.Integer)
 @lower_builtin(operator.getitem, Matrix, types.BaseTuple)
-def read(context, builder, sig, args):
+def emit_load(context, builder, sig, args):
     """Emit code that loads an entry of a vector or matrix."""
-    address = entry_of(context, builder, sig.args[0], *args)
+    address = emit_address(context, builder, sig.args[0], *args)
     loaded = builder.load(address)
     row = sig.args[0] if isinstance(sig.args[0], Vector) else sig.args[0].row
     if row.fixed:
@@ -127,29 +127,29 @@ def read(context, builder, sig, args):
 
 
 @lower_builtin(operator.getitem, Matrix, types.Integer)
-def read_row(context, builder, sig, args):
+def emit_row_address(context, builder, sig, args):
     """Emit code that computes the address of a row of a matrix."""
-    return entry_of(context, builder, sig.args[0], *args)
+    return emit_address(context, builder, sig.args[0], *args)
 
 
 @lower_builtin(operator.setitem, Vector, types.Integer, types.Any)
 @lower_builtin(operator.setitem, Matrix, types.BaseTuple, types.Any)
-def write(context, builder, sig, args):
+def emit_store(context, builder, sig, args):
     """Emit code that stores a value in an entry of a vector or matrix."""
-    address = entry_of(context, builder, sig.args[0], *args[:2])
+    address = emit_address(context, builder, sig.args[0], *args[:2])
     builder.store(context.data_model_manager[sig.args[2]].as_data(builder, args[2]), address)
 
 
 # --- arrays
 
 
-def data_of(context, builder, array_type, array):
+def data_and_shape(context, builder, array_type, array):
     """Return the LLVM values of a NumPy array's address and of its shape."""
     held = create_struct_proxy(array_type)(context, builder, array)
     return held.data, held.shape
 
 
-def made(context, builder, type_, first, width):
+def emit_matrix(context, builder, type_, first, width):
     """Emit code that builds a matrix from the address of its first row and the length of a row."""
     matrix = create_struct_proxy(type_)(context, builder)
     matrix.first, matrix.width = first, width
@@ -161,7 +161,7 @@ def vector(typing, array):
     """Convert an array of NumPy with one axis to a `Vector` on the same memory."""
 
     def code(context, builder, sig, args):
-        return data_of(context, builder, array, args[0])[0]
+        return data_and_shape(context, builder, array, args[0])[0]
 
     return Vector(array.dtype, False)(array), code
 
@@ -169,21 +169,21 @@ def vector(typing, array):
 @intrinsic
 def matrix(typing, array):
     """Convert an array of NumPy with two axes to a `Matrix` on the same memory. The program may write into it."""
-    return matrix_of(array, False)
+    return matrix_intrinsic(array, False)
 
 
 @intrinsic
 def fixed(typing, array):
     """Convert an array of NumPy with two axes to a `Matrix` on the same memory. The program must not write into it."""
-    return matrix_of(array, True)
+    return matrix_intrinsic(array, True)
 
 
-def matrix_of(array, is_fixed):
+def matrix_intrinsic(array, is_fixed):
     """Return the signature of an intrinsic that converts an array to a `Matrix`, and the emitter of its code."""
 
     def code(context, builder, sig, args):
-        first, shape = data_of(context, builder, array, args[0])
-        return made(context, builder, sig.return_type, first, builder.extract_value(shape, 1))
+        first, shape = data_and_shape(context, builder, array, args[0])
+        return emit_matrix(context, builder, sig.return_type, first, builder.extract_value(shape, 1))
 
     return Matrix(array.dtype, is_fixed)(array), code
 
@@ -211,7 +211,7 @@ def arrays_at(typing, addresses):
     """Return a tuple of the arrays of a batch. Each row of `addresses` holds the address and the shape of an array."""
 
     def code(context, builder, sig, args):
-        numbers = data_of(context, builder, addresses, args[0])[0]
+        numbers = data_and_shape(context, builder, addresses, args[0])[0]
         found = []
         for row, type_ in enumerate(BATCH):
             address, width = (
@@ -220,7 +220,7 @@ def arrays_at(typing, addresses):
             )
             held = type_.row if isinstance(type_, Matrix) else type_
             first = builder.inttoptr(address, context.get_value_type(held))
-            found.append(made(context, builder, type_, first, width) if held is not type_ else first)
+            found.append(emit_matrix(context, builder, type_, first, width) if held is not type_ else first)
         return context.make_tuple(builder, BATCH, found)
 
     return BATCH(addresses), code
@@ -229,7 +229,7 @@ def arrays_at(typing, addresses):
 # --- bits
 
 
-def of_ints(count, code):
+def int_intrinsic(count, code):
     """Return an intrinsic function that applies the emitter `code` to `count` (1 or 2) 64-bit integers."""
 
     @intrinsic
@@ -243,13 +243,15 @@ def of_ints(count, code):
     return one if count == 1 else two
 
 
-def low_bits(builder, place):
+def emit_bit_index(builder, place):
     """Emit code that computes the index of a bit within a 32-bit word: `place` modulo 32."""
     return builder.and_(place, ir.Constant(place.type, 31))
 
 
 ONE = ir.Constant(ir.IntType(64), 1)
-bit = of_ints(2, lambda builder, word, place: builder.and_(builder.ashr(word, low_bits(builder, place)), ONE))
-bit_at = of_ints(1, lambda builder, place: builder.shl(ONE, low_bits(builder, place)))
-count_bits = of_ints(1, lambda builder, word: builder.ctpop(word))
-lowest_bit = of_ints(1, lambda builder, word: builder.cttz(word, ir.Constant(ir.IntType(1), 0)))
+bit = int_intrinsic(
+    2, lambda builder, word, place: builder.and_(builder.ashr(word, emit_bit_index(builder, place)), ONE)
+)
+bit_at = int_intrinsic(1, lambda builder, place: builder.shl(ONE, emit_bit_index(builder, place)))
+count_bits = int_intrinsic(1, lambda builder, word: builder.ctpop(word))
+lowest_bit = int_intrinsic(1, lambda builder, word: builder.cttz(word, ir.Constant(ir.IntType(1), 0)))

@@ -12,16 +12,23 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from envgraph.env._simulator import Simulator
-from envgraph.env._tabular import allowed_or_all
-from envgraph.env.compiled._growth import carried, grown
-from envgraph.env.compiled._program import Program
-from envgraph.env.compiled._tables import Made
-from envgraph.env.compiled._twin import Twin
-from envgraph.env.compiled._world import NO_ACTIONS, NO_NUMBERS, Rows, World, rows_of, streams
+from envgraph.env._tabular import nonempty_masks
+from envgraph.env.compiled._batch_arrays import (
+    NO_ACTIONS,
+    NO_RANDOM_NUMBERS,
+    BatchArrays,
+    EnvironmentRows,
+    generator_states,
+    zero_rows,
+)
+from envgraph.env.compiled._compiled_program import CompiledProgram
+from envgraph.env.compiled._growth import copy_states, with_more_space
+from envgraph.env.compiled._live_counterpart import LiveCounterpart
+from envgraph.env.compiled._symbols import CreatedCount
 from envgraph.env.compiled.kernels import BEYOND, CAPACITY, FULL, OVERFLOW
 from envgraph.errors import EvaluationError
 
-SHOWN: Final = {
+CAPACITY_ERRORS: Final = {
     OVERFLOW: f"a condition or rule has more than {CAPACITY} matches, the limit of compiled environments",
     BEYOND: "an int has more than 32 bits, the limit of compiled environments",
     FULL: "rules create too many objects in one step for compiled environments",
@@ -29,7 +36,7 @@ SHOWN: Final = {
 """Messages for errors that only compiled programs have, since the live engine has no such bounds."""
 
 
-class Batch:
+class CompiledBatch:
     """The states of many environments, each of a member of a family, that step together.
 
     Args:
@@ -48,53 +55,55 @@ class Batch:
     """
 
     def __init__(
-        self, program: Program, members: ArrayLike, threads: int = 1, rows: Rows | None = None
+        self,
+        program: CompiledProgram,
+        members: ArrayLike,
+        threads: int = 1,
+        rows: EnvironmentRows | None = None,
     ) -> None:
         self.program = program
         self.members = np.array(members, dtype=np.int64)
         n, arrays = len(self.members), program.arrays
-        self._rows = rows = rows or rows_of(n, arrays, len(program.observation_shape))
+        self._rows = rows = rows or zero_rows(n, arrays, len(program.observation_shape))
         self.states, self.float_states, self._streams, self.components = rows[:4]
         self.steps, self.over, self.observation, self.reward, self.ended, self.cut, self._drawn = rows[4:]
         self._none = np.zeros(n, dtype=np.bool_)
         bounds = [n * number // threads for number in range(threads + 1)]
-        self._parts = [
-            (part := slice(*ends), self._world(part)) for ends in pairwise(bounds) if ends[0] < ends[1]
-        ]
+        self._parts = [(part := slice(*ends), self._arrays_of(part)) for ends in pairwise(bounds) if ends[0] < ends[1]]
         self._threads = threads
         self._pool = ThreadPoolExecutor(threads - 1) if len(self._parts) > 1 else None
         # Without threads, call the program directly: with one environment each extra call costs time.
-        self._advance = self._in_threads if self._pool else self._parts[0][1].advance
-        self._twins: dict[int, Twin] = {}
-        self._made = [
-            int(arrays.offsets[n]) for column, n in program.layout.stored() if isinstance(column, Made)
+        self._advance = self._advance_in_threads if self._pool else self._parts[0][1].advance
+        self._live_counterparts: dict[int, LiveCounterpart] = {}
+        self._created_counters = [
+            int(arrays.offsets[n]) for column, n in program.layout.stored_columns() if isinstance(column, CreatedCount)
         ]
 
-    def _world(self, part: slice) -> World:
+    def _arrays_of(self, part: slice) -> BatchArrays:
         """Return the arrays and the program with which one thread steps a slice of the environments."""
         program, rows = self.program, [array[part] for array in self._rows]
-        advance = program.functions("step")["advance"]
-        return World(
+        advance = program.functions_for("step")["advance"]
+        return BatchArrays(
             program.arrays,
             self.members[part],
-            Rows._make(rows),
-            program.space,
+            EnvironmentRows._make(rows),
+            program.row_buffer_shape,
             advance,
             native=program.native,
         )
 
-    def __reduce__(self) -> tuple[type[Batch], tuple[Any, ...]]:
+    def __reduce__(self) -> tuple[type[CompiledBatch], tuple[Any, ...]]:
         """Return a constructor call for pickle. Objects that share the batch's arrays share those of the copy, too."""
-        return Batch, (self.program, self.members, self._threads, self._rows)
+        return CompiledBatch, (self.program, self.members, self._threads, self._rows)
 
-    def allowed(self) -> NDArray[np.bool_]:
+    def action_masks(self) -> NDArray[np.bool_]:
         """Return the action masks, bool [n, actions]: True for actions with an effect, or for all if none has one."""
         actions = len(self.program.action_names)
         found = np.zeros((len(self.members), actions), dtype=np.int64)
-        masks = self.program.functions("mask")["masks"]
+        masks = self.program.functions_for("mask")["masks"]
         for part, world in self._parts:
-            world.call(masks, found[part].reshape(-1), actions)
-        return allowed_or_all(found > 0)
+            world.call_function(masks, found[part].reshape(-1), actions)
+        return nonempty_masks(found > 0)
 
     def close(self) -> None:
         """Stop the threads, if the batch has several."""
@@ -103,13 +112,13 @@ class Batch:
 
     def seed(self, generators: Sequence[np.random.Generator]) -> None:
         """Set the random stream of each environment to a copy of a generator's state, one generator per environment."""
-        self._streams[:] = streams(generators)
+        self._streams[:] = generator_states(generators)
 
-    def go_on(self, other: Batch) -> None:
+    def copy_streams(self, other: CompiledBatch) -> None:
         """Replace the random streams by copies of those of another batch with the same number of environments."""
         self._streams[:] = other._streams
 
-    def reset(self, which: NDArray[np.bool_], uniforms: NDArray[np.float64] = NO_NUMBERS) -> None:
+    def reset(self, which: NDArray[np.bool_], uniforms: NDArray[np.float64] = NO_RANDOM_NUMBERS) -> None:
         """Begin episodes.
 
         Args:
@@ -119,47 +128,47 @@ class Batch:
         Raises:
             RuleError, EvaluationError: as the live engine does.
         """
-        failed = self._advance(which, uniforms, NO_ACTIONS, NO_NUMBERS, 0)
+        failed = self._advance(which, uniforms, NO_ACTIONS, NO_RANDOM_NUMBERS, 0)
         if failed >= 0:
-            self._raise(failed, None)
+            self._raise_error(failed, None)
 
     def step(
         self,
         actions: NDArray[np.int64],
         *,
-        again: bool,
+        resets_ended: bool,
         limit: int = 0,
-        uniforms: NDArray[np.float64] = NO_NUMBERS,
-        starts: NDArray[np.float64] = NO_NUMBERS,
+        uniforms: NDArray[np.float64] = NO_RANDOM_NUMBERS,
+        starts: NDArray[np.float64] = NO_RANDOM_NUMBERS,
     ) -> None:
         """Do one step in each environment. Then enlarge the state arrays if they have little space for new objects.
 
         Args:
             actions: int64 [n], each in range.
-            again: True to begin a new episode, instead of a step, in each environment whose episode is over.
+            resets_ended: True to begin a new episode, instead of a step, in each environment whose episode is over.
             limit: number of steps after which an episode is truncated; 0 for no limit.
             uniforms, starts: numbers from [0, 1) for the steps and for the beginnings of episodes; see `reset`.
 
         Raises:
             RuleError, EvaluationError: as the live engine does.
         """
-        begins = self.over if again else self._none
+        begins = self.over if resets_ended else self._none
         failed = self._advance(begins, starts, actions, uniforms, limit)
         if failed >= 0:
-            self._raise(failed, int(actions[failed]))
-        if self._made and 2 * self.states[:, self._made[0]].max(initial=0) > self.program.spare:
+            self._raise_error(failed, int(actions[failed]))
+        if self._created_counters and 2 * self.states[:, self._created_counters[0]].max(initial=0) > self.program.spare:
             self._grow()
 
     def _grow(self) -> None:
         """Replace the program and all arrays by ones with more space for created objects, and copy all states."""
-        other = Batch(grown(self.program), self.members, self._threads)
-        rows = carried(self.program, other.program, self.members, self.states, self.float_states)
+        other = CompiledBatch(with_more_space(self.program), self.members, self._threads)
+        rows = copy_states(self.program, other.program, self.members, self.states, self.float_states)
         for mine, other_rows in zip((*rows, *self._rows[2:]), other._rows, strict=True):
             other_rows[...] = mine
         self.close()
         vars(self).update(vars(other))
 
-    def _in_threads(
+    def _advance_in_threads(
         self,
         which: NDArray[np.bool_],
         starts: NDArray[np.float64],
@@ -171,15 +180,12 @@ class Batch:
         assert self._pool is not None
         (_, first), *others = self._parts
         given = [(which[part], starts[part], actions[part], uniforms[part], limit) for part, _ in self._parts]
-        waiting = [
-            self._pool.submit(world.advance, *each)
-            for (_, world), each in zip(others, given[1:], strict=True)
-        ]
+        waiting = [self._pool.submit(world.advance, *each) for (_, world), each in zip(others, given[1:], strict=True)]
         failed = [first.advance(*given[0]), *(one.result() for one in waiting)]
         places = zip(failed, self._parts, strict=True)
         return max(part.start + row if row >= 0 else -1 for row, (part, _) in places)
 
-    def _raise(self, row: int, action: int | None) -> None:
+    def _raise_error(self, row: int, action: int | None) -> None:
         """Mark an environment's episode as over, and raise the error that its state holds.
 
         The live engine repeats the step, or the beginning of the episode, to raise its own error. Errors that the live
@@ -195,37 +201,37 @@ class Batch:
         error = int(self.states[row, 0])
         self.over[row] = True
         member = int(self.members[row])
-        if error not in SHOWN:
-            twin = self._twin(member)
+        if error not in CAPACITY_ERRORS:
+            twin = self._live_counterpart(member)
             begun = action is None or self.steps[row] == 0
             world = next(world for part, world in self._parts if row < part.stop)
             arrays = self.program.arrays
-            before = arrays.ints[member] if begun else world.before[0][1]
-            floats = arrays.floats[member] if begun else world.before[1][1]
-            with twin.at(before, floats) as simulator:
+            before = arrays.ints[member] if begun else world.failed_state[0][1]
+            floats = arrays.floats[member] if begun else world.failed_state[1][1]
+            with twin.in_state(before, floats) as simulator:
                 uniform = float(self._drawn[row])
                 if action is None or begun:
-                    simulator.begin(uniform)
+                    simulator.reset_with(uniform)
                 else:
-                    simulator.act(action, uniform)
-        message = SHOWN.get(error, "a rule cannot be applied, or an expression has no value")
-        raise EvaluationError(
-            message, self.program.behaviour.span, 'make the environment with `engine="live"`'
-        )
+                    simulator.step_with(action, uniform)
+        message = CAPACITY_ERRORS.get(error, "a rule cannot be applied, or an expression has no value")
+        raise EvaluationError(message, self.program.behaviour.span, 'make the environment with `engine="live"`')
 
     @contextmanager
-    def model_of(self, row: int) -> Iterator[Simulator]:
+    def live_simulator(self, row: int) -> Iterator[Simulator]:
         """Return a context manager that yields a live simulator in the state of an environment."""
-        with self._twin(int(self.members[row])).at(self.states[row], self.float_states[row]) as simulator:
+        with self._live_counterpart(int(self.members[row])).in_state(
+            self.states[row], self.float_states[row]
+        ) as simulator:
             yield simulator
 
-    def _twin(self, member: int) -> Twin:
-        if member not in self._twins:
-            self._twins[member] = self.program.twin(member)
-        return self._twins[member]
+    def _live_counterpart(self, member: int) -> LiveCounterpart:
+        if member not in self._live_counterparts:
+            self._live_counterparts[member] = self.program.live_counterpart(member)
+        return self._live_counterparts[member]
 
 
-def longer(array: NDArray[Any], size: int) -> NDArray[Any]:
+def padded_to(array: NDArray[Any], size: int) -> NDArray[Any]:
     """Return a copy of an array, extended to `size` rows. The added rows are filled with 0."""
     found = np.zeros((size, *array.shape[1:]), dtype=array.dtype)
     found[: len(array)] = array

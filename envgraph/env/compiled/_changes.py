@@ -7,29 +7,29 @@ from types import MappingProxyType
 
 from envgraph.behaviour import Agent, Behaviour, RuleCall
 from envgraph.code import dataclass
-from envgraph.env.compiled._refused import NotCompiled, standing
+from envgraph.env.compiled._not_compiled import NotCompiled, add_missing_span
 from envgraph.match.plan import CallGraph
 from envgraph.metamodel import Attribute, Metamodel, Reference, Scalar
 from envgraph.pattern import (
-    Absence,
+    AbsenceAtom,
     AggregateAtom,
     AttributeAtom,
-    Call,
     Goal,
     InstanceAtom,
     Library,
     LinkAtom,
+    UnitCall,
 )
 from envgraph.rewrite import Engine
 from envgraph.rewrite.plans import (
+    AdjustAttribute,
     BlockPlan,
     ChangeTargets,
     CheckedUnit,
-    Increase,
     RulePlan,
+    SetAttribute,
+    SetAttributeValues,
     SetTargets,
-    SetValue,
-    SetValues,
     all_steps,
 )
 
@@ -55,7 +55,7 @@ def plan_of(engine: Engine, call: RuleCall) -> RulePlan:
     plan: RulePlan | None = getattr(engine.prepare(call.rule), "plan", None)
     if plan is None:
         raise NotCompiled(f"the rule `{call.rule}`, which is written in Python", call.span)
-    _check(plan, call)
+    _check_is_compiled(plan, call)
     return plan
 
 
@@ -72,25 +72,25 @@ def checked_unit(engine: Engine, call: RuleCall) -> CheckedUnit:
     return checked
 
 
-def _check(plan: RulePlan, call: RuleCall) -> None:
+def _check_is_compiled(plan: RulePlan, call: RuleCall) -> None:
     for body in plan.blocks:
         for absorb in body.absorbs:
             raise NotCompiled(f"a rule that merges objects (`{plan.name}`)", absorb.span or body.span)
         for change in body.sets:
-            if isinstance(change, Increase) and change.attribute.type is Scalar.STRING:
+            if isinstance(change, AdjustAttribute) and change.attribute.type is Scalar.STRING:
                 raise NotCompiled(f"a rule that concatenates strings (`{plan.name}`)", change.span)
-            if isinstance(change, SetValues | Increase) and change.attribute.many:
+            if isinstance(change, SetAttributeValues | AdjustAttribute) and change.attribute.many:
                 raise NotCompiled(f"a rule that sets a multi-valued attribute (`{plan.name}`)", change.span)
 
 
 @dataclass(frozen=True, slots=True)
-class Changes:
+class ModelChanges:
     """The features and classes that a set of rules may change.
 
     Attributes:
         attributes, references: indices of the features that may change.
-        written: indices of the attributes that rules set; other attributes in `attributes` change only because their
-            objects are created or deleted.
+        set_attributes: indices of the attributes that rules set; other attributes in `attributes` change only
+            because their objects are created or deleted.
         groups: disjoint sets of concrete classes. Objects may be retyped within a group, or deleted from it. All
             classes whose objects rules create are in one group.
         deleted: classes whose objects may be deleted.
@@ -99,40 +99,40 @@ class Changes:
 
     metamodel: Metamodel
     attributes: frozenset[int]
-    written: frozenset[int]
+    set_attributes: frozenset[int]
     references: frozenset[int]
     groups: tuple[tuple[str, ...], ...]
     deleted: frozenset[str]
     created: frozenset[str]
 
     @classmethod
-    def of(cls, plans: Iterable[RulePlan], metamodel: Metamodel) -> Changes:
+    def from_plans(cls, plans: Iterable[RulePlan], metamodel: Metamodel) -> ModelChanges:
         """Return what the rules with these plans may change.
 
         Raises:
             NotCompiled: a rule makes a change that is not compiled.
         """
-        found = _Found(metamodel)
+        found = _ChangeCollector(metamodel)
         for plan in plans:
-            with standing(plan.body.span):
+            with add_missing_span(plan.body.span):
                 found.add(plan.body)
         return found.result()
 
     @property
-    def recurring(self) -> bool:
+    def reuses_numbers(self) -> bool:
         """Return True if objects of one class are both created and deleted, so that object numbers may be reused."""
         return not self.created.isdisjoint(self.deleted)
 
-    def fixed_class(self, name: str, exact: bool = False) -> bool:
+    def is_fixed_class(self, name: str, exact: bool = False) -> bool:
         """Return True if the set of objects of a class never changes. If `exact`, ignore the objects of subclasses."""
-        members = {name} if exact else {*self.metamodel.concrete(name)}
+        members = {name} if exact else {*self.metamodel.concrete_classes(name)}
         passing = self.deleted | self.created
         return all(
             members.isdisjoint(group) or (members.issuperset(group) and passing.isdisjoint(group))
             for group in self.groups
         )
 
-    def fixed_feature(self, feature: Attribute | Reference) -> bool:
+    def is_fixed_feature(self, feature: Attribute | Reference) -> bool:
         """Return True if the values of a feature never change."""
         known = self.attributes if isinstance(feature, Attribute) else self.references
         return feature.index not in known
@@ -141,18 +141,18 @@ class Changes:
         """Return the group of classes that contains a concrete class, or None if no group does."""
         return next((group for group in self.groups if cls in group), None)
 
-    def becoming(self, cls: str) -> tuple[str, ...]:
+    def possible_classes(self, cls: str) -> tuple[str, ...]:
         """Return the concrete classes of the objects that are of a class, or may be retyped so that they are."""
-        own = self.metamodel.concrete(cls)
+        own = self.metamodel.concrete_classes(cls)
         return tuple(dict.fromkeys(each for one in own for each in self.group_of(one) or (one,)))
 
     @property
-    def growing(self) -> tuple[str, ...] | None:
+    def created_group(self) -> tuple[str, ...] | None:
         """Return the group of classes whose objects rules create, or None if rules create no objects."""
         return next((group for group in self.groups if not self.created.isdisjoint(group)), None)
 
 
-class _Found:
+class _ChangeCollector:
     """A collector of the changes that rules may make."""
 
     def __init__(self, metamodel: Metamodel) -> None:
@@ -174,94 +174,94 @@ class _Found:
         for inner in body.nested:
             self.add(inner, created)
         for reference in (*(one.reference for one in body.unlinks), *(one.reference for one in body.links)):
-            self._reference(reference)
+            self._add_reference(reference)
         for move in body.moves:
-            self._enters(created.get(move.node) or body.classes[move.node], move.reference)
+            self._add_container_change(created.get(move.node) or body.classes[move.node], move.reference)
         for change in body.sets:
             match change:
                 case SetTargets(_, reference) | ChangeTargets(_, reference):
-                    self._reference(reference)
-                    if self.metamodel.containment(reference, 0, 1) and not _alone(change, body):
+                    self._add_reference(reference)
+                    if self.metamodel.containment_link(reference, 0, 1) and not _is_only_move(change, body):
                         raise NotCompiled(
                             f"a rule that sets a container and may change other links (`{reference}`)",
                             change.span,
                         )
-                    if isinstance(change, SetTargets) and reference.many and not self._replaced(change, body):
+                    if (
+                        isinstance(change, SetTargets)
+                        and reference.many
+                        and not self._replaces_all_targets(change, body)
+                    ):
                         raise NotCompiled(
                             f"a rule that sets several targets and may change other links (`{reference}`)",
                             change.span,
                         )
-                case SetValue(_, attribute) | Increase(_, attribute):
+                case SetAttribute(_, attribute) | AdjustAttribute(_, attribute):
                     self.written.add(attribute.index)
                 case _:
                     raise AssertionError(change)
         for delete in body.deletes:
-            self._delete(body.classes[delete.node])
+            self._add_deletion(body.classes[delete.node])
         for retype in body.retypes:
-            self._retype(body.classes[retype.node], retype.cls)
+            self._add_retyping(body.classes[retype.node], retype.cls)
         for new in body.creates:
             self.created.add(new.cls)
-            self._group(self.created)
-            self._passing([new.cls])
+            self._merge_group(self.created)
+            self._add_features_of([new.cls])
 
-    def _reference(self, reference: Reference) -> None:
+    def _add_reference(self, reference: Reference) -> None:
         opposite = self.metamodel.opposite(reference)
         self.references.update({reference.index} if opposite is None else {reference.index, opposite.index})
-        held = self.metamodel.containment(reference, reference.owner, reference.target)
+        held = self.metamodel.containment_link(reference, reference.owner, reference.target)
         if held is not None:
-            self._enters(held[2], reference)
+            self._add_container_change(held[2], reference)
 
-    def _replaced(self, change: SetTargets, body: BlockPlan) -> bool:
+    def _replaces_all_targets(self, change: SetTargets, body: BlockPlan) -> bool:
         """Return True if an assignment sets distinct targets, and no other action of the rule changes the reference.
 
         Return False for containments, since contents would also leave their former containers.
         """
-        if self.metamodel.containment(change.reference, 0, 1):
+        if self.metamodel.containment_link(change.reference, 0, 1):
             return False
         ends = {change.reference, self.metamodel.opposite(change.reference)}
         sets = [one for one in body.sets if isinstance(one, SetTargets | ChangeTargets) and one is not change]
         others = any(one.reference in ends for one in (*sets, *body.links, *body.unlinks))
-        simple = body.kind == "rule" and not (body.nested or body.coinciding or others)
-        return simple and (len(change.values) < 2 or max(change.values) < body.variables)
+        simple = body.kind == "rule" and not (body.nested or body.may_coincide or others)
+        return simple and (len(change.values) < 2 or max(change.values) < body.variable_count)
 
-    def _enters(self, content: str | None, entered: Reference) -> None:
+    def _add_container_change(self, content: str | None, entered: Reference) -> None:
         """Record the references that may change if an object enters a container, and so leaves its former one."""
         assert content is not None
         for reference in self.metamodel.references:
-            fits = reference.containment and self.metamodel.overlap(content, reference.target)
+            fits = reference.containment and self.metamodel.may_overlap(content, reference.target)
             if fits or reference == entered:
                 opposite = self.metamodel.opposite(reference)
                 self.references.add(reference.index)
                 self.references.update(() if opposite is None else (opposite.index,))
 
-    def _delete(self, cls: str | None) -> None:
+    def _add_deletion(self, cls: str | None) -> None:
         assert cls is not None
-        concrete = self.metamodel.concrete(cls)
-        self._group(concrete)
-        inside = self.metamodel.all_contents(concrete)
+        concrete = self.metamodel.concrete_classes(cls)
+        self._merge_group(concrete)
+        inside = self.metamodel.all_content_classes(concrete)
         for one in inside:
-            self._group([one])
+            self._merge_group([one])
         self.deleted.update(concrete, inside)
-        self._passing([*concrete, *inside])
+        self._add_features_of([*concrete, *inside])
 
-    def _passing(self, concrete: Iterable[str]) -> None:
+    def _add_features_of(self, concrete: Iterable[str]) -> None:
         """Record the features that may change if objects of some concrete classes are created or deleted."""
         concrete = [*concrete]
         for one in concrete:
             features = self.metamodel.features(one).values()
             self.attributes.update(f.index for f in features if isinstance(f, Attribute))
         for reference in self.metamodel.references:
-            if any(
-                self.metamodel.is_a(one, end)
-                for one in concrete
-                for end in (reference.owner, reference.target)
-            ):
+            if any(self.metamodel.is_a(one, end) for one in concrete for end in (reference.owner, reference.target)):
                 self.references.add(reference.index)
 
-    def _retype(self, cls: str | None, new: str) -> None:
+    def _add_retyping(self, cls: str | None, new: str) -> None:
         """Record the features that change if an object is retyped to `new`, and merge the groups of both classes."""
         assert cls is not None
-        old = self.metamodel.concrete(cls)
+        old = self.metamodel.concrete_classes(cls)
         for one in old:
             has, will = (
                 {f.index for f in self.metamodel.features(each).values() if isinstance(f, Attribute)}
@@ -271,21 +271,21 @@ class _Found:
             for reference in self.metamodel.references:
                 ends = reference.owner, reference.target
                 if any(self.metamodel.is_a(one, end) and not self.metamodel.is_a(new, end) for end in ends):
-                    self._reference(reference)
-        self._group([*old, new])
+                    self._add_reference(reference)
+        self._merge_group([*old, new])
 
-    def _group(self, classes: Iterable[str]) -> None:
+    def _merge_group(self, classes: Iterable[str]) -> None:
         merged = {*classes}
         for group in [group for group in self._groups if not merged.isdisjoint(group)]:
             merged |= group
             self._groups.remove(group)
         self._groups.append(merged)
 
-    def result(self) -> Changes:
+    def result(self) -> ModelChanges:
         order = [cls.name for cls in self.metamodel.class_list]
         groups = sorted(tuple(sorted(group, key=order.index)) for group in self._groups)
         growing = (cls for group in groups if not self.created.isdisjoint(group) for cls in group)
-        return Changes(
+        return ModelChanges(
             self.metamodel,
             frozenset(self.attributes | self.written),
             frozenset(self.written),
@@ -302,14 +302,14 @@ def plans_of(engine: Engine, behaviour: Behaviour) -> list[RulePlan]:
     Raises:
         NotCompiled: see `plan_of` and `checked_unit`; or a unit calls itself or a group of rules.
     """
-    return _plans(engine, (one for one in calls_of(behaviour) if one.rule is not None))
+    return _plans_of_calls(engine, (one for one in calls_of(behaviour) if one.rule is not None))
 
 
-def _plans(engine: Engine, calls: Iterable[RuleCall]) -> list[RulePlan]:
-    return [plan_of(engine, rule) for call in calls for rule in _rules(engine, call)]
+def _plans_of_calls(engine: Engine, calls: Iterable[RuleCall]) -> list[RulePlan]:
+    return [plan_of(engine, rule) for call in calls for rule in _rule_calls(engine, call)]
 
 
-def _rules(engine: Engine, call: RuleCall, above: tuple[str, ...] = ()) -> Iterator[RuleCall]:
+def _rule_calls(engine: Engine, call: RuleCall, above: tuple[str, ...] = ()) -> Iterator[RuleCall]:
     """Yield the calls of rules that a call leads to: the call itself, or the calls in the unit that it names."""
     assert call.rule is not None
     signature = engine.signature(call.rule)
@@ -317,28 +317,28 @@ def _rules(engine: Engine, call: RuleCall, above: tuple[str, ...] = ()) -> Itera
         yield call
         return
     if signature.kind == "group":
-        raise NotCompiled(f"the group `{signature.simple}` in a unit", call.span)
+        raise NotCompiled(f"the group `{signature.simple_name}` in a unit", call.span)
     if signature.name in above:
-        raise NotCompiled(f"the unit `{signature.simple}`, which calls itself", call.span)
+        raise NotCompiled(f"the unit `{signature.simple_name}`, which calls itself", call.span)
     checked = checked_unit(engine, call)
     for step in all_steps(checked.unit):
-        if isinstance(step, Call):
+        if isinstance(step, UnitCall):
             inner = RuleCall(checked.calls[id(step)].name, span=step.span)
-            yield from _rules(engine, inner, (*above, signature.name))
+            yield from _rule_calls(engine, inner, (*above, signature.name))
 
 
-def _alone(change: SetTargets | ChangeTargets, body: BlockPlan) -> bool:
+def _is_only_move(change: SetTargets | ChangeTargets, body: BlockPlan) -> bool:
     """Return True if a change of a container is the only action of a rule that moves an object into a container."""
     if isinstance(change, ChangeTargets) or body.kind != "rule" or body.nested or body.moves or body.deletes:
         return False
     others = [one for one in body.sets if one is not change and isinstance(one, SetTargets | ChangeTargets)]
-    return not (others or body.links or body.coinciding or body.contended)
+    return not (others or body.links or body.may_coincide or body.has_contended_objects)
 
 
 class StaticPatterns:
     """The set of the patterns whose matches rules cannot change; `name in patterns` tests for a pattern."""
 
-    def __init__(self, changes: Changes, library: Library, calls: CallGraph) -> None:
+    def __init__(self, changes: ModelChanges, library: Library, calls: CallGraph) -> None:
         self._changes = changes
         self._library = library
         self._calls = calls
@@ -348,41 +348,42 @@ class StaticPatterns:
         assert isinstance(pattern, str)
         reached = [pattern]
         for name in reached:  # `reached` grows during the loop.
-            if not self._of_itself(name):
+            if not self._has_static_goals(name):
                 return False
-            reached += [called for called in self._calls.called(name) if called not in reached]
+            reached += [called for called in self._calls.called_patterns(name) if called not in reached]
         return True
 
-    def _of_itself(self, pattern: str) -> bool:
+    def _has_static_goals(self, pattern: str) -> bool:
         if pattern not in self._own:
-            lowered = self._library.lowered(pattern)
+            lowered = self._library.lowered_pattern(pattern)
             goals = [goal for body in lowered.bodies for goal in body.goals]
-            self._own[pattern] = not lowered.inputs and all(map(self.goal, goals))
+            self._own[pattern] = not lowered.inputs and all(map(self.is_static_goal, goals))
         return self._own[pattern]
 
-    def goal(self, goal: Goal) -> bool:
+    def is_static_goal(self, goal: Goal) -> bool:
         """Return True if rules cannot change the solutions of a goal, provided that patterns it calls are static."""
         match goal:
             case InstanceAtom(cls, _, exact):
-                return self._changes.fixed_class(cls, exact)
+                return self._changes.is_fixed_class(cls, exact)
             case AttributeAtom(feature) | LinkAtom(feature):
-                return self._changes.fixed_feature(feature)
+                return self._changes.is_fixed_feature(feature)
             case AggregateAtom(_, relation):
-                return self.goal(relation)
-            case Absence(alternatives):
-                return all(self.goal(inner) for alternative in alternatives for inner in alternative)
+                return self.is_static_goal(relation)
+            case AbsenceAtom(alternatives):
+                return all(self.is_static_goal(inner) for alternative in alternatives for inner in alternative)
             case _:
                 return True
 
 
-def unaffected(engine: Engine, names: Iterable[str]) -> Container[str]:
+def unaffected_patterns(engine: Engine, names: Iterable[str]) -> Container[str]:
     """Return the patterns whose matches no rule, unit or group of these names ever changes.
 
-    The result is empty if one of them makes a change that cannot be analysed: see `plan_of`, `Changes` and `plans_of`.
+    The result is empty if one of them makes a change that cannot be analysed: see `plan_of`, `ModelChanges` and
+    `plans_of`.
     """
     calls = (RuleCall(member) for name in names for member in engine.catalog.group(name))
     try:
-        changes = Changes.of(_plans(engine, calls), engine.model.metamodel)
+        changes = ModelChanges.from_plans(_plans_of_calls(engine, calls), engine.model.metamodel)
     except NotCompiled:
         return ()
     return StaticPatterns(changes, engine.library, CallGraph(engine.library))

@@ -5,37 +5,37 @@ from __future__ import annotations
 from collections.abc import Iterator
 
 from envgraph.behaviour import Behaviour
-from envgraph.env.compiled._program import Program, program_of
-from envgraph.env.compiled._refused import NotCompiled
-from envgraph.env.compiled._tables import (
+from envgraph.env.compiled._compiled_program import CompiledProgram, program_of
+from envgraph.env.compiled._not_compiled import NotCompiled
+from envgraph.env.compiled._symbols import (
     AttributeColumn,
     ClassSet,
+    ClosurePairs,
     LinkColumn,
     LinkMatrix,
-    Matches,
-    Reached,
+    PatternMatches,
 )
 from envgraph.rewrite import Engine
 
 
-def explanation(engine: Engine, behaviour: Behaviour) -> str:
+def explain_compilation(engine: Engine, behaviour: Behaviour) -> str:
     """Return a text that says what a compiled behaviour changes, or which construct cannot be compiled, and where."""
     try:
         program = program_of(engine, behaviour, native=False)
     except NotCompiled as refused:
         where = f"\n\n{refused.span}\n{refused.span.excerpt()}" if refused.span is not None else ""
         return f"environment {behaviour.name} steps on the live engine: it has {refused.construct}{where}"
-    return "\n".join([f"environment {behaviour.name} is compiled", *_facts(program)])
+    return "\n".join([f"environment {behaviour.name} is compiled", *_program_facts(program)])
 
 
-def _facts(program: Program) -> Iterator[str]:
+def _program_facts(program: CompiledProgram) -> Iterator[str]:
     arrays, columns = program.arrays, [column for column, _ in program.layout.columns()]
     features = [str(one.attribute) for one in columns if isinstance(one, AttributeColumn)]
     features += [str(one.reference) for one in columns if isinstance(one, LinkColumn | LinkMatrix)]
     classes = [one.cls for one in columns if isinstance(one, ClassSet)]
     relations = program.layout.relations()
-    patterns = [one.pattern for one in relations if isinstance(one, Matches)]
-    patterns += [f"{one.step}{'*' if one.star else '+'}" for one in relations if isinstance(one, Reached)]
+    patterns = [one.pattern for one in relations if isinstance(one, PatternMatches)]
+    patterns += [f"{one.step}{'*' if one.star else '+'}" for one in relations if isinstance(one, ClosurePairs)]
     size = 8 * (arrays.ints.shape[1] + arrays.floats.shape[1])
     yield f"  a state:  {size} bytes"
     yield f"  changes:  {', '.join(dict.fromkeys(features)) or 'no feature'}"

@@ -19,7 +19,15 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from ._batch_arrays import NO_ACTIONS, NO_NUMBERS, Arrays, Rows, World, rows_of, streams
+from ._batch_arrays import (
+    NO_ACTIONS,
+    NO_RANDOM_NUMBERS,
+    BatchArrays,
+    EnvironmentRows,
+    FamilyArrays,
+    generator_states,
+    zero_rows,
+)
 
 __all__ = ["ABOUT", "Environments", "State", "begin", "step"]
 
@@ -66,12 +74,10 @@ class Environments:
         observation: str = "index",
     ) -> None:
         names = ABOUT["members"]
-        chosen = [len(names) - 1] if members is None else [_number(one, names) for one in members]
+        chosen = [len(names) - 1] if members is None else [_member_number(one, names) for one in members]
         count = len(chosen) if num_envs is None else num_envs
         if count < 1 or not chosen or streams not in (SHARED_STREAM, OWN_STREAMS):
-            raise ValueError(
-                '`num_envs` must be at least 1, `members` not empty, and `streams` "shared" or "each"'
-            )
+            raise ValueError('`num_envs` must be at least 1, `members` not empty, and `streams` "shared" or "each"')
         if observation not in ("index", "multi"):
             raise ValueError('`observation` must be "index" or "multi"')
         if observation == "index" and prod(ABOUT["observation_shape"]) >= 2**63:
@@ -81,18 +87,18 @@ class Environments:
         self._limit = (ABOUT["limit"] if max_episode_steps == -1 else max_episode_steps) or 0
         self._each = streams == OWN_STREAMS
         self._multi = observation == "multi"
-        self._world = _Many(self.members)
+        self._batch = _BatchState(self.members)
         self._random: np.random.Generator | None = None
 
     def reset(self, seed: int | None = None) -> tuple[NDArray[np.int64], dict[str, NDArray[Any]]]:
         """Begin an episode in each environment. Return observations [n] or [n, components], and infos."""
-        world = self._world
+        batch = self._batch
         if seed is not None or self._random is None:
             self._random = np.random.default_rng(seed)
             if self._each:
                 seeds = [None if seed is None else seed + place for place in range(self.num_envs)]
-                world.rows.streams[:] = streams([np.random.default_rng(one) for one in seeds])
-        world.advance(np.ones(self.num_envs, dtype=np.bool_), self._numbers(), NO_ACTIONS, NO_NUMBERS, 0)
+                batch.rows.streams[:] = generator_states([np.random.default_rng(one) for one in seeds])
+        batch.advance(np.ones(self.num_envs, dtype=np.bool_), self._draw_uniforms(), NO_ACTIONS, NO_RANDOM_NUMBERS, 0)
         return self._observed(), self._infos()
 
     def step(
@@ -110,30 +116,30 @@ class Environments:
             ValueError: the actions are not valid, or `reset` was not called.
             RuntimeError: a rule cannot be applied, or an expression has no value.
         """
-        world = self._world
-        chosen = _actions(actions, self.num_envs)
+        batch = self._batch
+        chosen = _checked_actions(actions, self.num_envs)
         if self._random is None:
             raise ValueError("call `reset` before `step`")
-        uniforms = self._numbers()
-        starts = self._numbers() if world.rows.over.any() else NO_NUMBERS
-        world.advance(world.rows.over, starts, chosen, uniforms, self._limit)
-        terminated, truncated = world.rows.ended > 0, world.rows.cut.copy()
-        return self._observed(), world.rows.reward.copy(), terminated, truncated, self._infos()
+        uniforms = self._draw_uniforms()
+        starts = self._draw_uniforms() if batch.rows.over.any() else NO_RANDOM_NUMBERS
+        batch.advance(batch.rows.over, starts, chosen, uniforms, self._limit)
+        terminated, truncated = batch.rows.ended > 0, batch.rows.cut.copy()
+        return self._observed(), batch.rows.reward.copy(), terminated, truncated, self._infos()
 
-    def _numbers(self) -> NDArray[np.float64]:
+    def _draw_uniforms(self) -> NDArray[np.float64]:
         assert self._random is not None
-        return NO_NUMBERS if self._each else self._random.random(self.num_envs)
+        return NO_RANDOM_NUMBERS if self._each else self._random.random(self.num_envs)
 
     def _observed(self) -> NDArray[np.int64]:
-        return (self._world.rows.components if self._multi else self._world.rows.observation).copy()
+        return (self._batch.rows.components if self._multi else self._batch.rows.observation).copy()
 
     def _infos(self) -> dict[str, NDArray[Any]]:
-        world = self._world
+        batch = self._batch
         infos: dict[str, NDArray[Any]] = {
-            "step": world.rows.steps.copy(),
-            "success": world.rows.ended == SUCCESS,
+            "step": batch.rows.steps.copy(),
+            "success": batch.rows.ended == SUCCESS,
         }
-        agents, turns = ABOUT["agents"], world.rows.ints[:, TURN].tolist()
+        agents, turns = ABOUT["agents"], batch.rows.ints[:, TURN].tolist()
         if agents[0]:
             acting = [agents[member][turn] for member, turn in zip(self.members.tolist(), turns, strict=True)]
             infos["agent"] = np.array(acting, dtype=object)
@@ -150,10 +156,10 @@ def begin(members: Sequence[int], uniforms: Sequence[float]) -> tuple[State, NDA
     Returns:
         The states, and observations [n].
     """
-    world = _Many(np.asarray(members, dtype=np.int64))
-    which = np.ones(len(world.members), dtype=np.bool_)
-    world.advance(which, np.asarray(uniforms, dtype=np.float64), NO_ACTIONS, NO_NUMBERS, 0)
-    return world.state(), world.rows.observation
+    batch = _BatchState(np.asarray(members, dtype=np.int64))
+    which = np.ones(len(batch.members), dtype=np.bool_)
+    batch.advance(which, np.asarray(uniforms, dtype=np.float64), NO_ACTIONS, NO_RANDOM_NUMBERS, 0)
+    return batch.state(), batch.rows.observation
 
 
 def step(
@@ -170,27 +176,27 @@ def step(
         The states, observations [n], rewards [n], and ends [n]: 0 if the episode goes on, 1 for success, 2 for
         failure, -1 for truncation.
     """
-    world = _Many(state.members)
-    world.rows.ints[:], world.rows.floats[:] = state.ints, state.floats
-    chosen = _actions(actions, len(state.members))
+    batch = _BatchState(state.members)
+    batch.rows.ints[:], batch.rows.floats[:] = state.ints, state.floats
+    chosen = _checked_actions(actions, len(state.members))
     which = np.zeros(len(chosen), dtype=np.bool_)
-    world.advance(which, NO_NUMBERS, chosen, np.asarray(uniforms, dtype=np.float64), 0)
-    return world.state(), world.rows.observation, world.rows.reward, world.rows.ended
+    batch.advance(which, NO_RANDOM_NUMBERS, chosen, np.asarray(uniforms, dtype=np.float64), 0)
+    return batch.state(), batch.rows.observation, batch.rows.reward, batch.rows.ended
 
 
-class _Many:
+class _BatchState:
     """The states of n environments, and the program that steps them."""
 
-    def __init__(self, members: NDArray[np.int64], rows: Rows | None = None) -> None:
-        program, arrays = _program(), _arrays()
+    def __init__(self, members: NDArray[np.int64], rows: EnvironmentRows | None = None) -> None:
+        program, arrays = _load_program(), _load_arrays()
         self.members = members
-        self.rows = rows or rows_of(len(members), arrays, len(ABOUT["observation_shape"]))
+        self.rows = rows or zero_rows(len(members), arrays, len(ABOUT["observation_shape"]))
         space = ABOUT["capacity"] * ABOUT["levels"], ABOUT["width"]
-        self._world = World(arrays, members, self.rows, space, program.advance, native=program.NATIVE)
+        self._batch = BatchArrays(arrays, members, self.rows, space, program.advance, native=program.NATIVE)
 
-    def __reduce__(self) -> tuple[type[_Many], tuple[NDArray[np.int64], Rows]]:
+    def __reduce__(self) -> tuple[type[_BatchState], tuple[NDArray[np.int64], EnvironmentRows]]:
         """Return a constructor call for pickle, without the program, which holds memory addresses of its arrays."""
-        return _Many, (self.members, self.rows)
+        return _BatchState, (self.members, self.rows)
 
     def advance(self, *arguments: Any) -> None:
         """Begin episodes in the environments that the first argument marks, and do a step in the others.
@@ -198,7 +204,7 @@ class _Many:
         Raises:
             RuntimeError: a rule cannot be applied, or an expression has no value.
         """
-        failed = self._world.advance(*arguments)
+        failed = self._batch.advance(*arguments)
         if failed >= 0:
             error = ABOUT["errors"][str(self.rows.ints[failed, ERROR])]
             raise RuntimeError(f"environment {failed}: {error}")
@@ -209,17 +215,17 @@ class _Many:
 
 
 @cache
-def _arrays() -> Arrays:
+def _load_arrays() -> FamilyArrays:
     with np.load(FOLDER / "data.npz", allow_pickle=False) as arrays:
-        return Arrays(*(np.ascontiguousarray(arrays[name]) for name in Arrays._fields))
+        return FamilyArrays(*(np.ascontiguousarray(arrays[name]) for name in FamilyArrays._fields))
 
 
 @cache
-def _program() -> Any:
+def _load_program() -> Any:
     return import_module(".program", __package__)
 
 
-def _number(member: int | str, names: Sequence[str]) -> int:
+def _member_number(member: int | str, names: Sequence[str]) -> int:
     if member in names:
         return names.index(str(member))
     if isinstance(member, str) or not 0 <= member < len(names):
@@ -227,7 +233,7 @@ def _number(member: int | str, names: Sequence[str]) -> int:
     return member
 
 
-def _actions(actions: Any, count: int) -> NDArray[np.int64]:
+def _checked_actions(actions: Any, count: int) -> NDArray[np.int64]:
     chosen = np.asarray(actions)
     most = len(ABOUT["actions"])
     if chosen.shape != (count,) or not ((chosen >= 0) & (chosen < most)).all():

@@ -9,11 +9,11 @@ from typing import Any
 
 from envgraph import code
 
-Fresh = Callable[[str], code.Local]
+NewLocal = Callable[[str], code.Local]
 
 
-def inlined(
-    functions: Sequence[code.Function], kept: Sequence[str], fresh: Fresh
+def inline_functions(
+    functions: Sequence[code.Function], entry_points: Sequence[str], fresh: NewLocal
 ) -> tuple[code.Function, ...]:
     """Return the functions after inlining those that are called once.
 
@@ -21,59 +21,59 @@ def inlined(
 
     Args:
         functions: callees before their callers.
-        kept: names of functions that are called from outside.
+        entry_points: names of functions that are called from outside.
         fresh: returns a variable that no function uses.
     """
-    calls = Counter(name for function in functions for name in _called(function.body))
-    once = {name for name, number in calls.items() if number == 1 and name not in kept}
+    calls = Counter(name for function in functions for name in _called_names(function.body))
+    once = {name for name, number in calls.items() if number == 1 and name not in entry_points}
     left: dict[str, code.Function] = {}
     for function in functions:
-        body, used = _body(function.body, {name: left[name] for name in once if name in left}, fresh)
+        body, used = _inline_calls(function.body, {name: left[name] for name in once if name in left}, fresh)
         left[function.name] = code.Function(function.name, function.parameters, body)
         for name in used:
             del left[name]
     return tuple(left.values())
 
 
-def _called(body: code.Body) -> Iterator[str]:
+def _called_names(body: code.Body) -> Iterator[str]:
     """Yield the names of the functions that a body calls, once for each call."""
-    for node in code.walk(body):
+    for node in code.walk_parts(body):
         if isinstance(node, code.Call) and isinstance(node.function, code.Name):
             yield node.function.name
 
 
-def names_in(node: object) -> set[str]:
+def local_names(node: object) -> set[str]:
     """Return the names of the local variables in a code tree."""
-    return {one.name for one in code.walk(node) if isinstance(one, code.Local)}
+    return {one.name for one in code.walk_parts(node) if isinstance(one, code.Local)}
 
 
-def _body(body: code.Body, known: Mapping[str, code.Function], fresh: Fresh) -> tuple[code.Body, list[str]]:
+def _inline_calls(body: code.Body, known: Mapping[str, code.Function], fresh: NewLocal) -> tuple[code.Body, list[str]]:
     """Return a body with calls of `known` functions inlined, and the names of the inlined functions."""
     found: list[code.Statement] = []
     used: list[str] = []
     for statement in body:
         match statement:
             case code.Return(code.Call(code.Name(name), arguments)) if name in known:
-                found += _inside(known[name], arguments, fresh)
+                found += _inlined_statements(known[name], arguments, fresh)
                 used.append(name)
-            case code.Assign(target, code.Call(code.Name(name), arguments), "=") if (
-                name in known and _returns_at_end(known[name])
+            case code.Assign(target, code.Call(code.Name(name), arguments), "=") if name in known and _returns_at_end(
+                known[name]
             ):
-                *before, last = _inside(known[name], arguments, fresh)
+                *before, last = _inlined_statements(known[name], arguments, fresh)
                 assert isinstance(last, code.Return) and last.value is not None
                 found += [*before, code.Assign(target, last.value)]
                 used.append(name)
             case code.If(test, then, otherwise):
-                then, more = _body(then, known, fresh)
-                otherwise, most = _body(otherwise, known, fresh)
+                then, more = _inline_calls(then, known, fresh)
+                otherwise, most = _inline_calls(otherwise, known, fresh)
                 found.append(code.If(test, then, otherwise))
                 used += more + most
             case code.For(target, iterable, inside):
-                inside, more = _body(inside, known, fresh)
+                inside, more = _inline_calls(inside, known, fresh)
                 found.append(code.For(target, iterable, inside))
                 used += more
             case code.While(test, inside):
-                inside, more = _body(inside, known, fresh)
+                inside, more = _inline_calls(inside, known, fresh)
                 found.append(code.While(test, inside))
                 used += more
             case _:
@@ -82,12 +82,12 @@ def _body(body: code.Body, known: Mapping[str, code.Function], fresh: Fresh) -> 
 
 
 def _returns_at_end(function: code.Function) -> bool:
-    returns = sum(isinstance(node, code.Return) for node in code.walk(function.body))
+    returns = sum(isinstance(node, code.Return) for node in code.walk_parts(function.body))
     return returns == 1 and isinstance(function.body[-1], code.Return)
 
 
-def _inside(
-    function: code.Function, arguments: Sequence[code.Expression], fresh: Fresh
+def _inlined_statements(
+    function: code.Function, arguments: Sequence[code.Expression], fresh: NewLocal
 ) -> Iterator[code.Statement]:
     """Yield the statements of a function with renamed variables, after assignments of the arguments."""
     names: dict[code.Local, code.Local] = {}
@@ -96,23 +96,23 @@ def _inside(
         if parameter != argument:
             names[parameter] = fresh(parameter.name)
             yield code.Assign(names[parameter], argument)
-    for local in dict.fromkeys(_assigned(function.body)):
+    for local in dict.fromkeys(_assigned_locals(function.body)):
         names[local] = fresh(local.name)
-    yield from _renamed(function.body, names)
+    yield from _rename_locals(function.body, names)
 
 
-def _assigned(body: code.Body) -> Iterator[code.Local]:
+def _assigned_locals(body: code.Body) -> Iterator[code.Local]:
     """Yield the local variables that a body assigns."""
-    for node in code.walk(body):
+    for node in code.walk_parts(body):
         if isinstance(node, code.Assign | code.For):
             targets = node.target.items if isinstance(node.target, code.Tuple) else (node.target,)
             yield from (target for target in targets if isinstance(target, code.Local))
 
 
-def _renamed(node: Any, names: Mapping[code.Local, code.Local]) -> Any:
+def _rename_locals(node: Any, names: Mapping[code.Local, code.Local]) -> Any:
     if isinstance(node, code.Local):
         return names.get(node, node)
     if isinstance(node, tuple):
-        return tuple(_renamed(part, names) for part in node)
-    parts = {part: _renamed(getattr(node, part), names) for part in code.compared_fields(node.__class__)}
+        return tuple(_rename_locals(part, names) for part in node)
+    parts = {part: _rename_locals(getattr(node, part), names) for part in code.compared_fields(node.__class__)}
     return replace(node, **parts) if parts else node

@@ -7,25 +7,25 @@ from collections.abc import Sequence
 import numpy as np
 
 from envgraph.code import dataclass
-from envgraph.env.compiled._batch import longer
-from envgraph.env.compiled._costs import COSTS
-from envgraph.env.compiled._learning import OUTCOMES, SPACE, STARTS, WRONG
-from envgraph.env.compiled._player import Player
-from envgraph.env.compiled._program import Program
+from envgraph.env.compiled._batch import padded_to
+from envgraph.env.compiled._compiled_costs import COSTS
+from envgraph.env.compiled._compiled_program import CompiledProgram
+from envgraph.env.compiled._learning_kernels import OUTCOMES, SPACE, STARTS, WRONG
+from envgraph.env.compiled._program_player import ProgramPlayer
 from envgraph.errors import InvalidArgument
 
 
 @dataclass(frozen=True, slots=True)
-class Rates:
+class LearningRates:
     """The hyperparameters of learning: see `TrainingSettings` of `envgraph.learn`.
 
     Attributes:
         agent: 0 for Q-learning, 1 for SARSA, 2 for expected SARSA.
-        ties: True to sample among equally good actions; False to take the lowest.
+        samples_ties: True to sample among equally good actions; False to take the lowest.
     """
 
     agent: int
-    ties: bool
+    samples_ties: bool
     rate: float
     discount: float
     step_decay: float
@@ -36,7 +36,7 @@ class Rates:
 class Learner:
     """A learner of the action values of a program's environments.
 
-    Values of observations can be kept for other programs of the behaviour: see `enter`.
+    Values of observations can be kept for other programs of the behaviour: see `switch_program`.
 
     Args:
         program: the compiled behaviour.
@@ -49,16 +49,16 @@ class Learner:
         values: float64 [space, actions].
     """
 
-    def __init__(self, program: Program, initial: float = 0.0, *, of_states: bool = False) -> None:
+    def __init__(self, program: CompiledProgram, initial: float = 0.0, *, of_states: bool = False) -> None:
         self._initial, self._of_states = initial, of_states
-        self._player = Player(program, "learn")
+        self._player = ProgramPlayer(program, "learn")
         width = program.arrays.ints.shape[1] + program.arrays.floats.shape[1] if of_states else 1
         self.count = 0
         self.keys = np.zeros((COSTS.first_keys, width), dtype=np.int64)
         self.values = np.zeros((COSTS.first_keys, len(program.action_names)))
         self._hashed = np.full(4 * COSTS.first_keys, -1, dtype=np.int64)
 
-    def enter(self, program: Program) -> None:
+    def switch_program(self, program: CompiledProgram) -> None:
         """Use another program from now on, and keep the learned values. Member numbers then mean its members.
 
         Raises:
@@ -75,13 +75,13 @@ class Learner:
             raise InvalidArgument(
                 "both programs need the same actions and observations, and the learner must have `of_states=False`"
             )
-        self._player = Player(program, "learn")
+        self._player = ProgramPlayer(program, "learn")
 
     def train(
         self,
         member: int,
         points: Sequence[int],
-        rates: Rates,
+        rates: LearningRates,
         epsilon: float,
         limit: int,
         rng: np.random.Generator,
@@ -114,7 +114,7 @@ class Learner:
         while how == SPACE:
             if self.count + 2 >= len(self.keys):
                 self._grow()
-            how = self._player.call(
+            how = self._player.call_function(
                 "learn",
                 member,
                 rng,
@@ -125,7 +125,7 @@ class Learner:
                 self._of_states,
                 draws,
                 rates.agent,
-                rates.ties,
+                rates.samples_ties,
                 rates.rate,
                 rates.discount,
                 rates.step_decay,
@@ -137,14 +137,12 @@ class Learner:
                 counts,
                 levels,
             )
-            self._player.check(how != WRONG)
+            self._player.check_success(how != WRONG)
             self.count = int(counts[2])
         rows = zip(*(column.tolist() for column in curve), strict=True)
         return float(levels[0]), [(total, episodes, reached) for total, episodes, reached in rows]
 
-    def play(
-        self, member: int, episodes: int, limit: int, rng: np.random.Generator
-    ) -> tuple[float, float, float]:
+    def play(self, member: int, episodes: int, limit: int, rng: np.random.Generator) -> tuple[float, float, float]:
         """Play episodes with the greedy policy. Return the success rate (0 to 1), mean return and mean steps.
 
         Args:
@@ -159,12 +157,12 @@ class Learner:
         if self.count + 1 >= len(self.keys):
             self._grow()
         policy = self.keys, self._hashed, self.values, self._of_states, self.count
-        return self._player.play(member, policy, episodes, limit, rng)
+        return self._player.play_episodes(member, policy, episodes, limit, rng)
 
     def _grow(self) -> None:
         """Enlarge the arrays of keys and values to four times the space, and rebuild the hash table."""
         size = 4 * len(self.keys)
-        self.keys, self.values = longer(self.keys, size), longer(self.values, size)
+        self.keys, self.values = padded_to(self.keys, size), padded_to(self.values, size)
         self._hashed = np.full(4 * size, -1, dtype=np.int64)
         nothing = np.zeros((size, 0), dtype=np.int64)
-        self._player.program.functions("learn")["hash_all"](self.keys, nothing, self._hashed, 0, self.count)
+        self._player.program.functions_for("learn")["hash_all"](self.keys, nothing, self._hashed, 0, self.count)

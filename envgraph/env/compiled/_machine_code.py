@@ -31,10 +31,10 @@ def keep_machine_code(function: Any, source: str, cache: Any) -> None:
     folder = cache.cache_directory()
     if folder is not None:
         folder = Path(_config.CACHE_DIR or folder / "programs")
-        function._cache = _MachineCode(folder, f"{function.__name__}\0{source}", cache)
+        function._cache = _MachineCodeCache(folder, f"{function.__name__}\0{source}", cache)
 
 
-class _MachineCode(NullCache):
+class _MachineCodeCache(NullCache):
     """A cache of the machine code of one function, with a file for each signature and processor."""
 
     def __init__(self, folder: Path, function: str, cache: Any) -> None:
@@ -43,7 +43,7 @@ class _MachineCode(NullCache):
     def load_overload(self, sig: Any, target_context: Any) -> Any:
         """Return the cached machine code for a signature, or None if it is missing or cannot be loaded."""
         target_context.refresh()
-        kept = self._files.read_cached(*self._place(sig, target_context.codegen()))
+        kept = self._files.read_cached(*self._path_and_key(sig, target_context.codegen()))
         if kept is None:
             return None
         try:
@@ -54,9 +54,9 @@ class _MachineCode(NullCache):
     def save_overload(self, sig: Any, data: Any) -> None:
         """Write machine code to the cache, unless numba reports that it holds addresses of this process."""
         if not data.library.has_dynamic_globals:
-            self._files.write_cached(*self._place(sig, data.codegen), _dumps(data._reduce()))
+            self._files.write_cached(*self._path_and_key(sig, data.codegen), _dumps(data._reduce()))
 
-    def _place(self, signature: Any, codegen: Any) -> tuple[Path, str]:
+    def _path_and_key(self, signature: Any, codegen: Any) -> tuple[Path, str]:
         """Return the path of the cache file, and a key of everything that the machine code depends on."""
         python = sys.implementation.cache_tag
         key = repr((self._function, str(signature), codegen.magic_tuple(), numba.__version__, python))

@@ -101,7 +101,7 @@ def _bitmap(rows: tuple[str, ...]) -> NDArray[np.bool_]:
     return np.array([[pixel == "#" for pixel in row] for row in rows])
 
 
-def write(text: str, scale: int = 1) -> NDArray[np.bool_]:
+def text_pixels(text: str, scale: int = 1) -> NDArray[np.bool_]:
     r"""Return the pixels of one line of text. A character that the font lacks is drawn as an empty box.
 
     Args:
@@ -111,7 +111,7 @@ def write(text: str, scale: int = 1) -> NDArray[np.bool_]:
     Returns:
         An array [7 * scale, (6 * len(text) - 1) * scale]; of width 0 for no text.
 
-    >>> print("\n".join("".join(".#"[int(p)] for p in row) for row in write("Hi")[:2]))
+    >>> print("\n".join("".join(".#"[int(p)] for p in row) for row in text_pixels("Hi")[:2]))
     #...#...#..
     #...#......
     """
@@ -119,10 +119,10 @@ def write(text: str, scale: int = 1) -> NDArray[np.bool_]:
     gap = np.zeros((HEIGHT, 1), dtype=np.bool_)
     parts: list[NDArray[np.bool_]] = []
     for character in text:
-        parts += [gap, glyphs[character] if character in glyphs else _blank(character)]
+        parts += [gap, glyphs[character] if character in glyphs else _missing_glyph(character)]
     line = np.concatenate(parts[1:], axis=1) if parts else gap[:, :0]
     return line.repeat(scale, axis=0).repeat(scale, axis=1)
 
 
-def _blank(character: str) -> NDArray[np.bool_]:
+def _missing_glyph(character: str) -> NDArray[np.bool_]:
     return np.zeros((HEIGHT, WIDTH), dtype=np.bool_) if character == " " else _bitmap(_UNKNOWN)

@@ -12,15 +12,15 @@ from numpy.typing import NDArray
 from envgraph.draw import INK, PAPER, Colour, blend, ink_on, parse_colour
 from envgraph.env.scene._canvas import Canvas
 from envgraph.env.scene._font import ADVANCE, HEIGHT
-from envgraph.env.scene._layout import (
+from envgraph.env.scene._graph_layout import (
     STYLE,
     Point,
-    arrow_head,
-    aside_places,
-    between,
-    disc_places,
-    graph_layout,
-    label_place,
+    arrow_head_corners,
+    label_position,
+    layout_graph,
+    placeless_token_positions,
+    point_between,
+    token_positions,
 )
 from envgraph.env.scene._scene import EMPTY, GraphScene, GridScene, Mark, Scene
 from envgraph.errors import LIMITS, InvalidArgument
@@ -41,100 +41,98 @@ def scene_rgb(scene: Scene, cell: int = 32) -> NDArray[np.uint8]:
     """
     if cell < 1:
         raise InvalidArgument(f"`cell` is {cell}, but must be at least 1 pixel")
-    return _grid(scene, cell) if isinstance(scene, GridScene) else _graph(scene, cell)
+    return _draw_grid(scene, cell) if isinstance(scene, GridScene) else _draw_graph(scene, cell)
 
 
-def _canvas(width: float, height: float) -> Canvas:
+def _new_canvas(width: float, height: float) -> Canvas:
     if width * height > LIMITS["pixels"]:
-        raise InvalidArgument(
-            f"a picture of {width:.0f} x {height:.0f} pixels is too large: use smaller cells"
-        )
+        raise InvalidArgument(f"a picture of {width:.0f} x {height:.0f} pixels is too large: use smaller cells")
     return Canvas(max(1, round(width)), max(1, round(height)))
 
 
-def _scale(cell: int) -> int:
+def _font_scale(cell: int) -> int:
     """Return the pixels for each pixel of the font, so that a letter fills almost half of a cell's height."""
     return max(1, round(cell * 0.45 / HEIGHT))
 
 
-def _grid(scene: GridScene, cell: int) -> NDArray[np.uint8]:
-    canvas = _canvas(scene.width * cell, (scene.height + (scene.aside is not None)) * cell)
+def _draw_grid(scene: GridScene, cell: int) -> NDArray[np.uint8]:
+    canvas = _new_canvas(scene.width * cell, (scene.height + (scene.aside is not None)) * cell)
     below = {mark.place for mark in scene.marks}
     for position, kind in enumerate(scene.cells):
         if kind != EMPTY:
             row, column = divmod(position, scene.width)
             glyph = scene.glyphs[kind]
             letter = "" if (column, row) in below else glyph.letter
-            _tile(canvas, column * cell, row * cell, cell, parse_colour(glyph.colour), letter)
-    for mark, (dx, dy), radius in disc_places(scene.marks):
+            _draw_tile(canvas, column * cell, row * cell, cell, parse_colour(glyph.colour), letter)
+    for mark, (dx, dy), radius in token_positions(scene.marks):
         column, row = mark.place
-        _disc(canvas, mark, ((column + 0.5 + dx) * cell, (row + 0.5 + dy) * cell), radius * cell, cell)
-    _aside(canvas, scene, scene.width, scene.height, cell)
-    return canvas.array()
+        _draw_token(canvas, mark, ((column + 0.5 + dx) * cell, (row + 0.5 + dy) * cell), radius * cell, cell)
+    _draw_placeless_tokens(canvas, scene, scene.width, scene.height, cell)
+    return canvas.to_array()
 
 
-def _aside(canvas: Canvas, scene: Scene, width: float, height: float, cell: int) -> None:
-    for mark, (x, y), radius in aside_places(scene, width):
-        _disc(canvas, mark, (x * cell, (height + y) * cell), radius * cell, cell)
+def _draw_placeless_tokens(canvas: Canvas, scene: Scene, width: float, height: float, cell: int) -> None:
+    for mark, (x, y), radius in placeless_token_positions(scene, width):
+        _draw_token(canvas, mark, (x * cell, (height + y) * cell), radius * cell, cell)
 
 
-def _tile(canvas: Canvas, left: int, top: int, cell: int, colour: Colour, letter: str) -> None:
-    canvas.rectangle(left, top, cell, cell, colour)
+def _draw_tile(canvas: Canvas, left: int, top: int, cell: int, colour: Colour, letter: str) -> None:
+    canvas.fill_rectangle(left, top, cell, cell, colour)
     if cell >= 8:  # lighter edges above and left, darker ones below and right, separate tiles of one colour
-        canvas.rectangle(left, top, cell, 1, blend(colour, PAPER, 0.35))
-        canvas.rectangle(left, top, 1, cell, blend(colour, PAPER, 0.35))
-        canvas.rectangle(left, top + cell - 1, cell, 1, blend(colour, INK, 0.16))
-        canvas.rectangle(left + cell - 1, top, 1, cell, blend(colour, INK, 0.16))
+        canvas.fill_rectangle(left, top, cell, 1, blend(colour, PAPER, 0.35))
+        canvas.fill_rectangle(left, top, 1, cell, blend(colour, PAPER, 0.35))
+        canvas.fill_rectangle(left, top + cell - 1, cell, 1, blend(colour, INK, 0.16))
+        canvas.fill_rectangle(left + cell - 1, top, 1, cell, blend(colour, INK, 0.16))
     if cell >= 12:
         middle = cell / 2
-        canvas.text(left + middle, top + middle, letter, _scale(cell), ink_on(colour, 0.62))
+        canvas.draw_text(left + middle, top + middle, letter, _font_scale(cell), ink_on(colour, 0.62))
 
 
-def _disc(canvas: Canvas, mark: Mark, at: Point, radius: float, cell: int) -> None:
+def _draw_token(canvas: Canvas, mark: Mark, at: Point, radius: float, cell: int) -> None:
     colour = parse_colour(mark.colour)
     x, y = at
-    canvas.disc(x, y, radius + max(1.0, cell / 20), PAPER)
-    canvas.disc(x, y, radius, colour)
+    canvas.fill_disc(x, y, radius + max(1.0, cell / 20), PAPER)
+    canvas.fill_disc(x, y, radius, colour)
     scale = max(1, int(radius * 1.5 / HEIGHT))
     if radius >= 5:
-        canvas.text(x, y, mark.letter, scale, ink_on(colour))
+        canvas.draw_text(x, y, mark.letter, scale, ink_on(colour))
 
 
-def _graph(scene: GraphScene, cell: int) -> NDArray[np.uint8]:
-    small = max(1, _scale(cell) // 2)
-    layout = graph_layout(scene, ADVANCE * small / cell)
-    canvas = _canvas(layout.width * cell, (layout.height + (scene.aside is not None)) * cell)
+def _draw_graph(scene: GraphScene, cell: int) -> NDArray[np.uint8]:
+    small = max(1, _font_scale(cell) // 2)
+    layout = layout_graph(scene, ADVANCE * small / cell)
+    canvas = _new_canvas(layout.width * cell, (layout.height + (scene.aside is not None)) * cell)
     for edge, line in layout.edges:
-        _arrow(canvas, line, cell, parse_colour(edge.colour), bool(edge.kind))
+        _draw_arrow(canvas, line, cell, parse_colour(edge.colour), bool(edge.kind))
     for edge, line in layout.edges:
         if edge.label:
-            x, y = label_place(line)
-            canvas.label(x * cell, y * cell, edge.label, small, INK)
+            x, y = label_position(line)
+            canvas.draw_label(x * cell, y * cell, edge.label, small, INK)
     below = {mark.place[0] for mark in scene.marks}
     for number, ((x, y), glyph) in enumerate(zip(layout.nodes, scene.glyphs, strict=True)):
         colour = parse_colour(glyph.colour)
-        canvas.disc(x * cell, y * cell, STYLE.node_radius * cell, blend(colour, INK, 0.3))
-        canvas.disc(x * cell, y * cell, STYLE.node_radius * cell - max(1.0, cell / 24), colour)
+        canvas.fill_disc(x * cell, y * cell, STYLE.node_radius * cell, blend(colour, INK, 0.3))
+        canvas.fill_disc(x * cell, y * cell, STYLE.node_radius * cell - max(1.0, cell / 24), colour)
         if number not in below:
-            canvas.text(x * cell, y * cell, glyph.letter, _scale(cell), ink_on(colour, 0.62))
+            canvas.draw_text(x * cell, y * cell, glyph.letter, _font_scale(cell), ink_on(colour, 0.62))
     for (x, y), label in zip(layout.labels, layout.names, strict=True):
-        canvas.text(x * cell, y * cell, label, small, INK)
-    for mark, (dx, dy), radius in disc_places(scene.marks):
+        canvas.draw_text(x * cell, y * cell, label, small, INK)
+    for mark, (dx, dy), radius in token_positions(scene.marks):
         x, y = layout.nodes[mark.place[0]]
-        _disc(canvas, mark, ((x + dx) * cell, (y + dy) * cell), radius * cell * 0.9, cell)
-    _aside(canvas, scene, layout.width, layout.height, cell)
-    return canvas.array()
+        _draw_token(canvas, mark, ((x + dx) * cell, (y + dy) * cell), radius * cell * 0.9, cell)
+    _draw_placeless_tokens(canvas, scene, layout.width, layout.height, cell)
+    return canvas.to_array()
 
 
-def _arrow(canvas: Canvas, line: Sequence[Point], cell: int, colour: Colour, broken: bool) -> None:
+def _draw_arrow(canvas: Canvas, line: Sequence[Point], cell: int, colour: Colour, broken: bool) -> None:
     width = max(1.0, cell / 20)
     start, end = line[0], line[-1]
     points = list(line)
     if broken and len(line) == 2:
         pieces = max(1, round(hypot(end[0] - start[0], end[1] - start[1]) / STYLE.dash))
-        points = [between(start, end, number / pieces) for number in range(pieces + 1)]
+        points = [point_between(start, end, number / pieces) for number in range(pieces + 1)]
     for one, other in list(pairwise(points))[:: 2 if broken else 1]:
-        canvas.line((one[0] * cell, one[1] * cell), (other[0] * cell, other[1] * cell), width, colour)
+        canvas.draw_line((one[0] * cell, one[1] * cell), (other[0] * cell, other[1] * cell), width, colour)
     tip = end[0] * cell, end[1] * cell
-    for x, y in arrow_head(line[-2], end, 0.22):
-        canvas.line(tip, (x * cell, y * cell), width, colour)
+    for x, y in arrow_head_corners(line[-2], end, 0.22):
+        canvas.draw_line(tip, (x * cell, y * cell), width, colour)

@@ -11,17 +11,17 @@ from typing import Literal, NamedTuple
 from envgraph.behaviour import (
     DrawGraph,
     DrawGrid,
-    Reader,
+    FeatureReader,
     Token,
     bind_parameter,
     edge_ends,
-    follow,
+    feature_reader,
+    follow_path,
     ordered_objects,
-    reader,
 )
-from envgraph.code import dataclass, short_repr
+from envgraph.code import dataclass, shorten_repr
 from envgraph.draw import LINE_COLOUR
-from envgraph.env.scene._looks import Look, Looks, glyph_of, token_colour
+from envgraph.env.scene._appearance import Appearance, Appearances, glyph_of, token_colour
 from envgraph.errors import LIMITS, InvalidArgument
 from envgraph.graph import Model
 from envgraph.metamodel import Attribute, Class, Glyph, Metamodel, Scalar
@@ -114,8 +114,8 @@ class GraphScene:
 Scene = GridScene | GraphScene
 
 
-@short_repr
-class Key(NamedTuple):
+@shorten_repr
+class LegendEntry(NamedTuple):
     """An entry of the legend of pictures: a kind of object, and how it is drawn."""
 
     kind: str
@@ -123,28 +123,28 @@ class Key(NamedTuple):
     shape: Literal["tile", "disc", "line"]
 
 
-def legend(scenes: Iterable[Scene]) -> tuple[Key, ...]:
+def legend(scenes: Iterable[Scene]) -> tuple[LegendEntry, ...]:
     """Return a legend with each appearance in the scenes once: cells or nodes, then tokens, then dashed edges.
 
     Tokens that look alike share an entry.
     """
-    below, above, between = dict[str, Key](), dict[str, Key](), dict[str, Key]()
+    below, above, between = dict[str, LegendEntry](), dict[str, LegendEntry](), dict[str, LegendEntry]()
     for scene in scenes:
         drawn = zip(scene.kinds, scene.glyphs, strict=False)
         shape: Literal["tile", "disc"] = "tile" if isinstance(scene, GridScene) else "disc"
         seen = range(len(scene.kinds)) if isinstance(scene, GraphScene) else sorted(set(scene.cells))
-        found = [Key(kind, glyph, shape) for n, (kind, glyph) in enumerate(drawn) if n in seen]
+        found = [LegendEntry(kind, glyph, shape) for n, (kind, glyph) in enumerate(drawn) if n in seen]
         below.update((key.kind, key) for key in found)
         tokens = (*scene.marks, *(scene.aside or ()))
-        marks = (Key(mark.kind or mark.name, Glyph(mark.letter, mark.colour), "disc") for mark in tokens)
+        marks = (LegendEntry(mark.kind or mark.name, Glyph(mark.letter, mark.colour), "disc") for mark in tokens)
         above.update((key.kind, key) for key in marks)
         if isinstance(scene, GraphScene):
-            lines = (Key(edge.kind, Glyph("", edge.colour), "line") for edge in scene.edges if edge.kind)
+            lines = (LegendEntry(edge.kind, Glyph("", edge.colour), "line") for edge in scene.edges if edge.kind)
             between.update((key.kind, key) for key in lines)
     alike: dict[Glyph, list[str]] = {}
     for kind in sorted(above):  # A box on the floor looks like a box on a goal.
         alike.setdefault(above[kind].glyph, []).append(kind)
-    tokens_alike = (Key("; ".join(kinds), glyph, "disc") for glyph, kinds in alike.items())
+    tokens_alike = (LegendEntry("; ".join(kinds), glyph, "disc") for glyph, kinds in alike.items())
     return (*below.values(), *tokens_alike, *between.values())
 
 
@@ -160,7 +160,7 @@ def scene_of(model: Model, draw: Draw, parameters: Iterable[Parameter] = ()) -> 
         EvaluationError: a token's parameter cannot be bound.
         InvalidArgument: the grid is too large to be drawn.
     """
-    return Painter(model, draw, parameters).scene()
+    return Painter(model, draw, parameters).draw()
 
 
 class Painter:
@@ -168,53 +168,53 @@ class Painter:
 
     def __init__(self, model: Model, draw: Draw, parameters: Iterable[Parameter] = ()) -> None:
         self._model = model
-        self._read: Reader = reader(model)
-        self._looks = Looks(model)
+        self._read: FeatureReader = feature_reader(model)
+        self._looks = Appearances(model)
         self._tokens = list(_bound_tokens(model, draw.tokens, {p.name: p for p in parameters}))
-        self._leave = any(_may_be_empty(model.metamodel, token.path) for token in draw.tokens)
+        self._may_lack_place = any(_may_be_empty(model.metamodel, token.path) for token in draw.tokens)
         self._scene: Callable[[], Scene]
         if isinstance(draw, DrawGrid):
-            self._grid = _Grid(model, draw)
-            self._scene = self._grid_scene
+            self._grid = _CellGrid(model, draw)
+            self._scene = self._draw_grid
         else:
             self._graph = draw
-            self._scene = self._graph_scene
+            self._scene = self._draw_graph
 
-    def scene(self) -> Scene:
+    def draw(self) -> Scene:
         """Return the scene of the current state of the model."""
         return self._scene()
 
-    def places(self) -> tuple[int, int, dict[int, tuple[int, int]]]:
+    def grid_places(self) -> tuple[int, int, dict[int, tuple[int, int]]]:
         """Return the width and height of the grid in cells, and (column, row) of each cell and of each token on a cell.
 
         Tokens with a letter of their own are left out, because they only mark a cell for an object.
         """
         width, height, _, place_of = self._grid.cells()
-        for number, node, at in self._placed():
+        for number, node, at in self._token_placements():
             if at in place_of and self._tokens[number][0].letter is None:
                 place_of = {**place_of, node: place_of[at]}
         return width, height, place_of
 
-    def drawn(self) -> list[str]:
+    def drawn_classes(self) -> list[str]:
         """Return the classes that the grid shows: those of cells, and of tokens in the current state."""
         return [self._grid.cls, *self._token_classes()]
 
-    def _grid_scene(self) -> GridScene:
+    def _draw_grid(self) -> GridScene:
         grid = self._grid
         width, height, cells, place_of = grid.cells()
-        marks, aside = self._marks(place_of)
+        marks, aside = self._token_marks(place_of)
         marks = (*self._cell_marks(place_of), *marks)
         return GridScene(width, height, grid.glyphs, cells, marks, grid.kinds, aside)
 
-    def _graph_scene(self) -> GraphScene:
+    def _draw_graph(self) -> GraphScene:
         model, draw = self._model, self._graph
         nodes = ordered_objects(model, draw.cls)
         number = {node: position for position, node in enumerate(nodes)}
-        marks, aside = self._marks({node: (place, 0) for node, place in number.items()})
-        labels = tuple(_label(model, node, draw.label, self._read) for node in nodes)
+        marks, aside = self._token_marks({node: (place, 0) for node, place in number.items()})
+        labels = tuple(_object_label(model, node, draw.label, self._read) for node in nodes)
         classes = [model.graph.class_of(node) for node in nodes]
         looks = [
-            self._looks.of(node, model.metamodel.classes[cls].glyph or _PLAIN_NODE)
+            self._looks.appearance_of(node, model.metamodel.classes[cls].glyph or _PLAIN_NODE)
             for node, cls in zip(nodes, classes, strict=True)
         ]
         glyphs = tuple(look.glyph for look in looks)
@@ -223,65 +223,59 @@ class Painter:
 
     def _token_classes(self) -> list[str]:
         model = self._model
-        bound = (
-            model.graph.class_of(node)
-            for _, node in self._tokens
-            if node is not None and model.graph.alive(node)
-        )
+        bound = (model.graph.class_of(node) for _, node in self._tokens if node is not None and model.graph.alive(node))
         return [*(token.cls for token, _ in self._tokens if token.cls), *bound]
 
     def _cell_marks(self, place_of: Mapping[int, tuple[int, int]]) -> Iterator[Mark]:
         """Yield a token for each cell whose appearance differs from its class, for example a spot with a box."""
         model = self._model
-        varying = {cls for cls in self._grid.kinds if self._looks.vary(cls)}
+        varying = {cls for cls in self._grid.kinds if self._looks.can_vary(cls)}
         for node in ordered_objects(model, self._grid.cls) if varying else ():
             cls = model.graph.class_of(node)
             if node in place_of and cls in varying:
-                look = self._looks.of(node, plain := glyph_of(model.metamodel, cls))
+                look = self._looks.appearance_of(node, plain := glyph_of(model.metamodel, cls))
                 if look.glyph != plain:
-                    yield self._mark(_label(model, node, None, self._read), cls, look, place_of[node])
+                    yield self._make_mark(_object_label(model, node, None, self._read), cls, look, place_of[node])
 
-    def _mark(self, name: str, cls: str, look: Look, place: tuple[int, int]) -> Mark:
+    def _make_mark(self, name: str, cls: str, look: Appearance, place: tuple[int, int]) -> Mark:
         said = name.replace(",", "").split()  # do not repeat "red" for `Key red`
         name = ", ".join((name, *(state for state in look.states if state not in said)))
         kind = ", ".join((cls, *look.states))
         return Mark(name, look.glyph.letter, look.glyph.colour, place, kind)
 
-    def _marks(
-        self, place_of: Mapping[int, tuple[int, int]]
-    ) -> tuple[tuple[Mark, ...], tuple[Mark, ...] | None]:
+    def _token_marks(self, place_of: Mapping[int, tuple[int, int]]) -> tuple[tuple[Mark, ...], tuple[Mark, ...] | None]:
         """Return the tokens on cells or nodes, and those without a place, or None if every token always has a place.
 
         `place_of` has the position of each object that is a cell or node.
         """
         standing, aside = list[Mark](), list[Mark]()
-        for position, node, at in self._placed():
+        for position, node, at in self._token_placements():
             if at is None:
-                aside.append(self._token(position, node, (0, 0)))
+                aside.append(self._make_token_mark(position, node, (0, 0)))
             elif at in place_of and at != node:  # a token is not drawn on itself
-                standing.append(self._token(position, node, place_of[at]))
-        return tuple(standing), tuple(aside) if self._leave else None
+                standing.append(self._make_token_mark(position, node, place_of[at]))
+        return tuple(standing), tuple(aside) if self._may_lack_place else None
 
-    def _token(self, position: int, node: int, place: tuple[int, int]) -> Mark:
+    def _make_token_mark(self, position: int, node: int, place: tuple[int, int]) -> Mark:
         model, (token, bound) = self._model, self._tokens[position]
         cls = model.graph.class_of(node)
         declared = model.metamodel.classes[cls].glyph
-        look = self._looks.of(node, declared or Glyph(cls[:1].upper(), token_colour(position)))
-        name = token.variable if bound is not None else _label(model, node, None, self._read)
+        look = self._looks.appearance_of(node, declared or Glyph(cls[:1].upper(), token_colour(position)))
+        name = token.variable if bound is not None else _object_label(model, node, None, self._read)
         if token.letter is not None:
-            way = _features(token.path)
-            look = Look(Glyph(token.letter, look.glyph.colour))
+            way = _path_features(token.path)
+            look = Appearance(Glyph(token.letter, look.glyph.colour))
             name, cls = f"{name}, {way}", f"{cls}, {way}"
-        return self._mark(name, cls, look, place)
+        return self._make_mark(name, cls, look, place)
 
-    def _placed(self) -> Iterator[tuple[int, int, int | None]]:
+    def _token_placements(self) -> Iterator[tuple[int, int, int | None]]:
         """Yield for every existing token its position in the `draw` clause, its object, and the one below or None."""
         model = self._model
         for position, (token, bound) in enumerate(self._tokens):
             nodes = ordered_objects(model, token.cls) if bound is None and token.cls else [bound]
             for node in nodes:
                 if node is not None and model.graph.alive(node):
-                    at = follow(token.path, {token.variable: node}, self._read)
+                    at = follow_path(token.path, {token.variable: node}, self._read)
                     yield position, node, at if type(at) is int else None
 
     def _edges(self, draw: DrawGraph, number: Mapping[int, int]) -> Iterator[Edge]:
@@ -291,7 +285,7 @@ class Painter:
         """
         model, mm, cls = self._model, self._model.metamodel, draw.cls
         for reference in mm.references:
-            if mm.overlap(reference.owner, cls) and mm.overlap(reference.target, cls):
+            if mm.may_overlap(reference.owner, cls) and mm.may_overlap(reference.target, cls):
                 for node, place in number.items():
                     if mm.is_a(model.graph.class_of(node), reference.owner):
                         targets = (number[to] for to in model.graph.targets(node, reference) if to in number)
@@ -307,11 +301,11 @@ class Painter:
 
     def _edge(self, draw: DrawGraph, node: int, cls: Class, source: int, target: int) -> Edge:
         """Return the edge that represents an object, with its label, colour and kind."""
-        look = self._looks.of(node, cls.glyph or Glyph("", LINE_COLOUR))
+        look = self._looks.appearance_of(node, cls.glyph or Glyph("", LINE_COLOUR))
         named = (link.label for link in draw.links if self._model.metamodel.is_a(cls.name, link.cls))
         value = next((self._read(node, label) for label in named if label), None)
         label = "" if value is None else f"{value:g}" if isinstance(value, float) else str(value)
-        kind = ", ".join((cls.name, *look.states)) if look.unusual else ""
+        kind = ", ".join((cls.name, *look.states)) if look.is_unusual else ""
         return Edge(source, target, label, look.glyph.colour, kind)
 
 
@@ -325,7 +319,7 @@ def _bound_tokens(
             yield token, bind_parameter(model, parameters.get(token.variable) or Parameter(token.variable))
 
 
-def _features(path: Expression) -> str:
+def _path_features(path: Expression) -> str:
     """Return the names of the features of a path, in order, joined by spaces."""
     found: list[str] = []
     while isinstance(path, Navigation):
@@ -343,7 +337,7 @@ def _may_be_empty(metamodel: Metamodel, path: Expression) -> bool:
     return False
 
 
-def _label(model: Model, node: int, attribute: str | None, read: Reader) -> str:
+def _object_label(model: Model, node: int, attribute: str | None, read: FeatureReader) -> str:
     cls = model.graph.class_of(node)
     names = (attribute,) if attribute else model.metamodel.key(cls)
     values = [read(node, name) for name in names]
@@ -355,16 +349,14 @@ def _label(model: Model, node: int, attribute: str | None, read: Reader) -> str:
     return model.graph.object_name(node) or f"{model.graph.class_of(node)} {node}"
 
 
-class _Grid:
+class _CellGrid:
     """The cells of a grid, computed from the class, column and row of each object."""
 
     def __init__(self, model: Model, draw: DrawGrid) -> None:
         mm = model.metamodel
-        kinds = mm.concrete(draw.cls)
+        kinds = mm.concrete_classes(draw.cls)
         if len(kinds) >= EMPTY:
-            raise InvalidArgument(
-                f"`{draw.cls}` has {len(kinds)} subclasses, but at most {EMPTY - 1} can be drawn"
-            )
+            raise InvalidArgument(f"`{draw.cls}` has {len(kinds)} subclasses, but at most {EMPTY - 1} can be drawn")
         column, row = mm.feature(draw.cls, draw.column), mm.feature(draw.cls, draw.row)
         assert isinstance(column, Attribute)
         assert isinstance(row, Attribute)
@@ -381,9 +373,7 @@ class _Grid:
         """
         model = self._model
         at: dict[int, tuple[int, int]] = {}
-        for node in sorted(
-            model.graph.extent(self.cls)
-        ):  # of two objects on one place the younger one is shown
+        for node in sorted(model.graph.extent(self.cls)):  # of two objects on one place the younger one is shown
             x, y = model.graph.value(node, self._column), model.graph.value(node, self._row)
             if type(x) is int and type(y) is int:
                 at[node] = x, y

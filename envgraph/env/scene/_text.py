@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from envgraph.env.scene._scene import EMPTY, Edge, GraphScene, GridScene, Mark, Scene
-from envgraph.errors import SHOWN, visible
+from envgraph.errors import SHOWN, escape_unprintable
 
 
 def scene_text(scene: Scene) -> str:
@@ -11,10 +11,10 @@ def scene_text(scene: Scene) -> str:
 
     With several tokens, or one without a place, lines below the picture give the place of each token.
     """
-    lines = _grid(scene) if isinstance(scene, GridScene) else _graph(scene)
+    lines = _grid_lines(scene) if isinstance(scene, GridScene) else _graph_lines(scene)
     if len(scene.marks) > 1 or scene.aside:
-        lines.extend(visible(f"{mark.name}: {_place(scene, mark)}") for mark in scene.marks)
-        lines.extend(visible(f"{mark.name}: nowhere") for mark in scene.aside or ())
+        lines.extend(escape_unprintable(f"{mark.name}: {_format_place(scene, mark)}") for mark in scene.marks)
+        lines.extend(escape_unprintable(f"{mark.name}: nowhere") for mark in scene.aside or ())
     return "\n".join(lines)
 
 
@@ -25,19 +25,19 @@ def scene_title(scene: Scene) -> str:
     else:
         nodes, edges = len(scene.labels), len(scene.edges)
         what = f"a graph of {nodes} node{'s' * (nodes != 1)} and {edges} edge{'s' * (edges != 1)}"
-    marks = [f"{mark.name} at {_place(scene, mark)}" for mark in scene.marks[: SHOWN.marks]]
+    marks = [f"{mark.name} at {_format_place(scene, mark)}" for mark in scene.marks[: SHOWN.marks]]
     marks = [*marks, *(f"{mark.name} nowhere" for mark in scene.aside or ())][: SHOWN.marks]
     more = len(scene.marks) + len(scene.aside or ()) - len(marks)
     return "; ".join([what, *marks, *([f"{more} more"] if more else [])])
 
 
-def _place(scene: Scene, mark: Mark) -> str:
+def _format_place(scene: Scene, mark: Mark) -> str:
     if isinstance(scene, GridScene):
         return f"column {mark.place[0]}, row {mark.place[1]}"
     return scene.labels[mark.place[0]]
 
 
-def _grid(scene: GridScene) -> list[str]:
+def _grid_lines(scene: GridScene) -> list[str]:
     tokens = {mark.place: mark.letter for mark in scene.marks}
     letters = [" " if kind == EMPTY else scene.glyphs[kind].letter for kind in scene.cells]
     lines = []
@@ -48,23 +48,23 @@ def _grid(scene: GridScene) -> list[str]:
     return lines
 
 
-def _graph(scene: GraphScene) -> list[str]:
+def _graph_lines(scene: GraphScene) -> list[str]:
     marked = {mark.place[0] for mark in scene.marks}
-    labels = [visible(label) for label in scene.labels]
+    labels = [escape_unprintable(label) for label in scene.labels]
     names = [f"({label})" if n in marked else f" {label} " for n, label in enumerate(labels)]
     if len(set(scene.kinds)) > 1:  # otherwise the legend or the clause gives the class of all nodes
         broad = max(map(len, names))
-        names = [f"{name:<{broad}} {visible(kind)}" for name, kind in zip(names, scene.kinds, strict=True)]
+        names = [f"{name:<{broad}} {escape_unprintable(kind)}" for name, kind in zip(names, scene.kinds, strict=True)]
     width = max(map(len, names), default=0)
     lines = []
     for number, name in enumerate(names):
-        targets = dict.fromkeys(_end(edge, labels) for edge in scene.edges if edge.source == number)
+        targets = dict.fromkeys(_format_edge(edge, labels) for edge in scene.edges if edge.source == number)
         arrow = f"-> {', '.join(targets)}" if targets else ""
         lines.append(f"{name:<{width}} {arrow}".rstrip())
     return lines
 
 
-def _end(edge: Edge, labels: list[str]) -> str:
+def _format_edge(edge: Edge, labels: list[str]) -> str:
     """Format the target, label and kind of an edge: `Berlin (6.5, Link, not up)`."""
-    said = [visible(text) for text in (edge.label, edge.kind) if text]
+    said = [escape_unprintable(text) for text in (edge.label, edge.kind) if text]
     return labels[edge.target] + (f" ({', '.join(said)})" if said else "")

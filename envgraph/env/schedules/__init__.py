@@ -16,15 +16,20 @@ np.int64(1)
 
 from typing import TYPE_CHECKING
 
-from envgraph.code import later
+from envgraph.code import export_lazily
 
 if TYPE_CHECKING:
+    from envgraph.env.schedules._autoreset import MemberAssignment as MemberAssignment
+    from envgraph.env.schedules._fixed_order import InOrder as InOrder, Shuffled as Shuffled
+    from envgraph.env.schedules._learnability import Sifter as Sifter, Sifting as Sifting
+    from envgraph.env.schedules._level_replay import (
+        Buffer as Buffer,
+        Edit as Edit,
+        Replay as Replay,
+        ReplayBuffer as ReplayBuffer,
+    )
     from envgraph.env.schedules._named import SCHEDULES as SCHEDULES, named_schedule as named_schedule
-    from envgraph.env.schedules._order import InOrder as InOrder, Shuffled as Shuffled
     from envgraph.env.schedules._protocol import Batch as Batch, Outcomes as Outcomes, Schedule as Schedule
-    from envgraph.env.schedules._replay import Buffer as Buffer, Edit as Edit, Kept as Kept, Replay as Replay
-    from envgraph.env.schedules._seats import Seats as Seats
-    from envgraph.env.schedules._sifting import Sifter as Sifter, Sifting as Sifting
     from envgraph.env.schedules._weighted import (
         Band as Band,
         Weighted as Weighted,
@@ -32,4 +37,4 @@ if TYPE_CHECKING:
         learning_progress as learning_progress,
     )
 
-later(globals())
+export_lazily(globals())

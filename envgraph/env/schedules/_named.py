@@ -7,10 +7,10 @@ from typing import Final
 
 import numpy as np
 
-from envgraph.env.schedules._order import Shuffled
+from envgraph.env.schedules._fixed_order import Shuffled
+from envgraph.env.schedules._learnability import Sifter
+from envgraph.env.schedules._level_replay import Buffer, Replay
 from envgraph.env.schedules._protocol import Schedule
-from envgraph.env.schedules._replay import Buffer, Replay
-from envgraph.env.schedules._sifting import Sifter
 from envgraph.env.schedules._weighted import Band, Weighted, learnability, learning_progress
 from envgraph.errors import check_known
 

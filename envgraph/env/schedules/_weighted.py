@@ -12,12 +12,12 @@ from envgraph.code import dataclass
 from envgraph.env.schedules._protocol import Batch, Floats, Ints, Outcomes
 from envgraph.errors import InvalidArgument
 
-FAST: Final = 0.2
-SLOW: Final = 0.05
+FAST_RATE: Final = 0.2
+SLOW_RATE: Final = 0.05
 """FAST and SLOW are the weights of the last outcome in the two averages of success."""
 
 
-class Known:
+class SuccessRates:
     """The success rates of members as two running averages, which begin with the first outcome.
 
     Attributes:
@@ -31,16 +31,16 @@ class Known:
     def tell(self, outcomes: Outcomes) -> None:
         """Update both averages of each member that was played with its share of successes."""
         for member, success in zip(outcomes.member.tolist(), outcomes.success.tolist(), strict=True):
-            for average, rate in ((self.fast, FAST), (self.slow, SLOW)):
+            for average, rate in ((self.fast, FAST_RATE), (self.slow, SLOW_RATE)):
                 average[member] += (rate if self._told[member] else 1.0) * (success - average[member])
             self._told[member] = True
 
 
-Weight = Callable[[Known], Floats]
+Weight = Callable[[SuccessRates], Floats]
 """A function that computes for each member a weight, to which its probability is proportional."""
 
 
-def learning_progress(known: Known) -> Floats:
+def learning_progress(known: SuccessRates) -> Floats:
     """Return how much the success rate of each member changes, up or down (Oudeyer et al. 2007, Matiisen et al. 2017).
 
     It is the distance of a fast and a slow average (Kanitscheider et al. 2021).
@@ -48,7 +48,7 @@ def learning_progress(known: Known) -> Floats:
     return np.asarray(np.abs(known.fast - known.slow))
 
 
-def learnability(known: Known) -> Floats:
+def learnability(known: SuccessRates) -> Floats:
     """Return p (1 - p) of the running success rate p (Tzannetos et al. 2023, Rutherford et al. 2024)."""
     return known.fast * (1.0 - known.fast)
 
@@ -67,7 +67,7 @@ class Band:
     low: float = 0.1
     high: float = 0.9
 
-    def __call__(self, known: Known) -> Floats:
+    def __call__(self, known: SuccessRates) -> Floats:
         """Return 1 for members in or nearest to the band, 0 for others."""
         away = np.maximum(0.0, np.maximum(self.low - known.fast, known.fast - self.high))
         return np.asarray(away == away.min(), np.float64)
@@ -86,7 +86,7 @@ class Weighted:
         if count < 1 or not 0.0 <= uniform <= 1.0:
             raise InvalidArgument("`count` must be at least 1, and `uniform` from 0 to 1")
         self._count, self._weight, self._uniform = count, weight, uniform
-        self._known = Known(count)
+        self._known = SuccessRates(count)
         self._first: Ints | None = None
 
     def ask(self, count: int, rng: Generator) -> Batch:
@@ -94,14 +94,14 @@ class Weighted:
         if self._first is None:
             self._first = rng.permutation(self._count)
         first, self._first = self._first[:count], self._first[count:]
-        drawn = rng.choice(self._count, count - len(first), p=self.chances())
+        drawn = rng.choice(self._count, count - len(first), p=self.probabilities())
         return Batch(np.concatenate([first, drawn]))
 
     def tell(self, outcomes: Outcomes) -> None:
         """Update the running success rates of the members."""
         self._known.tell(outcomes)
 
-    def chances(self) -> Floats:
+    def probabilities(self) -> Floats:
         """Return the sampling probability of each member: its share of the weights, mixed with a uniform part."""
         weights = self._weight(self._known)
         total = weights.sum()

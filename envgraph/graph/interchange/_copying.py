@@ -9,21 +9,28 @@ from envgraph.graph.model._model import Model
 from envgraph.metamodel import Metamodel, Value
 
 
-def reduced(model: Model) -> tuple[Callable[..., Model], tuple[object, ...]]:
+def reduce_model(model: Model) -> tuple[Callable[..., Model], tuple[object, ...]]:
     """Return the function and arguments from which `copy` and `pickle` rebuild a model without versions and views."""
-    from envgraph.graph.interchange._json import model_to_json  # imported here because few programs need it
+    from envgraph.graph.interchange._model_json import (
+        model_to_json,  # imported here because few programs need it
+    )
 
-    return _made, (model_to_json(model), model.metamodel, model.graph.places, model.graph.digits)
+    return _rebuild_model, (
+        model_to_json(model),
+        model.metamodel,
+        model.graph.grid_positions,
+        model.graph.decimal_texts,
+    )
 
 
-def _made(
+def _rebuild_model(
     text: str, metamodel: Metamodel, places: dict[str, int], digits: dict[tuple[int, int, Value], str]
 ) -> Model:
-    from envgraph.graph.interchange._json import model_from_json
+    from envgraph.graph.interchange._model_json import model_from_json
 
     model = model_from_json(text, metamodel)
-    model.graph.places, model.graph.digits = places, digits
+    model.graph.grid_positions, model.graph.decimal_texts = places, digits
     return model
 
 
-copyreg.pickle(Model, reduced)
+copyreg.pickle(Model, reduce_model)

@@ -7,14 +7,14 @@ from typing import TYPE_CHECKING
 
 from envgraph.errors import EnvgraphError, InvalidArgument, RuleError, TypeMismatch, did_you_mean
 from envgraph.graph.model._model import Model
-from envgraph.graph.write._refusals import wrong_value
+from envgraph.graph.write._write_errors import wrong_value_error
 from envgraph.metamodel import Attribute, Metamodel, Reference, accepts
 
 if TYPE_CHECKING:
     import networkx as nx
 
-_CLASS = "class"
-_NAME = "object_name"
+_CLASS_KEY = "class"
+_NAME_KEY = "object_name"
 
 
 def to_networkx(model: Model) -> nx.MultiDiGraph:
@@ -30,28 +30,26 @@ def to_networkx(model: Model) -> nx.MultiDiGraph:
     import networkx as nx
 
     for attribute in model.metamodel.attributes:
-        if attribute.name in (_CLASS, _NAME):
+        if attribute.name in (_CLASS_KEY, _NAME_KEY):
             raise InvalidArgument(
                 f"attribute `{attribute}` has the name of a node attribute that `to_networkx` sets itself: rename it"
             )
     graph = nx.MultiDiGraph(name=model.name, metamodel=model.metamodel.name)
     for node in model.graph.store.nodes():
-        graph.add_node(node, **_attributes(model, node))
+        graph.add_node(node, **_node_attributes(model, node))
     for node in model.graph.store.nodes():
         for feature in model.metamodel.features(model.graph.class_of(node)).values():
             if isinstance(feature, Reference):
-                graph.add_edges_from(
-                    (node, target, feature.name) for target in model.graph.targets(node, feature)
-                )
+                graph.add_edges_from((node, target, feature.name) for target in model.graph.targets(node, feature))
     return graph
 
 
-def _attributes(model: Model, node: int) -> dict[str, object]:
+def _node_attributes(model: Model, node: int) -> dict[str, object]:
     cls = model.graph.class_of(node)
-    found: dict[str, object] = {_CLASS: cls}
+    found: dict[str, object] = {_CLASS_KEY: cls}
     name = model.graph.object_name(node)
     if name is not None:
-        found[_NAME] = name
+        found[_NAME_KEY] = name
     for feature in model.metamodel.features(cls).values():
         if isinstance(feature, Attribute) and (values := model.graph.values(node, feature)):
             found[feature.name] = list(values) if feature.many else values[0]
@@ -75,7 +73,7 @@ def from_networkx(graph: nx.MultiDiGraph, metamodel: Metamodel) -> Model:
     if not (isinstance(graph, nx.Graph) and graph.is_directed() and graph.is_multigraph()):
         raise InvalidArgument(f"a model is made from a networkx.MultiDiGraph, not from {graph!r}")
     model = Model(metamodel, str(graph.graph.get("name") or "model"))
-    ids = _ids(graph)
+    ids = _node_ids(graph)
     with model.loading():
         for label, attributes in graph.nodes(data=True):
             _add_node(model, label, ids[label], attributes)
@@ -84,17 +82,17 @@ def from_networkx(graph: nx.MultiDiGraph, metamodel: Metamodel) -> Model:
     return model
 
 
-def _ids(graph: nx.MultiDiGraph) -> dict[Hashable, int]:
+def _node_ids(graph: nx.MultiDiGraph) -> dict[Hashable, int]:
     if all(type(label) is int and label >= 0 for label in graph.nodes):
         return {label: label for label in graph.nodes}
     return {label: index for index, label in enumerate(graph.nodes)}
 
 
 def _add_node(model: Model, label: Hashable, node: int, attributes: dict[str, object]) -> None:
-    cls = attributes.get(_CLASS)
+    cls = attributes.get(_CLASS_KEY)
     if not isinstance(cls, str):
-        raise InvalidArgument(f"node {label!r}: {_CLASS!r} must be the name of a class, not {cls!r}")
-    name = attributes.get(_NAME)
+        raise InvalidArgument(f"node {label!r}: {_CLASS_KEY!r} must be the name of a class, not {cls!r}")
+    name = attributes.get(_NAME_KEY)
     if name is not None and not isinstance(name, str):
         raise InvalidArgument(f"node {label!r} has the name {name!r}, which is not a string")
     try:
@@ -103,17 +101,15 @@ def _add_node(model: Model, label: Hashable, node: int, attributes: dict[str, ob
         raise TypeMismatch(f"node {label!r}: {error}") from None
     features = model.metamodel.features(cls)
     for key in attributes:
-        if key not in (_CLASS, _NAME) and not isinstance(features.get(key), Attribute):
+        if key not in (_CLASS_KEY, _NAME_KEY) and not isinstance(features.get(key), Attribute):
             hint = did_you_mean(str(key), (f.name for f in features.values() if isinstance(f, Attribute)))
-            raise InvalidArgument(
-                f"node {label!r}: `{cls}` has no attribute `{key}`" + (f"; {hint}" if hint else "")
-            )
+            raise InvalidArgument(f"node {label!r}: `{cls}` has no attribute `{key}`" + (f"; {hint}" if hint else ""))
     for feature in features.values():
         if isinstance(feature, Attribute):
             try:
                 value = attributes.get(feature.name)
                 if value is not None and not feature.many and not accepts(feature.type, value):
-                    raise wrong_value(feature, value)
+                    raise wrong_value_error(feature, value)
                 model.graph.set_value(node, feature, value)  # type: ignore[arg-type]  # checked
             except EnvgraphError as error:
                 raise TypeMismatch(f"node {label!r}: {error}") from None
@@ -123,11 +119,9 @@ def _add_edge(model: Model, label: Hashable, source: int, target: int, key: obje
     cls = model.graph.class_of(source)
     reference = model.metamodel.feature(cls, key) if isinstance(key, str) else None
     if not isinstance(reference, Reference):
-        raise InvalidArgument(
-            f"an edge from node {label!r} has the key {key!r}, which is not a reference of `{cls}`"
-        )
+        raise InvalidArgument(f"an edge from node {label!r} has the key {key!r}, which is not a reference of `{cls}`")
     relation = model.graph.store.relations[reference.index]
-    child = target if relation.containment else source if relation.contained else None
+    child = target if relation.containment else source if relation.is_contained else None
     if (
         child is not None
         and model.graph.container(child) is not None

@@ -7,12 +7,18 @@ from typing import TYPE_CHECKING
 
 from envgraph.graph.history._history import History
 from envgraph.graph.model import _query_features
-from envgraph.graph.model._query_features import Defined
+from envgraph.graph.model._query_features import FeatureDefinition
 from envgraph.graph.store._integrity import check_store
-from envgraph.graph.store._journal import Ordered
-from envgraph.graph.store._layout import Layout
+from envgraph.graph.store._metamodel_tables import MetamodelTables
 from envgraph.graph.store._store import Store
-from envgraph.graph.write import _links, _naming, _objects, _refusals as refusals, _values
+from envgraph.graph.store._undo_log import OrderedValues
+from envgraph.graph.write import (
+    _link_writes,
+    _naming,
+    _object_writes,
+    _value_writes,
+    _write_errors as refusals,
+)
 from envgraph.metamodel import Attribute, Feature, Metamodel, Reference, Value, Values
 
 if TYPE_CHECKING:
@@ -36,51 +42,52 @@ class Graph:
     Attributes:
         store: the columns with all data.
         history: savepoints and versions.
-        layout: lookup tables of the metamodel, for writes.
-        defined: the derived features whose values queries compute, see `define`.
-        places: object ids by grid position in a file, such as `tile[3,1]`, for objects without names; for
+        tables: lookup tables of the metamodel, for writes.
+        defined_features: the derived features whose values queries compute, see `define_features`.
+        grid_positions: object ids by grid position in a file, such as `tile[3,1]`, for objects without names; for
             `find_object`.
-        titles: grid positions by object id, the inverse of `places`, computed on request.
-        digits: the text of a decimal number in its file, by object, index of the attribute, and value as a float.
+        grid_titles: grid positions by object id, the inverse of `grid_positions`, computed on request.
+        decimal_texts: the text of a decimal number in its file, by object, index of the attribute, and value as a
+            float.
     """
 
     def __init__(self, model: Model, metamodel: Metamodel, name: str) -> None:
         self.metamodel = metamodel
         self.name = name
-        self.places: dict[str, int] = {}
-        self.titles: dict[int, str] = {}
-        self.digits: dict[tuple[int, int, Value], str] = {}
-        self.defined: dict[Feature, Defined] = {}
+        self.grid_positions: dict[str, int] = {}
+        self.grid_titles: dict[int, str] = {}
+        self.decimal_texts: dict[tuple[int, int, Value], str] = {}
+        self.defined_features: dict[Feature, FeatureDefinition] = {}
         self.store = Store(metamodel)
         self.history = History(model, self.store)
-        self.layout = Layout(metamodel, self.store)
+        self.tables = MetamodelTables(metamodel, self.store)
 
     # These functions are methods here, not methods of separate objects, so that a write costs only one call.
 
-    new = _objects.new
-    new_at = _objects.new_at
-    delete = _objects.delete
-    retype = _objects.retype
+    new = _object_writes.new
+    new_at = _object_writes.new_at
+    delete = _object_writes.delete
+    retype = _object_writes.retype
 
     find_object = _naming.find_object
     set_object_name = _naming.set_object_name
-    title = _naming.title
+    display_name = _naming.display_name
     describe = _naming.describe
 
-    define = _query_features.define
-    read = _query_features.read
+    define_features = _query_features.define_features
+    read_feature = _query_features.read_feature
 
-    set_value = _values.set_value
-    insert_value = _values.insert_value
-    remove_value_at = _values.remove_value_at
+    set_value = _value_writes.set_value
+    insert_value = _value_writes.insert_value
+    remove_value_at = _value_writes.remove_value_at
 
-    link = _links.link
-    add_target = _links.add_target
-    insert_target = _links.insert_target
-    unlink = _links.unlink
-    set_target = _links.set_target
-    set_targets = _links.set_targets
-    container = _links.container
+    link = _link_writes.link
+    add_target = _link_writes.add_target
+    insert_target = _link_writes.insert_target
+    unlink = _link_writes.unlink
+    set_target = _link_writes.set_target
+    set_targets = _link_writes.set_targets
+    container = _link_writes.container
 
     def class_of(self, node: int) -> str:
         """Return the name of an object's class.
@@ -102,19 +109,19 @@ class Graph:
 
         The sequence may change with the model: do not store it, and do not write to the model while iterating.
         """
-        index = self.layout.numbers.get(cls)
+        index = self.tables.class_indexes.get(cls)
         if index is None:
-            raise refusals.unknown_class(self.metamodel, cls)
-        extents = self.layout.extents[index]
+            raise refusals.unknown_class_error(self.metamodel, cls)
+        extents = self.tables.class_extents[index]
         if len(extents) == 1:
             return extents[0]
         return [node for extent in extents for node in extent]
 
     def exact_extent(self, cls: str) -> Sequence[int]:
         """Return the direct instances of a class. Do not store the sequence, nor write while iterating."""
-        index = self.layout.numbers.get(cls)
+        index = self.tables.class_indexes.get(cls)
         if index is None:
-            raise refusals.unknown_class(self.metamodel, cls)
+            raise refusals.unknown_class_error(self.metamodel, cls)
         return self.store.extents[index]
 
     def object_name(self, node: int) -> str | None:
@@ -129,7 +136,7 @@ class Graph:
         For a multi-valued attribute the result is a tuple; see `values`.
         """
         found = self.store.values[attribute.index][node]
-        return tuple(found) if type(found) is Ordered else found  # type: ignore[return-value]
+        return tuple(found) if type(found) is OrderedValues else found  # type: ignore[return-value]
 
     def values(self, node: int, attribute: Attribute) -> Values:
         """Return the values of a multi-valued attribute in order, or a single value as a tuple. () if unset."""
@@ -157,7 +164,7 @@ class Graph:
 
     def check_integrity(self) -> None:
         """Repair interrupted writes. Assert that all columns, indexes, the hash and the journal are consistent."""
-        if self.store.interrupted:
-            self.store.interrupted.repair()
+        if self.store.interrupted_writes:
+            self.store.interrupted_writes.repair()
         check_store(self.store)
         self.history.check_integrity()

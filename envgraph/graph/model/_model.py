@@ -6,19 +6,19 @@ from collections.abc import Iterator, Mapping
 from contextlib import AbstractContextManager
 from copy import copy
 
-from envgraph.code import short_repr
-from envgraph.graph.compare import _canonical
+from envgraph.code import shorten_repr
+from envgraph.graph.compare import _canonical_hash
 from envgraph.graph.history._history import Savepoint
-from envgraph.graph.history._versions import Version
-from envgraph.graph.model import _picture
+from envgraph.graph.history._version_tree import Version
+from envgraph.graph.model import _model_picture
 from envgraph.graph.model._graph import Graph
-from envgraph.graph.model._node import Node, assign_features
-from envgraph.graph.store import _hashing
-from envgraph.graph.write import _refusals as refusals
+from envgraph.graph.model._handles import Node, assign_features
+from envgraph.graph.store import _state_hash
+from envgraph.graph.write import _write_errors as refusals
 from envgraph.metamodel import Metamodel
 
 
-@short_repr
+@shorten_repr
 class Model:
     """A typed attributed graph that instantiates a metamodel.
 
@@ -37,13 +37,13 @@ class Model:
         self.metamodel = metamodel
         self.graph = Graph(self, metamodel, name)
 
-    state_hash = _hashing.state_hash
-    canonical_hash = _canonical.canonical_hash
+    state_hash = _state_hash.state_hash
+    canonical_hash = _canonical_hash.canonical_hash
 
-    picture = _picture.picture
-    to_dot = _picture.to_dot
-    to_svg = _picture.to_svg
-    _repr_svg_ = _picture.as_svg
+    picture = _model_picture.picture
+    to_dot = _model_picture.to_dot
+    to_svg = _model_picture.to_svg
+    _repr_svg_ = _model_picture.notebook_svg
 
     @property
     def name(self) -> str:
@@ -70,9 +70,9 @@ class Model:
             RuleError: a reference is full. The object is not created then.
         """
         if self.graph.store.loading:
-            return _create(self, cls, object_name, features)
+            return _create_node(self, cls, object_name, features)
         with self.transaction():
-            return _create(self, cls, object_name, features)
+            return _create_node(self, cls, object_name, features)
 
     def node(self, id: int) -> Node:
         """Return a handle to the object with an id.
@@ -81,7 +81,7 @@ class Model:
             InvalidArgument: no object has this id.
         """
         if not self.graph.alive(id):
-            raise refusals.missing(self.graph, id)
+            raise refusals.missing_object_error(self.graph, id)
         return Node(self, id)
 
     def nodes(self, cls: str | None = None) -> list[Node]:
@@ -97,7 +97,7 @@ class Model:
         """
         found = self.graph.find_object(object_name)
         if found is None:
-            raise refusals.unknown_object(self.graph, object_name)
+            raise refusals.unknown_object_error(self.graph, object_name)
         return Node(self, found)
 
     def __contains__(self, item: object) -> bool:
@@ -181,7 +181,7 @@ class Model:
         self.graph.check_integrity()
 
 
-def _create(model: Model, cls: str, object_name: str | None, features: Mapping[str, object]) -> Node:
+def _create_node(model: Model, cls: str, object_name: str | None, features: Mapping[str, object]) -> Node:
     node = Node(model, model.graph.new(cls, object_name))
     assign_features(node, features)
     return node

@@ -6,7 +6,7 @@ from collections.abc import Callable
 from typing import Any, Protocol
 
 
-class Interrupted(list[Any]):
+class InterruptedWrites(list[Any]):
     """A list of writes that exceptions such as `KeyboardInterrupt` have interrupted, until `repair` empties it.
 
     Code that catches an exception in the middle of a write (`except BaseException`) first appends an entry that says
@@ -37,30 +37,30 @@ class Follower(Protocol):
     changes of its own data in the journal, so that a rollback undoes them.
     """
 
-    def settle(self) -> None:
+    def process_pending(self) -> None:
         """Process all pending changes of the model. Called before a savepoint, a commit, and `History.shelve`."""
 
-    def rolled_back(self) -> None:
+    def on_rollback(self) -> None:
         """Discard pending changes, after a rollback or redo has restored the data recorded in the journal."""
 
-    def released(self) -> None:
+    def on_release(self) -> None:
         """Deliver waiting notifications, after the outermost savepoint is released or a commit is made."""
 
-    def checked_out(self) -> None:
+    def on_checkout(self) -> None:
         """Discard pending changes, and notify any subscribers, after a checkout has restored the recorded data."""
 
-    def interrupted(self) -> None:
+    def on_interruption(self) -> None:
         """Mark the follower's own data as unreliable, after an exception has interrupted a change of the model.
 
         The change may have been made or not, and the follower may have been notified or not.
         """
 
-    def suspend(self) -> None:
+    def on_load_start(self) -> None:
         """Prepare for a load of the model, whose changes are not notified to the follower."""
 
-    def loaded(self) -> None:
+    def on_load_end(self) -> None:
         """Recompute the follower's own data, if necessary, at the end of a load, also after an exception."""
 
 
-NodeHook = Callable[[int], object]
-ValueHook = Callable[[int, Any], object]
+NodeCallback = Callable[[int], object]
+ValueCallback = Callable[[int, Any], object]

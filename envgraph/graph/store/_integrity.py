@@ -6,10 +6,10 @@ from collections.abc import Sequence, Sized
 from itertools import pairwise
 from typing import Any
 
-from envgraph.graph.store._hashing import recomputed_total
-from envgraph.graph.store._journal import Extent, IndexedSet, Ordered
-from envgraph.graph.store._relation import Relation
+from envgraph.graph.store._relation import ReferenceStorage
+from envgraph.graph.store._state_hash import recompute_hash_sum
 from envgraph.graph.store._store import Store
+from envgraph.graph.store._undo_log import Extent, IndexedSet, OrderedValues
 from envgraph.metamodel import accepts
 
 
@@ -30,7 +30,7 @@ def check_store(store: Store) -> None:
     _check_values(store)
     _check_names(store)
     _check_containment(store)
-    assert recomputed_total(store) == store.total
+    assert recompute_hash_sum(store) == store.hash_sum
 
 
 def _check_sizes(store: Store) -> None:
@@ -57,16 +57,16 @@ def _check_extent(store: Store, extent: Extent) -> None:
         assert store.place[node] == place
 
 
-def _check_relation(store: Store, relation: Relation) -> None:
+def _check_relation(store: Store, relation: ReferenceStorage) -> None:
     for column in (relation.forward, relation.backward):
         _check_column(column)
     for node, targets in enumerate(relation.forward):
         if not targets:
             continue
-        assert relation.source_ok[store.classes[node]]
+        assert relation.allows_source[store.classes[node]]
         assert len(targets) <= relation.upper
         for target in targets:
-            assert relation.target_ok[store.classes[target]]
+            assert relation.allows_target[store.classes[target]]
             assert node in relation.backward[target]
     links = sum(map(len, relation.forward))
     assert links == sum(map(len, relation.backward))
@@ -89,12 +89,10 @@ def _check_values(store: Store) -> None:
             if value is not None:
                 assert store.classes[node] >= 0
                 assert store.metamodel.is_a(classes[store.classes[node]].name, attribute.owner)
-                assert isinstance(value, tuple | Ordered) == attribute.many
-                assert isinstance(value, Ordered) == (attribute.many and len(value) > Store.crowd)
+                assert isinstance(value, tuple | OrderedValues) == attribute.many
+                assert isinstance(value, OrderedValues) == (attribute.many and len(value) > Store.crowd)
                 assert all(accepts(attribute.type, each) for each in (value if attribute.many else (value,)))
-    for attribute, column, distinct in zip(
-        store.metamodel.attributes, store.values, store.distinct, strict=True
-    ):
+    for attribute, column, distinct in zip(store.metamodel.attributes, store.values, store.distinct, strict=True):
         if attribute.many:
             _check_column(distinct)
             assert [*map(tuple, distinct)] == [tuple(dict.fromkeys(values or ())) for values in column]

@@ -11,35 +11,45 @@ from functools import wraps
 from itertools import repeat
 from typing import Any, ClassVar, TypeVar
 
-from envgraph.graph.store._followers import Follower, Interrupted, NodeHook, ValueHook
-from envgraph.graph.store._hashing import class_code, node_salts, value_code
-from envgraph.graph.store._journal import IN, MOVE, OUT, SET, Extent, IndexedSet, Item, Journal, Ordered
-from envgraph.graph.store._relation import Relation, columns
+from envgraph.graph.store._followers import Follower, InterruptedWrites, NodeCallback, ValueCallback
+from envgraph.graph.store._relation import ReferenceStorage, make_columns
+from envgraph.graph.store._state_hash import class_hash, node_salts, value_hash
+from envgraph.graph.store._undo_log import (
+    ADDED,
+    ASSIGNED,
+    MOVED,
+    REMOVED,
+    Extent,
+    IndexedSet,
+    Item,
+    Journal,
+    OrderedValues,
+)
 from envgraph.metamodel import Metamodel, Value, Values
 
-_CODES_KEPT = 1 << 16
+_MAX_CACHED_HASHES = 1 << 16
 
 Change = TypeVar("Change", bound=Callable[..., None])
 
 
-def _mended(change: Change) -> Change:
+def _repairs_interruptions(change: Change) -> Change:
     """Decorate an elementary change so that interrupted writes are repaired before it.
 
     An exception in the change itself is repaired too, and then raised again.
     """
 
     @wraps(change)
-    def mended(store: Store, *arguments: Any) -> None:
-        if store.interrupted:
-            store.interrupted.repair()
+    def change_with_repair(store: Store, *arguments: Any) -> None:
+        if store.interrupted_writes:
+            store.interrupted_writes.repair()
         try:
             change(store, *arguments)
         except BaseException:
-            store.interrupted.append(None)
-            store.interrupted.repair()
+            store.interrupted_writes.append(None)
+            store.interrupted_writes.repair()
             raise
 
-    return mended  # type: ignore[return-value]
+    return change_with_repair  # type: ignore[return-value]
 
 
 class Store:
@@ -52,7 +62,7 @@ class Store:
         place: the position of each node in its extent.
         extents: for each class the objects of exactly that class.
         values: for each attribute (by `index`) its column: a value, or None if unset. The values of a multi-valued
-            attribute are a tuple or an `Ordered`.
+            attribute are a tuple or an `OrderedValues`.
         distinct: for each multi-valued attribute the column of its distinct values; empty lists for other attributes.
             Patterns see these columns as relations, which change by one pair at a time.
         forward, backward: for each reference (by `index`) the columns of targets and of sources.
@@ -64,18 +74,19 @@ class Store:
         epoch: a counter, increased at each state that undoing may restore. Data that is journalled as a whole is copied
             once in each epoch.
         loading: True while the model is loaded without a journal.
-        total: the sum behind the state hash.
+        hash_sum: the sum behind the state hash.
         revision: a counter, increased by every change and every restoration.
-        touched: the objects changed since a matcher set the dict to {}, each with the revision of its last change, in
-            the order of these revisions. A key `node` means changed values, `~node` a changed class or place. None if
-            no matcher has requested the record, and after a restoration.
+        changed_nodes: the objects changed since a matcher set the dict to {}, each with the revision of its last
+            change, in the order of these revisions. A key `node` means changed values, `~node` a changed class or
+            place. None if no matcher has requested the record, and after a restoration.
         followers: the listeners, see `Follower`.
         value_added, value_removing: for each attribute (by `index`) a callback of node and value, or None.
         class_added, class_removing: for each class (by index) a callback of the node, or None.
-        retyping: None, or a function that returns the two callbacks for a change from one class index to another.
-        interrupted: interrupted writes, which must be repaired before any other use.
+        retyping_callbacks: None, or a function that returns the two callbacks for a change from one class index to
+            another.
+        interrupted_writes: interrupted writes, which must be repaired before any other use.
         crowd: a limit. An adjacency with more elements is an `IndexedSet`, otherwise a tuple. The values of a
-            multi-valued attribute are an `Ordered` or a tuple by the same limit.
+            multi-valued attribute are an `OrderedValues` or a tuple by the same limit.
 
     A store has at most 30 attributes, because CPython reads the attributes of larger objects more slowly.
 
@@ -92,44 +103,44 @@ class Store:
         self.extents = tuple(Extent(i, self.classes, self.place) for i in range(len(metamodel.class_list)))
         self.values: tuple[list[Any], ...] = tuple([] for _ in metamodel.attributes)
         self.distinct: tuple[list[Values | IndexedSet[Value]], ...] = tuple([] for _ in metamodel.attributes)
-        self.forward, self.backward = columns(metamodel)
+        self.forward, self.backward = make_columns(metamodel)
         self.relations = tuple(
-            Relation(reference, metamodel, self.forward[reference.index], self.backward[reference.index])
+            ReferenceStorage(reference, metamodel, self.forward[reference.index], self.backward[reference.index])
             for reference in metamodel.references
         )
         self.names: list[str | None] = []
         self.by_name: dict[str, int | None] = {}
         self.next_id = 0
         self.journal: Journal = []
-        self.interrupted = Interrupted()
+        self.interrupted_writes = InterruptedWrites()
         self.recording = False
         self.epoch = 0
         self.loading = False
         self.followers: list[Follower] = []
-        self.value_added: list[ValueHook | None] = [None] * len(metamodel.attributes)
-        self.value_removing: list[ValueHook | None] = [None] * len(metamodel.attributes)
-        self.class_added: list[NodeHook | None] = [None] * len(metamodel.class_list)
-        self.class_removing: list[NodeHook | None] = [None] * len(metamodel.class_list)
-        self.retyping: Callable[[int, int], tuple[NodeHook | None, NodeHook | None]] | None = None
-        self.total = 0
+        self.value_added: list[ValueCallback | None] = [None] * len(metamodel.attributes)
+        self.value_removing: list[ValueCallback | None] = [None] * len(metamodel.attributes)
+        self.class_added: list[NodeCallback | None] = [None] * len(metamodel.class_list)
+        self.class_removing: list[NodeCallback | None] = [None] * len(metamodel.class_list)
+        self.retyping_callbacks: Callable[[int, int], tuple[NodeCallback | None, NodeCallback | None]] | None = None
+        self.hash_sum = 0
         self.revision = 0
-        self.touched: dict[int, int] | None = None
+        self.changed_nodes: dict[int, int] | None = None
         self.salts: tuple[list[int], list[int]] = ([], [])
-        self._class_codes = tuple(class_code(cls) for cls in metamodel.class_list)
-        self._value_codes: tuple[dict[Value | Values, int], ...] = tuple({} for _ in metamodel.attributes)
+        self._class_hashes = tuple(class_hash(cls) for cls in metamodel.class_list)
+        self._value_hashes: tuple[dict[Value | Values, int], ...] = tuple({} for _ in metamodel.attributes)
         for relation in self.relations:
-            relation.connect = self._connector(relation)
-            relation.disconnect = self._disconnector(relation)
-        self.reserve(64)
+            relation.connect = self._make_connect(relation)
+            relation.disconnect = self._make_disconnect(relation)
+        self.reserve_ids(64)
 
-    def reserve(self, count: int) -> None:
+    def reserve_ids(self, count: int) -> None:
         """Lengthen shorter columns to hold all ids below `count`, and one more id that never exists."""
         size = count + 1
         if len(self.classes) >= size:
             return
-        self.lengthen(size)
+        self.lengthen_columns(size)
 
-    def lengthen(self, size: int) -> None:
+    def lengthen_columns(self, size: int) -> None:
         """Lengthen each column that is shorter than `size`. After an interruption the lengths may differ."""
         first, second = self.salts
         start = min(len(first), len(second))
@@ -145,7 +156,7 @@ class Store:
             ends.extend(repeat((), size - len(ends)))
         self.classes.extend(repeat(-1, size - len(self.classes)))
 
-    def record(self, container: Any, key: Any, old: Any, opcode: int) -> None:
+    def record_change(self, container: Any, key: Any, old: Any, opcode: int) -> None:
         """Write a journal entry for a change that follows, if the store is recording; see `_journal`.
 
         Followers, such as views, record the changes of their own data. These are undone and redone together with the
@@ -156,90 +167,90 @@ class Store:
 
     # --- elementary changes
 
-    def enter(self, node: int, cls: int) -> None:
+    def add_to_class(self, node: int, cls: int) -> None:
         """Make an object that has no class an instance of a class, and notify followers."""
-        self._enter(node, cls)
+        self._add_to_extent(node, cls)
         hook = self.class_added[cls]
         if hook is not None:
             hook(node)
 
-    def _enter(self, node: int, cls: int) -> None:
+    def _add_to_extent(self, node: int, cls: int) -> None:
         extent = self.extents[cls]
         if self.recording:
-            self.journal.extend((extent, node, None, OUT))
+            self.journal.extend((extent, node, None, ADDED))
         extent.add(node)
-        self.total += self.salts[0][node] * self._class_codes[cls]
+        self.hash_sum += self.salts[0][node] * self._class_hashes[cls]
         self.revision += 1
-        if self.touched is not None:
-            self._touch(~node)
+        if self.changed_nodes is not None:
+            self._record_changed(~node)
 
-    def leave(self, node: int) -> None:
+    def remove_from_class(self, node: int) -> None:
         """Notify followers, and remove an object from its class, so that the object no longer exists."""
         hook = self.class_removing[self.classes[node]]
         if hook is not None:
             hook(node)
-        self._leave(node)
+        self._remove_from_extent(node)
 
-    def move(self, node: int, cls: int) -> None:
+    def change_class(self, node: int, cls: int) -> None:
         """Change the class of an object. Followers are notified of lost and gained classes, not of shared classes."""
         old = self.classes[node]
-        removing, added = self.retyping(old, cls) if self.retyping else (None, None)
+        removing, added = self.retyping_callbacks(old, cls) if self.retyping_callbacks else (None, None)
         if removing is not None:
             removing(node)
         if old >= 0:  # otherwise an earlier call was interrupted
-            self._leave(node)
-        self._enter(node, cls)
+            self._remove_from_extent(node)
+        self._add_to_extent(node, cls)
         if added is not None:
             added(node)
 
-    def _leave(self, node: int) -> None:
+    def _remove_from_extent(self, node: int) -> None:
         cls = self.classes[node]
         extent = self.extents[cls]
         if self.recording:
-            self.journal.extend((extent, node, self.place[node], IN))
+            self.journal.extend((extent, node, self.place[node], REMOVED))
         place = extent.take(node)
-        self.total -= self.salts[0][node] * self._class_codes[cls]
+        self.hash_sum -= self.salts[0][node] * self._class_hashes[cls]
         self.revision += 1
-        if self.touched is not None:
-            self._touch(~node, *(~moved for moved in extent[place : place + 1]))
+        if self.changed_nodes is not None:
+            self._record_changed(~node, *(~moved for moved in extent[place : place + 1]))
 
-    def put(self, node: int, attribute: int, value: Any) -> None:
+    def set_value(self, node: int, attribute: int, value: Any) -> None:
         """Set or clear (None) the value of an attribute, and notify followers of the old and the new value."""
-        if self.interrupted:
-            self.interrupted.repair()
+        if self.interrupted_writes:
+            self.interrupted_writes.repair()
         if self.distinct[attribute]:
-            self._put_many(node, attribute, value)
+            self._set_values(node, attribute, value)
             return
         try:
             column = self.values[attribute]
             old = column[node]
-            codes = self._value_codes[attribute]
+            codes = self._value_hashes[attribute]
             change = 0
             if old is not None:
                 hook = self.value_removing[attribute]
                 if hook is not None:
                     hook(node, old)
-                change -= codes.get(old) or self._code(attribute, old)
+                change -= codes.get(old) or self._cached_value_hash(attribute, old)
             if value is not None:
-                change += codes.get(value) or self._code(attribute, value)
+                change += codes.get(value) or self._cached_value_hash(attribute, value)
             if self.recording:
-                self.journal.extend((column, node, old, SET))
+                self.journal.extend((column, node, old, ASSIGNED))
             column[node] = value
-            self.total += self.salts[0][node] * change
+            self.hash_sum += self.salts[0][node] * change
             self.revision += 1
-            if self.touched is not None:
-                self._touch(node)
+            if self.changed_nodes is not None:
+                self._record_changed(node)
             if value is not None:
                 hook = self.value_added[attribute]
                 if hook is not None:
                     hook(node, value)
         except BaseException:
-            self.interrupted.append(None)
-            self.interrupted.repair()
+            self.interrupted_writes.append(None)
+            self.interrupted_writes.repair()
             raise
 
-    @_mended
-    def _put_many(self, node: int, attribute: int, values: Values | None) -> None:
+    @_repairs_interruptions
+    def _set_values(self, node: int, attribute: int, values: Values | None) -> None:
         """Replace the values of a multi-valued attribute. Notify followers of removed and added distinct values."""
         column, distinct = self.values[attribute], self.distinct[attribute]
         old, after = column[node], dict.fromkeys(values or ())
@@ -247,24 +258,24 @@ class Store:
         heard = self.value_removing[attribute] or self.value_added[attribute]
         for value in reversed(before) if heard else ():
             if value not in after:
-                self._notify(node, attribute, value, False)
-                self.drop_end(distinct, node, value)
-        self.record(column, node, old, SET)
-        column[node] = values if values is None or len(values) <= self.crowd else Ordered(values)
-        codes, change = self._value_codes[attribute], 0
+                self._notify_value(node, attribute, value, False)
+                self.remove_item(distinct, node, value)
+        self.record_change(column, node, old, ASSIGNED)
+        column[node] = values if values is None or len(values) <= self.crowd else OrderedValues(values)
+        codes, change = self._value_hashes[attribute], 0
         for each in (values or ()), (old or ()):
-            change = sum(codes.get(value) or self._code(attribute, value) for value in each) - change
-        self.total -= self.salts[0][node] * change
+            change = sum(codes.get(value) or self._cached_value_hash(attribute, value) for value in each) - change
+        self.hash_sum -= self.salts[0][node] * change
         self.revision += 1
-        self._touch(node)
+        self._record_changed(node)
         for value in after if heard else ():
             if value not in before:
-                self.add_end(distinct, node, value)
-                self._notify(node, attribute, value, True)
-        self.keep_distinct(distinct, node, tuple(after))
+                self.add_item(distinct, node, value)
+                self._notify_value(node, attribute, value, True)
+        self.set_distinct(distinct, node, tuple(after))
 
-    @_mended
-    def splice(self, node: int, attribute: int, index: int, value: Value, inserting: bool) -> None:
+    @_repairs_interruptions
+    def splice_value(self, node: int, attribute: int, index: int, value: Value, inserting: bool) -> None:
         """Insert a value into a multi-valued attribute before the value at `index`, or remove the value at `index`.
 
         To remove (`inserting` is False), `value` must be the value at `index`. Followers are notified if the set of
@@ -275,51 +286,56 @@ class Store:
         many = distinct[node]
         stays = value in many if inserting else len(old) > len(many) and old.count(value) > 1
         if not (stays or inserting):
-            self._notify(node, attribute, value, False)
-            self.move_end(distinct, node, value, len(old))
-            self.drop_end(distinct, node, value)
-        _splice(self, column, node, index, value, inserting)
+            self._notify_value(node, attribute, value, False)
+            self.move_item(distinct, node, value, len(old))
+            self.remove_item(distinct, node, value)
+        _splice_column(self, column, node, index, value, inserting)
         sign = 1 if inserting else -1
-        code = self._value_codes[attribute].get(value) or self._code(attribute, value)
-        self.total += sign * self.salts[0][node] * code
+        code = self._value_hashes[attribute].get(value) or self._cached_value_hash(attribute, value)
+        self.hash_sum += sign * self.salts[0][node] * code
         self.revision += 1
-        self._touch(node)
+        self._record_changed(node)
         if inserting and not stays:
-            self.add_end(distinct, node, value)
+            self.add_item(distinct, node, value)
         if (stays or inserting) and index < len(column[node]) - inserting:
             held = column[node]
             first = held.index(value) if stays else index
             place = first if len(held) == len(distinct[node]) else len({*held[:first]})
-            self.move_end(distinct, node, value, place)
+            self.move_item(distinct, node, value, place)
         if inserting and not stays:
-            self._notify(node, attribute, value, True)
+            self._notify_value(node, attribute, value, True)
 
-    def _notify(self, node: int, attribute: int, value: Value, there: bool) -> None:
-        hook = (self.value_added if there else self.value_removing)[attribute]
+    def _notify_value(self, node: int, attribute: int, value: Value, is_added: bool) -> None:
+        hook = (self.value_added if is_added else self.value_removing)[attribute]
         if hook is not None:
             hook(node, value)
 
-    def keep_distinct(self, distinct: Any, node: int, values: Values) -> None:
+    def set_distinct(self, distinct: Any, node: int, values: Values) -> None:
         """Store `values` as the adjacency of a node in a column, if it differs, and journal the change.
 
         The values are distinct values or targets, in their final order. Followers and the hash are not updated.
         """
         if tuple(distinct[node]) != values:
-            self.record(distinct, node, distinct[node], SET)
-            distinct[node] = self.grouped(values)
+            self.record_change(distinct, node, distinct[node], ASSIGNED)
+            distinct[node] = self.as_adjacency(values)
 
-    @_mended
-    def move_target(self, relation: Relation, source: int, target: int, index: int) -> None:
+    @_repairs_interruptions
+    def move_target(self, relation: ReferenceStorage, source: int, target: int, index: int) -> None:
         """Move a target of a source object to another index among its targets, and journal the change."""
-        self.move_end(relation.forward, source, target, index)
+        self.move_item(relation.forward, source, target, index)
         self.revision += 1
 
-    def _connector(self, relation: Relation) -> Callable[[int, int], object]:
+    def _make_connect(self, relation: ReferenceStorage) -> Callable[[int, int], object]:
         """Return the function `connect(source, target)`, which adds a missing link and notifies followers."""
-        store, record, symmetric, flipped = self, self.journal.extend, relation.symmetric, relation.flipped
+        store, record, symmetric, flipped = (
+            self,
+            self.journal.extend,
+            relation.is_symmetric,
+            relation.is_flipped,
+        )
         forward, backward, crowd = relation.forward, relation.backward, self.crowd
         code, (first_salts, second_salts) = relation.code, self.salts
-        interrupted = self.interrupted
+        interrupted = self.interrupted_writes
 
         def connect(source: int, target: int) -> None:
             if interrupted:
@@ -328,22 +344,22 @@ class Store:
                 ends = forward[source]
                 if len(ends) < crowd:
                     if store.recording:
-                        record((forward, source, ends, SET))
+                        record((forward, source, ends, ASSIGNED))
                     forward[source] = (*ends, target)
                 else:
-                    store.add_end(forward, source, target)
+                    store.add_item(forward, source, target)
                 if not (symmetric and source == target):
                     ends = backward[target]
                     if len(ends) < crowd:
                         if store.recording:
-                            record((backward, target, ends, SET))
+                            record((backward, target, ends, ASSIGNED))
                         backward[target] = (*ends, source)
                     else:
-                        store.add_end(backward, target, source)
+                        store.add_item(backward, target, source)
                 first, second = source, target
                 if flipped or (symmetric and source > target):
                     first, second = target, source
-                store.total += code * first_salts[first] * second_salts[second]
+                store.hash_sum += code * first_salts[first] * second_salts[second]
                 store.revision += 1
                 if relation.added is not None:
                     relation.added(first, second)
@@ -354,12 +370,17 @@ class Store:
 
         return connect
 
-    def _disconnector(self, relation: Relation) -> Callable[[int, int], object]:
+    def _make_disconnect(self, relation: ReferenceStorage) -> Callable[[int, int], object]:
         """Return the function `disconnect(source, target)`, which notifies followers and removes an existing link."""
-        store, record, symmetric, flipped = self, self.journal.extend, relation.symmetric, relation.flipped
+        store, record, symmetric, flipped = (
+            self,
+            self.journal.extend,
+            relation.is_symmetric,
+            relation.is_flipped,
+        )
         forward, backward = relation.forward, relation.backward
         code, (first_salts, second_salts) = relation.code, self.salts
-        interrupted = self.interrupted
+        interrupted = self.interrupted_writes
 
         def disconnect(source: int, target: int) -> None:
             if interrupted:
@@ -373,19 +394,19 @@ class Store:
                 ends = forward[source]
                 if len(ends) == 1:
                     if store.recording:
-                        record((forward, source, ends, SET))
+                        record((forward, source, ends, ASSIGNED))
                     forward[source] = ()
                 else:
-                    store.drop_end(forward, source, target)
+                    store.remove_item(forward, source, target)
                 if not (symmetric and source == target):
                     ends = backward[target]
                     if len(ends) == 1:
                         if store.recording:
-                            record((backward, target, ends, SET))
+                            record((backward, target, ends, ASSIGNED))
                         backward[target] = ()
                     else:
-                        store.drop_end(backward, target, source)
-                store.total -= code * first_salts[first] * second_salts[second]
+                        store.remove_item(backward, target, source)
+                store.hash_sum -= code * first_salts[first] * second_salts[second]
                 store.revision += 1
             except BaseException:
                 interrupted.append(None)
@@ -394,15 +415,15 @@ class Store:
 
         return disconnect
 
-    @_mended
-    def rename(self, node: int, name: str | None) -> None:
+    @_repairs_interruptions
+    def set_name(self, node: int, name: str | None) -> None:
         """Set the name of an object, or remove it (None). Followers and the state hash ignore names."""
         old = self.names[node]
         if old is not None:
             self.map_name(old, None)
         if name is not None:
             self.map_name(name, node)
-        self.record(self.names, node, old, SET)
+        self.record_change(self.names, node, old, ASSIGNED)
         self.names[node] = name
         self.revision += 1
 
@@ -410,14 +431,14 @@ class Store:
 
     def map_name(self, name: str, node: int | None) -> None:
         """Map a name to an object, or to None if no object has the name any more, and journal the change."""
-        self.record(self.by_name, name, self.by_name.get(name), SET)
+        self.record_change(self.by_name, name, self.by_name.get(name), ASSIGNED)
         self.by_name[name] = node
 
-    def grouped(self, items: Sequence[Item]) -> tuple[Item, ...] | IndexedSet[Item]:
+    def as_adjacency(self, items: Sequence[Item]) -> tuple[Item, ...] | IndexedSet[Item]:
         """Return elements as an adjacency: a tuple, or an `IndexedSet` if their number exceeds `crowd`."""
         return tuple(items) if len(items) <= self.crowd else IndexedSet(tuple(items))
 
-    def add_end(self, column: Any, key: Any, item: Any) -> None:
+    def add_item(self, column: Any, key: Any, item: Any) -> None:
         """Append an element to the adjacency (tuple or `IndexedSet`) at `key` of a column, and journal the change.
 
         The column belongs to the store, or is the table of a follower. A tuple that exceeds `crowd` becomes an
@@ -426,14 +447,14 @@ class Store:
         old = column[key]
         if isinstance(old, IndexedSet):
             if self.recording:
-                self.journal.extend((old, item, None, OUT))
+                self.journal.extend((old, item, None, ADDED))
             old.add(item)
             return
         if self.recording:
-            self.journal.extend((column, key, old, SET))
-        column[key] = self.grouped((*old, item))
+            self.journal.extend((column, key, old, ASSIGNED))
+        column[key] = self.as_adjacency((*old, item))
 
-    def drop_end(self, column: Any, key: Any, item: Any) -> None:
+    def remove_item(self, column: Any, key: Any, item: Any) -> None:
         """Remove an element from the adjacency (tuple or `IndexedSet`) at `key` of a column, and journal the change.
 
         In an `IndexedSet` the last element moves into the gap.
@@ -444,7 +465,7 @@ class Store:
             rest = old[:index] + old[index + 1 :]
         elif len(old) > self.crowd + 1:
             if self.recording:
-                self.journal.extend((old, item, old.where(item), IN))
+                self.journal.extend((old, item, old.where(item), REMOVED))
             old.take(item)
             return
         else:
@@ -453,10 +474,10 @@ class Store:
             left[index] = left[-1]
             rest = tuple(left[:-1])
         if self.recording:
-            self.journal.extend((column, key, old, SET))
+            self.journal.extend((column, key, old, ASSIGNED))
         column[key] = rest
 
-    def move_end(self, column: Any, key: Any, item: Any, index: int) -> None:
+    def move_item(self, column: Any, key: Any, item: Any, index: int) -> None:
         """Move an element of the adjacency at `key` of a column to `index`, or to the end if `index` is greater.
 
         The elements between are shifted by one. The change is journalled.
@@ -467,31 +488,33 @@ class Store:
         if at == index:
             return
         if isinstance(old, IndexedSet):
-            self.record(old, item, at, MOVE)
+            self.record_change(old, item, at, MOVED)
             old.move(item, index)
             return
-        self.record(column, key, old, SET)
+        self.record_change(column, key, old, ASSIGNED)
         rest = old[:at] + old[at + 1 :]
         column[key] = (*rest[:index], item, *rest[index:])
 
-    def _code(self, attribute: int, value: Value | Values) -> int:
-        codes = self._value_codes[attribute]
-        if len(codes) >= _CODES_KEPT:
+    def _cached_value_hash(self, attribute: int, value: Value | Values) -> int:
+        codes = self._value_hashes[attribute]
+        if len(codes) >= _MAX_CACHED_HASHES:
             codes.clear()
-        codes[value] = number = value_code(self.metamodel.attributes[attribute], value)
+        codes[value] = number = value_hash(self.metamodel.attributes[attribute], value)
         return number
 
-    def replaced(self) -> None:
-        """Begin a new revision whose changed objects are unknown: increase `revision` and set `touched` to None."""
+    def start_unknown_revision(self) -> None:
+        """Begin a new revision whose changed objects are unknown: increase `revision` and set `changed_nodes` to
+        None.
+        """
         self.revision += 1
-        self.touched = None
+        self.changed_nodes = None
 
-    def _touch(self, *nodes: int) -> None:
-        """Record that nodes have changed in the current revision, if `touched` is a dict."""
-        if self.touched is not None:
+    def _record_changed(self, *nodes: int) -> None:
+        """Record that nodes have changed in the current revision, if `changed_nodes` is a dict."""
+        if self.changed_nodes is not None:
             for node in nodes:
-                self.touched.pop(node, None)
-                self.touched[node] = self.revision
+                self.changed_nodes.pop(node, None)
+                self.changed_nodes[node] = self.revision
 
     # --- reading
 
@@ -501,17 +524,17 @@ class Store:
             yield from extent
 
 
-def _splice(store: Store, column: list[Any], node: int, index: int, value: Value, inserting: bool) -> None:
-    """Insert or remove a value in the column of an attribute, as `Store.splice` does, and journal the change.
+def _splice_column(store: Store, column: list[Any], node: int, index: int, value: Value, inserting: bool) -> None:
+    """Insert or remove a value in the column of an attribute, as `Store.splice_value` does, and journal the change.
 
     Followers, the distinct values and the hash are not updated.
     """
     old = column[node] or ()
-    if isinstance(old, Ordered) and (inserting or len(old) > store.crowd + 1):
+    if isinstance(old, OrderedValues) and (inserting or len(old) > store.crowd + 1):
         key = (index, value, len(old) + inserting)
-        store.record(old, key, *((None, OUT) if inserting else (index, IN)))
+        store.record_change(old, key, *((None, ADDED) if inserting else (index, REMOVED)))
         old.put(key, None) if inserting else old.take(key)
         return
-    store.record(column, node, column[node], SET)
+    store.record_change(column, node, column[node], ASSIGNED)
     new = (*old[:index], value, *old[index:]) if inserting else (*old[:index], *old[index + 1 :])
-    column[node] = new if len(new) <= store.crowd else Ordered(new)
+    column[node] = new if len(new) <= store.crowd else OrderedValues(new)

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from envgraph.errors import InvalidArgument, visible
-from envgraph.graph.write import _refusals as refusals
+from envgraph.errors import InvalidArgument, escape_unprintable
+from envgraph.graph.write import _write_errors as refusals
 
 if TYPE_CHECKING:
     from envgraph.graph.model._graph import Graph
@@ -14,8 +14,8 @@ if TYPE_CHECKING:
 def find_object(graph: Graph, object_name: str) -> int | None:
     """Return the object with a name, or None. Objects of a grid are also found by position, such as `tile[3, 1]`."""
     found = graph.store.by_name.get(object_name)
-    if found is None and graph.places:
-        place = graph.places.get(object_name.replace(" ", ""), -1)
+    if found is None and graph.grid_positions:
+        place = graph.grid_positions.get(object_name.replace(" ", ""), -1)
         return place if graph.alive(place) else None
     return found
 
@@ -30,15 +30,15 @@ def set_object_name(graph: Graph, node: int, object_name: str | None) -> None:
     if object_name == graph.store.names[node]:
         return
     if object_name is not None:
-        check_free(graph, object_name)
-    graph.store.rename(node, object_name)
+        check_name_unused(graph, object_name)
+    graph.store.set_name(node, object_name)
 
 
-def title(graph: Graph, node: int) -> str | None:
+def display_name(graph: Graph, node: int) -> str | None:
     """Return the name of an object as files show it: its own name, else its grid position (`tile[3, 1]`), else None."""
-    if len(graph.titles) != len(graph.places):
-        graph.titles = {there: place.replace(",", ", ") for place, there in graph.places.items()}
-    return graph.store.names[node] or graph.titles.get(node)
+    if len(graph.grid_titles) != len(graph.grid_positions):
+        graph.grid_titles = {there: place.replace(",", ", ") for place, there in graph.grid_positions.items()}
+    return graph.store.names[node] or graph.grid_titles.get(node)
 
 
 def describe(graph: Graph, node: int) -> str:
@@ -51,17 +51,17 @@ def describe(graph: Graph, node: int) -> str:
         return f"object {node!r}"
     cls = graph.class_of(node)
     features = graph.metamodel.features(cls)
-    values = {name: next(iter(graph.read(node, features[name])), None) for name in graph.metamodel.key(cls)}
+    values = {name: next(iter(graph.read_feature(node, features[name])), None) for name in graph.metamodel.key(cls)}
     key = ", ".join(f"{name} = {value}" for name, value in values.items())
-    known = f" {{{visible(key)}}}" if key else f"#{node}"
-    return f"`{graph.title(node) or cls + known}`"
+    known = f" {{{escape_unprintable(key)}}}" if key else f"#{node}"
+    return f"`{graph.display_name(node) or cls + known}`"
 
 
-def check_free(graph: Graph, object_name: str) -> None:
+def check_name_unused(graph: Graph, object_name: str) -> None:
     if graph.find_object(object_name) is not None:
         raise InvalidArgument(f"`{graph.name}` has an object `{object_name}` already")
 
 
 def check_alive(graph: Graph, node: int) -> None:
     if not graph.alive(node):
-        raise refusals.missing(graph, node)
+        raise refusals.missing_object_error(graph, node)

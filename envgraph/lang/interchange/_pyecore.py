@@ -16,13 +16,13 @@ from urllib.parse import quote
 
 from envgraph.errors import SHOWN, Diagnostic, InvalidArgument, LoadError, Source, sort_diagnostics
 from envgraph.graph import Model, model_to_xmi
-from envgraph.lang.interchange._ecore import read_ecore
-from envgraph.lang.interchange._ecore_document import EcoreDocument, ecore_itself
-from envgraph.lang.interchange._xmi import read_xmi
+from envgraph.lang.interchange._ecore_document import EcoreDocument, ecore_metamodel_document
+from envgraph.lang.interchange._ecore_reader import read_ecore
+from envgraph.lang.interchange._xmi_reader import read_xmi
 from envgraph.lang.read._ecore_types import ECORE, XML_TYPES
 from envgraph.metamodel import Metamodel, metamodel_to_ecore
 
-_PLACE = re.compile(r"#/(\d+)/")
+_ROOT_INDEX = re.compile(r"#/(\d+)/")
 """Matches pyecore's path prefix of parts in one of several roots."""
 
 
@@ -40,25 +40,25 @@ def metamodel_from_pyecore(package: Any, *others: Any) -> Metamodel:
         LoadError: parts cannot be represented; positions are those in the packages' `.ecore` text.
         InvalidArgument: an argument is not a package, or pyecore is not installed.
     """
-    ecore = _module("pyecore.ecore")
+    ecore = _import_module("pyecore.ecore")
     given = (package, *others)
     packages = [getattr(one, "eClass", one) if isinstance(one, ModuleType) else one for one in given]
     for one in packages:
         if not isinstance(one, ecore.EPackage):
             raise InvalidArgument(f"each package must be an EPackage of pyecore, not {one!r}")
-    roots = _with_referenced(packages, ecore)
+    roots = _with_referenced_packages(packages, ecore)
     plain = [one for one in roots if one.nsURI != ECORE]
-    documents = [EcoreDocument(source) for source in _sources(plain, ecore)] if plain else []
+    documents = [EcoreDocument(source) for source in _ecore_sources(plain, ecore)] if plain else []
     if len(plain) < len(roots):
-        documents.insert(0 if roots[0].nsURI == ECORE else len(documents), ecore_itself())
+        documents.insert(0 if roots[0].nsURI == ECORE else len(documents), ecore_metamodel_document())
     found = read_ecore(documents)
     if found.metamodel is None:
         raise LoadError(sort_diagnostics(found.diagnostics))
-    _tell(one for one in found.diagnostics if one.code == "left-out")
+    _log_losses(one for one in found.diagnostics if one.code == "left-out")
     return found.metamodel
 
 
-def _tell(losses: Iterable[Diagnostic]) -> None:
+def _log_losses(losses: Iterable[Diagnostic]) -> None:
     """Log one warning with the messages of the first five losses and the number of the rest; if none, log nothing."""
     said = [one.message for one in losses]
     if said:
@@ -72,7 +72,7 @@ def metamodel_to_pyecore(metamodel: Metamodel) -> Any:
     Raises:
         InvalidArgument: pyecore is not installed.
     """
-    (package,) = _read("metamodel.ecore", metamodel_to_ecore(metamodel), ())
+    (package,) = _read_contents("metamodel.ecore", metamodel_to_ecore(metamodel), ())
     return package
 
 
@@ -87,14 +87,14 @@ def model_from_pyecore(*roots: Any, metamodel: Metamodel) -> Model:
         LoadError: the metamodel does not allow the objects; positions are those in their `.xmi` text.
         InvalidArgument: no objects are given, or pyecore is not installed.
     """
-    _module("pyecore.ecore")
+    _import_module("pyecore.ecore")
     if not roots:
         raise InvalidArgument("no objects are given, but a model needs at least one")
-    found = read_xmi(Source("model.xmi", _written(list(roots))), metamodel)
+    found = read_xmi(Source("model.xmi", _pyecore_text(list(roots))), metamodel)
     model = found.models[0].model
     if model is None:
         raise LoadError(sort_diagnostics(found.diagnostics))
-    _tell(one for one in found.diagnostics if one.code == "values-left-out")
+    _log_losses(one for one in found.diagnostics if one.code == "values-left-out")
     return model
 
 
@@ -108,14 +108,14 @@ def model_to_pyecore(model: Model, package: Any = None) -> list[Any]:
     Raises:
         InvalidArgument: a string contains a character that XML does not allow, or pyecore is not installed.
     """
-    _module("pyecore.ecore")
+    _import_module("pyecore.ecore")
     if package is None:
         package = metamodel_to_pyecore(model.metamodel)
-    packages = _with_referenced([package], _module("pyecore.ecore"))
-    return _read("model.xmi", model_to_xmi(model), [one for root in packages for one in _packages(root)])
+    packages = _with_referenced_packages([package], _import_module("pyecore.ecore"))
+    return _read_contents("model.xmi", model_to_xmi(model), [one for root in packages for one in _all_packages(root)])
 
 
-def _module(name: str) -> Any:
+def _import_module(name: str) -> Any:
     from importlib import import_module
 
     try:
@@ -125,9 +125,9 @@ def _module(name: str) -> Any:
         raise InvalidArgument(message) from error
 
 
-def _memory(name: str, text: str = "") -> Any:
+def _memory_resource(name: str, text: str = "") -> Any:
     """Return a pyecore resource in memory that reads `text`; the attribute `written` receives what is written to it."""
-    base = _module("pyecore.resources.resource").URI
+    base = _import_module("pyecore.resources.resource").URI
 
     class Memory(base):  # type: ignore[misc, valid-type]  # pyecore has no type hints
         written = io.BytesIO()
@@ -144,17 +144,17 @@ def _memory(name: str, text: str = "") -> Any:
     return Memory(name)
 
 
-def _read(name: str, text: str, packages: Any) -> list[Any]:
-    resources = _module("pyecore.resources").ResourceSet()
+def _read_contents(name: str, text: str, packages: Any) -> list[Any]:
+    resources = _import_module("pyecore.resources").ResourceSet()
     for package in packages:
         resources.metamodel_registry[package.nsURI] = package
-    return list(resources.get_resource(_memory(name, text)).contents)
+    return list(resources.get_resource(_memory_resource(name, text)).contents)
 
 
-def _written(roots: list[Any]) -> str:
+def _pyecore_text(roots: list[Any]) -> str:
     """Return the XMI text that pyecore writes for objects; afterwards they are in their own resources again."""
-    target = _memory("objects.xmi")
-    resource = _module("pyecore.resources.xmi").XMIResource(target)
+    target = _memory_resource("objects.xmi")
+    resource = _import_module("pyecore.resources.xmi").XMIResource(target)
     homes = [root._eresource for root in roots]
     resource.contents = roots
     try:
@@ -167,13 +167,13 @@ def _written(roots: list[Any]) -> str:
     return str(target.written.getvalue(), "utf-8")
 
 
-def _packages(package: Any) -> Iterator[Any]:
+def _all_packages(package: Any) -> Iterator[Any]:
     yield package
     for inner in package.eSubpackages:
-        yield from _packages(inner)
+        yield from _all_packages(inner)
 
 
-def _with_referenced(packages: Sequence[Any], ecore: Any) -> list[Any]:
+def _with_referenced_packages(packages: Sequence[Any], ecore: Any) -> list[Any]:
     """Return the outermost packages of these packages and of all that they refer to, without libraries not given."""
     found: list[Any] = []
     asked = [_outermost(package) for package in packages]
@@ -186,12 +186,12 @@ def _with_referenced(packages: Sequence[Any], ecore: Any) -> list[Any]:
         found.append(root)
         if not known:
             open_.extend(
-                _outermost(other) for inner in _packages(root) for other in _referenced(inner, ecore)
+                _outermost(other) for inner in _all_packages(root) for other in _referenced_packages(inner, ecore)
             )
     return found
 
 
-def _referenced(package: Any, ecore: Any) -> Iterator[Any]:
+def _referenced_packages(package: Any, ecore: Any) -> Iterator[Any]:
     for classifier in package.eClassifiers:
         if isinstance(classifier, ecore.EClass):
             types = [feature.eType for feature in classifier.eStructuralFeatures]
@@ -206,10 +206,10 @@ def _outermost(package: Any) -> Any:
     return package
 
 
-def _sources(packages: Sequence[Any], ecore: Any) -> Iterator[Source]:
+def _ecore_sources(packages: Sequence[Any], ecore: Any) -> Iterator[Source]:
     """Yield the texts of packages as `.ecore` files that refer to each other by file name."""
-    etree = _module("lxml.etree")  # lxml is installed with pyecore, which writes with it
-    tree = etree.fromstring(_written(list(packages)).encode())
+    etree = _import_module("lxml.etree")  # lxml is installed with pyecore, which writes with it
+    tree = etree.fromstring(_pyecore_text(list(packages)).encode())
     elements = [tree] if len(packages) == 1 else list(tree)
     names: list[str] = []
     for package in packages:
@@ -217,18 +217,18 @@ def _sources(packages: Sequence[Any], ecore: Any) -> Iterator[Source]:
         names.append(name if name not in names else f"{name}-{len(names)}")
     for name, element, package in zip(names, elements, packages, strict=True):
         files = [("" if other == name else f"{quote(other)}.ecore") for other in names]
-        _name_files(element, files)
+        _insert_file_names(element, files)
         _add_opposites(element, package, ecore, dict(zip(packages, files, strict=True)))
         yield Source(f"{name}.ecore", str(etree.tostring(element, encoding="unicode")))
 
 
-def _name_files(tree: Any, files: Sequence[str]) -> None:
+def _insert_file_names(tree: Any, files: Sequence[str]) -> None:
     """Replace references such as `#/1/A` in an XML tree by `b.ecore#//A`, with the name of file 1 from `files`."""
     for part in tree.iter():
         for attribute in ("eType", "eSuperTypes"):
             if attribute in part.attrib:
                 text = part.attrib[attribute]
-                part.attrib[attribute] = _PLACE.sub(lambda found: f"{files[int(found[1])]}#//", text)
+                part.attrib[attribute] = _ROOT_INDEX.sub(lambda found: f"{files[int(found[1])]}#//", text)
 
 
 def _add_opposites(element: Any, package: Any, ecore: Any, files: Mapping[Any, str]) -> None:
@@ -238,12 +238,12 @@ def _add_opposites(element: Any, package: Any, ecore: Any, files: Mapping[Any, s
             features = zip(tag.findall("eStructuralFeatures"), classifier.eStructuralFeatures, strict=True)
             for inner, feature in features:
                 if isinstance(feature, ecore.EReference) and feature.eOpposite is not None:
-                    inner.set("eOpposite", _address(feature.eOpposite, files))
+                    inner.set("eOpposite", _feature_path(feature.eOpposite, files))
     for tag, inside in zip(element.findall("eSubpackages"), package.eSubpackages, strict=True):
         _add_opposites(tag, inside, ecore, files)
 
 
-def _address(feature: Any, files: Mapping[Any, str]) -> str:
+def _feature_path(feature: Any, files: Mapping[Any, str]) -> str:
     """Return the path of a feature: the file, then `#//Class/feature` with the packages around the class."""
     steps = [feature.name, feature.eContainingClass.name]
     package = feature.eContainingClass.ePackage

@@ -9,14 +9,14 @@ from typing import TYPE_CHECKING
 from envgraph.code import dataclass
 from envgraph.errors import Diagnostic, Note, Span
 from envgraph.lang.read._imports import Import
-from envgraph.lang.read._metamodel import MetamodelFile
+from envgraph.lang.read._metamodel_reader import MetamodelFile
 from envgraph.metamodel import Metamodel
 
 if TYPE_CHECKING:  # The module is loaded with the first file that needs it.
     from envgraph.lang.interchange._ecore_document import EcoreDocument
 
 
-def same(one: Metamodel, other: Metamodel) -> bool:
+def is_same_metamodel(one: Metamodel, other: Metamodel) -> bool:
     """Return True if two metamodels have the same classes and enums."""
     return one is other or (one.class_list == other.class_list and one.enum_types == other.enum_types)
 
@@ -40,19 +40,19 @@ class Metamodels:
         return bool(self.files or self.ecore or self.given)
 
     @property
-    def first(self) -> Metamodel | None:
+    def main(self) -> Metamodel | None:
         """Return the metamodel of the first file, or `given` without files; None if it has errors or there is none."""
         found = [file.metamodel for file, _ in self.files.values()]
         return found[0] if found else self.given
 
     @property
-    def unread(self) -> bool:
+    def has_unreadable_file(self) -> bool:
         """Return True if a metamodel file could not be read."""
         return any(file.metamodel is None for file, _ in self.files.values()) or any(
             document.root is None for document, _ in self.ecore.values()
         )
 
-    def put_together(self, order: Mapping[str, int]) -> list[Diagnostic]:
+    def combine_ecore(self, order: Mapping[str, int]) -> list[Diagnostic]:
         """Combine the `.ecore` files into one entry of `files`; return errors for packages that two files contain.
 
         Packages with the same content in both files are not reported.
@@ -72,37 +72,35 @@ class Metamodels:
                 first[document.uri or name] = document
             else:
                 doubles[name] = known
-                if known.uri != document.uri or not self._alike(known, document):
+                if known.uri != document.uri or not self._define_same(known, document):
                     message = f"the package `{uris[0]}` is also in another file, with different content"
                     hint = "load only one of the two files"
-                    problems.append(_second(message, asked, document.span, known.span, hint))
+                    problems.append(_second_metamodel(message, asked, document.span, known.span, hint))
         if first:
             name, (_, asked) = next(iter(self.ecore.items()))
             documents = tuple(first.values())
-            from envgraph.lang.interchange._ecore import read_ecore
+            from envgraph.lang.interchange._ecore_reader import read_ecore
 
             read = read_ecore(documents, doubles, allow_unresolved=self.allow_unresolved)
             self.files[name] = read, asked
             self.files = dict(sorted(self.files.items(), key=lambda one: order[one[0]]))
         return problems
 
-    def _alike(self, one: EcoreDocument, other: EcoreDocument) -> bool:
+    def _define_same(self, one: EcoreDocument, other: EcoreDocument) -> bool:
         """Return True if two `.ecore` files define the same metamodel; False if one of them has errors."""
         if one.source.text == other.source.text:
             return True
-        from envgraph.lang.interchange._ecore import read_ecore
+        from envgraph.lang.interchange._ecore_reader import read_ecore
 
         documents = {each.uri or name: each for name, (each, _) in reversed(self.ecore.items())}
         names = [name for name, (each, _) in self.ecore.items() if each.uri == one.uri]
         first, second = (
-            read_ecore(
-                tuple({**documents, each.uri or "": each}.values()), dict.fromkeys(names, each)
-            ).metamodel
+            read_ecore(tuple({**documents, each.uri or "": each}.values()), dict.fromkeys(names, each)).metamodel
             for each in (one, other)
         )
-        return first is not None and second is not None and same(first, second)
+        return first is not None and second is not None and is_same_metamodel(first, second)
 
-    def names(self) -> dict[str, str]:
+    def importable_names(self) -> dict[str, str]:
         """Map the URIs and names by which metamodels can be imported to the names of their files ("" for `given`)."""
         found = {file: one.metamodel for file, (one, _) in self.files.items()}
         if not found and not self.ecore:
@@ -113,31 +111,31 @@ class Metamodels:
             if metamodel
             for name in (*(package.uri for package in metamodel.packages), metamodel.name)
         }
-        calls = {name: file for file, (one, _) in self.ecore.items() for name in one.calls()}
+        calls = {name: file for file, (one, _) in self.ecore.items() for name in one.import_names()}
         return {**calls, **known}
 
-    def others(self) -> list[tuple[MetamodelFile, Import | None]]:
+    def additional(self) -> list[tuple[MetamodelFile, Import | None]]:
         """Return the metamodel files after the first that differ from it; equal ones in another format are left out."""
         found = list(self.files.values())
         first = found[0][0].metamodel if found else None
         return [
             (file, asked)
             for file, asked in found[1:]
-            if not (first and file.metamodel and same(first, file.metamodel))
+            if not (first and file.metamodel and is_same_metamodel(first, file.metamodel))
         ]
 
-    def one(self) -> list[Diagnostic]:
+    def check_single(self) -> list[Diagnostic]:
         """Return an error for each metamodel that differs from the first one, since only one is allowed."""
         problems = []
-        for other, asked in self.others():
+        for other, asked in self.additional():
             first = next(iter(self.files.values()))[0]
             hint = "put all classes into one metamodel, since an engine has only one"
             if any(one.name.endswith(".ecore") for one in (other.span.source, first.span.source)):
                 hint = f"{hint}, or load only `.ecore` files, which are combined into one"
-            problems.append(_second("this is a second metamodel", asked, other.span, first.span, hint))
+            problems.append(_second_metamodel("this is a second metamodel", asked, other.span, first.span, hint))
         return problems
 
 
-def _second(message: str, asked: Import | None, span: Span, first: Span, hint: str) -> Diagnostic:
+def _second_metamodel(message: str, import_: Import | None, span: Span, first: Span, hint: str) -> Diagnostic:
     notes = (Note("the first one is here", first),)
-    return Diagnostic("two-metamodels", message, asked.span if asked else span, hint, notes=notes)
+    return Diagnostic("two-metamodels", message, import_.span if import_ else span, hint, notes=notes)

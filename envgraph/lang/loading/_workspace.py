@@ -9,9 +9,9 @@ from typing import TYPE_CHECKING
 from envgraph.code import dataclass
 from envgraph.errors import Diagnostic, InvalidArgument, LoadError, Severity, did_you_mean, has_errors
 from envgraph.graph import Model
-from envgraph.lang.family._family import FamilySpec
-from envgraph.lang.read._model import ModelText
-from envgraph.lang.syntax._files import Bundle, bundle
+from envgraph.lang.family._family_spec import FamilySpec
+from envgraph.lang.read._model_reader import ModelText
+from envgraph.lang.syntax._source_files import Bundle, make_bundle
 from envgraph.metamodel import Metamodel
 from envgraph.pattern import Derivation, FunctionDeclaration, Pattern, Rule, Unit, UnknownNames
 from envgraph.rewrite import Engine, Registration
@@ -121,4 +121,4 @@ class Workspace:
 
     def bundle(self) -> Bundle:
         """Return the texts of all files as a bundle, which can be loaded again elsewhere."""
-        return bundle(self.roots, self.sources)
+        return make_bundle(self.roots, self.sources)

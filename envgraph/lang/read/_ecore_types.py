@@ -9,7 +9,7 @@ from envgraph.code import dataclass
 from envgraph.metamodel import LARGEST_INT, EnumType, Scalar, Value, parse_value
 
 ECORE = "http://www.eclipse.org/emf/2002/Ecore"
-EXTENDED = "http:///org/eclipse/emf/ecore/util/ExtendedMetaData"
+EXTENDED_METADATA = "http:///org/eclipse/emf/ecore/util/ExtendedMetaData"
 XML_TYPES = "http://www.eclipse.org/emf/2003/XMLType"
 
 
@@ -39,7 +39,7 @@ _NULLABLE: Mapping[Scalar, str] = {
     "EResource EResourceSet EEnumerator EDiagnosticChain EInvocationTargetException",
 }
 FEATURE_MAP = "EFeatureMapEntry"
-A_MAP = "it is a feature map, and was left out of the metamodel"
+FEATURE_MAP_REASON = "it is a feature map, and was left out of the metamodel"
 """The reason for leaving a feature map out of the metamodel."""
 
 _XML: Mapping[Scalar, str] = {
@@ -61,27 +61,23 @@ _JAVA: Mapping[Scalar, str] = {
 }
 
 
-def _types(words: Mapping[Scalar, str], nullable: bool) -> dict[str, DataType]:
+def _data_types(words: Mapping[Scalar, str], nullable: bool) -> dict[str, DataType]:
     return {name: DataType(type_, nullable) for type_, names in words.items() for name in names.split()}
 
 
-ECORE_TYPES: Mapping[str, DataType] = _types(_WORDS, False) | _types(_NULLABLE, True)
+ECORE_TYPES: Mapping[str, DataType] = _data_types(_WORDS, False) | _data_types(_NULLABLE, True)
 """The supported data types of Ecore itself, by name."""
 
-_XML_SCHEMA = {
-    name: DataType(type_, type_ is Scalar.STRING) for type_, names in _XML.items() for name in names.split()
-}
-_XML_SCHEMA.update(
-    {f"{name}Object": DataType(one.type, True) for name, one in _XML_SCHEMA.items() if not one.nullable}
-)
-_OF_JAVA = {name: type_ for type_, names in _JAVA.items() for name in names.split()}
+_XML_SCHEMA = {name: DataType(type_, type_ is Scalar.STRING) for type_, names in _XML.items() for name in names.split()}
+_XML_SCHEMA.update({f"{name}Object": DataType(one.type, True) for name, one in _XML_SCHEMA.items() if not one.nullable})
+_JAVA_SCALARS = {name: type_ for type_, names in _JAVA.items() for name in names.split()}
 _SOURCES = (
     (ECORE, "org.eclipse.emf.ecore/model/Ecore.ecore", ECORE_TYPES),
     (XML_TYPES, "org.eclipse.emf.ecore/model/XMLType.ecore", _XML_SCHEMA),
 )
 
 
-def library_types(document: str) -> Mapping[str, DataType] | None:
+def well_known_types(document: str) -> Mapping[str, DataType] | None:
     """Return the data types of Ecore or XML Schema by name, if `document` is the URI or file of one; otherwise None."""
     for uri, path, types in _SOURCES if document else ():
         if document == uri or document.endswith(f"/{path}"):
@@ -89,9 +85,9 @@ def library_types(document: str) -> Mapping[str, DataType] | None:
     return None
 
 
-def java_type(name: str) -> DataType:
+def java_data_type(name: str) -> DataType:
     """Return the data type of a Java class or primitive type; values of unknown classes are read as strings."""
-    found = _OF_JAVA.get(name, Scalar.STRING)
+    found = _JAVA_SCALARS.get(name, Scalar.STRING)
     return DataType(found, "." in name or found is Scalar.STRING)
 
 
@@ -103,18 +99,18 @@ _INFINITE = {
 }
 
 
-def value_of(text: str, type_: Scalar | EnumType) -> Value | None:
+def parse_xml_value(text: str, type_: Scalar | EnumType) -> Value | None:
     """Parse an attribute value as XML files write it; return None if it does not fit the type.
 
     A literal of an enum is written as its label, its name or its number. Numbers of more than 64 bits do not fit.
 
-    >>> value_of("*", Scalar.INT)  # an upper bound in UML
+    >>> parse_xml_value("*", Scalar.INT)  # an upper bound in UML
     -1
     """
     if type_ is Scalar.STRING:
         return text
     if isinstance(type_, EnumType):
-        return literal_of(text, type_)
+        return find_literal(text, type_)
     if type_ is Scalar.INT and text == "*":
         return -1
     if type_ is Scalar.BOOL:  # `TRUE` as EMF reads it, `1` as XML Schema does
@@ -122,8 +118,10 @@ def value_of(text: str, type_: Scalar | EnumType) -> Value | None:
     return parse_value(_INFINITE.get(text, text) if type_ is Scalar.FLOAT else text, type_)
 
 
-def why_unfit(text: str, type_: Scalar | EnumType) -> str | None:
-    """Return a hint if a text that `value_of` refuses is `NaN` or a number, which is then too large; otherwise None."""
+def number_range_hint(text: str, type_: Scalar | EnumType) -> str | None:
+    """Return a hint if a text that `parse_xml_value` refuses is `NaN` or a number, which is then too large; otherwise
+    None.
+    """
     if type_ is Scalar.FLOAT and text == "NaN":
         return "write another value: `NaN` does not equal itself, so no query could find it"
     if type_ is Scalar.INT and _INT.fullmatch(text):
@@ -133,7 +131,7 @@ def why_unfit(text: str, type_: Scalar | EnumType) -> str | None:
     return None
 
 
-def literal_of(text: str, type_: EnumType) -> str | None:
+def find_literal(text: str, type_: EnumType) -> str | None:
     """Return the name of the literal whose label, name or number is `text`; None if the enum has no such literal."""
     for names in (type_.labels, type_.literals, tuple(map(str, type_.numbers or range(len(type_.literals))))):
         if text in names:

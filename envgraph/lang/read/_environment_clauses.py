@@ -30,10 +30,16 @@ from envgraph.behaviour import (
 )
 from envgraph.code import dataclass
 from envgraph.errors import Span
-from envgraph.lang.read._expressions import expression_of, expressions_of, variable_of
-from envgraph.lang.read._query_conditions import condition_of, pattern_call_of
-from envgraph.lang.read._reading import Reading, type_of, type_span_of
-from envgraph.lang.syntax._parsing import number_of, qualified_name_of, signed, tokens, trees
+from envgraph.lang.read._expression_parser import parse_expression, parse_expressions, parse_variable
+from envgraph.lang.read._file_reading import FileReading, resolve_type, type_name_span
+from envgraph.lang.read._query_conditions import parse_condition, parse_pattern_call
+from envgraph.lang.syntax._parser import (
+    number_of,
+    qualified_name_of,
+    select_tokens,
+    select_trees,
+    signed_number_of,
+)
 from envgraph.pattern import Expression, Navigation, Negation, Parameter, PatternCall
 
 _NOTHING = "nothing"
@@ -42,56 +48,54 @@ _NOTHING = "nothing"
 # --- actions ---
 
 
-def action_of(reading: Reading, tree: Tree[Token]) -> Action:
+def parse_action(reading: FileReading, tree: Tree[Token]) -> Action:
     """Parse `action name(parameters) = branches reward e else reward e`; report a second `reward` or `else`."""
-    name = tokens(tree.children, "NAME")[0]
-    domains = [part for group in trees(tree.children, "domains") for part in trees(group.children)]
-    others = trees(tree.children, "other")
-    reward = reading.only("`reward`", trees(tree.children, "reward"), "write one reward with the sum")
-    other_reward = reading.only("`else`", others)
+    name = select_tokens(tree.children, "NAME")[0]
+    domains = [part for group in select_trees(tree.children, "domains") for part in select_trees(group.children)]
+    others = select_trees(tree.children, "other")
+    reward = reading.first_or_report("`reward`", select_trees(tree.children, "reward"), "write one reward with the sum")
+    other_reward = reading.first_or_report("`else`", others)
     for other in others:
-        if not tokens(other.children, "REWARD"):
-            reading.error(
-                "missing-token", "`reward` is missing after `else`", other, "write `else reward ...`"
-            )
-    branches = branches_of(reading, trees(tree.children, "branches")[0])
+        if not select_tokens(other.children, "REWARD"):
+            reading.error("missing-token", "`reward` is missing after `else`", other, "write `else reward ...`")
+    branches = parse_branches(reading, select_trees(tree.children, "branches")[0])
     return Action(
         name=str(name),
         branches=branches,
-        parameters=tuple((str(tokens(part.children)[0]), _domain(reading, part)) for part in domains),
-        reward=_amount(reading, reward),
-        else_reward=_amount(reading, other_reward),
+        parameters=tuple((str(select_tokens(part.children)[0]), _parse_domain(reading, part)) for part in domains),
+        reward=_parse_optional_expression(reading, reward),
+        else_reward=_parse_optional_expression(reading, other_reward),
         span=reading.span(name),
-        parameter_spans=tuple(reading.span(tokens(part.children)[0]) for part in domains),
+        parameter_spans=tuple(reading.span(select_tokens(part.children)[0]) for part in domains),
     )
 
 
-def _amount(reading: Reading, tree: Tree[Token] | None) -> Expression | None:
+def _parse_optional_expression(reading: FileReading, tree: Tree[Token] | None) -> Expression | None:
     """Parse the expression of a `reward`, `else` or `weight` clause; return None if the clause is missing."""
-    return expression_of(reading, trees(tree.children)[0]) if tree else None
+    return parse_expression(reading, select_trees(tree.children)[0]) if tree else None
 
 
-def _domain(reading: Reading, tree: Tree[Token]) -> Domain:
+def _parse_domain(reading: FileReading, tree: Tree[Token]) -> Domain:
     """Parse the domain of a parameter; store the name of an enum in `cls` too, which `with_enums` moves to `enum`."""
-    part = trees(tree.children)[0]
+    part = select_trees(tree.children)[0]
     if part.data == "range":
-        low, high = _bounds(part)
+        low, high = _parse_bounds(part)
         return Domain(low=low, high=high, span=reading.span(part))
-    return Domain(cls=type_of(reading, part), span=type_span_of(reading, part))
+    return Domain(cls=resolve_type(reading, part), span=type_name_span(reading, part))
 
 
-def _bounds(tree: Tree[Token]) -> tuple[int, int]:
-    low, high = (int(signed(part)) for part in trees(tree.children))
+def _parse_bounds(tree: Tree[Token]) -> tuple[int, int]:
+    low, high = (int(signed_number_of(part)) for part in select_trees(tree.children))
     return low, high
 
 
-def branches_of(reading: Reading, tree: Tree[Token]) -> tuple[Branch, ...]:
+def parse_branches(reading: FileReading, tree: Tree[Token]) -> tuple[Branch, ...]:
     """Parse `a(x)` (probability 1), or `0.9: a(x) | 0.1: b(x)`; report a missing probability of several branches."""
-    parts = trees(tree.children, "branch")
+    parts = select_trees(tree.children, "branch")
     branches: list[Branch] = []
     for part in parts:
-        call = _rule_call(reading, trees(part.children, "rule_call")[0])
-        chances = trees(part.children, "probability")
+        call = _parse_rule_call(reading, select_trees(part.children, "rule_call")[0])
+        chances = select_trees(part.children, "probability")
         if not chances and len(parts) > 1:
             hint = f"write `0.5: {reading.text(part)}`"
             reading.error(
@@ -102,7 +106,7 @@ def branches_of(reading: Reading, tree: Tree[Token]) -> tuple[Branch, ...]:
             )
         branches.append(
             Branch(
-                _probability(reading, chances[0]) if chances else 1.0 if len(parts) == 1 else 0.0,
+                _parse_probability(reading, chances[0]) if chances else 1.0 if len(parts) == 1 else 0.0,
                 call,
                 reading.span(part),
                 probability_span=reading.span(chances[0]) if chances else None,
@@ -111,31 +115,29 @@ def branches_of(reading: Reading, tree: Tree[Token]) -> tuple[Branch, ...]:
     return tuple(branches)
 
 
-def _probability(reading: Reading, tree: Tree[Token]) -> float | Expression:
+def _parse_probability(reading: FileReading, tree: Tree[Token]) -> float | Expression:
     """Parse a probability: a number, a path such as `a.b`, or an expression in parentheses."""
-    for part in trees(tree.children):
-        return chain_of(reading, part) if part.data == "chain" else expression_of(reading, part)
-    return float(number_of(tokens(tree.children)[0]))
+    for part in select_trees(tree.children):
+        return parse_path(reading, part) if part.data == "chain" else parse_expression(reading, part)
+    return float(number_of(select_tokens(tree.children)[0]))
 
 
-def _rule_call(reading: Reading, tree: Tree[Token]) -> RuleCall:
-    name = trees(tree.children, "qualified_name")[0]
+def _parse_rule_call(reading: FileReading, tree: Tree[Token]) -> RuleCall:
+    name = select_trees(tree.children, "qualified_name")[0]
     rule = qualified_name_of(name)
-    parts = trees(tree.children, "arguments")
+    parts = select_trees(tree.children, "arguments")
     if not parts:
         written = f"{rule}()" if rule == _NOTHING else f"{rule}(...)"
         reading.error("missing-token", "missing `(`", name, f"write `{written}`")
-    arguments = tuple(item for part in parts for item in expressions_of(reading, part))
-    return RuleCall(
-        None if rule == _NOTHING else rule, arguments, reading.span(tree), rule_span=reading.span(name)
-    )
+    arguments = tuple(item for part in parts for item in parse_expressions(reading, part))
+    return RuleCall(None if rule == _NOTHING else rule, arguments, reading.span(tree), rule_span=reading.span(name))
 
 
 # --- effects ---
 
 
 @dataclass(frozen=True, slots=True)
-class _Parts:
+class _EffectParts:
     """The parts of an effect clause: `reward`, `terminate` or `truncate`, and `apply`. A missing part is None."""
 
     reward: Tree[Token] | None
@@ -143,15 +145,15 @@ class _Parts:
     apply: Tree[Token] | None
 
 
-def _parts(reading: Reading, tree: Tree[Token]) -> _Parts:
-    reward = reading.only("`reward`", trees(tree.children, "reward"))
-    end = reading.only("an end", trees(tree.children, "end"))
-    return _Parts(reward, end, reading.only("`apply`", trees(tree.children, "apply")))
+def _effect_parts(reading: FileReading, tree: Tree[Token]) -> _EffectParts:
+    reward = reading.first_or_report("`reward`", select_trees(tree.children, "reward"))
+    end = reading.first_or_report("an end", select_trees(tree.children, "end"))
+    return _EffectParts(reward, end, reading.first_or_report("`apply`", select_trees(tree.children, "apply")))
 
 
-def each_step_of(reading: Reading, tree: Tree[Token]) -> EachStep | None:
+def parse_each_step(reading: FileReading, tree: Tree[Token]) -> EachStep | None:
     """Parse `each step reward e apply branches`; report an empty clause, and report and ignore an end of episodes."""
-    parts = _parts(reading, tree)
+    parts = _effect_parts(reading, tree)
     if parts.end:
         hint = "write `on find p(..) terminate ..`, with a pattern for the end"
         reading.error(
@@ -160,15 +162,15 @@ def each_step_of(reading: Reading, tree: Tree[Token]) -> EachStep | None:
     elif not (parts.reward or parts.apply):
         reading.error("empty-clause", "this clause does nothing", tree, "add `reward` or `apply`")
     return EachStep(
-        _amount(reading, parts.reward),
-        _for_all(reading, parts.apply) if parts.apply else (),
+        _parse_optional_expression(reading, parts.reward),
+        _parse_apply_without_find(reading, parts.apply) if parts.apply else (),
         reading.span(tree),
     )
 
 
-def _for_all(reading: Reading, apply: Tree[Token]) -> tuple[Branch, ...]:
+def _parse_apply_without_find(reading: FileReading, apply: Tree[Token]) -> tuple[Branch, ...]:
     """Parse the branches of an `apply` without `find`; report a `weight`, since there are no matches to sample."""
-    for part in trees(apply.children, "weight"):
+    for part in select_trees(apply.children, "weight"):
         hint = "write `on find p(x) apply ..`, or `on reset find p(x) apply ..`"
         reading.error(
             "misplaced-part",
@@ -176,39 +178,37 @@ def _for_all(reading: Reading, apply: Tree[Token]) -> tuple[Branch, ...]:
             part,
             hint,
         )
-    return branches_of(reading, trees(apply.children, "branches")[0])
+    return parse_branches(reading, select_trees(apply.children, "branches")[0])
 
 
-def _applied(reading: Reading, apply: Tree[Token]) -> tuple[tuple[Branch, ...], Expression | None]:
+def _parse_apply(reading: FileReading, apply: Tree[Token]) -> tuple[tuple[Branch, ...], Expression | None]:
     """Parse the branches of an `apply`, and the weight expression for sampling a match (None if no weight is given)."""
-    branches = branches_of(reading, trees(apply.children, "branches")[0])
-    return branches, _amount(reading, next(iter(trees(apply.children, "weight")), None))
+    branches = parse_branches(reading, select_trees(apply.children, "branches")[0])
+    return branches, _parse_optional_expression(reading, next(iter(select_trees(apply.children, "weight")), None))
 
 
-def on_find_of(reading: Reading, tree: Tree[Token]) -> OnFind | None:
+def parse_on_find(reading: FileReading, tree: Tree[Token]) -> OnFind | None:
     """Parse `on find p(..) ...`; report an empty clause. Report an invalid condition and return None."""
-    asked = trees(tree.children)[0]
-    parts = _parts(reading, tree)
+    asked = select_trees(tree.children)[0]
+    parts = _effect_parts(reading, tree)
     if not (parts.reward or parts.end or parts.apply):
-        reading.error(
-            "empty-clause", "this clause does nothing", tree, "add `reward`, `terminate` or `apply`"
-        )
-    condition = _condition(reading, asked)
-    branches, weight = _applied(reading, parts.apply) if parts.apply else ((), None)
+        reading.error("empty-clause", "this clause does nothing", tree, "add `reward`, `terminate` or `apply`")
+    condition = _parse_find_condition(reading, asked)
+    branches, weight = _parse_apply(reading, parts.apply) if parts.apply else ((), None)
     if condition is None:
         return None
     return OnFind(
         condition,
-        _amount(reading, parts.reward),
-        _end(parts.end) if parts.end else None,
+        _parse_optional_expression(reading, parts.reward),
+        _parse_end(parts.end) if parts.end else None,
         branches,
         weight,
         reading.span(tree),
     )
 
 
-def _condition(reading: Reading, tree: Tree[Token]) -> PatternCall | Negation | None:
-    condition = condition_of(reading, tree)
+def _parse_find_condition(reading: FileReading, tree: Tree[Token]) -> PatternCall | Negation | None:
+    condition = parse_condition(reading, tree)
     if isinstance(condition, PatternCall):
         return condition
     if isinstance(condition, Negation) and isinstance(condition.relation, PatternCall):
@@ -220,23 +220,23 @@ def _condition(reading: Reading, tree: Tree[Token]) -> PatternCall | Negation | 
             written = f"`on {called[1] or ''}find {called[2]}`"
             hint = f"write {written} if this is a pattern; otherwise define a pattern for this condition"
         reading.error("wrong-condition", "`on` must be followed by `find` or `neg find`", tree, hint)
-    reading.gap(tree)
+    reading.record_gap(tree)
     return None
 
 
-def _end(tree: Tree[Token]) -> End:
+def _parse_end(tree: Tree[Token]) -> End:
     word = str(tree.children[-1])
     return "truncation" if word == "truncate" else cast("End", word)
 
 
-def on_reset_of(reading: Reading, tree: Tree[Token]) -> OnReset | None:
+def parse_on_reset(reading: FileReading, tree: Tree[Token]) -> OnReset | None:
     """Parse `on reset [find p(..)] apply branches`; report a `reward` and an end of the episode, which are ignored.
 
     Return None if `apply` is missing or the condition is invalid; both are reported.
     """
-    parts = _parts(reading, tree)
-    asked = [part for part in trees(tree.children) if part.data not in ("reward", "apply", "end")]
-    condition = _condition(reading, asked[0]) if asked else None
+    parts = _effect_parts(reading, tree)
+    asked = [part for part in select_trees(tree.children) if part.data not in ("reward", "apply", "end")]
+    condition = _parse_find_condition(reading, asked[0]) if asked else None
     for part in (parts.reward, parts.end):
         if part is not None:
             hint = "leave it out"
@@ -248,91 +248,87 @@ def on_reset_of(reading: Reading, tree: Tree[Token]) -> OnReset | None:
             )
     if parts.apply is None:
         if not (parts.reward or parts.end):
-            reading.error(
-                "empty-clause", "this clause does nothing", tree, "write `on reset apply rule(...)`"
-            )
+            reading.error("empty-clause", "this clause does nothing", tree, "write `on reset apply rule(...)`")
         return None
     if not asked:
-        return OnReset(_for_all(reading, parts.apply), span=reading.span(tree))
-    branches, weight = _applied(reading, parts.apply)
+        return OnReset(_parse_apply_without_find(reading, parts.apply), span=reading.span(tree))
+    branches, weight = _parse_apply(reading, parts.apply)
     return OnReset(branches, condition, weight, reading.span(tree)) if condition else None
 
 
 # --- observations ---
 
 
-def observation_of(reading: Reading, tree: Tree[Token]) -> Observation:
+def parse_observation(reading: FileReading, tree: Tree[Token]) -> Observation:
     """Parse an `observe ..` clause: the observation of a pattern, an object, a number in a range or an attribute."""
-    observed = trees(tree.children)[0]
-    every, visibles = trees(tree.children, "each_object"), trees(tree.children, "visible")
-    each, visible = reading.only("`for`", every), reading.only("`if`", visibles)
+    observed = select_trees(tree.children)[0]
+    every, visibles = select_trees(tree.children, "each_object"), select_trees(tree.children, "visible")
+    each, visible = reading.first_or_report("`for`", every), reading.first_or_report("`if`", visibles)
     span = reading.span(tree)
     if observed.data in ("holds", "count"):
-        return _observe_find(reading, observed, every, visibles, span)
-    parameter = _each(reading, each) if each else None
-    only = pattern_call_of(reading, trees(visible.children)[0]) if visible else None
-    inner = trees(observed.children)
+        return _parse_observe_find(reading, observed, every, visibles, span)
+    parameter = _parse_each_object(reading, each) if each else None
+    only = parse_pattern_call(reading, select_trees(visible.children)[0]) if visible else None
+    inner = select_trees(observed.children)
     match observed.data:
         case "among":
-            or_none = bool(trees(inner, "or_none"))
-            type_ = type_of(reading, inner[1])
-            path = chain_of(reading, inner[0])
-            among_span = type_span_of(reading, inner[1])
+            or_none = bool(select_trees(inner, "or_none"))
+            type_ = resolve_type(reading, inner[1])
+            path = parse_path(reading, inner[0])
+            among_span = type_name_span(reading, inner[1])
             return ObserveObject(path, type_, or_none, parameter, only, span, among_span)
         case "within":
-            return ObserveRange(chain_of(reading, inner[0]), *_bounds(inner[1]), parameter, only, span)
-    return ObserveAttribute(chain_of(reading, inner[0]), parameter, only, span)
+            return ObserveRange(parse_path(reading, inner[0]), *_parse_bounds(inner[1]), parameter, only, span)
+    return ObserveAttribute(parse_path(reading, inner[0]), parameter, only, span)
 
 
-def _observe_find(
-    reading: Reading, tree: Tree[Token], each: list[Tree[Token]], visible: list[Tree[Token]], span: Span
+def _parse_observe_find(
+    reading: FileReading, tree: Tree[Token], each: list[Tree[Token]], visible: list[Tree[Token]], span: Span
 ) -> ObserveFind:
     for part in each:
-        parameter = _each(reading, part)
+        parameter = _parse_each_object(reading, part)
         path = f"`observe {parameter.name}.attribute for {parameter.name} : {parameter.type}`"
-        hint = (
-            f"store the value in an attribute and write {path}, or write `observe count find p(..) up to n`"
-        )
+        hint = f"store the value in an attribute and write {path}, or write `observe count find p(..) up to n`"
         reading.error("misplaced-part", "`for` is allowed after a path, not after `find`", part, hint)
     for part in visible:
         hint = "put both conditions into one pattern, and observe it"
         reading.error("misplaced-part", "`if` is allowed after a path, not after `find`", part, hint)
-    bounds = tokens(tree.children, "INT")
+    bounds = select_tokens(tree.children, "INT")
     return ObserveFind(
-        pattern_call_of(reading, trees(tree.children)[0]), int(bounds[0]) if bounds else None, span
+        parse_pattern_call(reading, select_trees(tree.children)[0]), int(bounds[0]) if bounds else None, span
     )
 
 
-def _each(reading: Reading, tree: Tree[Token]) -> Parameter:
-    name, type_ = tokens(tree.children)[0], trees(tree.children)[0]
+def _parse_each_object(reading: FileReading, tree: Tree[Token]) -> Parameter:
+    name, type_ = select_tokens(tree.children)[0], select_trees(tree.children)[0]
     return Parameter(
         str(name),
-        type_of(reading, type_),
+        resolve_type(reading, type_),
         span=reading.span(name),
-        type_span=type_span_of(reading, type_),
+        type_span=type_name_span(reading, type_),
     )
 
 
-def chain_of(reading: Reading, tree: Tree[Token]) -> Expression:
+def parse_path(reading: FileReading, tree: Tree[Token]) -> Expression:
     """Parse the path `a.b.c` into nested navigations from the variable `a`."""
-    first, *features = tokens(tree.children)
-    path: Expression = variable_of(reading, first)
+    first, *features = select_tokens(tree.children)
+    path: Expression = parse_variable(reading, first)
     start = reading.span(first)
     for feature in features:
         span = reading.span(feature)
-        path = Navigation(path, str(feature), start.to(span), feature_span=span)
+        path = Navigation(path, str(feature), start.joined_with(span), feature_span=span)
     return path
 
 
 # --- drawing ---
 
 
-def drawing_of(reading: Reading, tree: Tree[Token]) -> DrawGrid | DrawGraph:
+def parse_drawing(reading: FileReading, tree: Tree[Token]) -> DrawGrid | DrawGraph:
     """Parse `draw grid ..` or `draw graph ..`, with the tokens that are drawn on top of objects."""
     span = reading.span(tree)
-    drawn = _drawn_tokens(reading, trees(tree.children, "tokens"))
+    drawn = _parse_drawn_tokens(reading, select_trees(tree.children, "tokens"))
     if tree.data == "draw_graph":
-        nodes, *links = (_drawn_link(reading, part) for part in trees(tree.children, "drawn"))
+        nodes, *links = (_parse_drawn_link(reading, part) for part in select_trees(tree.children, "drawn"))
         return DrawGraph(
             nodes.cls,
             nodes.label,
@@ -342,44 +338,42 @@ def drawing_of(reading: Reading, tree: Tree[Token]) -> DrawGrid | DrawGraph:
             cls_span=nodes.cls_span,
             label_span=nodes.label_span,
         )
-    type_ = trees(tree.children, "type")[0]
-    names = tokens(tree.children, "NAME")
+    type_ = select_trees(tree.children, "type")[0]
+    names = select_tokens(tree.children, "NAME")
     spans = reading.spans(names)
     column, row = (str(name) for name in names)
     return DrawGrid(
-        type_of(reading, type_),
+        resolve_type(reading, type_),
         column,
         row,
         drawn,
         span,
-        cls_span=type_span_of(reading, type_),
+        cls_span=type_name_span(reading, type_),
         column_span=spans[0],
         row_span=spans[1],
     )
 
 
-def _drawn_link(reading: Reading, tree: Tree[Token]) -> DrawnLink:
-    type_, labels = trees(tree.children)[0], tokens(tree.children, "NAME")
+def _parse_drawn_link(reading: FileReading, tree: Tree[Token]) -> DrawnLink:
+    type_, labels = select_trees(tree.children)[0], select_tokens(tree.children, "NAME")
     return DrawnLink(
-        type_of(reading, type_),
+        resolve_type(reading, type_),
         str(labels[0]) if labels else None,
         reading.span(tree),
-        type_span_of(reading, type_),
+        type_name_span(reading, type_),
         next(iter(reading.spans(labels)), None),
     )
 
 
-def _drawn_tokens(reading: Reading, groups: Iterable[Tree[Token]]) -> tuple[DrawnToken, ...]:
-    return tuple(_drawn_token(reading, part) for group in groups for part in trees(group.children))
+def _parse_drawn_tokens(reading: FileReading, groups: Iterable[Tree[Token]]) -> tuple[DrawnToken, ...]:
+    return tuple(_parse_drawn_token(reading, part) for group in groups for part in select_trees(group.children))
 
 
-def _drawn_token(reading: Reading, tree: Tree[Token]) -> DrawnToken:
-    name = tokens(tree.children)[0]
-    token = DrawnToken(
-        str(name), chain_of(reading, trees(tree.children, "chain")[0]), span=reading.span(tree)
-    )
-    for type_ in trees(tree.children, "type"):
-        token = replace(token, cls=type_of(reading, type_), cls_span=type_span_of(reading, type_))
-    for letter in tokens(tree.children, "STRING"):
+def _parse_drawn_token(reading: FileReading, tree: Tree[Token]) -> DrawnToken:
+    name = select_tokens(tree.children)[0]
+    token = DrawnToken(str(name), parse_path(reading, select_trees(tree.children, "chain")[0]), span=reading.span(tree))
+    for type_ in select_trees(tree.children, "type"):
+        token = replace(token, cls=resolve_type(reading, type_), cls_span=type_name_span(reading, type_))
+    for letter in select_tokens(tree.children, "STRING"):
         token = replace(token, letter=str(letter), letter_span=reading.span(letter))
     return token

@@ -6,13 +6,13 @@ from collections.abc import Callable, Sequence
 from typing import Any
 
 from envgraph.errors import Diagnostic, InvalidArgument, LoadError, Severity, Source
-from envgraph.lang.read._query import read_query
+from envgraph.lang.read._file_reading import TypeNames
 from envgraph.lang.read._query_header import DefinitionsFile
-from envgraph.lang.read._reading import TypeNames
-from envgraph.lang.read._rules import read_rules
-from envgraph.lang.syntax._grammar import grammar
-from envgraph.lang.syntax._lexer import NO_FRAME, Frame, Lexeme
-from envgraph.lang.syntax._parsing import Parsed, parse_tokens
+from envgraph.lang.read._query_reader import read_query
+from envgraph.lang.read._rules_reader import read_rules
+from envgraph.lang.syntax._grammar import load_grammar
+from envgraph.lang.syntax._lexer import NO_SURROUNDING_TEXT, Lexeme, SurroundingText
+from envgraph.lang.syntax._parser import ParseResult, parse_tokens
 from envgraph.pattern import Derivation, FunctionDeclaration, Pattern, Rule, Unit
 
 Definition = Pattern | Rule | Unit | Derivation | FunctionDeclaration
@@ -45,13 +45,11 @@ def from_text(text: str, language: str = "rules", name: str = "<text>") -> tuple
 
 
 def read_framed(
-    language: str, source: Source, frame: Frame = NO_FRAME
+    language: str, source: Source, frame: SurroundingText = NO_SURROUNDING_TEXT
 ) -> tuple[DefinitionsFile[Any], list[Lexeme]]:
     """Return the definitions and lexemes of a text between the two texts of `frame`; imports are not followed."""
-    parsed, lexemes = parse_tokens(grammar(language), source, frame)
-    read: Callable[[Parsed, TypeNames], DefinitionsFile[Any]] = (
-        read_query if language == "query" else read_rules
-    )
+    parsed, lexemes = parse_tokens(load_grammar(language), source, frame)
+    read: Callable[[ParseResult, TypeNames], DefinitionsFile[Any]] = read_query if language == "query" else read_rules
     return read(parsed, TypeNames()), lexemes
 
 

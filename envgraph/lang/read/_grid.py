@@ -9,14 +9,14 @@ from dataclasses import field
 from lark import Token, Tree
 
 from envgraph.code import dataclass
-from envgraph.errors import Note, Span, plural, quoted
-from envgraph.lang.read._reading import Reading
-from envgraph.lang.syntax._parsing import Parsed, tokens, trees
+from envgraph.errors import Note, Span, count_with_noun, quote_names
+from envgraph.lang.read._file_reading import FileReading
+from envgraph.lang.syntax._parser import ParseResult, select_tokens, select_trees
 from envgraph.metamodel import Metamodel
 
 
 @dataclass(frozen=True, slots=True)
-class Entry:
+class LegendEntry:
     """A line of a legend: the class of the objects that a letter creates (None: no object), and their features."""
 
     cls: str | None
@@ -25,22 +25,22 @@ class Entry:
 
 
 @dataclass(frozen=True, slots=True)
-class Axis:
+class GridAxis:
     """The names in `column x next right`: the attribute for the index, and the reference to the next object or None."""
 
     attribute: Token
-    next: Token | None
+    next_reference: Token | None
 
 
 @dataclass(frozen=True, slots=True)
-class Cell:
+class GridCell:
     """A letter of the grid with its column and row (counted from 0); `entry` is None if the letter is unknown."""
 
     column: int
     row: int
     letter: str
     where: Span
-    entry: Entry | None
+    entry: LegendEntry | None
 
 
 @dataclass(slots=True)
@@ -48,42 +48,42 @@ class GridText:
     """A parsed grid literal; its errors have already been reported."""
 
     name: Token
-    cells: list[Cell]
+    cells: list[GridCell]
     width: int
     height: int
-    axes: dict[str, Axis] = field(default_factory=dict)
+    axes: dict[str, GridAxis] = field(default_factory=dict)
 
 
-def read_grid(reading: Reading, tree: Tree[Token], metamodel: Metamodel | None) -> GridText:
+def parse_grid(reading: FileReading, tree: Tree[Token], metamodel: Metamodel | None) -> GridText:
     """Parse a `grid` tree into its cells, row by row; report errors. The cell of an unknown letter has no entry."""
-    parts = _parts(reading, tree)
-    name = tokens(tree.children)[0]
-    axes: dict[str, Axis] = {kind: _axis(parts[kind]) for kind in ("column", "row") if kind in parts}
+    parts = _grid_parts(reading, tree)
+    name = select_tokens(tree.children)[0]
+    axes: dict[str, GridAxis] = {kind: _parse_axis(parts[kind]) for kind in ("column", "row") if kind in parts}
     if "rows" not in parts:
         if not reading.parsed.diagnostics:
             hint = 'write `rows """` and the letters, a line for each row'
             reading.error("missing-rows", f"the grid `{name}` has no rows", name, hint)
         return GridText(name, [], 0, 0, axes)
-    legend, given = _legend(reading, parts.get("legend"), metamodel)
+    legend, given = _parse_legend(reading, parts.get("legend"), metamodel)
     blanks = " " in legend
-    lines = list(_lines(reading.parsed, tokens(parts["rows"].children)[0], keep_blanks=blanks))
-    usual = _check_lengths(reading, lines, "blanks at the end of a row count" if blanks else None)
+    lines = list(_split_rows(reading.parsed, select_tokens(parts["rows"].children)[0], keep_blanks=blanks))
+    usual = _check_row_lengths(reading, lines, "blanks at the end of a row count" if blanks else None)
     # Without the metamodel the glyphs are unknown, so no letter can be reported as unknown.
-    lost = reading.parsed.lost if given or metamodel else {*"".join(one.text for one in lines)}
-    cells = _cells(reading, lines, legend, lost, given, usual)
+    lost = reading.parsed.lost_names if given or metamodel else {*"".join(one.text for one in lines)}
+    cells = _make_cells(reading, lines, legend, lost, given, usual)
     return GridText(name, cells, max((len(line.text) for line in lines), default=0), len(lines), axes)
 
 
-def grid_letters(parsed: Parsed, tree: Tree[Token], metamodel: Metamodel) -> dict[str, str | None]:
+def grid_letters(parsed: ParseResult, tree: Tree[Token], metamodel: Metamodel) -> dict[str, str | None]:
     """Map each letter of a valid `grid` tree to its class; None if the letter stands for no object or sets features."""
-    part = next(iter(trees(tree.children, "legend")), None)
-    legend, _ = _legend(Reading(parsed), part, metamodel)
+    part = next(iter(select_trees(tree.children, "legend")), None)
+    legend, _ = _parse_legend(FileReading(parsed), part, metamodel)
     return {letter: None if entry.body else entry.cls for letter, entry in legend.items()}
 
 
-def _parts(reading: Reading, tree: Tree[Token]) -> dict[str, Tree[Token]]:
+def _grid_parts(reading: FileReading, tree: Tree[Token]) -> dict[str, Tree[Token]]:
     parts: dict[str, Tree[Token]] = {}
-    for part in trees(tree.children):
+    for part in select_trees(tree.children):
         first = parts.setdefault(part.data, part)
         if first is not part:
             notes = (Note("the first one is here", reading.span(first)),)
@@ -92,27 +92,27 @@ def _parts(reading: Reading, tree: Tree[Token]) -> dict[str, Tree[Token]]:
     return parts
 
 
-def _axis(part: Tree[Token]) -> Axis:
-    attribute, *after = tokens(part.children)
-    return Axis(attribute, after[0] if after else None)
+def _parse_axis(part: Tree[Token]) -> GridAxis:
+    attribute, *after = select_tokens(part.children)
+    return GridAxis(attribute, after[0] if after else None)
 
 
-def _legend(
-    reading: Reading, tree: Tree[Token] | None, metamodel: Metamodel | None
-) -> tuple[Mapping[str, Entry], bool]:
+def _parse_legend(
+    reading: FileReading, tree: Tree[Token] | None, metamodel: Metamodel | None
+) -> tuple[Mapping[str, LegendEntry], bool]:
     """Return the legend as a mapping of letters to entries, and True if the file contains a legend.
 
     If the file has no legend, the letters are the glyphs of the metamodel's classes. Invalid keys are reported.
     """
     if tree is None:
-        nowhere = reading.parsed.source.span(0, 0)
+        nowhere = reading.parsed.source.span_between(0, 0)
         classes = metamodel.class_list if metamodel else ()
-        return {cls.glyph.letter: Entry(cls.name, nowhere) for cls in classes if cls.glyph}, False
-    legend: dict[str, Entry] = {}
-    for part in trees(tree.children):
-        key, *cls = tokens(part.children)
+        return {cls.glyph.letter: LegendEntry(cls.name, nowhere) for cls in classes if cls.glyph}, False
+    legend: dict[str, LegendEntry] = {}
+    for part in select_trees(tree.children):
+        key, *cls = select_tokens(part.children)
         where = reading.span(cls[0] if cls else key)
-        entry = Entry(str(cls[0]) if cls else None, where, next(iter(trees(part.children, "body")), None))
+        entry = LegendEntry(str(cls[0]) if cls else None, where, next(iter(select_trees(part.children, "body")), None))
         if len(key) != 1:
             reading.error("bad-legend", f"`{key}` is not a single letter", key, "write one letter")
         elif key in legend:
@@ -123,12 +123,12 @@ def _legend(
 
 
 @dataclass(frozen=True, slots=True)
-class _Line:
+class _GridRow:
     text: str
     where: Span
 
 
-def _lines(parsed: Parsed, token: Token, keep_blanks: bool) -> Iterator[_Line]:
+def _split_rows(parsed: ParseResult, token: Token, keep_blanks: bool) -> Iterator[_GridRow]:
     """Yield the rows of the grid text without empty rows at both ends, and without their common indentation.
 
     If `keep_blanks` is False, blanks at both ends of each row are removed too.
@@ -154,10 +154,10 @@ def _lines(parsed: Parsed, token: Token, keep_blanks: bool) -> Iterator[_Line]:
         if not keep_blanks:
             row = row.rstrip()
             indent = len(row) - len(row.lstrip())
-        yield _Line(row[indent:], parsed.source.span(start + indent, start + len(row)))
+        yield _GridRow(row[indent:], parsed.source.span_between(start + indent, start + len(row)))
 
 
-def _check_lengths(reading: Reading, lines: Sequence[_Line], hint: str | None) -> int:
+def _check_row_lengths(reading: FileReading, lines: Sequence[_GridRow], hint: str | None) -> int:
     """Return the length of most rows, or of the first row without a majority; report each row of another length."""
     advice = "make all rows equally long" + (f": {hint}" if hint else "")
     lengths = Counter(len(line.text) for line in lines)
@@ -167,47 +167,43 @@ def _check_lengths(reading: Reading, lines: Sequence[_Line], hint: str | None) -
         if model and len(line.text) != len(model.text):
             what = "most rows have" if usual else "the first row has"
             notes = (Note(f"{what} {len(model.text)}", model.where),)
-            message = f"this row has {plural(len(line.text), 'letter')}, but {what} {len(model.text)}"
+            message = f"this row has {count_with_noun(len(line.text), 'letter')}, but {what} {len(model.text)}"
             reading.error("unequal-rows", message, line.where, advice, notes)
     return len(model.text) if model else 0
 
 
-def _cells(
-    reading: Reading,
-    lines: Sequence[_Line],
-    legend: Mapping[str, Entry],
-    lost: Container[str],
-    given: bool,
-    usual: int,
-) -> list[Cell]:
+def _make_cells(
+    reading: FileReading,
+    lines: Sequence[_GridRow],
+    legend: Mapping[str, LegendEntry],
+    unreported: Container[str],
+    has_legend: bool,
+    usual_length: int,
+) -> list[GridCell]:
     """Return the cells of all rows; report each unknown letter once, but none in rows of a wrong length.
 
     Args:
-        lost: letters that are not reported, because their definitions may be in text that could not be read.
-        given: True if the file contains a legend.
-        usual: the length of a correct row.
+        unreported: letters that are not reported, because their definitions may be in text that could not be read.
+        has_legend: True if the file contains a legend.
+        usual_length: the length of a correct row.
     """
-    cells: list[Cell] = []
+    cells: list[GridCell] = []
     unknown: set[str] = set()
     for row, line in enumerate(lines):
         for column, letter in enumerate(line.text):
             start = line.where.start + column
-            where = line.where.source.span(start, start + 1)
+            where = line.where.source.span_between(start, start + 1)
             entry = legend.get(letter)
-            if entry is None and letter not in unknown and letter not in lost and len(line.text) == usual:
+            if entry is None and letter not in unknown and letter not in unreported and len(line.text) == usual_length:
                 unknown.add(letter)
-                hint = _letters(legend, given)
+                hint = _known_letters_hint(legend, has_legend)
                 reading.error("unknown-letter", f"unknown letter `{letter}` in the grid", where, hint)
-            cells.append(Cell(column, row, letter, where, entry))
+            cells.append(GridCell(column, row, letter, where, entry))
     return cells
 
 
-def _letters(legend: Mapping[str, Entry], given: bool) -> str:
-    known = quoted(legend)
-    if given:
+def _known_letters_hint(legend: Mapping[str, LegendEntry], has_legend: bool) -> str:
+    known = quote_names(legend)
+    if has_legend:
         return f"the legend defines {known}" if known else "the legend is empty"
-    return (
-        f"the classes have the glyphs {known}"
-        if known
-        else "add a `legend` to the grid, or a `@glyph` to classes"
-    )
+    return f"the classes have the glyphs {known}" if known else "add a `legend` to the grid, or a `@glyph` to classes"

@@ -18,18 +18,16 @@ class Import:
     alias: str | None = None
 
 
-def near_uri(uri: str, known: Iterable[str]) -> str | None:
+def similar_uri_hint(uri: str, known: Iterable[str]) -> str | None:
     """Return the hint "did you mean ..?" for an unknown URI; None if no known URI is similar.
 
     The last segments of two URIs must be similar too, because URIs of one server share their beginnings.
 
-    >>> near_uri("http://example.org/libary", ["http://example.org/library", "http://example.org/city"])
+    >>> similar_uri_hint("http://example.org/libary", ["http://example.org/library", "http://example.org/city"])
     'did you mean `http://example.org/library`?'
-    >>> near_uri("http://example.org/clay", ["http://example.org/shop"]) is None
+    >>> similar_uri_hint("http://example.org/clay", ["http://example.org/shop"]) is None
     True
     """
     last = uri.rpartition("/")[2]
     ends = {one: one.rpartition("/")[2] for one in known}
-    return did_you_mean(
-        uri, [one for one, end in ends.items() if end == last or did_you_mean(last, [end]) is not None]
-    )
+    return did_you_mean(uri, [one for one, end in ends.items() if end == last or did_you_mean(last, [end]) is not None])

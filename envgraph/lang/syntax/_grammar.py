@@ -24,10 +24,10 @@ from lark.utils import SerializeMemoizer
 
 from envgraph.code import dataclass
 from envgraph.files import cache_directory, read_cached, write_cached
-from envgraph.lang.syntax._data import data_path
-from envgraph.lang.syntax._lexer import END, LexicalCore
+from envgraph.lang.syntax._bundled_data import data_path
+from envgraph.lang.syntax._lexer import END, TextLexer
 
-RECOVERY: dict[str, tuple[str, ...]] = {
+RECOVERY_RULES: dict[str, tuple[str, ...]] = {
     "metamodel": ("definition", "member"),
     "model": ("definition", "entry", "assignment", "part", "line"),
     "query": ("definition", "constraint"),
@@ -37,7 +37,7 @@ RECOVERY: dict[str, tuple[str, ...]] = {
 """By language: the grammar rules after which parsing can resume, which are elements of lists of definitions or
 statements. A broken element is skipped, so the grammar may use these rules only in repetitions (`definition*`)."""
 
-_NAMES = {
+_TERMINAL_NAMES = {
     END: "the end of the file",
     "NAME": "a name",
     "INT": "a whole number",
@@ -54,19 +54,19 @@ class Grammar:
 
     Attributes:
         name: the name of the language.
-        core: the lexer.
+        lexer: the lexer.
         states: for each parser state: the action for each terminal, and the next state after each rule.
         start, end: the first state, and the state after the whole text.
-        recovery: the grammar rules that parsing can resume after.
+        recovery_rules: the grammar rules that parsing can resume after.
         spelling: for each terminal: its text or description in messages.
     """
 
     name: str
-    core: LexicalCore
-    states: States
+    lexer: TextLexer
+    states: ParsingTable
     start: int
     end: int
-    recovery: tuple[str, ...]
+    recovery_rules: tuple[str, ...]
     spelling: dict[str, str]
 
     def accepts(self, stack: list[int], terminal: str) -> bool:
@@ -92,7 +92,7 @@ class Grammar:
             if terminal == END and added[-1] == self.end:
                 return True
 
-    def shift(self, stack: list[int], terminal: str) -> None:
+    def advance(self, stack: list[int], terminal: str) -> None:
         """Advance a stack of states past a terminal that it accepts, without building a tree."""
         while True:
             action, argument = self.states[stack[-1]][terminal]
@@ -105,30 +105,28 @@ class Grammar:
             if terminal == END and stack[-1] == self.end:
                 return
 
-    def expected(self, stack: list[int]) -> list[str]:
+    def expected_terminals(self, stack: list[int]) -> list[str]:
         """Return the terminals that the parser with this stack of states accepts next; the stack is not changed."""
-        return [
-            name for name in self.states[stack[-1]] if name in self.spelling and self.accepts(stack, name)
-        ]
+        return [name for name in self.states[stack[-1]] if name in self.spelling and self.accepts(stack, name)]
 
 
-def build(name: str, path: Path, recovery: tuple[str, ...] = ()) -> Grammar:
+def build_grammar(name: str, path: Path, recovery: tuple[str, ...] = ()) -> Grammar:
     """Return the grammar in a file, under the given name; raise Lark's exception if the grammar has conflicts."""
-    data = tables(path)
+    data = load_tables(path)
     (start,), (end,) = (data["table"][one].values() for one in ("start_states", "end_states"))
     terminals = [TerminalDef.deserialize(data["memo"][str(one["@"])], {}) for one in data["terminals"]]
-    core = LexicalCore(terminals)
+    core = TextLexer(terminals)
     spelling = {terminal: f"`{word}`" for word, terminal in (*core.keywords.items(), *core.signs.items())}
     for terminal in (*(t.name for t in terminals), END):
         if terminal not in data["ignored"]:
-            spelling.setdefault(terminal, _NAMES.get(terminal, terminal.lower()))
-    return Grammar(name, core, States(data), start, end, recovery, spelling)
+            spelling.setdefault(terminal, _TERMINAL_NAMES.get(terminal, terminal.lower()))
+    return Grammar(name, core, ParsingTable(data), start, end, recovery, spelling)
 
 
 @cache
-def grammar(language: str) -> Grammar:
+def load_grammar(language: str) -> Grammar:
     """Return the grammar of one of the five languages, named by its file suffix."""
-    return build(language, data_path("grammars", f"{language}.lark"), RECOVERY[language])
+    return build_grammar(language, data_path("grammars", f"{language}.lark"), RECOVERY_RULES[language])
 
 
 class Reduction(NamedTuple):
@@ -137,19 +135,20 @@ class Reduction(NamedTuple):
     Attributes:
         size: the number of parts.
         rule: the name of the rule.
-        make: builds the result from the parts; None if the result is the only part, as in a chain of precedences.
+        build_result: builds the result from the parts; None if the result is the only part, as in a chain of
+            precedences.
     """
 
     size: int
     rule: str
-    make: Callable[[list[Any]], Any] | None
+    build_result: Callable[[list[Any]], Any] | None
 
 
-Row = dict[str, tuple[Any, Any]]
+TableRow = dict[str, tuple[Any, Any]]
 """By terminal: the action, a shift to a state or a `Reduction`. By rule: the next state after the rule."""
 
 
-class States(dict[int, Row]):
+class ParsingTable(dict[int, TableRow]):
     """The parsing table: a dict from parser states to rows, in which a row is decoded when it is first used."""
 
     def __init__(self, data: dict[str, Any]) -> None:
@@ -159,8 +158,8 @@ class States(dict[int, Row]):
         self._parts: dict[str, Any] = data["memo"]
         self._reduction = cache(self._reduction_of)
 
-    def __missing__(self, state: int) -> Row:
-        row: Row = {}
+    def __missing__(self, state: int) -> TableRow:
+        row: TableRow = {}
         for number, (reduces, argument) in self._rows[str(state)].items():
             found = self._reduction(argument["@"]) if reduces else argument
             row[self._names[int(number)]] = (Reduce if reduces else Shift, found)
@@ -191,28 +190,28 @@ class _NoLexer(Lexer):
         return iter(())
 
 
-def tables(path: Path) -> Any:
+def load_tables(path: Path) -> Any:
     """Return the tables of a grammar file in Lark's serialised form, from the cache if possible.
 
     Lark's exception is raised if the grammar has conflicts.
     """
-    directory, key = cache_directory(), _key(path)
+    directory, key = cache_directory(), _cache_key(path)
     kept = directory / f"grammar-{path.stem}" if directory else None
     if kept is not None and (known := read_cached(kept, key)) is not None:
         return json.loads(known)
-    text = json.dumps(_built(path))
+    text = json.dumps(_build_tables(path))
     if kept is not None:
         write_cached(kept, key, text.encode())
     return json.loads(text)
 
 
-def _key(path: Path) -> str:
+def _cache_key(path: Path) -> str:
     """Return the cache key: Lark's version, the grammar's name, and all grammar texts (they import each other)."""
     texts = [one.read_text(encoding="utf-8") for one in sorted(path.parent.glob("*.lark"))]
     return "\0".join([lark.__version__, path.name, *texts])
 
 
-def _built(path: Path) -> dict[str, Any]:
+def _build_tables(path: Path) -> dict[str, Any]:
     """Build the tables with Lark, and return them in serialised form."""
     with path.open(encoding="utf-8") as text:
         made = Lark(text, parser="lalr", lexer=_NoLexer, strict=True)

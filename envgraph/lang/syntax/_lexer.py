@@ -16,7 +16,7 @@ from inspect import cleandoc
 from lark.lexer import PatternStr, TerminalDef
 
 from envgraph.code import dataclass
-from envgraph.errors import MOST_ERRORS, MOST_NESTED, Diagnostic, Source, Span, parse_float, parse_int
+from envgraph.errors import MAX_ERRORS, MAX_NESTING, Diagnostic, Source, Span, parse_float, parse_int
 from envgraph.metamodel import LARGEST_INT
 
 END = "$END"
@@ -24,27 +24,25 @@ PUNCTUATION = "punctuation"
 _IGNORED_KINDS = frozenset({"WHITESPACE", "LINE_COMMENT"})
 _ESCAPES = {"n": "\n", "t": "\t", "r": "\r", "\\": "\\", '"': '"', "'": "'"}
 _ESCAPE = re.compile(r"\\(u[0-9a-fA-F]{4}|.)")
-_MEANT = {
+_MEANT_SIGNS = {
     "\u2212": "-", "\u2013": "-", "\u2014": "-", "\u00d7": "*", "\u00f7": "/", "\u2264": "<=", "\u2265": ">=",
     "\u2260": "!=", "\u2227": "&&", "\u2228": "||", "\u00ac": "!", "\u2192": "->", "\u2190": "<-",
     "\uff08": "(", "\uff09": ")", "\uff1b": ";", "\uff0c": ",", "\uff1a": ":", "\u037e": ";",
     "&": "&&", "|": "||", "~": "!", "[": "(", "]": ")",
 }  # fmt: skip
 """By typographic or foreign sign: the sign of the languages that was probably meant."""
-_QUOTES = "\u2018\u2019\u201a\u201b\u201c\u201d\u201e\u201f\u00ab\u00bb\u2039\u203a`\u00b4"
-_CURLY = re.compile(
-    '[\u2018-\u201f\u00ab\u2039]([^\u2018-\u201f\u00bb\u203a"\n]*)[\u2018-\u201f\u00bb\u203a"]'
-)
+_FOREIGN_QUOTES = "\u2018\u2019\u201a\u201b\u201c\u201d\u201e\u201f\u00ab\u00bb\u2039\u203a`\u00b4"
+_CURLY = re.compile('[\u2018-\u201f\u00ab\u2039]([^\u2018-\u201f\u00bb\u203a"\n]*)[\u2018-\u201f\u00bb\u203a"]')
 _WORDS = re.compile(r"\w+(?:\.\w+)*")
 _NO_TERM = r"#(?![ \t]*(?:[=!]=|[<>]))"
-_REMARK = re.compile(_NO_TERM + r"[ \t]")
-_WORD_REMARK = re.compile(_NO_TERM + r"(?:[ \t!\n]|[^\W\d]|$)")
-_TOUCHING = re.compile(r"[\w#@$]")
+_FOREIGN_COMMENT = re.compile(_NO_TERM + r"[ \t]")
+_FOREIGN_COMMENT_LINE = re.compile(_NO_TERM + r"(?:[ \t!\n]|[^\W\d]|$)")
+_TOUCHING_CHARACTER = re.compile(r"[\w#@$]")
 
 
-Frame = tuple[str, str]
+SurroundingText = tuple[str, str]
 """Two texts that are read before and after another text; their lexemes have width 0, so positions do not change."""
-NO_FRAME: Frame = ("", "")
+NO_SURROUNDING_TEXT: SurroundingText = ("", "")
 
 
 @dataclass(slots=True)
@@ -55,18 +53,18 @@ class Lexeme:
         kind: name of the regular terminal (NAME, INT, STRING ...), or "punctuation", or "$END".
         value: a word without `^`, the contents of a string, otherwise the text itself.
         start, end: the range of the lexeme, as offsets in the text.
-        escaped: True if the word was written `^word`, so that it is never a keyword.
-        braces: the number of `{` that are open before the lexeme.
-        bracketed: True if a `(` or `[` is open before the lexeme, inside the innermost `{`.
+        is_escaped: True if the word was written `^word`, so that it is never a keyword.
+        brace_depth: the number of `{` that are open before the lexeme.
+        is_bracketed: True if a `(` or `[` is open before the lexeme, inside the innermost `{`.
     """
 
     kind: str
     value: str
     start: int
     end: int
-    escaped: bool = False
-    braces: int = 0
-    bracketed: bool = False
+    is_escaped: bool = False
+    brace_depth: int = 0
+    is_bracketed: bool = False
 
 
 @dataclass(frozen=True, slots=True)
@@ -74,12 +72,12 @@ class DocComment:
     """A `/** */` comment: its text, the end of the token before it, and the start of the token after it."""
 
     text: str
-    before: int
-    after: int
+    previous_end: int
+    next_start: int
 
 
 @dataclass(slots=True)
-class Scan:
+class ScanResult:
     """The result of the lexer: all lexemes (the last is the end of the text), doc comments, and lexical errors."""
 
     lexemes: list[Lexeme] = field(default_factory=list)
@@ -87,7 +85,7 @@ class Scan:
     diagnostics: list[Diagnostic] = field(default_factory=list)
 
 
-class LexicalCore:
+class TextLexer:
     """The lexer of one grammar; its terminals are sorted into keywords, punctuation signs and regular terminals."""
 
     def __init__(self, terminals: Iterable[TerminalDef]) -> None:
@@ -105,106 +103,103 @@ class LexicalCore:
         regular.sort(key=lambda terminal: (-terminal.priority, terminal.name))
         # A `/*` without an end is an open comment, not a division.
         signs = "|".join(
-            re.escape(sign) + (r"(?!\*)" if sign == "/" else "")
-            for sign in sorted(self.signs, key=len, reverse=True)
+            re.escape(sign) + (r"(?!\*)" if sign == "/" else "") for sign in sorted(self.signs, key=len, reverse=True)
         )
         groups = [f"(?P<{terminal.name}>{terminal.pattern.to_regexp()})" for terminal in regular]
         self._token = re.compile("|".join([*groups, f"(?P<{PUNCTUATION}>{signs})"] if signs else groups))
 
-    def scan(self, source: Source, frame: Frame = NO_FRAME) -> Scan:
+    def split_text(self, source: Source, frame: SurroundingText = NO_SURROUNDING_TEXT) -> ScanResult:
         """Split a text into lexemes, with those of the two texts in `frame` around it; return mistakes, never raise."""
-        before, after = (self.scan(Source("", one)).lexemes[:-1] if one else () for one in frame)
-        return _Scanner(source, self._token, self.signs, self.keywords).run(before, after)
+        before, after = (self.split_text(Source("", one)).lexemes[:-1] if one else () for one in frame)
+        return _Scanner(source, self._token, self.signs, self.keywords).scan_text(before, after)
 
 
 class _Scanner:
-    def __init__(
-        self, source: Source, token: re.Pattern[str], signs: Container[str], keywords: Container[str]
-    ) -> None:
+    def __init__(self, source: Source, token: re.Pattern[str], signs: Container[str], keywords: Container[str]) -> None:
         self._source = source
         self._signs = signs
         self._keywords = keywords
         self._text = source.text
         self._token = token
-        self._scan = Scan()
+        self._scan = ScanResult()
         self._doc: tuple[str, int] | None = None
         self._open: list[str] = []
         self._braces = 0
         self._too_deep = False
         self._remarks_end = 0
 
-    def run(self, before: Iterable[Lexeme], after: Iterable[Lexeme]) -> Scan:
+    def scan_text(self, leading_lexemes: Iterable[Lexeme], trailing_lexemes: Iterable[Lexeme]) -> ScanResult:
         match = self._token.match
         text, position, end = self._text, 0, len(self._text)
-        for one in before:
-            self._append(replace(one, start=0, end=0))
+        for one in leading_lexemes:
+            self._add_lexeme(replace(one, start=0, end=0))
         while position < end:
-            if len(self._scan.diagnostics) >= MOST_ERRORS:
+            if len(self._scan.diagnostics) >= MAX_ERRORS:
                 message = "too many mistakes: the rest of the file is not read"
                 self._report("too-many-errors", message, position, hint="correct these mistakes first")
                 break
             found = match(text, position)
-            if text[position] == "#" and self._is_remark(position):
-                position = self._remark(position)
+            if text[position] == "#" and self._is_foreign_comment(position):
+                position = self._report_foreign_comment(position)
                 continue
             if found is None:
-                position = self._unknown(position)
+                position = self._report_unknown(position)
                 continue
             kind = found.lastgroup or ""
             if kind not in _IGNORED_KINDS:
-                self._take(kind, position, found.end())
+                self._add_token(kind, position, found.end())
             position = found.end()
-        for one in (*after, Lexeme(END, "", end, end)):
-            self._append(replace(one, start=end, end=end))
+        for one in (*trailing_lexemes, Lexeme(END, "", end, end)):
+            self._add_lexeme(replace(one, start=end, end=end))
         return self._scan
 
-    def _take(self, kind: str, start: int, end: int) -> None:
+    def _add_token(self, kind: str, start: int, end: int) -> None:
         text = self._text[start:end]
         if kind == "BLOCK_COMMENT":
-            self._comment(text)
+            self._record_doc_comment(text)
         elif kind == "NAME":
             escaped = text[0] == "^"
-            self._append(Lexeme(kind, text[1:] if escaped else text, start, end, escaped))
+            self._add_lexeme(Lexeme(kind, text[1:] if escaped else text, start, end, escaped))
         elif kind == PUNCTUATION:
-            self._append(Lexeme(kind, text, start, end))
+            self._add_lexeme(Lexeme(kind, text, start, end))
         elif kind == "STRING":
-            self._append(Lexeme(kind, self._unescape(text[1:-1], start + 1), start, end))
+            self._add_lexeme(Lexeme(kind, self._unescape(text[1:-1], start + 1), start, end))
         elif kind == "TEXT":
-            self._append(Lexeme(kind, text[3:-3], start, end))
+            self._add_lexeme(Lexeme(kind, text[3:-3], start, end))
         else:
-            self._number(kind, text, start, end)
+            self._scan_number(kind, text, start, end)
 
-    def _append(self, lexeme: Lexeme) -> None:
+    def _add_lexeme(self, lexeme: Lexeme) -> None:
         if self._doc:
             self._scan.docs.append(DocComment(*self._doc, lexeme.start))
             self._doc = None
-        lexeme.braces = self._braces
-        lexeme.bracketed = bool(self._open) and self._open[-1] != "{"
+        lexeme.brace_depth = self._braces
+        lexeme.is_bracketed = bool(self._open) and self._open[-1] != "{"
         if lexeme.kind == PUNCTUATION:
-            self._nest(lexeme)
+            self._count_brackets(lexeme)
         self._scan.lexemes.append(lexeme)
 
-    def _nest(self, lexeme: Lexeme) -> None:
+    def _count_brackets(self, lexeme: Lexeme) -> None:
         if lexeme.value in {"{", "(", "["}:
             self._open.append(lexeme.value)
             self._braces += lexeme.value == "{"
-            if len(self._open) > MOST_NESTED and not self._too_deep:
+            if len(self._open) > MAX_NESTING and not self._too_deep:
                 self._too_deep = True
-                message = f"more than {MOST_NESTED} brackets are nested in each other"
+                message = f"more than {MAX_NESTING} brackets are nested in each other"
                 hint = "look for a bracket that is not closed; else move a part into its own definition"
                 self._report("nested-too-deeply", message, lexeme.start, hint=hint)
         elif lexeme.value in {"}", ")", "]"} and self._open:
             self._open.pop()
             self._braces = max(0, self._braces - (lexeme.value == "}"))
 
-    def _comment(self, text: str) -> None:
+    def _record_doc_comment(self, text: str) -> None:
         if text.startswith("/**") and len(text) > 4:
             lines = cleandoc(text[3:-2]).splitlines()
             prose = [re.sub(r"^\s*\* ?", "", line).rstrip() for line in lines]
             before = self._scan.lexemes[-1].end if self._scan.lexemes else 0
             self._doc = ("\n".join(prose).strip(), before)
 
-    def _number(self, kind: str, text: str, start: int, end: int) -> None:
+    def _scan_number(self, kind: str, text: str, start: int, end: int) -> None:
         if text[:2] in ("0x", "0X"):
             digits = str(int(text[2:18], 16)) if len(text.lstrip("0xX")) <= 16 else "9" * 20
         else:
@@ -226,7 +221,7 @@ class _Scanner:
                 following.end(),
                 f"write `{text} {word}`, or a name that does not start with a digit",
             )
-        self._append(Lexeme(kind, digits, start, end))
+        self._add_lexeme(Lexeme(kind, digits, start, end))
 
     def _unescape(self, body: str, start: int) -> str:
         if "\\" not in body:
@@ -248,36 +243,32 @@ class _Scanner:
 
         return _ESCAPE.sub(character, body)
 
-    def _unknown(self, start: int) -> int:
+    def _report_unknown(self, start: int) -> int:
         """Report a character that starts no token, and return the position where scanning continues.
 
         If the meaning is likely, a token is read, such as an unclosed string or the language's sign for a foreign one.
         """
         text = self._text
         if text.startswith("/*", start):
-            self._report(
-                "unterminated-comment", "the comment is not closed", start, start + 2, "close it with `*/`"
-            )
+            self._report("unterminated-comment", "the comment is not closed", start, start + 2, "close it with `*/`")
             return len(text)
         if text.startswith('"""', start):
-            self._report(
-                "unterminated-text", "the text is not closed", start, start + 3, 'close it with `"""`'
-            )
-            self._append(Lexeme("TEXT", text[start + 3 :], start, len(text)))
+            self._report("unterminated-text", "the text is not closed", start, start + 3, 'close it with `"""`')
+            self._add_lexeme(Lexeme("TEXT", text[start + 3 :], start, len(text)))
             return len(text)
         if text[start] in "\"'":
-            return self._unterminated(start)
-        if self._instead(start):
+            return self._report_unterminated_string(start)
+        if self._replace_foreign_sign(start):
             return start + 1
         curly = _CURLY.match(text, start)
         if curly:
             message = f"`{text[start]}` is not a quotation mark of the language"
             self._report("stray-character", message, start, curly.end(), f'write `"{curly.group(1)[:30]}"`')
-            self._append(Lexeme("STRING", curly.group(1), start, curly.end()))
+            self._add_lexeme(Lexeme("STRING", curly.group(1), start, curly.end()))
             return curly.end()
-        return self._stray(start)
+        return self._report_stray_characters(start)
 
-    def _is_remark(self, start: int) -> bool:
+    def _is_foreign_comment(self, start: int) -> bool:
         """Return True if a `#` seems to start a comment, as in other languages.
 
         A blank must follow, or at the start of a line a word. After `(` or `,` a `#` never starts a comment.
@@ -286,10 +277,12 @@ class _Scanner:
         if before in {"(", ","}:  # here `#` marks the column of an aggregate
             return False
         return bool(
-            (_WORD_REMARK if first_on_line(self._source, start) else _REMARK).match(self._text, start)
+            (_FOREIGN_COMMENT_LINE if is_first_on_line(self._source, start) else _FOREIGN_COMMENT).match(
+                self._text, start
+            )
         )
 
-    def _remark(self, start: int) -> int:
+    def _report_foreign_comment(self, start: int) -> int:
         """Report a `#` comment, and return its end; comments on adjacent lines are reported once."""
         if self._text[self._remarks_end : start].strip() or not self._remarks_end:
             self._report("unexpected-token", "`#` does not start a comment", start, hint="write `//`")
@@ -297,7 +290,7 @@ class _Scanner:
         self._remarks_end = len(self._text) if end < 0 else end
         return self._remarks_end
 
-    def _instead(self, start: int) -> bool:
+    def _replace_foreign_sign(self, start: int) -> bool:
         """Report a sign of other languages and append the intended lexeme; return False for unknown signs."""
         sign, words = self._text[start], [one.value for one in self._scan.lexemes[-2:]]
         if len(words) < 2:
@@ -315,10 +308,10 @@ class _Scanner:
             return False
         self._report("unexpected-token", f"unexpected `{sign}`", start, hint=hint)
         kind, value = {".": (PUNCTUATION, "::"), "|": ("NAME", "or")}.get(sign, ("NAME", "extends"))
-        self._append(Lexeme(kind, value, start, start + 1))
+        self._add_lexeme(Lexeme(kind, value, start, start + 1))
         return True
 
-    def _unterminated(self, start: int) -> int:
+    def _report_unterminated_string(self, start: int) -> int:
         end = self._text.find("\n", start)
         end = len(self._text) if end < 0 else end
         # Signs at the end of the line that end a statement or close a bracket were hardly meant as part of the string.
@@ -327,14 +320,14 @@ class _Scanner:
         self._report(
             "unterminated-string",
             "the string is not closed on its line",
-            self._closed_too_soon(start),
+            self._first_unclosed_string(start),
             end,
             f'close it with `{quote}`; write a text of several lines between `"""`',
         )
-        self._append(Lexeme("STRING", self._text[start + 1 : end], start, end))
+        self._add_lexeme(Lexeme("STRING", self._text[start + 1 : end], start, end))
         return end
 
-    def _closed_too_soon(self, start: int) -> int:
+    def _first_unclosed_string(self, start: int) -> int:
         """Return the start of the string on this line that lacks its closing quote: in `"S, "#b0"` it is the first one.
 
         A string directly before a word or `#` lacks it, since only punctuation may follow. The errors found behind this
@@ -344,14 +337,14 @@ class _Scanner:
         for lexeme in reversed(self._scan.lexemes):
             if lexeme.start < line:
                 break
-            if lexeme.kind == "STRING" and _TOUCHING.match(self._text, lexeme.end):
+            if lexeme.kind == "STRING" and _TOUCHING_CHARACTER.match(self._text, lexeme.end):
                 start = lexeme.start
         found = self._scan.diagnostics
         while found and found[-1].span is not None and found[-1].span.start >= start:
             found.pop()
         return start
 
-    def _stray(self, start: int) -> int:
+    def _report_stray_characters(self, start: int) -> int:
         end = start + 1
         while end < len(self._text) and self._token.match(self._text, end) is None:
             if self._text[end] in "\"'/":
@@ -359,9 +352,9 @@ class _Scanner:
             end += 1
         shown = self._text[start:end]
         hint = "remove it: such a character is allowed only in strings and comments"
-        if _MEANT.get(shown) in self._signs:
-            hint = f"write `{_MEANT[shown]}`"
-        elif shown[0] in _QUOTES:
+        if _MEANT_SIGNS.get(shown) in self._signs:
+            hint = f"write `{_MEANT_SIGNS[shown]}`"
+        elif shown[0] in _FOREIGN_QUOTES:
             hint = 'write a string between two `"`'
         before = self._scan.lexemes[-1] if self._scan.lexemes else None
         if before is not None and before.kind == "STRING" and before.end == start:
@@ -375,26 +368,22 @@ class _Scanner:
         self._report("stray-character", f"`{shown[:20]}` is not allowed here", start, end, hint)
         return end
 
-    def _report(
-        self, code: str, message: str, start: int, end: int | None = None, hint: str | None = None
-    ) -> None:
-        if len(self._scan.diagnostics) > MOST_ERRORS:
+    def _report(self, code: str, message: str, start: int, end: int | None = None, hint: str | None = None) -> None:
+        if len(self._scan.diagnostics) > MAX_ERRORS:
             return
-        span = self._source.span(start, start + 1 if end is None else end)
+        span = self._source.span_between(start, start + 1 if end is None else end)
         self._scan.diagnostics.append(Diagnostic(code, message, span, hint))
 
 
-def first_on_line(source: Source, offset: int) -> bool:
+def is_first_on_line(source: Source, offset: int) -> bool:
     """Return True if only blanks are before this character on its line."""
     start = source.text.rfind("\n", 0, offset) + 1
     return not source.text[start:offset].strip()
 
 
-def overlapping(diagnostics: Iterable[Diagnostic], span: Span) -> bool:
+def has_overlap(diagnostics: Iterable[Diagnostic], span: Span) -> bool:
     """Return True if one of the diagnostics overlaps or touches the span."""
     return any(
-        diagnostic.span is not None
-        and diagnostic.span.start <= span.end
-        and span.start <= diagnostic.span.end
+        diagnostic.span is not None and diagnostic.span.start <= span.end and span.start <= diagnostic.span.end
         for diagnostic in diagnostics
     )

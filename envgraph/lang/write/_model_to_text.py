@@ -8,9 +8,9 @@ from math import isfinite
 
 from envgraph.errors import InvalidArgument
 from envgraph.graph import Model
-from envgraph.lang.format._format import format_text
-from envgraph.lang.syntax._grammar import grammar
-from envgraph.lang.write._text_terms import string
+from envgraph.lang.format._format_text import format_text
+from envgraph.lang.syntax._grammar import load_grammar
+from envgraph.lang.write._term_writer import format_string
 from envgraph.metamodel import Attribute, EnumType, Reference, Value, simple_name
 
 _NAME = re.compile(r"[^\W\d]\w*")
@@ -38,14 +38,14 @@ def model_to_text(model: Model, imports: Iterable[str] = ()) -> str:
     model empty : city {
     }
     """
-    lines = [*(f"import {string(path)}" for path in imports), *_Writer(model).lines()]
+    lines = [*(f"import {format_string(path)}" for path in imports), *_ModelWriter(model).model_lines()]
     return format_text("model", "\n".join(lines) + "\n", f"{model.name}.model")
 
 
-class _Writer:
+class _ModelWriter:
     def __init__(self, model: Model) -> None:
         self._model = model
-        self._keywords = grammar("model").core.keywords
+        self._keywords = load_grammar("model").lexer.keywords
         nodes = [node.id for node in model.nodes()]
         self._top = [node for node in nodes if model.graph.container(node) is None]
         self._names: dict[int, str] = {}
@@ -53,7 +53,7 @@ class _Writer:
         asked = {
             target
             for node in nodes
-            for reference in self._links(node)
+            for reference in self._written_references(node)
             for target in model.graph.targets(node, reference)
         }
         for node in nodes:
@@ -63,38 +63,36 @@ class _Writer:
                 taken.add(name)
         for node in nodes:
             if node in asked and node not in self._names:
-                self._names[node] = name = self._free(node, taken)
+                self._names[node] = name = self._unused_name(node, taken)
                 taken.add(name)
 
-    def _free(self, node: int, taken: set[str]) -> str:
+    def _unused_name(self, node: int, taken: set[str]) -> str:
         cls = simple_name(self._model.graph.class_of(node))
         wanted = re.sub(r"\W+", "_", self._model.graph.object_name(node) or "").strip("_")
         if not _NAME.fullmatch(wanted):
             wanted = cls[:1].lower() + cls[1:]
         if wanted not in taken and wanted != cls:
             return wanted
-        return next(
-            name for number in range(1, len(taken) + 2) if (name := f"{wanted}_{number}") not in taken
-        )
+        return next(name for number in range(1, len(taken) + 2) if (name := f"{wanted}_{number}") not in taken)
 
-    def _links(self, node: int) -> list[Reference]:
+    def _written_references(self, node: int) -> list[Reference]:
         """Return the references whose targets are written: no containments or their opposites, one of two opposites."""
         model, metamodel = self._model, self._model.metamodel
         found = []
         for feature in metamodel.features(model.graph.class_of(node)).values():
             if isinstance(feature, Reference):
                 relation = model.graph.store.relations[feature.index]
-                if not (relation.containment or relation.contained or relation.flipped):
+                if not (relation.containment or relation.is_contained or relation.is_flipped):
                     found.append(feature)
         return found
 
-    def lines(self) -> Iterator[str]:
-        yield f"model {self._word(self._model.name)} : {self._word(self._model.metamodel.name)} {{"
+    def model_lines(self) -> Iterator[str]:
+        yield f"model {self._format_name(self._model.name)} : {self._format_name(self._model.metamodel.name)} {{"
         for node in self._top:
-            yield from self._object(node, "")
+            yield from self._object_lines(node, "")
         yield "}"
 
-    def _object(self, node: int, end: str) -> Iterator[str]:
+    def _object_lines(self, node: int, end: str) -> Iterator[str]:
         model, cls = self._model, self._model.graph.class_of(node)
         if cls != simple_name(cls):
             raise InvalidArgument(
@@ -102,44 +100,47 @@ class _Writer:
                 "write .xmi or .json"
             )
         name = self._names.get(node)
-        yield f"{self._word(name)} : {cls} {{" if name else f"{cls} {{"
+        yield f"{self._format_name(name)} : {cls} {{" if name else f"{cls} {{"
         for feature in model.metamodel.features(cls).values():
             if isinstance(feature, Attribute):
-                yield from self._attribute(node, feature)
+                yield from self._attribute_lines(node, feature)
             elif feature.containment and model.graph.targets(node, feature):
-                yield f"{self._word(feature.name)} = ["
+                yield f"{self._format_name(feature.name)} = ["
                 for part in model.graph.targets(node, feature):
-                    yield from self._object(part, ",")
+                    yield from self._object_lines(part, ",")
                 yield "]"
-        for reference in self._links(node):
-            targets = [self._word(self._names[target]) for target in model.graph.targets(node, reference)]
+        for reference in self._written_references(node):
+            targets = [self._format_name(self._names[target]) for target in model.graph.targets(node, reference)]
             if targets:
                 value = f"[{', '.join(targets)}]" if reference.many else targets[0]
-                yield f"{self._word(reference.name)} = {value}"
+                yield f"{self._format_name(reference.name)} = {value}"
         yield "}" + end
 
-    def _attribute(self, node: int, attribute: Attribute) -> Iterator[str]:
+    def _attribute_lines(self, node: int, attribute: Attribute) -> Iterator[str]:
         values = self._model.graph.values(node, attribute)
         initial = attribute.initial
         if attribute.many:
             if values:
-                yield f"{self._word(attribute.name)} = [{', '.join(_value(attribute, value) for value in values)}]"
+                yield (
+                    f"{self._format_name(attribute.name)} = "
+                    f"[{', '.join(_format_value(attribute, value) for value in values)}]"
+                )
         elif (values[0] if values else None) != initial:
-            yield f"{self._word(attribute.name)} = {_value(attribute, values[0]) if values else 'none'}"
+            yield f"{self._format_name(attribute.name)} = {_format_value(attribute, values[0]) if values else 'none'}"
 
-    def _word(self, name: str) -> str:
+    def _format_name(self, name: str) -> str:
         if not _NAME.fullmatch(name):
             raise InvalidArgument(f"`{name}` cannot be a name in a `.model` file: write .xmi or .json")
         return f"^{name}" if name in self._keywords else name
 
 
-def _value(attribute: Attribute, value: Value) -> str:
+def _format_value(attribute: Attribute, value: Value) -> str:
     if isinstance(value, bool):
         return "true" if value else "false"
     if isinstance(attribute.type, EnumType):
         return f"::{value}"
     if isinstance(value, str):
-        return string(value)
+        return format_string(value)
     if not isfinite(value):
         raise InvalidArgument(f"`{attribute}` is {value}, which a `.model` file cannot contain: write .json")
     return repr(value)

@@ -7,16 +7,16 @@ from dataclasses import replace
 
 from envgraph.code import differing_fields
 from envgraph.errors import Diagnostic, InvalidArgument, LoadError, Severity, Source
-from envgraph.lang.format._format import format_text
-from envgraph.lang.read._query import read_query
-from envgraph.lang.read._reading import TypeNames
-from envgraph.lang.read._rules import read_rules
-from envgraph.lang.syntax._grammar import Grammar, grammar
+from envgraph.lang.format._format_text import format_text
+from envgraph.lang.read._file_reading import TypeNames
+from envgraph.lang.read._query_reader import read_query
+from envgraph.lang.read._rules_reader import read_rules
+from envgraph.lang.syntax._grammar import Grammar, load_grammar
 from envgraph.lang.syntax._lexer import END
-from envgraph.lang.syntax._parsing import parse
-from envgraph.lang.syntax._stack import ParseStack
-from envgraph.lang.write._text_rules import RuleText, read_again
-from envgraph.lang.write._text_terms import TermText, plain_doc
+from envgraph.lang.syntax._parse_stack import ParseStack
+from envgraph.lang.syntax._parser import parse
+from envgraph.lang.write._rule_writer import RuleWriter, definition_as_read
+from envgraph.lang.write._term_writer import TermWriter, normalised_doc
 from envgraph.pattern import Body, Derivation, FunctionDeclaration, Pattern, Rule, Unit
 
 Definition = Pattern | Rule | Unit | Derivation | FunctionDeclaration
@@ -59,101 +59,107 @@ def to_text(*definitions: Definition, imports: Iterable[str] = ()) -> str:
         modify { retype tile : BurningTile; }
     }
     """
-    language = _language(definitions)
-    keywords = grammar(language).core.keywords
+    language = _language_for(definitions)
+    keywords = load_grammar(language).lexer.keywords
     functions = [one for one in definitions if isinstance(one, FunctionDeclaration)]
     definitions = (*functions, *(one for one in definitions if not isinstance(one, FunctionDeclaration)))
     packages = {one.package: None for one in definitions[len(functions) :]}
     if len(packages) > 1:
         names = ", ".join(f"`{name}`" if name else "none" for name in packages)
         raise InvalidArgument(f"the definitions are of several packages ({names}): write one file for each")
-    terms = TermText("the file", keywords)
+    terms = TermWriter("the file", keywords)
     package = next(iter(packages), "")
-    head = f"package {terms.qualified(package)}\n\n" if package else ""
-    head += "".join(f"import {terms.value(path)}\n" for path in imports)
-    parts = [_definition(one, keywords) for one in definitions]
+    head = f"package {terms.format_dotted_name(package)}\n\n" if package else ""
+    head += "".join(f"import {terms.format_value(path)}\n" for path in imports)
+    parts = [_format_definition(one, keywords) for one in definitions]
     try:
-        text = format_text(language, _unescaped(grammar(language), "\n\n".join((head, *parts))))
+        text = format_text(language, _remove_needless_escapes(load_grammar(language), "\n\n".join((head, *parts))))
     except LoadError as error:
-        raise _unsayable(definitions, error.diagnostics) from None
-    _assert_equal(definitions, language, text)
+        raise _unwritable_error(definitions, error.diagnostics) from None
+    _check_round_trip(definitions, language, text)
     return text
 
 
-def _language(definitions: Sequence[Definition]) -> str:
+def _language_for(definitions: Sequence[Definition]) -> str:
     patterns = [one for one in definitions if isinstance(one, Pattern | FunctionDeclaration)]
     if patterns and len(patterns) < len(definitions):
         raise InvalidArgument("patterns and rules cannot be written to one file: write one file for each")
     return "query" if patterns else "rules"
 
 
-def _definition(one: Definition, keywords: Iterable[str]) -> str:
+def _format_definition(one: Definition, keywords: Iterable[str]) -> str:
     if isinstance(one, Pattern):
-        return _pattern(one, TermText(one.qualified_name, keywords))
+        return _format_pattern(one, TermWriter(one.qualified_name, keywords))
     if isinstance(one, FunctionDeclaration):
-        text = TermText(one.name, keywords)
-        head = f"{text.doc(one.doc)}function {text.name(one.name)}{text.parameters(one.parameters)}"
-        return f"{head} : {text.type(one.result)};"
-    return RuleText(one.qualified_name, keywords).definition(one)
+        text = TermWriter(one.name, keywords)
+        head = (
+            f"{text.format_doc_comment(one.doc)}function "
+            f"{text.format_name(one.name)}{text.format_parameters(one.parameters)}"
+        )
+        return f"{head} : {text.format_type_name(one.result)};"
+    return RuleWriter(one.qualified_name, keywords).format_definition(one)
 
 
-def _pattern(one: Pattern, text: TermText) -> str:
+def _format_pattern(one: Pattern, text: TermWriter) -> str:
     if not one.bodies:
-        text.refuse("the pattern has no body")
-    marks = "".join(f"{text.annotation(annotation)}\n" for annotation in one.annotations)
+        text.raise_unwritable("the pattern has no body")
+    marks = "".join(f"{text.format_annotation(annotation)}\n" for annotation in one.annotations)
     words = "".join(f"{word} " for word in ("private" if one.private else "", one.strategy or "") if word)
-    bodies = " or ".join(_body(body, text) for body in one.bodies)
-    return f"{text.doc(one.doc)}{marks}{words}pattern {text.name(one.name)}{text.parameters(one.parameters)} {bodies}"
+    bodies = " or ".join(_format_body(body, text) for body in one.bodies)
+    return (
+        f"{text.format_doc_comment(one.doc)}{marks}{words}pattern "
+        f"{text.format_name(one.name)}{text.format_parameters(one.parameters)} {bodies}"
+    )
 
 
-def _body(body: Body, text: TermText) -> str:
-    name = f"{text.name(body.name)} " if body.name is not None else ""
-    return name + "{\n" + "".join(f"{text.condition(one)};\n" for one in body.constraints) + "}"
+def _format_body(body: Body, text: TermWriter) -> str:
+    name = f"{text.format_name(body.name)} " if body.name is not None else ""
+    return name + "{\n" + "".join(f"{text.format_condition(one)};\n" for one in body.constraints) + "}"
 
 
-def _unescaped(grammar: Grammar, text: str) -> str:
+def _remove_needless_escapes(grammar: Grammar, text: str) -> str:
     """Return the text without the `^` before words that are no keywords at their position."""
     source = Source("<text>", text)
-    stack = ParseStack(grammar, source, grammar.core.scan(source).lexemes)
+    stack = ParseStack(grammar, source, grammar.lexer.split_text(source).lexemes)
     parts, end, index = [], 0, 0
     while True:
         lexeme = stack.lexemes[index]
-        keyword = grammar.core.keywords.get(lexeme.value) if lexeme.escaped else None
+        keyword = grammar.lexer.keywords.get(lexeme.value) if lexeme.is_escaped else None
         if keyword and not grammar.accepts(stack.states, keyword):
             parts.append(text[end : lexeme.start])
             end = lexeme.start + 1
-        terminal = stack.resolve(stack.states, index) or stack.split(stack.states, index)
+        terminal = stack.terminal_of(stack.states, index) or stack.split_sign(stack.states, index)
         if terminal is None or terminal == END:  # the formatter reports texts that cannot be parsed
             return "".join((*parts, text[end:]))
-        grammar.shift(stack.states, terminal)
+        grammar.advance(stack.states, terminal)
         index += 1
 
 
 # --- the text is read once more
 
 
-def _assert_equal(definitions: Sequence[Definition], language: str, text: str) -> None:
+def _check_round_trip(definitions: Sequence[Definition], language: str, text: str) -> None:
     """Parse the text again, and raise InvalidArgument if the definitions read differ from the given ones."""
     parsed = parse(language, Source("<text>", text))
     types = TypeNames()  # `TypeNames` without a metamodel keeps the package in front of each name
     read = read_query(parsed, types) if language == "query" else read_rules(parsed, types)
     errors = [one for one in read.diagnostics if one.severity is Severity.ERROR]
     if errors:
-        raise _unsayable(definitions, errors)
+        raise _unwritable_error(definitions, errors)
     found: tuple[Definition, ...] = read.definitions
     for one, other in zip(definitions, found, strict=True):
         wanted = (
-            replace(one, doc=plain_doc(one.doc))
+            replace(one, doc=normalised_doc(one.doc))
             if isinstance(one, Pattern | FunctionDeclaration)
-            else read_again(one)
+            else definition_as_read(one)
         )
         if wanted != other:
             different = ", ".join(differing_fields(wanted, other))
             reason = f"the text would be read with another value of {different}"
-            TermText(one.qualified_name, ()).refuse(reason)
+            TermWriter(one.qualified_name, ()).raise_unwritable(reason)
 
 
-def _unsayable(definitions: Sequence[Definition], errors: Sequence[Diagnostic]) -> InvalidArgument:
+def _unwritable_error(definitions: Sequence[Definition], errors: Sequence[Diagnostic]) -> InvalidArgument:
     first = errors[0]
     line = first.span.source.text[: first.span.start].count("\n") if first.span else 0
     names = ", ".join(f"`{one.qualified_name}`" for one in definitions)

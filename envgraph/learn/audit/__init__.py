@@ -7,37 +7,37 @@ in `docs/evidence.md`.
 
 from typing import TYPE_CHECKING
 
-from envgraph.code import later
+from envgraph.code import export_lazily
 
 if TYPE_CHECKING:
-    from envgraph.learn.audit._claims import (
-        POOLED as POOLED,
+    from envgraph.learn.audit._audit_settings import (
+        PROTOCOL as PROTOCOL,
+        AuditSettings as AuditSettings,
+        check_audit as check_audit,
+        parse_audit_settings as parse_audit_settings,
+    )
+    from envgraph.learn.audit._findings import (
+        ALL_DOMAINS as ALL_DOMAINS,
         Finding as Finding,
         findings_of as findings_of,
         rank_values as rank_values,
-        two_way_test as two_way_test,
+        seed_and_level_test as seed_and_level_test,
     )
     from envgraph.learn.audit._methods import (
         CONTRASTS as CONTRASTS,
         EDITING as EDITING,
         METHODS as METHODS,
         PROBED as PROBED,
-        Method as Method,
+        AuditMethod as AuditMethod,
     )
-    from envgraph.learn.audit._ranks import ranking as ranking
-    from envgraph.learn.audit._run import ROLLOUTS as ROLLOUTS, Run as Run
+    from envgraph.learn.audit._ranks import rank_levels as rank_levels
     from envgraph.learn.audit._scores import Student as Student
-    from envgraph.learn.audit._settings import (
-        PROTOCOL as PROTOCOL,
-        AuditSettings as AuditSettings,
-        audit_problems as audit_problems,
-        audit_settings as audit_settings,
-    )
+    from envgraph.learn.audit._student_run import ROLLOUTS as ROLLOUTS, AuditRun as AuditRun
     from envgraph.learn.audit._study import Study as Study, audit as audit
-    from envgraph.learn.audit._tables import (
-        Summary as Summary,
-        summaries as summaries,
+    from envgraph.learn.audit._summaries import (
+        MethodSummary as MethodSummary,
+        summarise_methods as summarise_methods,
         write_audit as write_audit,
     )
 
-later(globals())
+export_lazily(globals())

@@ -15,55 +15,55 @@ PROBED: Final[tuple[Score, ...]] = ("PVL", "L1", "MaxMC", "MNA", "SFL", "exact l
 
 
 @dataclass(frozen=True, slots=True)
-class Method:
+class AuditMethod:
     """A way to choose levels.
 
     Attributes:
         name: the name in tables and charts.
         score: the score by which levels are chosen; None for random choice.
         choice: settings of the schedule; None to draw levels at random.
-        solvable: True to draw only solvable levels.
-        counted: True to count the steps of episodes that are played only to score levels.
-        edited: True to edit levels that were replayed (`Editor`), and offer the results to the buffer.
-        decisive: True to run it with all seeds, since it takes part in a main claim about teaching.
+        only_solvable: True to draw only solvable levels.
+        counts_scoring: True to count the steps of episodes that are played only to score levels.
+        edits_levels: True to edit levels that were replayed (`Editor`), and offer the results to the buffer.
+        is_decisive: True to run it with all seeds, since it takes part in a main claim about teaching.
     """
 
     name: str
     score: Score | None = None
     choice: Buffer | Sifting | None = None
-    solvable: bool = False
-    counted: bool = True
-    edited: bool = False
-    decisive: bool = False
+    only_solvable: bool = False
+    counts_scoring: bool = True
+    edits_levels: bool = False
+    is_decisive: bool = False
 
 
 ROBUST: Final = Buffer(fresh_learned=False)
 
 METHODS: Final = (
-    Method("DR", decisive=True),
-    Method("DR, solvable only", solvable=True, decisive=True),
-    Method("PLR, random score", "random", Buffer(), decisive=True),
-    Method("PLR, PVL", "PVL", Buffer()),
-    Method("PLR, L1", "L1", Buffer()),
-    Method("PLR, MaxMC", "MaxMC", Buffer(), decisive=True),
-    Method("PLR, MNA", "MNA", Buffer()),
-    Method("robust PLR, PVL", "PVL", ROBUST),
-    Method("robust PLR, MaxMC", "MaxMC", ROBUST),
-    Method("SFL, 4 rollouts", "SFL", Sifting(4)),
-    Method("SFL, 16 rollouts", "SFL", Sifting(16)),
-    Method("SFL, 16 rollouts uncounted", "SFL", Sifting(16), counted=False),
-    Method("SFL, exact learnability", "exact learnability", Sifting(None)),
-    Method("PLR, exact regret", "exact regret", Buffer(), decisive=True),
-    Method("PLR, exact learnability", "exact learnability", Buffer(), decisive=True),
-    Method("PLR, MaxMC, solvable only", "MaxMC", Buffer(), solvable=True),
-    Method("PLR, exact learnability, solvable only", "exact learnability", Buffer(), solvable=True),
+    AuditMethod("DR", is_decisive=True),
+    AuditMethod("DR, solvable only", only_solvable=True, is_decisive=True),
+    AuditMethod("PLR, random score", "random", Buffer(), is_decisive=True),
+    AuditMethod("PLR, PVL", "PVL", Buffer()),
+    AuditMethod("PLR, L1", "L1", Buffer()),
+    AuditMethod("PLR, MaxMC", "MaxMC", Buffer(), is_decisive=True),
+    AuditMethod("PLR, MNA", "MNA", Buffer()),
+    AuditMethod("robust PLR, PVL", "PVL", ROBUST),
+    AuditMethod("robust PLR, MaxMC", "MaxMC", ROBUST),
+    AuditMethod("SFL, 4 rollouts", "SFL", Sifting(4)),
+    AuditMethod("SFL, 16 rollouts", "SFL", Sifting(16)),
+    AuditMethod("SFL, 16 rollouts uncounted", "SFL", Sifting(16), counts_scoring=False),
+    AuditMethod("SFL, exact learnability", "exact learnability", Sifting(None)),
+    AuditMethod("PLR, exact regret", "exact regret", Buffer(), is_decisive=True),
+    AuditMethod("PLR, exact learnability", "exact learnability", Buffer(), is_decisive=True),
+    AuditMethod("PLR, MaxMC, solvable only", "MaxMC", Buffer(), only_solvable=True),
+    AuditMethod("PLR, exact learnability, solvable only", "exact learnability", Buffer(), only_solvable=True),
 )
 """All methods of an audit; the first is the baseline of the others."""
 
 
 EDITING: Final = (
-    Method("ACCEL, MaxMC", "MaxMC", ROBUST, edited=True),
-    Method("PLR with edits, exact learnability", "exact learnability", Buffer(), edited=True),
+    AuditMethod("ACCEL, MaxMC", "MaxMC", ROBUST, edits_levels=True),
+    AuditMethod("PLR with edits, exact learnability", "exact learnability", Buffer(), edits_levels=True),
 )
 """Methods that make new levels during training. They take ten times as long, so they are run only if named."""
 
@@ -87,15 +87,11 @@ class Contrast:
 CONTRASTS: Final = (
     Contrast("a buffer of levels helps, whatever is in it", "buffer", "PLR, random score", "DR"),
     Contrast("leaving unsolvable levels out helps", "filter", "DR, solvable only", "DR"),
-    Contrast(
-        "positive value loss teaches more than a random score", "score", "PLR, PVL", "PLR, random score"
-    ),
+    Contrast("positive value loss teaches more than a random score", "score", "PLR, PVL", "PLR, random score"),
     Contrast("L1 value loss teaches more than a random score", "score", "PLR, L1", "PLR, random score"),
     Contrast("MaxMC teaches more than a random score", "score", "PLR, MaxMC", "PLR, random score"),
     Contrast("MNA teaches more than a random score", "score", "PLR, MNA", "PLR, random score"),
-    Contrast(
-        "exact regret teaches more than a random score", "score", "PLR, exact regret", "PLR, random score"
-    ),
+    Contrast("exact regret teaches more than a random score", "score", "PLR, exact regret", "PLR, random score"),
     Contrast(
         "exact learnability teaches more than leaving unsolvable levels out",
         "score",

@@ -6,7 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from envgraph.code import dataclass
-from envgraph.learn.audit._settings import PROTOCOL
+from envgraph.learn.audit._audit_settings import PROTOCOL
 
 Floats = NDArray[np.float64]
 
@@ -37,18 +37,16 @@ def rank_correlation(values: Floats, others: Floats) -> float:
     return round(float(first @ second) / norm, 12) if norm > 0 else 0.0
 
 
-def level_parts(values: Floats, others: Floats) -> Floats:
+def jackknife_values(values: Floats, exact_values: Floats) -> Floats:
     """Return jackknife pseudo-values of a rank correlation over at most 20 groups of levels [groups].
 
     With g groups, the value of a group is g times the correlation minus g - 1 times the correlation without the group
     (Tukey 1958). The variance of their mean estimates that of the correlation over samples of levels.
     """
     groups = np.arange(len(values)) % min(20, len(values))
-    whole, number = rank_correlation(values, others), groups.max() + 1
+    whole, number = rank_correlation(values, exact_values), groups.max() + 1
     kept = (groups != group for group in range(number))
-    return np.array(
-        [number * whole - (number - 1) * rank_correlation(values[one], others[one]) for one in kept]
-    )
+    return np.array([number * whole - (number - 1) * rank_correlation(values[one], exact_values[one]) for one in kept])
 
 
 @dataclass(frozen=True, slots=True)
@@ -76,13 +74,13 @@ class Ranking:
     repeat: float
 
 
-def ranking(
-    scores: Floats, again: Floats, regret: Floats, success: Floats, solvable: NDArray[np.bool_]
+def rank_levels(
+    scores: Floats, second_scores: Floats, regret: Floats, success: Floats, solvable: NDArray[np.bool_]
 ) -> Ranking:
     """Compare how a score, estimated twice, and exact values rank levels.
 
     Args:
-        scores, again: the two estimates of the score of each level.
+        scores, second_scores: the two estimates of the score of each level.
         regret, success: the exact regret and success of each level.
         solvable: True for solvable levels.
     """
@@ -99,5 +97,5 @@ def ranking(
         mastered=float((success[top] > MASTERED).mean()),
         hopeless=float((here & (success[top] < HOPELESS)).mean()),
         capture=float(regret[top].mean() / most) if most > 0 else 0.0,
-        repeat=rank_correlation(scores, again),
+        repeat=rank_correlation(scores, second_scores),
     )

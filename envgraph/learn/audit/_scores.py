@@ -8,9 +8,9 @@ import numpy as np
 from numpy.random import Generator
 from numpy.typing import NDArray
 
-from envgraph.learn.audit._levels import AuditLevels
+from envgraph.learn.audit._audit_levels import AuditLevels
 from envgraph.learn.audit._methods import Score
-from envgraph.solve.learning import Played
+from envgraph.solve.learning import PlayStatistics
 
 Ints = NDArray[np.int64]
 Floats = NDArray[np.float64]
@@ -24,7 +24,7 @@ class Student(Protocol):
 
 
 def score_levels(
-    score: Score, levels: AuditLevels, chosen: Ints, student: Student, played: Played, rng: Generator
+    score: Score, levels: AuditLevels, chosen: Ints, student: Student, played: PlayStatistics, rng: Generator
 ) -> Floats:
     """Return a score of each level that a student has played. Higher means more useful to learn on.
 

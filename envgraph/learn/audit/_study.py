@@ -15,10 +15,10 @@ from envgraph.errors import EvaluationError, InvalidArgument
 from envgraph.files import replace_file
 from envgraph.lang import Bundle
 from envgraph.learn._workers import run_in_workers
-from envgraph.learn.audit._levels import AuditLevels, make_levels
-from envgraph.learn.audit._methods import EDITING, METHODS, Method
-from envgraph.learn.audit._run import Run, run_method
-from envgraph.learn.audit._settings import AuditSettings
+from envgraph.learn.audit._audit_levels import AuditLevels, make_levels
+from envgraph.learn.audit._audit_settings import AuditSettings
+from envgraph.learn.audit._methods import EDITING, METHODS, AuditMethod
+from envgraph.learn.audit._student_run import AuditRun, run_method
 from envgraph.search import Domain
 
 FORMAT: Final = 3
@@ -45,9 +45,9 @@ class Study:
     name: str
     levels: AuditLevels
     settings: AuditSettings
-    runs: tuple[Run, ...]
+    runs: tuple[AuditRun, ...]
 
-    def of(self, method: str) -> dict[int, Run]:
+    def runs_of(self, method: str) -> dict[int, AuditRun]:
         """Return the runs of a method by their seeds."""
         return {run.seed: run for run in self.runs if run.method == method}
 
@@ -62,7 +62,7 @@ def audit(
     settings: AuditSettings,
     directory: Path,
     *,
-    methods: Sequence[Method] = METHODS,
+    methods: Sequence[AuditMethod] = METHODS,
     workers: int = 1,
     force: bool = False,
     progress: Progress = lambda done, total, what: None,
@@ -82,22 +82,23 @@ def audit(
         InvalidArgument: the directory has another audit, or a result in it cannot be read.
         EvaluationError: the mutation rules make too few levels, or too few that are solvable.
     """
-    _claim(directory, _about(domain, settings), force)
+    _claim_directory(directory, _data_of_all_runs(domain, settings), force)
     levels_file = directory / "levels.npz"
     if not levels_file.exists():
         make_levels(domain, settings, lambda done, total: progress(done, total, "levels")).save(levels_file)
     levels = AuditLevels.load(levels_file)
     _check_solvable(levels, domain, settings)
-    planned = [(method, seed) for method, seed in _planned(settings, methods)]
-    missing = [one for one in planned if not _file(directory, *one).exists()]
+    planned = [(method, seed) for method, seed in _planned_runs(settings, methods)]
+    missing = [one for one in planned if not _result_path(directory, *one).exists()]
     known = len(planned) - len(missing)
     progress(known, len(planned), "runs")
     source = domain.workspace.bundle(), domain.overrides
-    for done in _finished(directory, settings, missing, workers, source):
+    for done in _do_missing_runs(directory, settings, missing, workers, source):
         progress(known + done, len(planned), "runs")
     order = {method.name: place for place, method in enumerate((*METHODS, *EDITING))}
     runs = sorted(
-        (read_run(_file(directory, *one)) for one in planned), key=lambda run: (order[run.method], run.seed)
+        (read_run(_result_path(directory, *one)) for one in planned),
+        key=lambda run: (order[run.method], run.seed),
     )
     return Study(domain.spec.name, levels, settings, tuple(runs))
 
@@ -112,7 +113,7 @@ def _check_solvable(levels: AuditLevels, domain: Domain, settings: AuditSettings
         )
 
 
-def read_run(path: Path) -> Run:
+def read_run(path: Path) -> AuditRun:
     """Read the result of a run.
 
     Raises:
@@ -121,28 +122,26 @@ def read_run(path: Path) -> Run:
     try:
         data: dict[str, Any] = json.loads(path.read_text("utf-8"))
         values: dict[str, Any] = {}
-        for one in fields(Run):
+        for one in fields(AuditRun):
             value = data[one.name]
             values[one.name] = tuple(value) if isinstance(value, list) else value
-        return Run(**values)
+        return AuditRun(**values)
     except (OSError, ValueError, LookupError, TypeError) as error:
-        raise InvalidArgument(
-            f"{path}: the file is not the result of a run; remove it to repeat the run"
-        ) from error
+        raise InvalidArgument(f"{path}: the file is not the result of a run; remove it to repeat the run") from error
 
 
-def _planned(settings: AuditSettings, methods: Sequence[Method]) -> Iterator[tuple[Method, int]]:
+def _planned_runs(settings: AuditSettings, methods: Sequence[AuditMethod]) -> Iterator[tuple[AuditMethod, int]]:
     """Yield all runs, seed by seed, so that an audit that is stopped has equally many of each method."""
     for seed in range(max(settings.seeds, settings.controls)):
         for method in methods:
-            if seed < (settings.seeds if method.decisive else min(settings.seeds, settings.controls)):
+            if seed < (settings.seeds if method.is_decisive else min(settings.seeds, settings.controls)):
                 yield method, seed
 
 
-def _finished(
+def _do_missing_runs(
     directory: Path,
     settings: AuditSettings,
-    missing: Sequence[tuple[Method, int]],
+    missing: Sequence[tuple[AuditMethod, int]],
     workers: int,
     source: _Source,
 ) -> Iterator[int]:
@@ -150,30 +149,30 @@ def _finished(
     place = str(directory)
     tasks = [(place, settings, *one, source) for one in missing]
     hint = f"run `audit` again with fewer `workers`; finished students are stored in {directory}"
-    for count, _ in enumerate(run_in_workers(_work, tasks, workers, hint=hint), 1):
+    for count, _ in enumerate(run_in_workers(_do_run, tasks, workers, hint=hint), 1):
         yield count
 
 
-def _work(directory: str, settings: AuditSettings, method: Method, seed: int, source: _Source) -> None:
+def _do_run(directory: str, settings: AuditSettings, method: AuditMethod, seed: int, source: _Source) -> None:
     """Do one run, and write its result to a file."""
-    domain = Domain.from_bundle(source[0], overrides=source[1]) if method.edited else None
-    run = run_method(_levels(directory), settings, method, seed, domain=domain)
-    path = _file(Path(directory), method, seed)
+    domain = Domain.from_bundle(source[0], overrides=source[1]) if method.edits_levels else None
+    run = run_method(_load_levels(directory), settings, method, seed, domain=domain)
+    path = _result_path(Path(directory), method, seed)
     path.parent.mkdir(parents=True, exist_ok=True)
     replace_file(path, json.dumps(asdict(run)))
 
 
 @lru_cache(maxsize=1)
-def _levels(directory: str) -> AuditLevels:
+def _load_levels(directory: str) -> AuditLevels:
     return AuditLevels.load(Path(directory) / "levels.npz")
 
 
-def _file(directory: Path, method: Method, seed: int) -> Path:
+def _result_path(directory: Path, method: AuditMethod, seed: int) -> Path:
     name = "_".join("".join(one if one.isalnum() else " " for one in method.name).split())
     return directory / "runs" / f"{name}.{seed}.json"
 
 
-def _about(domain: Domain, settings: AuditSettings) -> dict[str, Any]:
+def _data_of_all_runs(domain: Domain, settings: AuditSettings) -> dict[str, Any]:
     """Return the data that all runs depend on: the texts, and the settings except the number of seeds."""
     texts = sorted(text for name, text in domain.workspace.sources.items() if name != domain.spec.path)
     rules = [str(rule) for rule in domain.spec.mutation.rules], domain.spec.mutation.initial_applications
@@ -189,7 +188,7 @@ def _about(domain: Domain, settings: AuditSettings) -> dict[str, Any]:
     return found
 
 
-def _claim(directory: Path, about: dict[str, Any], force: bool) -> None:
+def _claim_directory(directory: Path, about: dict[str, Any], force: bool) -> None:
     """Mark a directory as that of this audit; delete another audit in it if `force`, otherwise raise an error."""
     path = directory / "audit.json"
     if path.exists():

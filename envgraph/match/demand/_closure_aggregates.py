@@ -7,11 +7,11 @@ from itertools import compress
 from typing import Any, Final
 
 from envgraph.code import dataclass
-from envgraph.match._aggregates import aggregate, total
-from envgraph.match._costs import DEMAND
+from envgraph.match._aggregate_values import aggregate, total
+from envgraph.match._match_costs import DEMAND
 
 Number = int | float
-Rows = Iterable[tuple[Any, ...]]
+EndRows = Iterable[tuple[Any, ...]]
 """The rows of the aggregate's relation: first the end of the closure, then the other columns."""
 
 _SELECTED: Final = bytes(digit == ord("1") for digit in range(256))
@@ -29,7 +29,7 @@ class ClosureAggregation:
 
     function: str
     column: int
-    rows: Callable[..., Rows]
+    rows: Callable[..., EndRows]
 
 
 class ClosureAggregate:
@@ -39,8 +39,8 @@ class ClosureAggregate:
     several nodes contribute is a class of its own, which counts once if at least one of them is reached.
 
     >>> kinds = ClosureAggregate("count", 0, [(7, "red"), (8, "red"), (9, "blue")])
-    >>> kinds.catch_up([9, 8, 7])
-    >>> kinds.classes, kinds.sum_up(0b110), kinds.sum_up(0b111)
+    >>> kinds.assign_bits([9, 8, 7])
+    >>> kinds.number_of_classes, kinds.sum_up(0b110), kinds.sum_up(0b111)
     (2, 1, 2)
 
     Args:
@@ -48,7 +48,7 @@ class ClosureAggregate:
         rows: the rows, each once.
     """
 
-    def __init__(self, function: str, column: int, rows: Rows) -> None:
+    def __init__(self, function: str, column: int, rows: EndRows) -> None:
         ends: dict[tuple[Any, ...], list[Any]] = {}
         for end, *others in rows:
             ends.setdefault(tuple(others), []).append(end)
@@ -66,15 +66,13 @@ class ClosureAggregate:
                 alone.setdefault(nodes[0], []).append(value)
             else:
                 self._add(value, -1 - number, nodes)
-        weights = {node: self._together(values) for node, values in alone.items()}
+        weights = {node: self._combine_values(values) for node, values in alone.items()}
         for node, values in weights.items():
             for layer, value in enumerate(values):
                 self._add(value, layer, [node])
-        plain = all(len(values) == 1 for values in weights.values()) and all(
-            layer == 0 for _, layer in self._classes
-        )
+        plain = all(len(values) == 1 for values in weights.values()) and all(layer == 0 for _, layer in self._classes)
         self._weights = {node: values[0] for node, values in weights.items()} if plain else None
-        self._masks = [0] * self.classes if self.classes <= DEMAND.most_classes else []
+        self._masks = [0] * self.number_of_classes if self.number_of_classes <= DEMAND.most_classes else []
         self._weighted = 0
         self._column: list[Number] = []
 
@@ -84,20 +82,18 @@ class ClosureAggregate:
         for node in nodes:
             self._members.setdefault(node, []).append(number)
 
-    def _together(self, values: list[Number]) -> list[Number]:
+    def _combine_values(self, values: list[Number]) -> list[Number]:
         """Return the values that one node contributes, combined into as few values as possible."""
         if self._adds:
             return [sum(values)]
-        return (
-            [min(values)] if self._function == "min" else [max(values)] if self._function == "max" else values
-        )
+        return [min(values)] if self._function == "min" else [max(values)] if self._function == "max" else values
 
     @property
-    def classes(self) -> int:
+    def number_of_classes(self) -> int:
         """Return the number of classes of nodes."""
         return len(self._classes)
 
-    def catch_up(self, nodes: Sequence[Any]) -> None:
+    def assign_bits(self, nodes: Sequence[Any]) -> None:
         """Assign bits to nodes: the bit of a node is its position in `nodes`, which may only grow between calls."""
         for place in range(len(self._column), len(nodes)):
             node = nodes[place]
@@ -112,10 +108,7 @@ class ClosureAggregate:
     def value(self, reached: int) -> tuple[Number | None] | None:
         """Return the value for a bit set of reached nodes as a 1-tuple; None if a new search is cheaper."""
         number = reached.bit_count()
-        if (
-            self._masks
-            and len(self._masks) * (DEMAND.class_cost + len(self._column) // DEMAND.slow_bits) <= number
-        ):
+        if self._masks and len(self._masks) * (DEMAND.class_cost + len(self._column) // DEMAND.slow_bits) <= number:
             return (self.sum_up(reached),)
         if self._weights is not None and len(self._column) <= DEMAND.dense * number:
             return (self._look_at_all(reached),)

@@ -5,11 +5,11 @@ from __future__ import annotations
 from collections.abc import Callable, Iterable
 from typing import Any
 
-from envgraph.match._costs import DEMAND
-from envgraph.metamodel import components
+from envgraph.match._match_costs import DEMAND
+from envgraph.metamodel import strong_components
 
 
-class TooLarge(Exception):
+class CondensationTooLarge(Exception):
     """The error raised if the integers would take too much memory."""
 
 
@@ -20,7 +20,7 @@ class Condensation:
 
     >>> steps = {1: [2], 2: [1, 3], 3: []}
     >>> reached = Condensation(steps.__getitem__)
-    >>> reached.holds(1, 1), reached.holds(3, 2), reached.size(2)
+    >>> reached.reaches(1, 1), reached.reaches(3, 2), reached.size(2)
     (True, False, 3)
 
     Args:
@@ -37,7 +37,7 @@ class Condensation:
         self.nodes: list[Any] = []
         self._bytes = 0
 
-    def holds(self, start: Any, goal: Any) -> bool:
+    def reaches(self, start: Any, goal: Any) -> bool:
         """Return True if a node reaches another node by one or more edges.
 
         Raises:
@@ -45,7 +45,7 @@ class Condensation:
         """
         bits = self._bits.get(start)
         if bits is None:
-            bits = self._explored(start)
+            bits = self._explore_safely(start)
         place = self._place.get(goal)
         return place is not None and bool(bits >> place & 1)
 
@@ -56,7 +56,7 @@ class Condensation:
             TooLarge: the integers take too much memory.
         """
         bits = self._bits.get(start)
-        return self._explored(start) if bits is None else bits
+        return self._explore_safely(start) if bits is None else bits
 
     def bit(self, node: Any) -> int:
         """Return the integer with only the bit of a visited node."""
@@ -69,15 +69,13 @@ class Condensation:
             TooLarge: the integers take too much memory.
         """
         bits = self._bits.get(start)
-        return (self._explored(start) if bits is None else bits).bit_count()
+        return (self._explore_safely(start) if bits is None else bits).bit_count()
 
-    def _explored(self, start: Any) -> int:
+    def _explore_safely(self, start: Any) -> int:
         """Compute and return the bit set of a new start. After an exception, remove all nodes without bit sets."""
         try:
             return self._explore(start)
-        except (
-            BaseException
-        ):  # Also for Ctrl-C: a component may have bits although its reached set is unknown.
+        except BaseException:  # Also for Ctrl-C: a component may have bits although its reached set is unknown.
             self.nodes[:] = [node for node in self._place if node in self._bits]
             self._place = {node: place for place, node in enumerate(self.nodes)}
             raise
@@ -85,7 +83,7 @@ class Condensation:
     def _explore(self, start: Any) -> int:
         """Compute the bit sets of all nodes that a start reaches, and return the start's."""
         known, place = self._bits, self._place
-        for component, exits in components([start], self._unknown):
+        for component, exits in strong_components([start], self._unknown):
             if component[0] in known:
                 continue
             first = len(place)
@@ -99,7 +97,7 @@ class Condensation:
                     bits |= known[node] | 1 << place[node]
             self._bytes += bits.bit_length() >> 3
             if self._bytes > DEMAND.most_bytes:
-                raise TooLarge
+                raise CondensationTooLarge
             known.update(dict.fromkeys(component, bits))
         return known[start]
 

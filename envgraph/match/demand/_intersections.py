@@ -7,13 +7,13 @@ from collections.abc import Sequence
 from envgraph.graph import IndexedSet
 
 
-def common(ends: IndexedSet[int], fewest: Sequence[int], *others: Sequence[int]) -> list[int]:
+def intersect_ends(ends: IndexedSet[int], fewest: Sequence[int], *others: Sequence[int]) -> list[int]:
     """Return the nodes of a large set of link ends that are also in the smallest other set, in the order of `ends`.
 
     The number of steps is the size of the smaller set. So a search for triangles does not scan a hub for each of its
     neighbours (worst-case optimal joins rest on this: Ngo, Porat, Ré and Rudra 2012).
 
-    >>> common(IndexedSet((4, 3, 2, 1)), (1, 7, 4))
+    >>> intersect_ends(IndexedSet((4, 3, 2, 1)), (1, 7, 4))
     [4, 1]
     """
     if others:

@@ -11,7 +11,7 @@ from operator import ge, gt, le, lt
 from typing import Any, Final
 
 from envgraph.graph import Store
-from envgraph.match._costs import DEMAND
+from envgraph.match._match_costs import DEMAND
 
 Entries = Callable[[Iterable[int]], Iterator[tuple[Any, Any, int]]]
 """Yields for each of the given objects, in order, its key, its value compared with bounds, and the object."""
@@ -33,9 +33,9 @@ class ValueIndex:
     """
 
     def __init__(
-        self, store: Store, classes: Sequence[int], operators: Sequence[str] = (), alone: bool = True
+        self, store: Store, classes: Sequence[int], operators: Sequence[str] = (), is_local: bool = True
     ) -> None:
-        self._store, self._operators, self._alone = store, operators, alone
+        self._store, self._operators, self._alone = store, operators, is_local
         self._ranks = {cls: rank << 48 for rank, cls in enumerate(classes)}
         self._extents = [store.extents[index] for index in classes]
         self._table: dict[Any, list[Any]] = {}
@@ -52,17 +52,17 @@ class ValueIndex:
 
     def some(self, entries: Entries, key: Any, *bounds: Any) -> Iterable[int]:
         """Return objects with a key and a value within bounds in any order, perhaps repeated or as an iterator."""
-        if not self._ready(entries):
+        if not self._is_ready(entries):
             return self.look(entries, key, bounds)
         bucket = self._table.get(key, ())
-        return (bucket[place][1] for place in self._between(bucket, bounds)) if self._operators else bucket
+        return (bucket[place][1] for place in self._range_within(bucket, bounds)) if self._operators else bucket
 
     def count(self, entries: Entries, key: Any, *bounds: Any) -> int:
         """Return the number of objects with a key and a value within bounds, if each object has one value."""
-        if not self._ready(entries):
+        if not self._is_ready(entries):
             return sum(1 for _ in self.look(entries, key, bounds))
         bucket = self._table.get(key, ())
-        return len(self._between(bucket, bounds)) if self._operators else len(bucket)
+        return len(self._range_within(bucket, bounds)) if self._operators else len(bucket)
 
     def look(self, entries: Entries, key: Any, bounds: Sequence[Any]) -> Iterable[int]:
         """Yield the objects with a key and a value within bounds, by a scan of all objects without the index."""
@@ -71,7 +71,7 @@ class ValueIndex:
             if own == key and (not tests or (value is not None and all(test(value, w) for test, w in tests))):
                 yield node
 
-    def _between(self, bucket: Sequence[tuple[Any, float]], bounds: Sequence[Any]) -> range:
+    def _range_within(self, bucket: Sequence[tuple[Any, float]], bounds: Sequence[Any]) -> range:
         """Return the range of the entries of a sorted bucket whose values are within bounds."""
         low, high = 0, len(bucket)
         for operator, bound in zip(self._operators, bounds, strict=True):
@@ -82,10 +82,10 @@ class ValueIndex:
             low, high = (low, min(high, place)) if operator[0] == "<" else (max(low, place), high)
         return range(low, high)
 
-    def _ready(self, entries: Entries) -> bool:
+    def _is_ready(self, entries: Entries) -> bool:
         """Bring the index up to date, or build it after a few lookups. Return False if there is no index yet."""
         if self._revision != self._store.revision:
-            self._follow(entries)
+            self._update(entries)
         if not self._made:
             self._asked += 1
             if self._asked > DEMAND.few_lookups:
@@ -100,25 +100,25 @@ class ValueIndex:
                 self._made = True
         return self._made
 
-    def _follow(self, entries: Entries) -> None:
+    def _update(self, entries: Entries) -> None:
         """Update the index; discard it after many or unrecorded changes. The store records changes from now on."""
         store, since, made = self._store, self._revision, self._made
         self._revision, self._made = store.revision, False
-        if store.touched is None:
-            store.touched = {}
-        if self._alone and store.touched is self._touched:
+        if store.changed_nodes is None:
+            store.changed_nodes = {}
+        if self._alone and store.changed_nodes is self._touched:
             most = sum(map(len, self._extents)) // DEMAND.followed + 1
-            recent = takewhile(lambda each: each[1] > since, reversed(store.touched.items()))
+            recent = takewhile(lambda each: each[1] > since, reversed(store.changed_nodes.items()))
             nodes = [node for node, _ in islice(recent, most + 1)] if made else []
             if len(nodes) <= most:
                 if nodes:
-                    self._file_again(entries, nodes)
+                    self._reindex_objects(entries, nodes)
                 self._made = made
                 return
-        self._asked, self._touched = 0, store.touched
+        self._asked, self._touched = 0, store.changed_nodes
 
-    def _file_again(self, entries: Entries, nodes: Sequence[int]) -> None:
-        """Remove changed objects (those of `Store.touched`), and insert them with their present values."""
+    def _reindex_objects(self, entries: Entries, nodes: Sequence[int]) -> None:
+        """Remove changed objects (those of `Store.changed_nodes`), and insert them with their present values."""
         table, place = self._table, self._place
         if not self._filed:
             for key, bucket in table.items():
@@ -147,7 +147,7 @@ class ValueIndex:
         return self._ranks[self._store.classes[node]] + self._store.place[node]
 
 
-def by_attributes(
+def attribute_lookup(
     store: Store, index: ValueIndex, classes: Sequence[int], attributes: Sequence[int]
 ) -> Callable[..., Sequence[int]]:
     """Return a function that takes attribute values and returns the objects with them, in the order of the extents.

@@ -3,11 +3,11 @@
 from __future__ import annotations
 
 from envgraph import code
-from envgraph.match.generate._write import Module, local
+from envgraph.match.generate._source_builder import SourceBuilder, local_variable
 from envgraph.pattern import Conjunction
 
 
-class Bindings:
+class VariableBindings:
     """The variables of a conjunction with values at a place of the code, and the expression for each value.
 
     Args:
@@ -16,33 +16,33 @@ class Bindings:
         renumbered: if True, local variables are numbered by first use, so that equal code has equal names.
 
     Attributes:
-        names: the expressions for the variables; constants are added at first use.
+        expressions: the expressions for the variables; constants are added at first use.
         constants: the variables with a fixed value.
     """
 
-    def __init__(self, conjunction: Conjunction, module: Module, renumbered: bool = False) -> None:
-        self.names: dict[int, code.Expression] = {}
+    def __init__(self, conjunction: Conjunction, module: SourceBuilder, renumbered: bool = False) -> None:
+        self.expressions: dict[int, code.Expression] = {}
         self.constants = dict(conjunction.constants)
         self._types = conjunction.types
         self._module = module
         self._numbers: dict[int, int] | None = {} if renumbered else None
 
-    def known(self, variable: int) -> bool:
+    def has_value(self, variable: int) -> bool:
         """Return True if a variable has a value at this place of the code, or is a constant."""
-        return variable in self.names or variable in self.constants
+        return variable in self.expressions or variable in self.constants
 
     @property
-    def changing(self) -> frozenset[int]:
+    def bound_variables(self) -> frozenset[int]:
         """Return the variables that have values, without the constants."""
-        return frozenset(self.names) - self.constants.keys()
+        return frozenset(self.expressions) - self.constants.keys()
 
-    def source(self, variable: int) -> code.Expression:
+    def expression_of(self, variable: int) -> code.Expression:
         """Return the expression for the value of a variable, which must have a value."""
-        if variable not in self.names:
-            self.names[variable] = self._module.literal(self.constants[variable])
-        return self.names[variable]
+        if variable not in self.expressions:
+            self.expressions[variable] = self._module.literal(self.constants[variable])
+        return self.expressions[variable]
 
     def local(self, variable: int, prefix: str = "v") -> code.Local:
         """Return the local variable in the code for a variable; other prefixes than "v" are for intermediate values."""
         number = variable if self._numbers is None else self._numbers.setdefault(variable, len(self._numbers))
-        return local(prefix, number, self._types[variable] if prefix == "v" else None)
+        return local_variable(prefix, number, self._types[variable] if prefix == "v" else None)

@@ -5,12 +5,12 @@ from __future__ import annotations
 from enum import Enum, StrEnum
 from typing import Literal as OneOf
 
-from envgraph.code import Function, dataclass, printed
-from envgraph.match.plan._plan import ViewKey
+from envgraph.code import Function, dataclass, print_source
+from envgraph.match.plan._search_plan import PatternQuery
 from envgraph.pattern import Closure, ClosureAtom
 
 
-class Mode(StrEnum):
+class ResultMode(StrEnum):
     """The kind of result of a generated function."""
 
     ROWS = "rows"
@@ -30,7 +30,7 @@ class Mode(StrEnum):
 
 
 @dataclass(frozen=True, slots=True)
-class Column:
+class StoreColumn:
     """A list of the store: the class index of each object, an extent of one class, or the values or ends of a feature.
 
     An extent has only direct instances. A many-valued attribute gives its distinct values.
@@ -54,34 +54,34 @@ class Valued:
     Classes and attributes are given by their indices.
 
     Attributes:
-        operators, alone: see `ValueIndex`.
+        operators, is_local: see `ValueIndex`.
         number: distinguishes the indexes by computed values.
     """
 
     classes: tuple[int, ...]
     attributes: tuple[int, ...] = ()
     operators: tuple[str, ...] = ()
-    alone: bool = True
+    is_local: bool = True
     number: str = ""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Literal:
+class ConstantSymbol:
     """A constant of a pattern, or a user function that it calls. Compared by identity, as 1, 1.0 and True are equal."""
 
     value: object
 
 
 @dataclass(frozen=True, slots=True)
-class View:
+class PatternFunction:
     """The generated function of a pattern query."""
 
-    key: ViewKey
-    mode: Mode
+    key: PatternQuery
+    mode: ResultMode
 
 
 @dataclass(frozen=True, slots=True)
-class Recursive:
+class RecursiveFunction:
     """The function that returns all matches of a recursive pattern for values at the bound positions."""
 
     pattern: str
@@ -93,24 +93,24 @@ class ClosureQuestion(Enum):
 
     ALL = "all"
     """All nodes reached from a start."""
-    HOLDS = "holds"
+    REACHES = "holds"
     """True if a source reaches a target."""
     PAIRS = "pairs"
     """All pairs of a source and a reached target."""
-    SPREAD = "spread"
+    NEW_NODES = "spread"
     """The nodes reached from a start, without those reached from earlier starts."""
     STEP = "step"
     """The nodes that one step leads to."""
-    JOIN = "join"
+    REACHES_ANY = "join"
     """True if at least one of several ends is reached."""
-    ALIKE = "alike"
+    SHARED_VALUE = "alike"
     """A value that depends on the start only through the set of reached nodes."""
     SIZE = "size"
     """The number of reached nodes."""
 
 
 @dataclass(frozen=True, slots=True)
-class Closed:
+class ClosureFunction:
     """The function that answers a question about the closure of a binary pattern.
 
     `reflexive` is True for `*`, and `forward` is True if the search starts at the source.
@@ -122,17 +122,17 @@ class Closed:
     forward: bool = True
 
 
-def closed(closure: ClosureAtom, question: ClosureQuestion, forward: bool = True) -> Closed:
+def closure_function(closure: ClosureAtom, question: ClosureQuestion, forward: bool = True) -> ClosureFunction:
     """Return the symbol of the function that answers a question about the closure in a goal."""
-    return Closed(closure.step, closure.closure is Closure.STAR, question, forward)
+    return ClosureFunction(closure.step, closure.closure is Closure.STAR, question, forward)
 
 
 @dataclass(frozen=True, slots=True)
-class Aggregated:
+class ReachAggregateSymbol:
     """The computation of an aggregate from the set of nodes that a closure in a pattern reaches.
 
     Attributes:
-        pattern, start, given, wanted: see `Ends` in `envgraph.match.plan._sharing`.
+        pattern, start, given, wanted: see `Ends` in `envgraph.match.plan._shared_searches`.
         function: count, sum, avg, min or max.
         column: the wanted position that is aggregated; None for count.
     """
@@ -153,29 +153,39 @@ class Builtin:
 
 
 @dataclass(frozen=True, slots=True)
-class Bounded:
+class MatchLimitCheck:
     """A function that raises an error if a pattern has too many matches: see `at_most`."""
 
     pattern: str
-    searched: bool = False
+    counts_failures: bool = False
 
 
 @dataclass(frozen=True, slots=True)
-class Held:
-    """A data structure or method of a view operator: its kind `what`, the operator's name, and row positions."""
+class OperatorSymbol:
+    """A data structure or method of a view operator: its kind `kind`, the operator's name, and row positions."""
 
-    what: str
+    kind: str
     name: str
     positions: tuple[int, ...] = ()
 
 
 Symbol = (
-    Bounded | Builtin | ClassTable | Closed | Column | Held | Literal | Recursive | Aggregated | Valued | View
+    MatchLimitCheck
+    | Builtin
+    | ClassTable
+    | ClosureFunction
+    | StoreColumn
+    | OperatorSymbol
+    | ConstantSymbol
+    | RecursiveFunction
+    | ReachAggregateSymbol
+    | Valued
+    | PatternFunction
 )
 
 
 @dataclass(frozen=True, slots=True)
-class Source:
+class GeneratedSource:
     """Generated source: a function `build` that takes the values of its symbols and returns the specialised function.
 
     Attributes:
@@ -189,4 +199,4 @@ class Source:
     @property
     def text(self) -> str:
         """Return the source as Python text."""
-        return printed((self.build,)).text
+        return print_source((self.build,)).text

@@ -6,12 +6,16 @@
 ['links_as_facts', 'closures_as_calls', 'inline_few_locals', 'drop_repeated', 'drop_implied', 'split_negations']
 """
 
-from envgraph.match.passes._bodies import Bodies as Bodies, Pass
-from envgraph.match.passes._closures import closures_as_calls
-from envgraph.match.passes._implied import drop_implied, drop_implied_inside
-from envgraph.match.passes._inline import expanded as expanded, inline_calls, inline_few_locals
-from envgraph.match.passes._relations import links_as_facts, split_negations
-from envgraph.match.passes._repeated import drop_repeated
+from envgraph.match.passes._closure_calls import closures_as_calls
+from envgraph.match.passes._implied_class_tests import drop_implied, drop_implied_inside
+from envgraph.match.passes._inlining import (
+    expanded_bodies as expanded_bodies,
+    inline_calls,
+    inline_few_locals,
+)
+from envgraph.match.passes._normal_relations import links_as_facts, split_negations
+from envgraph.match.passes._repeated_relations import drop_repeated
+from envgraph.match.passes._rewritten_bodies import Pass, RewrittenBodies as RewrittenBodies
 
 ON_DEMAND: tuple[Pass, ...] = (
     closures_as_calls,

@@ -2,20 +2,23 @@
 
 from typing import TYPE_CHECKING
 
-from envgraph.code import later
+from envgraph.code import export_lazily
 
 if TYPE_CHECKING:
-    from envgraph.match.passes._calls import CallGraph as CallGraph
-    from envgraph.match.plan._live import LiveSizes as LiveSizes
-    from envgraph.match.plan._options import Unplannable as Unplannable, call_key as call_key
-    from envgraph.match.plan._plan import (
-        BodyPlan as BodyPlan,
-        Kind as Kind,
-        Plan as Plan,
-        Step as Step,
-        ViewKey as ViewKey,
-        ViewPlan as ViewPlan,
-    )
+    from envgraph.match.passes._call_graph import CallGraph as CallGraph
+    from envgraph.match.plan._measured_sizes import LiveSizes as LiveSizes
     from envgraph.match.plan._planner import Planner as Planner
+    from envgraph.match.plan._search_plan import (
+        BodyPlan as BodyPlan,
+        PatternPlan as PatternPlan,
+        PatternQuery as PatternQuery,
+        PlanStep as PlanStep,
+        SearchPlan as SearchPlan,
+        StepKind as StepKind,
+    )
+    from envgraph.match.plan._step_candidates import (
+        Unplannable as Unplannable,
+        query_of_call as query_of_call,
+    )
 
-later(globals())
+export_lazily(globals())

@@ -2,10 +2,10 @@
 
 from typing import TYPE_CHECKING
 
-from envgraph.code import later
+from envgraph.code import export_lazily
 
 if TYPE_CHECKING:
-    from envgraph.match.views.watch._listeners import Subscription as Subscription
-    from envgraph.match.views.watch._matcher import ViewMatcher as ViewMatcher
+    from envgraph.match.views.watch._notifications import Subscription as Subscription
+    from envgraph.match.views.watch._view_matcher import ViewMatcher as ViewMatcher
 
-later(globals())
+export_lazily(globals())

@@ -7,8 +7,7 @@ from typing import Any, Final
 
 from envgraph.errors import EvaluationError, InvalidArgument
 from envgraph.metamodel import Scalar, Value
-from envgraph.pattern._bodies import children, navigations
-from envgraph.pattern._terms import (
+from envgraph.pattern._expression_data import (
     Binary,
     Conditional,
     Constant,
@@ -19,20 +18,21 @@ from envgraph.pattern._terms import (
     Unary,
     Variable,
 )
-from envgraph.pattern.expressions._operations import (
+from envgraph.pattern._occurrences import children, required_paths
+from envgraph.pattern.expressions._builtin_functions import (
     FUNCTIONS,
     add,
-    bounded,
+    check_bounds,
     divide,
     multiply,
     remainder,
     subtract,
 )
 
-Reader = Callable[[int, str], Value | int | None]
+FeatureReader = Callable[[int, str], Value | int | None]
 """Returns a single-valued feature of an object: the value, the id of the target, or None if unset."""
 
-STRICT: Final[Mapping[str, Callable[[Any, Any], Any]]] = {
+STRICT_OPERATORS: Final[Mapping[str, Callable[[Any, Any], Any]]] = {
     "+": add,
     "-": subtract,
     "*": multiply,
@@ -46,7 +46,7 @@ STRICT: Final[Mapping[str, Callable[[Any, Any], Any]]] = {
 
 
 def evaluate(
-    expression: Expression, values: Mapping[str, Value | int | None], read: Reader | None = None
+    expression: Expression, values: Mapping[str, Value | int | None], read: FeatureReader | None = None
 ) -> Value | int | None:
     """Return the value of a checked expression. Enum literals are represented by their names, objects by their ids.
 
@@ -63,18 +63,18 @@ def evaluate(
         InvalidArgument: a variable without an entry in `values`, or a path without `read`.
     """
     value: Value | int | None = raw_value(expression, values, read)
-    return bounded(value) if computes(expression) else value
+    return check_bounds(value) if needs_bounds(expression) else value
 
 
-def computes(expression: Expression) -> bool:
-    """Return True if the value may be a newly computed int or string, whose size `bounded` has to limit."""
+def needs_bounds(expression: Expression) -> bool:
+    """Return True if the value may be a newly computed int or string, whose size `check_bounds` has to limit."""
     match expression:
         case Binary():
             return expression.operator in ("+", "-", "*", "/", "%")
         case Unary():
             return expression.operator == "-"
         case Conditional():
-            return computes(expression.then) or computes(expression.otherwise)
+            return needs_bounds(expression.then) or needs_bounds(expression.otherwise)
         case FunctionCall():
             known = FUNCTIONS.get(expression.function)
             return known is not None and known.result not in (Scalar.BOOL, Scalar.FLOAT)
@@ -82,8 +82,8 @@ def computes(expression: Expression) -> bool:
             return False
 
 
-def holds(
-    expression: Expression, values: Mapping[str, Value | int | None], read: Reader | None = None
+def check_holds(
+    expression: Expression, values: Mapping[str, Value | int | None], read: FeatureReader | None = None
 ) -> bool:
     """Return True if the expression of a `check` is true.
 
@@ -94,21 +94,21 @@ def holds(
 
 
 def value_of(
-    expression: Expression, values: Mapping[str, Value | int | None], read: Reader | None = None
+    expression: Expression, values: Mapping[str, Value | int | None], read: FeatureReader | None = None
 ) -> Value | int | None:
     """Return the value of an `eval`, or None if it has no value, so that its body does not match.
 
-    Paths must have a value as in `holds`.
+    Paths must have a value as in `check_holds`.
     """
     try:
-        if any(raw_value(path, values, read) is None for path in navigations(expression)):
+        if any(raw_value(path, values, read) is None for path in required_paths(expression)):
             return None
         return evaluate(expression, values, read)
     except EvaluationError:
         return None
 
 
-def raw_value(node: Expression, values: Mapping[str, Any], read: Reader | None) -> Any:
+def raw_value(node: Expression, values: Mapping[str, Any], read: FeatureReader | None) -> Any:
     match node:
         case Variable():
             if node.name not in values:
@@ -126,37 +126,37 @@ def raw_value(node: Expression, values: Mapping[str, Any], read: Reader | None) 
                 raise InvalidArgument(f"pass `read`: the expression reads `{node.feature}`")
             return None if owner is None else read(owner, node.feature)
         case Unary():
-            operand = _present(node.operand, values, read)
+            operand = _required_value(node.operand, values, read)
             return not operand if node.operator == "!" else -operand
         case Binary():
-            return _binary(node, values, read)
+            return _binary_value(node, values, read)
         case Conditional():
-            return raw_value(node.then if _present(node.test, values, read) else node.otherwise, values, read)
+            return raw_value(node.then if _required_value(node.test, values, read) else node.otherwise, values, read)
         case FunctionCall():
-            arguments = [_present(argument, values, read) for argument in node.arguments]
+            arguments = [_required_value(argument, values, read) for argument in node.arguments]
             if node.declaration is not None:
-                return node.declaration.at(node.span)(*arguments)
+                return node.declaration.bound_to_call(node.span)(*arguments)
             return FUNCTIONS[node.function].implementation(*arguments)
 
 
-def _binary(node: Binary, values: Mapping[str, Any], read: Reader | None) -> Any:
+def _binary_value(node: Binary, values: Mapping[str, Any], read: FeatureReader | None) -> Any:
     match node.operator:
         case "&&":
-            return all(_present(part, values, read) for part in children(node))
+            return all(_required_value(part, values, read) for part in children(node))
         case "||":
-            return any(_present(part, values, read) for part in children(node))
+            return any(_required_value(part, values, read) for part in children(node))
         case "==":
             return raw_value(node.left, values, read) == raw_value(node.right, values, read)
         case "!=":
             return raw_value(node.left, values, read) != raw_value(node.right, values, read)
     first, links = node.chain()
-    result = _present(first, values, read)
+    result = _required_value(first, values, read)
     for link in links:
-        result = STRICT[link.operator](result, _present(link.right, values, read))
+        result = STRICT_OPERATORS[link.operator](result, _required_value(link.right, values, read))
     return result
 
 
-def _present(node: Expression, values: Mapping[str, Any], read: Reader | None) -> Any:
+def _required_value(node: Expression, values: Mapping[str, Any], read: FeatureReader | None) -> Any:
     value = raw_value(node, values, read)
     if value is None:
         name = f"`{node.feature}`" if isinstance(node, Navigation) else "an operand"

@@ -7,17 +7,17 @@ from collections.abc import Mapping
 from typing import TYPE_CHECKING, Final
 
 from envgraph.errors import did_you_mean
-from envgraph.pattern._lowered import ObjectType, StaticType
-from envgraph.pattern._terms import FunctionCall, Navigation, Variable
-from envgraph.pattern._types import assignable, common_number, type_text, wrong_type
-from envgraph.pattern.expressions._operations import FUNCTIONS
+from envgraph.pattern._expression_data import FunctionCall, Navigation, Variable
+from envgraph.pattern._goals import ObjectType, StaticType
+from envgraph.pattern._types import common_number, is_assignable, type_text, wrong_type_error
+from envgraph.pattern.expressions._builtin_functions import FUNCTIONS
 
 if TYPE_CHECKING:
-    from envgraph.pattern._functions import DeclaredFunction
-    from envgraph.pattern.expressions._expressions import ExpressionChecker
+    from envgraph.pattern._declared_functions import DeclaredFunction
+    from envgraph.pattern.expressions._expression_types import ExpressionChecker
 
 
-OF_JAVA: Final[Mapping[str, str]] = {
+JAVA_HINTS: Final[Mapping[str, str]] = {
     "equalsIgnoreCase": "write `toLower(a) == toLower(b)`",
     "compareTo": "write `a < b`, `a == b` or `a > b`",
     "matches": "write `startsWith`, `endsWith`, `contains` or `indexOf`: there are no regular expressions",
@@ -34,37 +34,37 @@ OF_JAVA: Final[Mapping[str, str]] = {
 def call_type(checker: ExpressionChecker, node: FunctionCall) -> StaticType | None:
     """Return the type of a function call, or None if unknown. Report errors of the call to the checker."""
     if node.declaration is not None:
-        return _declared(checker, node, node.declaration)
+        return _declared_call_type(checker, node, node.declaration)
     function = FUNCTIONS.get(node.function) if node.owner is None else None
     if function is None:
-        _unknown_function(checker, node)
+        _report_unknown_function(checker, node)
         return None
     if not function.accepts_count(len(node.arguments)):
         message = f"`{function.name}` does not take {len(node.arguments)} arguments"
         checker.report("wrong-arity", message, node, f"write `{function.signature}`")
         return function.result
     types = [
-        checker.operand(argument, function.name, function.parameter(position))
+        checker.operand_type(argument, function.name, function.parameter_kind(position))
         for position, argument in enumerate(node.arguments)
     ]
     return function.result or common_number(*types)
 
 
-def _unknown_function(checker: ExpressionChecker, node: FunctionCall) -> None:
+def _report_unknown_function(checker: ExpressionChecker, node: FunctionCall) -> None:
     span = node.function_span or node.span
-    declare = _declaring(checker, node)
+    declare = _declaration_hint(checker, node)
     if node.owner is not None:
         if node.function in FUNCTIONS:
             declare = f"write `{FUNCTIONS[node.function].signature}` if that is meant"
         message = f"`{node.owner}.{node.function}` is a function of Java"
-        checker.at("java-call", message, span, declare)
+        checker.report_at("java-call", message, span, declare)
         return
-    hint = _getter_hint(checker, node) or OF_JAVA.get(node.function)
+    hint = _getter_hint(checker, node) or JAVA_HINTS.get(node.function)
     hint = hint or did_you_mean(node.function, {**(node.declared or {}), **FUNCTIONS})
-    checker.at("unknown-function", f"unknown function `{node.function}`", span, hint or declare)
+    checker.report_at("unknown-function", f"unknown function `{node.function}`", span, hint or declare)
 
 
-def _declaring(checker: ExpressionChecker, node: FunctionCall) -> str:
+def _declaration_hint(checker: ExpressionChecker, node: FunctionCall) -> str:
     """Return a hint that shows how to declare the called function, or what to pass instead of an object."""
     known, parameters = len(checker.problems), []
     for number, argument in enumerate(node.arguments):
@@ -80,7 +80,7 @@ def _declaring(checker: ExpressionChecker, node: FunctionCall) -> str:
     return f"declare it with its types, `{declaration}`, and give the engine its code"
 
 
-def _declared(
+def _declared_call_type(
     checker: ExpressionChecker, node: FunctionCall, function: DeclaredFunction
 ) -> StaticType | None:
     """Check a call of a declared function. Return its result type, or None if the declaration has errors."""
@@ -94,9 +94,9 @@ def _declared(
         checker.report("wrong-arity", message, node, hint)
         return function.result
     for argument, parameter in zip(node.arguments, function.parameters, strict=True):
-        type_ = checker.operand(argument, function.name, "data", parameter)
-        if type_ is not None and not assignable(type_, parameter, checker.metamodel):
-            checker.problems.append(wrong_type(argument, type_, parameter))
+        type_ = checker.operand_type(argument, function.name, "data", parameter)
+        if type_ is not None and not is_assignable(type_, parameter, checker.metamodel):
+            checker.problems.append(wrong_type_error(argument, type_, parameter))
     return function.result
 
 

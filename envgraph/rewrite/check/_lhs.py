@@ -13,46 +13,46 @@ from dataclasses import replace
 from itertools import count
 
 from envgraph.code import dataclass
-from envgraph.errors import Diagnostic, Span, with_article
+from envgraph.errors import Diagnostic, Span, quote_with_article
 from envgraph.metamodel import Attribute
 from envgraph.pattern import (
     Binary,
-    Block,
     Body,
     Check,
     Closure,
     Comparison,
     Constant,
     Constraint,
-    Edge,
     LeftSide,
     Library,
     Negation,
-    Node,
     ObjectType,
     Parameter,
     PathConstraint,
     Pattern,
     PatternCall,
     Rule,
+    RuleBlock,
+    RuleEdge,
+    RuleNode,
     StaticType,
     TypeConstraint,
     Variable,
+    constraint_terms,
     static_type,
-    terms_in,
 )
-from envgraph.rewrite.check._header import plain
-from envgraph.rewrite.check._variables import (
+from envgraph.rewrite.check._annotations import without_generated_names
+from envgraph.rewrite.check._lhs_variables import (
     all_names,
-    equated,
-    may_be_one,
+    equated_pairs,
+    may_be_same,
     own_variables,
     parameter_for,
 )
 
 _CONDITIONS = ("not", "require")
 
-Types = dict[str, StaticType | None]
+VariableTypes = dict[str, StaticType | None]
 """Type of each variable, in the order of the match; None if unknown."""
 
 
@@ -62,23 +62,23 @@ class LoweredBlock:
 
     Attributes:
         block: the block of the rule; None for the rule itself.
-        pattern: the generated pattern; its parameters are `inherited`, then `own`.
-        inherited: enclosing variables that the pattern takes as arguments.
-        own: variables that the block adds.
+        pattern: the generated pattern; its parameters are `inherited_variables`, then `own_variables`.
+        inherited_variables: enclosing variables that the pattern takes as arguments.
+        own_variables: variables that the block adds.
         types: types of all variables in scope, as far as the left-hand sides define them.
         nested: the nested `forall` and `optional` blocks.
     """
 
-    block: Block | None
+    block: RuleBlock | None
     left: LeftSide
     pattern: Pattern
-    inherited: tuple[str, ...]
-    own: tuple[str, ...]
+    inherited_variables: tuple[str, ...]
+    own_variables: tuple[str, ...]
     types: Mapping[str, StaticType | None]
     nested: tuple[LoweredBlock, ...]
 
 
-class LeftLowering:
+class LhsLowering:
     """A lowering of all left-hand sides of one rule.
 
     Attributes:
@@ -94,7 +94,7 @@ class LeftLowering:
         self.patterns: list[Pattern] = []
         self.problems: list[Diagnostic] = []
         self.untyped: set[str] = set()
-        self._unknown = frozenset(unknown)
+        self._unknown_variables = frozenset(unknown)
         self._numbers = count(1)
 
     def lower(self, created: set[str]) -> LoweredBlock:
@@ -102,18 +102,18 @@ class LeftLowering:
         rule = self.rule
         parameters = [p for p in rule.parameters if p.name not in created]
         outside = {p.name: static_type(p.type, self.metamodel) for p in parameters}
-        types = self._types(rule.left, rule.blocks, outside)
-        constraints, nested = self._body(rule.left, rule.blocks, types, ())
+        types = self._variable_types(rule.left, rule.blocks, outside)
+        constraints, nested = self._lower_body(rule.left, rule.blocks, types, ())
         names = tuple(types)
-        declared = [self._parameter(p, rule.left, constraints, types[p.name]) for p in parameters]
-        constraints += self._unmentioned(parameters, constraints, types)
+        declared = [self._lower_parameter(p, rule.left, constraints, types[p.name]) for p in parameters]
+        constraints += self._mention_parameters(parameters, constraints, types)
         declared += [Parameter(name, span=self.rule.span) for name in names[len(declared) :]]
-        pattern = self._pattern("lhs", declared, constraints, rule.left)
+        pattern = self._add_pattern("lhs", declared, constraints, rule.left)
         return LoweredBlock(None, rule.left, pattern, (), names, types, nested)
 
     # --- parameters
 
-    def _parameter(
+    def _lower_parameter(
         self,
         parameter: Parameter,
         left: LeftSide,
@@ -127,13 +127,13 @@ class LeftLowering:
             term.name
             for constraint in left.constraints
             if not isinstance(constraint, Negation | Check)
-            for term in terms_in(constraint)
+            for term in constraint_terms(constraint)
             if isinstance(term, Variable)
         }
         return replace(parameter, direction=None if parameter.name in positive else "in")
 
-    def _unmentioned(
-        self, parameters: Sequence[Parameter], constraints: Sequence[Constraint], types: Types
+    def _mention_parameters(
+        self, parameters: Sequence[Parameter], constraints: Sequence[Constraint], types: VariableTypes
     ) -> list[Constraint]:
         """Return constraints for parameters that the LHS does not mention. Report such parameters without a type."""
         mentioned = all_names(LeftSide(constraints=tuple(constraints)))
@@ -143,55 +143,53 @@ class LeftLowering:
             if parameter.name in mentioned:
                 continue
             if parameter.type is None:
-                self._untyped(parameter.name, parameter.span)
+                self._report_untyped(parameter.name, parameter.span)
                 continue
             if isinstance(types[parameter.name], ObjectType):
-                found.append(TypeConstraint(parameter.type, variable, span=_declaration(parameter)))
+                found.append(TypeConstraint(parameter.type, variable, span=_declaration_span(parameter)))
             else:
                 found.append(Check(Binary("==", variable, variable)))
         return found
 
     # --- types
 
-    def _types(self, left: LeftSide, blocks: Sequence[Block], outside: Types) -> Types:
+    def _variable_types(self, left: LeftSide, blocks: Sequence[RuleBlock], outside: VariableTypes) -> VariableTypes:
         """Return the types that the LHS alone implies for all variables in scope, `outside` first.
 
         If a type is unknown and there are nested blocks, paths from untyped variables are reported.
         """
-        constraints = (*self._nodes(left), *map(_path, left.edges), *left.constraints)
+        constraints = (*self._type_constraints(left), *map(_edge_path, left.edges), *left.constraints)
         declared = [parameter_for(name, type_) for name, type_ in outside.items()]
-        pattern = Pattern(
-            f"{self.rule.name}#types", tuple(declared), (Body(constraints),), package=self.rule.package
-        )
+        pattern = Pattern(f"{self.rule.name}#types", tuple(declared), (Body(constraints),), package=self.rule.package)
         found = self.library.variable_types(pattern)
-        types: Types = {name: found.get(name) for name in (*outside, *own_variables(left, outside))}
+        types: VariableTypes = {name: found.get(name) for name in (*outside, *own_variables(left, outside))}
         if blocks and None in types.values():
             # A block cannot supply the class: injectivity, which needs the class, is part of this pattern.
-            problems = self.library.checked(pattern).problems
-            self.problems += [plain(one) for one in problems if one.code == "untyped-source"]
+            problems = self.library.analyse(pattern).problems
+            self.problems += [without_generated_names(one) for one in problems if one.code == "untyped-source"]
         return types
 
     # --- bodies
 
-    def _body(
-        self, left: LeftSide, blocks: Sequence[Block], types: Types, enclosing: Sequence[str]
+    def _lower_body(
+        self, left: LeftSide, blocks: Sequence[RuleBlock], types: VariableTypes, enclosing: Sequence[str]
     ) -> tuple[list[Constraint], tuple[LoweredBlock, ...]]:
-        self._check_bare(left, types, enclosing)
-        constraints = [*self._nodes(left), *self._edges(left, types), *left.constraints]
+        self._check_isolated_nodes(left, types, enclosing)
+        constraints = [*self._type_constraints(left), *self._edge_constraints(left, types), *left.constraints]
         own = [name for name in types if name not in enclosing]
-        constraints += self._injectivity(own, enclosing, types, left)
+        constraints += self._injectivity_constraints(own, enclosing, types, left)
         nested: list[LoweredBlock] = []
         for block in blocks:
             if block.kind in _CONDITIONS:
-                constraints.append(self._condition(block, types))
+                constraints.append(self._lower_condition(block, types))
             else:
-                lowered = self._helper(block, types, own_variables(block.left, types))
+                lowered = self._lower_block(block, types, own_variables(block.left, types))
                 nested.append(lowered)
                 if block.kind == "forall+":
-                    constraints.append(_call(lowered, span_of=block))
+                    constraints.append(_block_call(lowered, span_of=block))
         return constraints, tuple(nested)
 
-    def _check_bare(self, left: LeftSide, types: Types, enclosing: Sequence[str]) -> None:
+    def _check_isolated_nodes(self, left: LeftSide, types: VariableTypes, enclosing: Sequence[str]) -> None:
         """Report nodes without edges and constraints that have no class, or that are data values without a binding."""
         explained = {end for edge in left.edges for end in (edge.source, edge.target)}
         explained |= all_names(LeftSide(constraints=left.constraints))
@@ -200,67 +198,67 @@ class LeftLowering:
             if node.name in explained or node.name in enclosing:
                 continue
             if node.type is None:
-                self._untyped(node.name, node.span)
+                self._report_untyped(node.name, node.span)
             elif not isinstance(static_type(node.type, self.metamodel) or ObjectType(""), ObjectType):
                 hint = f"bind it, as in `Class.feature(object, {node.name});`, or make it a parameter"
-                message = f"`{node.name}`, {with_article(node.type)}, gets no value"
-                self._error("unbound-value", message, node.span, hint)
+                message = f"`{node.name}`, {quote_with_article(node.type)}, gets no value"
+                self._report_error("unbound-value", message, node.span, hint)
                 self.untyped.add(node.name)
 
-    def _untyped(self, name: str, span: Span | None) -> None:
+    def _report_untyped(self, name: str, span: Span | None) -> None:
         self.untyped.add(name)
         message = f"the class of `{name}` is unknown"
         hint = f"write `{name} : Class`"
         self.problems.append(Diagnostic("untyped-variable", message, span, hint, subject=(name,)))
 
-    def _error(self, code: str, message: str, span: Span | None, hint: str) -> None:
+    def _report_error(self, code: str, message: str, span: Span | None, hint: str) -> None:
         self.problems.append(Diagnostic(code, message, span, hint))
 
-    def _nodes(self, left: LeftSide) -> Iterator[Constraint]:
+    def _type_constraints(self, left: LeftSide) -> Iterator[Constraint]:
         for node in left.nodes:
             if node.type:
                 yield TypeConstraint(
                     node.type,
                     Variable(node.name, node.span),
-                    span=_declaration(node),
+                    span=_declaration_span(node),
                     type_span=node.type_span,
                 )
 
-    def _edges(self, left: LeftSide, types: Types) -> Iterator[Constraint]:
+    def _edge_constraints(self, left: LeftSide, types: VariableTypes) -> Iterator[Constraint]:
         for edge in left.edges:
             source = types.get(edge.source)
             if isinstance(source, ObjectType) and source.cls in self.metamodel.classes:
                 feature = self.metamodel.feature(source.cls, edge.reference)
                 if isinstance(feature, Attribute):
-                    self._attribute_in_arrow(edge, feature)
-            yield _path(edge)
+                    self._report_attribute_edge(edge, feature)
+            yield _edge_path(edge)
 
-    def _attribute_in_arrow(self, edge: Edge, feature: Attribute) -> None:
+    def _report_attribute_edge(self, edge: RuleEdge, feature: Attribute) -> None:
         hint = f"write `{feature.owner}.{feature.name}({edge.source}, {edge.target});`"
         message = f"`{feature}` is an attribute, but an edge needs a reference"
-        self._error("not-a-reference", message, edge.reference_span or edge.span, hint)
+        self._report_error("not-a-reference", message, edge.reference_span or edge.span, hint)
 
-    def _injectivity(
-        self, own: Sequence[str], enclosing: Sequence[str], types: Types, left: LeftSide
+    def _injectivity_constraints(
+        self, own: Sequence[str], enclosing: Sequence[str], types: VariableTypes, left: LeftSide
     ) -> Iterator[Constraint]:
         if not self.rule.injective:
             return
-        groups, same = self.rule.homomorphic, equated(self.rule.left, left)
+        groups, same = self.rule.homomorphic, equated_pairs(self.rule.left, left)
         for position, one in enumerate(own):
             for other in (*own[position + 1 :], *enclosing):
-                if self._overlap(types[one], types[other]) and not may_be_one(one, other, groups, same):
+                if self._may_overlap(types[one], types[other]) and not may_be_same(one, other, groups, same):
                     yield Comparison("!=", Variable(one), Variable(other))
 
-    def _overlap(self, left: StaticType | None, right: StaticType | None) -> bool:
+    def _may_overlap(self, left: StaticType | None, right: StaticType | None) -> bool:
         """Return True if an object may be an instance of both types."""
         if not (isinstance(left, ObjectType) and isinstance(right, ObjectType)):
             return False
         known = self.metamodel.classes
-        return left.cls in known and right.cls in known and self.metamodel.overlap(left.cls, right.cls)
+        return left.cls in known and right.cls in known and self.metamodel.may_overlap(left.cls, right.cls)
 
     # --- blocks
 
-    def _condition(self, block: Block, outside: Types) -> Constraint:
+    def _lower_condition(self, block: RuleBlock, outside: VariableTypes) -> Constraint:
         """Lower a `not` or `require` block to a call of its pattern, negated for `not`.
 
         Report and leave out its right-hand side and its nested `forall` and `optional` blocks, which are not allowed.
@@ -268,31 +266,31 @@ class LeftLowering:
         if block.right is not None:
             message = f"a `{block.kind}` block is a condition, so it cannot have a right side"
             hint = "move the right side to the rule, or use `forall`"
-            self._error("misplaced-right-side", message, block.right.span or block.span, hint)
+            self._report_error("misplaced-right-side", message, block.right.span or block.span, hint)
         for inner in block.blocks:
             if inner.kind not in _CONDITIONS:
                 message = f"`{inner.kind}` is not allowed in a `{block.kind}` block, which is a condition"
-                self._error("misplaced-block", message, inner.span, "move it to the rule")
+                self._report_error("misplaced-block", message, inner.span, "move it to the rule")
         conditions = tuple(inner for inner in block.blocks if inner.kind in _CONDITIONS)
         misplaced = len(conditions) < len(block.blocks)
-        lowered = self._helper(replace(block, blocks=conditions), outside, (), quiet=misplaced)
-        call = _call(lowered, span_of=block)
+        lowered = self._lower_block(replace(block, blocks=conditions), outside, (), quiet=misplaced)
+        call = _block_call(lowered, span_of=block)
         return Negation(call, block.span) if block.kind == "not" else call
 
-    def _helper(
-        self, block: Block, outside: Types, exported: Sequence[str], *, quiet: bool = False
+    def _lower_block(
+        self, block: RuleBlock, outside: VariableTypes, exported: Sequence[str], *, quiet: bool = False
     ) -> LoweredBlock:
         """Lower a block to a pattern over the enclosing variables that it uses and its own `exported` variables.
 
         If `quiet`, an empty block is not reported.
         """
-        types = self._types(block.left, block.blocks, outside)
+        types = self._variable_types(block.left, block.blocks, outside)
         enclosing = list(outside)
         number = next(self._numbers)
-        constraints, nested = self._body(block.left, block.blocks, types, enclosing)
+        constraints, nested = self._lower_body(block.left, block.blocks, types, enclosing)
         if not constraints and not quiet:
             message = f"this `{block.kind}` block has no constraints"
-            self._error("empty-block", message, block.span, "remove it, or write a constraint in it")
+            self._report_error("empty-block", message, block.span, "remove it, or write a constraint in it")
         used = all_names(LeftSide(constraints=tuple(constraints)))
         # Nested blocks may use more variables: they are matched later, with the whole enclosing match as arguments.
         inherited = tuple(name for name in enclosing if name in used)
@@ -300,10 +298,10 @@ class LeftLowering:
         declared += [Parameter(name) for name in exported]
         unknown = [name for name in inherited if outside[name] is None]  # the enclosing block reports these
         suffix = f"{block.kind.rstrip('+')}{number}"
-        pattern = self._pattern(suffix, declared, constraints, block.left, unknown)
+        pattern = self._add_pattern(suffix, declared, constraints, block.left, unknown)
         return LoweredBlock(block, block.left, pattern, inherited, tuple(exported), types, nested)
 
-    def _pattern(
+    def _add_pattern(
         self,
         suffix: str,
         parameters: Sequence[Parameter],
@@ -323,13 +321,13 @@ class LeftLowering:
             package=self.rule.package,
             private=True,
             span=span,
-            unknown=self._unknown.union(unknown),
+            unknown=self._unknown_variables.union(unknown),
         )
         self.patterns.append(pattern)
         return pattern
 
 
-def _path(edge: Edge) -> PathConstraint:
+def _edge_path(edge: RuleEdge) -> PathConstraint:
     """Return an edge of a left-hand side as a path constraint."""
     return PathConstraint(
         "",
@@ -342,15 +340,13 @@ def _path(edge: Edge) -> PathConstraint:
     )
 
 
-def _call(lowered: LoweredBlock, span_of: Block) -> PatternCall:
+def _block_call(lowered: LoweredBlock, span_of: RuleBlock) -> PatternCall:
     """Return a call of a block's pattern: the arguments are the enclosing variables, and `_` for its own variables."""
-    arguments = (*lowered.inherited, *("_" for _ in lowered.own))
-    return PatternCall(
-        lowered.pattern.qualified_name, tuple(Variable(name) for name in arguments), span=span_of.span
-    )
+    arguments = (*lowered.inherited_variables, *("_" for _ in lowered.own_variables))
+    return PatternCall(lowered.pattern.qualified_name, tuple(Variable(name) for name in arguments), span=span_of.span)
 
 
-def _declaration(declared: Node | Parameter) -> Span | None:
+def _declaration_span(declared: RuleNode | Parameter) -> Span | None:
     """Return the span of a declaration `x : Class`, from the name to the class, or None if it has no span."""
     span, type_span = declared.span, declared.type_span
-    return span.to(type_span) if span and type_span else span
+    return span.joined_with(type_span) if span and type_span else span

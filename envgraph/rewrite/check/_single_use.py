@@ -5,24 +5,24 @@ from __future__ import annotations
 from collections import Counter
 from collections.abc import Collection, Iterator
 
-from envgraph.code import walk
+from envgraph.code import walk_parts
 from envgraph.errors import Diagnostic, Severity
 from envgraph.pattern import (
-    Block,
     Body,
-    Edge,
-    Node,
+    BodyVariables,
     Parameter,
-    Reading,
     Rule,
+    RuleBlock,
+    RuleEdge,
+    RuleNode,
     Variable,
-    mistyped,
-    quantified_variable,
+    misspelling_warnings,
+    quantified_variable_warning,
 )
-from envgraph.rewrite.check._variables import is_named, node_names
+from envgraph.rewrite.check._lhs_variables import is_named, node_names
 
 
-def used_once(rule: Rule) -> list[Diagnostic]:
+def check_single_use(rule: Rule) -> list[Diagnostic]:
     """Warn about variables that only one constraint mentions, and about parameters that are never used.
 
     Patterns get a warning for every variable that is used once. In rules such a variable can have an effect: the rule
@@ -33,11 +33,11 @@ def used_once(rule: Rule) -> list[Diagnostic]:
     given.update(name for group in rule.homomorphic for name in group)
     found: list[Diagnostic] = []
     uses = _check_part(rule, given, True, found)
-    return found + [_unused(one) for one in rule.parameters if not uses[one.name] and one.direction != "out"]
+    return found + [_unused_warning(one) for one in rule.parameters if not uses[one.name] and one.direction != "out"]
 
 
 def _check_part(
-    part: Rule | Block, outside: Collection[str], matched: bool, found: list[Diagnostic]
+    part: Rule | RuleBlock, outside: Collection[str], matched: bool, found: list[Diagnostic]
 ) -> Counter[str]:
     """Add warnings about a rule or block to `found`; return how often each name occurs in it, inner blocks included.
 
@@ -45,34 +45,34 @@ def _check_part(
         outside: the names that enclosing parts declare.
         matched: True if the variables belong to a match.
     """
-    reading, nodes = Reading(Body(part.left.constraints), ()), node_names(part.left)
+    reading, nodes = BodyVariables(Body(part.left.constraints), ()), node_names(part.left)
     inside = {*outside, *nodes, *reading.names}
     uses = Counter({name: len(places) for name, places in reading.occurrences.items()})
-    uses.update([*nodes, *_names(part)])
+    uses.update([*nodes, *_rhs_names(part)])
     for block in part.blocks:
         uses.update(_check_part(block, inside, block.kind not in ("not", "require"), found))
     once = [name for name in reading.names if uses[name] == 1 and name not in outside and is_named(name)]
     others = inside.difference(once)
     for name in once:
         variable = reading.occurrences[name][0].variable
-        if reading.quantified(name) is not None:
-            found.append(quantified_variable(variable))
+        if reading.quantifying_relation(name) is not None:
+            found.append(quantified_variable_warning(variable))
         elif not matched:
-            found.extend(mistyped(variable, others))
+            found.extend(misspelling_warnings(variable, others))
         others.add(name)  # of two similar names only the second is reported
     return uses
 
 
-def _names(part: Rule | Block) -> Iterator[str]:
+def _rhs_names(part: Rule | RuleBlock) -> Iterator[str]:
     """Yield the names of objects and variables in a right-hand side, once for each occurrence."""
-    for one in walk(part.right):
-        if isinstance(one, Variable | Node):
+    for one in walk_parts(part.right):
+        if isinstance(one, Variable | RuleNode):
             yield one.name
-        elif isinstance(one, Edge):
+        elif isinstance(one, RuleEdge):
             yield from (one.source, one.target)
 
 
-def _unused(parameter: Parameter) -> Diagnostic:
+def _unused_warning(parameter: Parameter) -> Diagnostic:
     message = f"parameter `{parameter.name}` is used nowhere: the rule matches once for each of its values"
     hint = "leave it out, or name it in the left side"
     return Diagnostic("unused-parameter", message, parameter.span, hint, Severity.WARNING)

@@ -7,62 +7,67 @@ from dataclasses import field, replace
 
 from envgraph.code import dataclass
 from envgraph.errors import (
-    MOST_NESTED,
+    MAX_NESTING,
     Diagnostic,
     Severity,
     Span,
+    count_with_noun,
     did_you_mean,
     has_errors,
-    listed,
-    plural,
-    with_article,
+    list_names,
+    quote_with_article,
 )
 from envgraph.metamodel import Metamodel, Scalar
 from envgraph.pattern import (
     Alap,
     Applicable,
-    Atomic,
+    AtomicStep,
     Body,
-    Call,
     Check,
-    Choice,
     Constant,
     Constraint,
-    Entry,
     EnumLiteral,
     Evaluation,
     Expression,
-    If,
+    IfStep,
     Library,
+    LibraryEntry,
     Negation,
     ObjectType,
     Parameter,
     Pattern,
     Repeat,
-    Sequence as Steps,
     StaticType,
     Step,
-    Try,
+    StepSequence as Steps,
+    TryStep,
     TypeConstraint,
     Unit,
+    UnitCall,
+    UnitChoice,
     Variable,
     check_expression,
-    may_fit,
+    may_be_assignable,
     static_type,
     type_hint,
     type_text,
     value_hint,
 )
-from envgraph.rewrite._names import Directory, Signature, Taken
-from envgraph.rewrite.check._header import check_annotations, check_weight, duplicate_parameters, plain
-from envgraph.rewrite.check._variables import is_named, mentioned, parameter_for
+from envgraph.rewrite._signatures import CallParameter, Signature, SignatureTable
+from envgraph.rewrite.check._annotations import (
+    check_annotations,
+    check_duplicate_parameters,
+    check_weight,
+    without_generated_names,
+)
+from envgraph.rewrite.check._lhs_variables import is_named, parameter_for, variable_occurrences
 
 UNIT_ANNOTATIONS = ("priority", "weight")
-Scope = dict[str, StaticType | None]
+UnitVariableTypes = dict[str, StaticType | None]
 
 
 @dataclass(frozen=True, slots=True)
-class Condition:
+class ConditionPattern:
     """A condition of a unit: a pattern, and variables of the unit as its arguments. If `negated`, it must not match."""
 
     pattern: Pattern
@@ -77,30 +82,31 @@ class CheckedUnit:
     Attributes:
         calls: callee of each call, by the `id` of the step; calls of unknown names are missing.
         conditions: the pattern conditions of each `if` and call, by the `id` of the step and the condition's index.
-        asked: for each `if` that tests if a rule is applicable: this condition and the rule, by the `id` of the step.
+        applicability_tests: for each `if` that tests if a rule is applicable: this condition and the rule, by the
+            `id` of the step.
         types: types of the parameters.
-        complete: False if a name is unknown because its definition contains errors.
+        is_complete: False if a name is unknown because its definition contains errors.
         entries: the patterns of the conditions without errors, for a library.
     """
 
     unit: Unit
     problems: list[Diagnostic] = field(default_factory=list)
     calls: dict[int, Signature] = field(default_factory=dict)
-    conditions: dict[tuple[int, int], Condition] = field(default_factory=dict)
-    asked: dict[int, tuple[Applicable, Signature]] = field(default_factory=dict)
-    types: Scope = field(default_factory=dict)
-    complete: bool = True
-    entries: list[Entry] = field(default_factory=list)
+    conditions: dict[tuple[int, int], ConditionPattern] = field(default_factory=dict)
+    applicability_tests: dict[int, tuple[Applicable, Signature]] = field(default_factory=dict)
+    types: UnitVariableTypes = field(default_factory=dict)
+    is_complete: bool = True
+    entries: list[LibraryEntry] = field(default_factory=list)
 
     @property
-    def sound(self) -> bool:
+    def is_sound(self) -> bool:
         """Return True if the unit has no errors and all its names are known."""
-        return self.complete and not has_errors(self.problems)
+        return self.is_complete and not has_errors(self.problems)
 
 
-def check_unit(unit: Unit, directory: Directory, library: Library) -> CheckedUnit:
+def check_unit(unit: Unit, directory: SignatureTable, library: Library) -> CheckedUnit:
     """Check a unit; return its errors and warnings, and the definitions that its names refer to."""
-    checker = _Checker(unit, directory, library)
+    checker = _UnitChecker(unit, directory, library)
     checker.check()
     return checker.result
 
@@ -112,7 +118,7 @@ def unit_signature(unit: Unit, metamodel: Metamodel) -> Signature:
         "unit",
         unit.package,
         tuple(
-            Taken(one.name, static_type(one.type, metamodel), one.direction == "out", one.direction != "out")
+            CallParameter(one.name, static_type(one.type, metamodel), one.direction == "out", one.direction != "out")
             for one in unit.parameters
         ),
         unit.weight,
@@ -120,7 +126,7 @@ def unit_signature(unit: Unit, metamodel: Metamodel) -> Signature:
     )
 
 
-def depth(step: Step) -> int:
+def nesting_depth(step: Step) -> int:
     """Return the number of levels of nested steps. The count uses no recursion, so no input can exhaust the stack."""
     levels = 0
     level = [step]
@@ -143,23 +149,23 @@ def inner_steps(step: Step) -> tuple[Step, ...]:
     match step:
         case Steps(steps):
             return steps
-        case Choice(alternatives):
+        case UnitChoice(alternatives):
             return alternatives
-        case Alap(body) | Atomic(body) | Repeat(_, _, body):
+        case Alap(body) | AtomicStep(body) | Repeat(_, _, body):
             return (body,)
-        case Try(body, otherwise) | If(_, body, otherwise):
+        case TryStep(body, otherwise) | IfStep(_, body, otherwise):
             return (body,) if otherwise is None else (body, otherwise)
-        case Call():
+        case UnitCall():
             return ()
 
 
-def applicable(condition: Constraint | Applicable) -> Applicable | None:
+def as_applicability_test(condition: Constraint | Applicable) -> Applicable | None:
     """Return a condition such as `burn(x)` or `neg burn(x)` as a test if a rule is applicable; None for other ones."""
     match condition:
         case Applicable():
             return condition
         case Negation(TypeConstraint() as relation):
-            found = applicable(relation)
+            found = as_applicability_test(relation)
             return found and replace(found, negated=True)
         case TypeConstraint(name, Variable() | Constant() | EnumLiteral() as term):
             return Applicable(name, (term,), span=condition.span)
@@ -168,8 +174,8 @@ def applicable(condition: Constraint | Applicable) -> Applicable | None:
     return None
 
 
-class _Checker:
-    def __init__(self, unit: Unit, directory: Directory, library: Library) -> None:
+class _UnitChecker:
+    def __init__(self, unit: Unit, directory: SignatureTable, library: Library) -> None:
         self.unit = unit
         self.directory = directory
         self.library = library
@@ -180,95 +186,91 @@ class _Checker:
         unit = self.unit
         self.result.problems.extend(check_weight(unit.weight, unit.annotations, unit.span))
         self.result.problems.extend(check_annotations(unit.annotations, UNIT_ANNOTATIONS))
-        self.result.problems.extend(duplicate_parameters(unit.parameters))
-        self.result.types = {parameter.name: self._type(parameter) for parameter in unit.parameters}
+        self.result.problems.extend(check_duplicate_parameters(unit.parameters))
+        self.result.types = {parameter.name: self._parameter_type(parameter) for parameter in unit.parameters}
         outputs = {parameter.name for parameter in unit.parameters if parameter.direction == "out"}
         scope = {name: type_ for name, type_ in self.result.types.items() if name not in outputs}
-        if depth(unit.body) > MOST_NESTED:
+        if nesting_depth(unit.body) > MAX_NESTING:
             hint = "move a part of the unit into another unit, and call it"
-            self._error(
-                "unit-too-deep", f"blocks are nested more than {MOST_NESTED} levels deep", unit.span, hint
+            self._report_error(
+                "unit-too-deep", f"blocks are nested more than {MAX_NESTING} levels deep", unit.span, hint
             )
             return
-        self._step(unit.body, scope)
+        self._check_step(unit.body, scope)
         for parameter in unit.parameters:
             if parameter.name in outputs and parameter.name not in scope:
-                self._error(
+                self._report_error(
                     "unbound-output",
                     f"`out` parameter `{parameter.name}` gets no value",
                     parameter.span,
                     "pass it to an `out` parameter of a rule, outside of any block",
                 )
 
-    def _type(self, parameter: Parameter) -> StaticType | None:
+    def _parameter_type(self, parameter: Parameter) -> StaticType | None:
         if parameter.type is None:
             advice = f"write `{parameter.name} : Class`, or a data type"
-            self._error("missing-type", f"parameter `{parameter.name}` has no type", parameter.span, advice)
+            self._report_error("missing-type", f"parameter `{parameter.name}` has no type", parameter.span, advice)
             return None
         type_ = static_type(parameter.type, self.metamodel)
         if type_ is None:
             hint = type_hint(parameter.type, self.metamodel)
             span = parameter.type_span or parameter.span
-            self._error("unknown-type", f"unknown type `{parameter.type}`", span, hint)
+            self._report_error("unknown-type", f"unknown type `{parameter.type}`", span, hint)
         return type_
 
-    def _error(self, code: str, message: str, span: Span | None, hint: str | None = None) -> None:
+    def _report_error(self, code: str, message: str, span: Span | None, hint: str | None = None) -> None:
         self.result.problems.append(Diagnostic(code, message, span, hint))
 
     # --- steps
 
-    def _step(self, step: Step, scope: Scope) -> None:
+    def _check_step(self, step: Step, scope: UnitVariableTypes) -> None:
         """Check a step. Add `out` arguments of calls to `scope`, unless they are in a loop, choice, `try` or `if`."""
         match step:
-            case Call():
-                self._call(step, scope)
+            case UnitCall():
+                self._check_call(step, scope)
             case Steps(steps):
                 if not steps:
                     hint = "write the name of a rule or unit, or leave the block out"
-                    found = Diagnostic(
-                        "empty-block", "this block is empty", step.span, hint, Severity.WARNING
-                    )
+                    found = Diagnostic("empty-block", "this block is empty", step.span, hint, Severity.WARNING)
                     self.result.problems.append(found)
             case Repeat():
-                self._bounds(step, scope)
-            case If():
-                self._asked(step, scope)
+                self._check_bounds(step, scope)
+            case IfStep():
+                self._check_if_condition(step, scope)
         for inner in inner_steps(step):
-            self._step(inner, scope if isinstance(step, Steps | Atomic) else dict(scope))
+            self._check_step(inner, scope if isinstance(step, Steps | AtomicStep) else dict(scope))
 
-    def _bounds(self, step: Repeat, scope: Scope) -> None:
+    def _check_bounds(self, step: Repeat, scope: UnitVariableTypes) -> None:
         lower, upper = step.lower, step.upper
         for bound in dict.fromkeys((lower, upper)):
             if not isinstance(bound, int):
-                found = check_expression(
-                    bound, scope, self.metamodel, expected=Scalar.INT, bare_objects=False
-                )
+                found = check_expression(bound, scope, self.metamodel, expected=Scalar.INT, bare_objects=False)
                 self.result.problems.extend(found[1])
         least = lower if isinstance(lower, int) else 0
         if least < 0 or (isinstance(upper, int) and upper < least):
             hint = "write the lower bound first; it must be at least 0"
             shown = f"{least}..{upper}" if isinstance(upper, int) else str(least)
-            self._error("bad-bounds", f"cannot repeat {shown} times", step.span, hint)
+            self._report_error("bad-bounds", f"cannot repeat {shown} times", step.span, hint)
 
-    def _call(self, call: Call, scope: Scope) -> None:
+    def _check_call(self, call: UnitCall, scope: UnitVariableTypes) -> None:
         span = call.name_span or call.span
-        callee = self._callee(call)
+        callee = self._resolve_callee(call)
         if callee is None:
-            names = (one.name for one in call.arguments if isinstance(one, Variable) and not one.anonymous)
+            names = (one.name for one in call.arguments if isinstance(one, Variable) and not one.is_anonymous)
             scope.update((name, None) for name in names if name not in scope)  # they may be `out` arguments
             return
         self.result.calls[id(call)] = callee
         if call.every and callee.kind == "unit":
-            self._error(
+            self._report_error(
                 "wrong-kind", f"`all` takes a rule, and `{call.name}` is a unit", span, "leave `all` out"
             )
             return
-        if self._arity(call, callee):
+        if self._check_arity(call, callee):
             for argument, parameter in zip(call.arguments, callee.parameters, strict=False):
-                self._argument(argument, parameter, callee, scope, call.every)
-        self._selection(call, callee, scope)
+                self._check_argument(argument, parameter, callee, scope, call.every)
+        self._check_selection(call, callee, scope)
 
-    def _callee(self, call: Call) -> Signature | None:
+    def _resolve_callee(self, call: UnitCall) -> Signature | None:
         """Return the signature of a callee. Return None for an unknown or ambiguous name, and report it.
 
         A name whose definition has errors is not reported; it marks the result as incomplete.
@@ -280,19 +282,19 @@ class _Checker:
         if found:
             names = ", ".join(f"`{name}`" for name in found)
             message = f"`{call.name}` is ambiguous: it may mean {names}"
-            self._error("ambiguous-name", message, span, "write the qualified name")
+            self._report_error("ambiguous-name", message, span, "write the qualified name")
         elif call.name in self.library.unknown:
-            self.result.complete = False
+            self.result.is_complete = False
         else:
             message = f"unknown rule or unit `{call.name}`"
-            self._error("unknown-rule", message, span, self.directory.hint(call.name))
+            self._report_error("unknown-rule", message, span, self.directory.suggest_name(call.name))
         return None
 
     # --- the choice of matches
 
-    def _selection(self, call: Call, callee: Signature, scope: Scope) -> None:
+    def _check_selection(self, call: UnitCall, callee: Signature, scope: UnitVariableTypes) -> None:
         """Check `first`, `top`, `where` and `by` of a call. Report them for a callee that is no rule."""
-        self._shape_of_selection(call)
+        self._check_selection_words(call)
         used = {"first": call.first, "top": call.limit is not None, "where": call.where, "by": call.by}
         words = [word for word, given in used.items() if given]
         if not words:
@@ -300,7 +302,7 @@ class _Checker:
         if callee.kind != "rule":
             span = call.name_span or call.span
             message = f"`{words[0]}` takes a rule, and `{call.name}` is a {callee.kind}"
-            self._error("wrong-kind", message, span, f"leave `{words[0]}` out")
+            self._report_error("wrong-kind", message, span, f"leave `{words[0]}` out")
             return
         if any(variable.type is None for variable in callee.variables) or not (
             callee.variables or not callee.parameters
@@ -308,123 +310,128 @@ class _Checker:
             return  # the rule has errors, which are reported there
         inside = {**scope, **{variable.name: variable.type for variable in callee.variables}}
         for place, condition in enumerate(call.where):
-            self._condition(call, place, condition, inside)
+            self._check_condition(call, place, condition, inside)
         if call.by is not None:
-            self._order(call.by, inside)
+            self._check_order(call.by, inside)
 
-    def _shape_of_selection(self, call: Call) -> None:
+    def _check_selection_words(self, call: UnitCall) -> None:
         if call.limit is not None and call.limit < 1:
-            self._error("bad-bounds", "`top` must be at least 1", call.span, "write `top 1`")
+            self._report_error("bad-bounds", "`top` must be at least 1", call.span, "write `top 1`")
         if call.limit is not None and call.by is None:
             hint = "write `by` and an expression: the matches with the largest values are taken"
-            self._error("missing-by", "`top` needs `by`, which orders the matches", call.span, hint)
+            self._report_error("missing-by", "`top` needs `by`, which orders the matches", call.span, hint)
         if call.by is not None and not call.every:
             hint = "write `top 1` before the rule for the match with the largest value, or `all` for all in this order"
-            self._error(
+            self._report_error(
                 "missing-top", "`by` orders several matches, but this call takes only one", call.by.span, hint
             )
         if (call.first or call.limit is not None) and call.every is not (call.limit is not None):
             message = "a call takes only one of `first`, `all` and `top`"
-            self._error("wrong-selection", message, call.span, "keep only one of these words")
+            self._report_error("wrong-selection", message, call.span, "keep only one of these words")
 
-    def _order(self, by: Expression, scope: Scope) -> None:
+    def _check_order(self, by: Expression, scope: UnitVariableTypes) -> None:
         type_, problems = check_expression(by, scope, self.metamodel, bare_objects=False)
         self.result.problems.extend(problems)
         if type_ is not None and not problems and type_ not in (Scalar.INT, Scalar.FLOAT):
-            message = f"`by` takes a number, not {with_article(type_text(type_))}"
-            self._error("wrong-type", message, by.span, "order by an attribute that is an int or a float")
+            message = f"`by` takes a number, not {quote_with_article(type_text(type_))}"
+            self._report_error("wrong-type", message, by.span, "order by an attribute that is an int or a float")
 
-    def _arity(self, call: Call, callee: Signature) -> bool:
-        required = [parameter.name for parameter in callee.parameters if parameter.required]
+    def _check_arity(self, call: UnitCall, callee: Signature) -> bool:
+        required = [parameter.name for parameter in callee.parameters if parameter.is_required]
         names = ", ".join(parameter.name for parameter in callee.parameters)
         hint = f"write `{call.name}({names})`; `_` passes no value" if names else f"write `{call.name}`"
         if not call.arguments:
             if required:
                 missing = ", ".join(f"`{name}`" for name in required)
-                self._error("wrong-arity", f"`{call.name}` needs arguments for {missing}", call.span, hint)
+                self._report_error("wrong-arity", f"`{call.name}` needs arguments for {missing}", call.span, hint)
             return not required
         if len(call.arguments) != len(callee.parameters):
-            count = plural(len(callee.parameters), "argument")
+            count = count_with_noun(len(callee.parameters), "argument")
             message = f"`{call.name}` takes {count}, not {len(call.arguments)}"
-            self._error("wrong-arity", message, call.span, hint)
+            self._report_error("wrong-arity", message, call.span, hint)
             return False
         return True
 
-    def _argument(
-        self, argument: Expression, parameter: Taken, callee: Signature, scope: Scope, every: bool
+    def _check_argument(
+        self,
+        argument: Expression,
+        parameter: CallParameter,
+        callee: Signature,
+        scope: UnitVariableTypes,
+        every: bool,
     ) -> None:
         if isinstance(argument, Variable) and not is_named(argument.name):
-            if parameter.required:
-                message = f"`{callee.simple}` needs a value for `{parameter.name}`"
-                self._error("wrong-arity", message, argument.span, "write a value instead of `_`")
+            if parameter.is_required:
+                message = f"`{callee.simple_name}` needs a value for `{parameter.name}`"
+                self._report_error("wrong-arity", message, argument.span, "write a value instead of `_`")
             return
-        if isinstance(argument, Variable) and argument.name not in scope and parameter.output and not every:
+        if isinstance(argument, Variable) and argument.name not in scope and parameter.is_output and not every:
             scope[argument.name] = parameter.type
             return
-        if parameter.output and callee.kind == "rule" and self._is_created(parameter, callee):
+        if parameter.is_output and callee.kind == "rule" and self._is_created(parameter, callee):
             message = (
-                f"`{parameter.name}` of `{callee.simple}` is a new object, so no existing value can be passed"
+                f"`{parameter.name}` of `{callee.simple_name}` is a new object, so no existing value can be passed"
             )
-            self._error("bound-output", message, argument.span, "write a new name, or `_`")
+            self._report_error("bound-output", message, argument.span, "write a new name, or `_`")
             return
-        type_, problems = check_expression(argument, scope, self.metamodel, expected=_data(parameter.type))
+        type_, problems = check_expression(argument, scope, self.metamodel, expected=_data_type(parameter.type))
         self.result.problems.extend(problems)
-        if not problems and type_ and parameter.type and not may_fit(type_, parameter.type, self.metamodel):
-            message = f"`{parameter.name}` of `{callee.simple}` is {with_article(type_text(parameter.type))}"
+        if not problems and type_ and parameter.type and not may_be_assignable(type_, parameter.type, self.metamodel):
+            message = f"`{parameter.name}` of `{callee.simple_name}` is {quote_with_article(type_text(parameter.type))}"
             fitting = [
                 name
                 for name, known in scope.items()
-                if known and may_fit(known, parameter.type, self.metamodel)
+                if known and may_be_assignable(known, parameter.type, self.metamodel)
             ]
-            hint = f"write {listed(fitting)}" if fitting else value_hint(parameter.type, type_)
-            message = f"{message}, not {with_article(type_text(type_))}"
-            self._error("wrong-type", message, argument.span, hint)
+            hint = f"write {list_names(fitting)}" if fitting else value_hint(parameter.type, type_)
+            message = f"{message}, not {quote_with_article(type_text(type_))}"
+            self._report_error("wrong-type", message, argument.span, hint)
 
-    def _is_created(self, parameter: Taken, callee: Signature) -> bool:
+    def _is_created(self, parameter: CallParameter, callee: Signature) -> bool:
         return all(variable.name != parameter.name for variable in callee.variables) and (
             isinstance(parameter.type, ObjectType)
         )
 
     # --- conditions
 
-    def _asked(self, step: If, scope: Scope) -> None:
+    def _check_if_condition(self, step: IfStep, scope: UnitVariableTypes) -> None:
         """Check the condition of an `if`: a pattern condition, or the name of a rule that must be applicable."""
-        asked = applicable(step.condition)
-        if not isinstance(step.condition, Applicable) and (asked is None or not self._means_rule(asked.name)):
-            self._condition(step, 0, step.condition, scope)
+        asked = as_applicability_test(step.condition)
+        if not isinstance(step.condition, Applicable) and (asked is None or not self._is_rule_name(asked.name)):
+            self._check_condition(step, 0, step.condition, scope)
             return
         assert asked is not None
-        callee = self._callee(Call(asked.name, span=asked.span))
+        callee = self._resolve_callee(UnitCall(asked.name, span=asked.span))
         if callee is None:
             return
         if callee.kind == "unit":
             hint = "test one of its rules, or write `try { .. } else { .. }`"
-            self._error(
+            self._report_error(
                 "wrong-kind",
                 f"`{asked.name}` is a unit, but a condition tests rules",
                 asked.span,
                 hint,
             )
             return
-        self.result.asked[id(step)] = asked, callee
-        call = Call(asked.name, asked.arguments, span=asked.span)
-        if self._arity(call, callee):
+        self.result.applicability_tests[id(step)] = asked, callee
+        call = UnitCall(asked.name, asked.arguments, span=asked.span)
+        if self._check_arity(call, callee):
             for argument, parameter in zip(call.arguments, callee.parameters, strict=False):
-                self._argument(argument, parameter, callee, scope, every=True)
+                self._check_argument(argument, parameter, callee, scope, every=True)
 
-    def _means_rule(self, name: str) -> bool:
+    def _is_rule_name(self, name: str) -> bool:
         """Return True if a name is no type, and names a rule, unit or group or resembles only such a name."""
         if static_type(name, self.metamodel) is not None:
             return False
-        rules = [signature.simple for signature in self.directory.signatures.values()]
+        rules = [signature.simple_name for signature in self.directory.signatures.values()]
         near = did_you_mean(name, rules) and not did_you_mean(name, self.metamodel.classes)
         return bool(self.directory.candidates(name, self.unit.package) or near)
 
-    def _condition(self, step: Step, place: int, condition: Constraint, scope: Scope) -> None:
-        unknown = list(self._unknown(condition, scope))
+    def _check_condition(self, step: Step, place: int, condition: Constraint, scope: UnitVariableTypes) -> None:
+        unknown = list(self._unknown_variables(condition, scope))
         for variable in unknown:
             hint = did_you_mean(variable.name, scope) or "write `_` for any value"
-            self._error("unknown-variable", f"unknown variable `{variable.name}`", variable.span, hint)
+            self._report_error("unknown-variable", f"unknown variable `{variable.name}`", variable.span, hint)
         if unknown:
             return
         if isinstance(condition, Check):
@@ -435,26 +442,28 @@ class _Checker:
             self.result.problems.extend(problems)
             return
         relation = condition.relation if isinstance(condition, Negation) else condition
-        lowered = self._pattern(relation, isinstance(condition, Negation), scope, step.span)
-        checked = self.library.checked(lowered.pattern)
-        self.result.problems += [plain(p) for p in checked.problems if p.severity is Severity.ERROR]
-        if checked.unsound:
-            self.result.complete = False
+        lowered = self._condition_pattern(relation, isinstance(condition, Negation), scope, step.span)
+        checked = self.library.analyse(lowered.pattern)
+        self.result.problems += [without_generated_names(p) for p in checked.problems if p.severity is Severity.ERROR]
+        if checked.invalid_names:
+            self.result.is_complete = False
         else:
             self.result.entries += checked.entries
         self.result.conditions[id(step), place] = lowered
 
-    def _unknown(self, condition: Constraint, scope: Scope) -> Iterator[Variable]:
-        for variable in mentioned(condition):
+    def _unknown_variables(self, condition: Constraint, scope: UnitVariableTypes) -> Iterator[Variable]:
+        for variable in variable_occurrences(condition):
             if is_named(variable.name) and variable.name not in scope:
                 yield variable
 
-    def _pattern(self, relation: Constraint, negated: bool, scope: Scope, span: Span | None) -> Condition:
+    def _condition_pattern(
+        self, relation: Constraint, negated: bool, scope: UnitVariableTypes, span: Span | None
+    ) -> ConditionPattern:
         """Return the pattern of a condition. A negation is not part of the pattern, but is applied to its result.
 
         So arguments of a negated condition need no other binding.
         """
-        used = tuple(dict.fromkeys(v.name for v in mentioned(relation) if is_named(v.name)))
+        used = tuple(dict.fromkeys(v.name for v in variable_occurrences(relation) if is_named(v.name)))
         parameters = tuple(parameter_for(name, scope[name]) for name in used)
         name = f"{self.unit.name}#if{len(self.result.conditions) + 1}"
         pattern = Pattern(
@@ -466,9 +475,9 @@ class _Checker:
             strategy="search",
             span=span,
         )
-        return Condition(pattern, used, negated)
+        return ConditionPattern(pattern, used, negated)
 
 
-def _data(type_: StaticType | None) -> StaticType | None:
+def _data_type(type_: StaticType | None) -> StaticType | None:
     """Return the type that an argument must have, or None for objects, whose classes are compared separately."""
     return None if isinstance(type_, ObjectType) else type_

@@ -21,20 +21,20 @@ from envgraph.pattern import (
     LeftSide,
     Modification,
     Pattern,
-    Retype,
+    RetypeAction,
     Rule,
     TypeConstraint,
     Variable,
 )
-from envgraph.rewrite.derive._check import KINDS, ways_of, weight_of
-from envgraph.rewrite.derive._features import container_operators, link_operators, value_operators
-from envgraph.rewrite.derive._objects import creating_and_deleting, retypings
+from envgraph.rewrite.derive._derivation_check import KINDS, kind_weight, most_ways
+from envgraph.rewrite.derive._feature_operators import container_operators, link_operators, value_operators
+from envgraph.rewrite.derive._object_operators import object_operators, retyping_operators
+from envgraph.rewrite.derive._reference_ends import Schema
 from envgraph.rewrite.derive._rule_builder import RuleBuilder
-from envgraph.rewrite.derive._schema import Schema
 
 
 @dataclass(frozen=True, slots=True)
-class Derived:
+class DerivedRules:
     """The rules and patterns that a derivation generates.
 
     Attributes:
@@ -46,11 +46,11 @@ class Derived:
     rules: tuple[Rule, ...]
 
 
-def derived(derivation: Derivation, metamodel: Metamodel) -> Derived:
+def derived(derivation: Derivation, metamodel: Metamodel) -> DerivedRules:
     """Return the rules that a derivation without errors generates, and the patterns that they call."""
     if derivation.kind == "operators":
         return _operators(derivation, metamodel)
-    return Derived((), _retypings(derivation))
+    return DerivedRules((), _retypings(derivation))
 
 
 def derived_rules(derivation: Derivation, metamodel: Metamodel) -> tuple[Rule, ...]:
@@ -67,7 +67,7 @@ def _retypings(derivation: Derivation) -> tuple[Rule, ...]:
         Rule(
             f"{derivation.name}.{before}.{after}",
             left=LeftSide(constraints=(TypeConstraint(before, Variable("object"), exact=True),)),
-            right=Modification((Retype(Variable("object"), after),)),
+            right=Modification((RetypeAction(Variable("object"), after),)),
             package=derivation.package,
             weight=derivation.weight,
             doc=f"Retype a `{before}` to `{after}`.",
@@ -80,57 +80,59 @@ def _retypings(derivation: Derivation) -> tuple[Rule, ...]:
 # --- operators
 
 
-def _operators(derivation: Derivation, metamodel: Metamodel) -> Derived:
+def _operators(derivation: Derivation, metamodel: Metamodel) -> DerivedRules:
     """Return the operators of a derivation without errors, with their weights, and the patterns that they call."""
-    schema, ways = Schema(metamodel), ways_of(derivation)
+    schema, ways = Schema(metamodel), most_ways(derivation)
     found: dict[str, Rule] = {}
     patterns: dict[str, Pattern] = {}
-    retype = weight_of(derivation, "retype") > 0
+    retype = kind_weight(derivation, "retype") > 0
     for cls in derivation.classes:
-        for builder in _all(schema, derivation.qualified_name, cls, ways, retype):
-            rule = _apart(replace(builder.rule(), span=derivation.span), found)
+        for builder in _all_operators(schema, derivation.qualified_name, cls, ways, retype):
+            rule = _with_unused_name(replace(builder.build_rule(), span=derivation.span), found)
             found.setdefault(rule.name, rule)
             patterns.update(builder.patterns)
     caps = {kind: value for one in derivation.annotations if one.name == "cap" for kind, value in one.named}
     rules: list[Rule] = []
     for kind in KINDS:
-        weight = weight_of(derivation, kind)
-        family = [rule for rule in found.values() if _part(rule, 1) == kind]
-        family = _first(family, int(caps.get(kind, len(family))))
+        weight = kind_weight(derivation, kind)
+        family = [rule for rule in found.values() if _name_part(rule, 1) == kind]
+        family = _first_rules(family, int(caps.get(kind, len(family))))
         if weight > 0:
             rules += [replace(rule, weight=weight / len(family)) for rule in family]
-    return Derived(tuple(patterns.values()), tuple(rules))
+    return DerivedRules(tuple(patterns.values()), tuple(rules))
 
 
-def _all(schema: Schema, group: str, cls: str, most: int, retype: bool) -> Iterator[RuleBuilder]:
-    for concrete in schema.metamodel.concrete(cls):
+def _all_operators(schema: Schema, group: str, cls: str, max_plans: int, retype: bool) -> Iterator[RuleBuilder]:
+    for concrete in schema.metamodel.concrete_classes(cls):
         if not schema.frozen(concrete):
-            yield from creating_and_deleting(schema, group, concrete, most)
+            yield from object_operators(schema, group, concrete, max_plans)
     yield from link_operators(schema, group, cls)
     yield from container_operators(schema, group, cls)
     if retype:
-        yield from retypings(schema, group, cls, most)
+        yield from retyping_operators(schema, group, cls, max_plans)
     yield from value_operators(schema, group, cls)
 
 
-def _apart(rule: Rule, found: Mapping[str, Rule]) -> Rule:
+def _with_unused_name(rule: Rule, found: Mapping[str, Rule]) -> Rule:
     """Return the rule, with a number added to its name if a different rule in `found` has this name."""
     names = chain([rule.name], (f"{rule.name}.{number}" for number in count(2)))
     named = (replace(rule, name=name) for name in names)
     return next(one for one in named if found.get(one.name, one) == one)
 
 
-def _part(rule: Rule, place: int) -> str:
+def _name_part(rule: Rule, place: int) -> str:
     """Return a part of the name `group.kind.Class..` of a rule, by its index."""
     return rule.name.split(".")[place]
 
 
-def _first(rules: Sequence[Rule], most: int) -> list[Rule]:
-    """Return at most `most` rules, in their order. The first rule of every class is chosen before any second rule."""
+def _first_rules(rules: Sequence[Rule], max_rules: int) -> list[Rule]:
+    """Return at most `max_rules` rules, in their order. The first rule of every class is chosen before any second
+    rule.
+    """
     before: Counter[str] = Counter()
     ranks: list[tuple[int, int]] = []
     for number, rule in enumerate(rules):
-        cls = _part(rule, 2)
+        cls = _name_part(rule, 2)
         ranks.append((before[cls], number))
         before[cls] += 1
-    return [rules[number] for number in sorted(number for _, number in sorted(ranks)[:most])]
+    return [rules[number] for number in sorted(number for _, number in sorted(ranks)[:max_rules])]

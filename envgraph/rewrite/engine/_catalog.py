@@ -9,32 +9,42 @@ from typing import Any, NamedTuple, cast
 from envgraph.errors import InvalidArgument, TypeMismatch
 from envgraph.graph import Model, Node
 from envgraph.match import Matcher, ViewMatcher
-from envgraph.metamodel import Scalar, Value, accepts, reached, type_name
-from envgraph.pattern import Applicable, Call, Derivation, If, Library, ObjectType, Pattern, Rule, Unit
-from envgraph.rewrite._match import Shape
-from envgraph.rewrite._names import Directory, Signature
-from envgraph.rewrite.check._unit_check import all_steps, applicable
-from envgraph.rewrite.engine._functions import PythonUnit
-from envgraph.rewrite.engine._losses import Loss, UnnamedLinks, losses, unnamed_links
-from envgraph.rewrite.engine._register import Definition
+from envgraph.metamodel import Scalar, Value, accepts, reachable_nodes, type_name
+from envgraph.pattern import (
+    Applicable,
+    Derivation,
+    IfStep,
+    Library,
+    ObjectType,
+    Pattern,
+    Rule,
+    Unit,
+    UnitCall,
+)
+from envgraph.rewrite._matches import Shape
+from envgraph.rewrite._signatures import Signature, SignatureTable
+from envgraph.rewrite.check._unit_check import all_steps, as_applicability_test
+from envgraph.rewrite.engine._dangling import Loss, UnnamedLinks, losses, unnamed_links
+from envgraph.rewrite.engine._python_units import PythonUnit
+from envgraph.rewrite.engine._registration import Definition
 from envgraph.rewrite.events._jobs import job_name
 from envgraph.rewrite.run._notices import Notices
-from envgraph.rewrite.run._runner import GraphRule, PythonRule, RuleRunner
-from envgraph.rewrite.run._units import UnitProgram
+from envgraph.rewrite.run._rule_runner import GraphRule, PythonRule, RuleRunner
+from envgraph.rewrite.run._unit_programs import UnitProgram
 
 
-class Asked(NamedTuple):
+class QueryTarget(NamedTuple):
     """A definition that has matches, resolved from its name.
 
     Attributes:
         shape: shape of the matches.
         pattern: qualified name of the pattern to match.
-        needed: variables that must be bound by the caller, because matching cannot enumerate their values.
+        inputs: variables that must be bound by the caller, because matching cannot enumerate their values.
     """
 
     shape: Shape
     pattern: str
-    needed: tuple[str, ...]
+    inputs: tuple[str, ...]
 
 
 class Catalog:
@@ -48,45 +58,43 @@ class Catalog:
         runners: rules by their qualified names, including members of groups.
         programs: units by their qualified names.
         members: qualified names of the rules of each group.
-        written: rules, units and derivations as they were added, by qualified name.
+        added_definitions: rules, units and derivations as they were added, by qualified name.
         notices: warnings that applications have reported.
-        memos: caches by name; they are cleared when a definition is added or removed.
+        caches: caches by name; they are cleared when a definition is added or removed.
     """
 
     def __init__(self, model: Model, library: Library, matcher: Matcher) -> None:
         self.model = model
         self.library = library
         self.matcher = matcher
-        self.directory = Directory()
+        self.directory = SignatureTable()
         self.runners: dict[str, RuleRunner] = {}
         self.programs: dict[str, UnitProgram] = {}
         self.members: dict[str, tuple[str, ...]] = {}
-        self.written: dict[str, Rule | Unit | Derivation] = {}
+        self.added_definitions: dict[str, Rule | Unit | Derivation] = {}
         self.notices = Notices()
-        self._asked: dict[str, Asked] = {}
-        self.memos: list[dict[Any, Any]] = [self._asked]
+        self._query_targets: dict[str, QueryTarget] = {}
+        self.caches: list[dict[Any, Any]] = [self._query_targets]
 
-    def forget(self) -> None:
+    def clear_caches(self) -> None:
         """Clear all caches that depend on names. Call this after a definition was added, removed or replaced."""
-        for memo in self.memos:
+        for memo in self.caches:
             memo.clear()
 
     @property
-    def views(self) -> ViewMatcher:
+    def view_matcher(self) -> ViewMatcher:
         """Return the matcher if it can watch patterns.
 
         Raises:
             InvalidArgument: the matcher cannot watch.
         """
         if not isinstance(self.matcher, ViewMatcher):
-            raise InvalidArgument(
-                "the naive matcher cannot watch patterns; create the engine with a `ViewMatcher`"
-            )
+            raise InvalidArgument("the naive matcher cannot watch patterns; create the engine with a `ViewMatcher`")
         return self.matcher
 
     # --- definitions
 
-    def free_name(self, function: Callable[..., object], name: str | None, weight: float) -> str:
+    def check_free_name(self, function: Callable[..., object], name: str | None, weight: float) -> str:
         """Return `name`, or by default the name of the function, after checks that the function can be registered.
 
         Raises:
@@ -106,7 +114,7 @@ class Catalog:
         """Return the declared functions, patterns, rules, units and derivations as they were added."""
         functions = [function.declaration for function in self.library.functions.values()]
         patterns = [pattern for pattern in self.library.patterns if "#" not in pattern.name]
-        return (*functions, *patterns, *self.written.values())
+        return (*functions, *patterns, *self.added_definitions.values())
 
     def definition(self, name: str) -> Definition:
         """Return a pattern, rule, unit or derivation as it was added; for a derived rule, the generated rule.
@@ -114,14 +122,14 @@ class Catalog:
         Raises:
             InvalidArgument: the name is unknown, or a Python function that has no definition as data.
         """
-        qualified = self.everything().resolve(name, "pattern, rule, unit or group")
-        if qualified in self.written:
-            return self.written[qualified]
+        qualified = self.directory_with_patterns().resolve(name, "pattern, rule, unit or group")
+        if qualified in self.added_definitions:
+            return self.added_definitions[qualified]
         group = next((group for group, members in self.members.items() if qualified in members), None)
         if group is not None:
             from envgraph.rewrite.derive._derive import derived_rules
 
-            derivation = cast("Derivation", self.written[group])
+            derivation = cast("Derivation", self.added_definitions[group])
             rules = derived_rules(derivation, self.model.metamodel)
             return next(rule for rule in rules if rule.qualified_name == qualified)
         if qualified in self.runners or qualified in self.programs:
@@ -180,7 +188,7 @@ class Catalog:
             InvalidArgument: the name is unknown.
         """
         found: dict[Loss, None] = {}
-        for one in self._reached(name):
+        for one in self._reachable_names(name):
             rule = self.runners.get(one)
             if isinstance(rule, GraphRule):
                 found |= dict.fromkeys(losses(rule.plan, self.model.metamodel, cls, known))
@@ -198,25 +206,25 @@ class Catalog:
         rule = self.runners.get(self.resolve(name))
         return tuple(unnamed_links(rule.plan, self.library)) if isinstance(rule, GraphRule) else ()
 
-    def first_calls(self, name: str) -> tuple[Call, ...]:
+    def first_calls(self, name: str) -> tuple[UnitCall, ...]:
         """Return the calls with `first` or `top` in a unit and in the units that it calls.
 
         Raises:
             InvalidArgument: the name is unknown.
         """
-        units = [one for one in map(self.written.get, self._reached(name)) if isinstance(one, Unit)]
-        calls = [step for unit in units for step in all_steps(unit) if isinstance(step, Call)]
+        units = [one for one in map(self.added_definitions.get, self._reachable_names(name)) if isinstance(one, Unit)]
+        calls = [step for unit in units for step in all_steps(unit) if isinstance(step, UnitCall)]
         return tuple(call for call in calls if call.first or call.limit is not None)
 
-    def _reached(self, name: str) -> list[str]:
+    def _reachable_names(self, name: str) -> list[str]:
         """Return the qualified names of a rule, unit or group and of everything that it calls, even indirectly."""
 
         def used(one: str) -> Iterable[str]:
-            definition = self.written.get(one)
-            called = sorted(self.called(definition)) if isinstance(definition, Unit) else ()
+            definition = self.added_definitions.get(one)
+            called = sorted(self.called_names(definition)) if isinstance(definition, Unit) else ()
             return called or self.members.get(one, ())
 
-        return reached([self.resolve(name)], used)
+        return reachable_nodes([self.resolve(name)], used)
 
     # --- from names to patterns
 
@@ -228,7 +236,7 @@ class Catalog:
         """
         found = self.library.resolve(name)
         if found is None or "#" in found.name:
-            self.everything().resolve(name, "pattern")
+            self.directory_with_patterns().resolve(name, "pattern")
             raise InvalidArgument(f"`{name}` is not a pattern")
         return found
 
@@ -237,15 +245,15 @@ class Catalog:
         names = tuple(parameter.name for parameter in pattern.parameters)
         return Shape(pattern.qualified_name, names, self.library.parameter_types(pattern.qualified_name))
 
-    def everything(self) -> Directory:
+    def directory_with_patterns(self) -> SignatureTable:
         """Return a new directory of all rules, units and groups that contains patterns too, with the kind "rule"."""
-        directory = Directory(self.directory.signatures.values())
+        directory = SignatureTable(self.directory.signatures.values())
         for pattern in self.library.patterns:
             if "#" not in pattern.name:
                 directory.add(Signature(pattern.qualified_name, "rule", pattern.package))
         return directory
 
-    def asked(self, name: str) -> Asked:
+    def query_target(self, name: str) -> QueryTarget:
         """Return the pattern or rule with this name in the form that queries need; the result is cached.
 
         Raises:
@@ -253,19 +261,19 @@ class Catalog:
         """
         if not isinstance(name, str):
             raise InvalidArgument(f"expected the name of a pattern or rule, not {name!r}")
-        if name not in self._asked:
-            shape, pattern = self._find(name)
+        if name not in self._query_targets:
+            shape, pattern = self._find_pattern(name)
             needed = tuple(shape.names[position] for position in self.library.inputs(pattern))
-            self._asked[name] = Asked(shape, pattern, needed)
-        return self._asked[name]
+            self._query_targets[name] = QueryTarget(shape, pattern, needed)
+        return self._query_targets[name]
 
-    def parameters_of(self, name: str) -> tuple[str, tuple[str, ...]]:
+    def pattern_parameters(self, name: str) -> tuple[str, tuple[str, ...]]:
         """Return the qualified name and the parameters of a pattern; for a rule those of its LHS."""
-        asked = self.asked(name)
+        asked = self.query_target(name)
         return asked.pattern, asked.shape.names
 
-    def _find(self, name: str) -> tuple[Shape, str]:
-        qualified = self.everything().resolve(name, "pattern or rule")
+    def _find_pattern(self, name: str) -> tuple[Shape, str]:
+        qualified = self.directory_with_patterns().resolve(name, "pattern or rule")
         if qualified in self.runners:
             runner = self.runners[qualified]
             return runner.shape, runner.pattern
@@ -279,7 +287,7 @@ class Catalog:
 
     # --- uses of definitions
 
-    def owners(self) -> Callable[[str], str]:
+    def owner_function(self) -> Callable[[str], str]:
         """Return a function that maps a generated pattern or rule to its definition, and other names to themselves."""
         groups = {member: group for group, members in self.members.items() for member in members}
 
@@ -289,41 +297,41 @@ class Catalog:
 
         return owner
 
-    def uses(self) -> dict[str, set[str]]:
+    def used_definitions(self) -> dict[str, set[str]]:
         """Return the names of the definitions that each definition uses, without itself."""
-        owner = self.owners()
+        owner = self.owner_function()
         found: dict[str, set[str]] = {}
         for name in self.library.names():
-            found.setdefault(owner(name), set()).update(map(owner, self.library.called(name)))
+            found.setdefault(owner(name), set()).update(map(owner, self.library.callees(name)))
         for name, rule in self.runners.items():
             if isinstance(rule, PythonRule):
                 found.setdefault(name, set()).add(owner(rule.pattern))
-        for name, definition in self.written.items():
+        for name, definition in self.added_definitions.items():
             if isinstance(definition, Unit):
-                found.setdefault(name, set()).update(map(owner, self.called(definition)))
+                found.setdefault(name, set()).update(map(owner, self.called_names(definition)))
         return {name: used - {name} for name, used in found.items()}
 
-    def portable(self) -> list[Definition]:
+    def portable_definitions(self) -> list[Definition]:
         """Return the definitions that another engine can add: those that never call a Python rule or unit."""
         functions = {name for name, rule in self.runners.items() if isinstance(rule, PythonRule)}
         functions |= {name for name, unit in self.programs.items() if isinstance(unit, PythonUnit)}
         found = list(self.definitions)
         while functions:
-            calling = [one for one in found if isinstance(one, Unit) and self.called(one) & functions]
+            calling = [one for one in found if isinstance(one, Unit) and self.called_names(one) & functions]
             functions = {unit.qualified_name for unit in calling}
             found = [one for one in found if one not in calling]
         return found
 
-    def called(self, unit: Unit) -> set[str]:
+    def called_names(self, unit: Unit) -> set[str]:
         """Return the qualified names of the rules, units and groups that a unit calls itself or tests in an `if`."""
         steps = all_steps(unit)
-        asked = [applicable(step.condition) for step in steps if isinstance(step, If)]
-        names = [one.name for one in (*steps, *asked) if isinstance(one, Call | Applicable)]
+        asked = [as_applicability_test(step.condition) for step in steps if isinstance(step, IfStep)]
+        names = [one.name for one in (*steps, *asked) if isinstance(one, UnitCall | Applicable)]
         return {found for name in names for found in self.directory.candidates(name, unit.package)}
 
     # --- from values to ids
 
-    def ids(self, shape: Shape, bound: Mapping[str, object]) -> dict[str, Value]:
+    def check_bindings(self, shape: Shape, bound: Mapping[str, object]) -> dict[str, Value]:
         """Check values for variables and return them, with ids in place of objects.
 
         Raises:
@@ -335,19 +343,19 @@ class Catalog:
             if name not in shape.names:
                 self._check_output(shape, name)
             position = shape.position(name)
-            found[name] = self._id(shape, position, value)
+            found[name] = self._check_binding(shape, position, value)
         return found
 
     def _check_output(self, shape: Shape, name: str) -> None:
         """Raise `InvalidArgument` if a name is an `out` parameter of a created object, so not a match variable."""
         signature = self.directory.signatures.get(shape.definition)
-        if signature is not None and any(one.output and one.name == name for one in signature.parameters):
+        if signature is not None and any(one.is_output and one.name == name for one in signature.parameters):
             raise InvalidArgument(
                 f"`{name}` is an `out` parameter of `{shape.definition}`, which creates it: "
                 "it takes no value, and is in the `outputs` of the application"
             )
 
-    def _id(self, shape: Shape, position: int, value: object) -> Value:
+    def _check_binding(self, shape: Shape, position: int, value: object) -> Value:
         type_ = shape.types[position]
         if isinstance(type_, ObjectType):
             if isinstance(value, Node) and value.model is not self.model:
@@ -368,7 +376,7 @@ class Catalog:
         raise TypeMismatch(f"`{shape.names[position]}` of `{shape.definition}` takes {wanted}, not {value!r}")
 
 
-def bindings(bound: Mapping[str, object] | None, values: Mapping[str, object]) -> Mapping[str, object]:
+def merge_bindings(bound: Mapping[str, object] | None, values: Mapping[str, object]) -> Mapping[str, object]:
     """Return the values of variables, merged from a mapping and from keyword arguments.
 
     Raises:

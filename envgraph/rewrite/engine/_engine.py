@@ -9,22 +9,22 @@ from operator import attrgetter
 from typing import TYPE_CHECKING, Any, Concatenate, ParamSpec, TypeVar
 from weakref import ref
 
-from envgraph.code import short_repr
+from envgraph.code import shorten_repr
 from envgraph.errors import Diagnostic
 from envgraph.graph import Model
 from envgraph.match import Matcher, ViewMatcher
 from envgraph.pattern import Library
-from envgraph.rewrite.engine import _python
+from envgraph.rewrite.engine import _decorators
 from envgraph.rewrite.engine._catalog import Catalog
-from envgraph.rewrite.engine._history import EngineHistory
-from envgraph.rewrite.engine._notification import Events
-from envgraph.rewrite.engine._queries import Queries
-from envgraph.rewrite.engine._register import Definition
+from envgraph.rewrite.engine._engine_history import EngineHistory
+from envgraph.rewrite.engine._match_queries import Queries
+from envgraph.rewrite.engine._notification import EngineEvents
 from envgraph.rewrite.engine._registrar import Registrar
+from envgraph.rewrite.engine._registration import Definition
 from envgraph.rewrite.engine._rewriting import Rewriting
-from envgraph.rewrite.engine._runs import Runs
+from envgraph.rewrite.engine._unit_runs import EngineRuns
 from envgraph.rewrite.events._agenda import Agenda
-from envgraph.rewrite.explore import _explore
+from envgraph.rewrite.explore import _exploration_search
 
 if TYPE_CHECKING:
     import numpy
@@ -33,7 +33,7 @@ P = ParamSpec("P")
 R = TypeVar("R")
 
 
-def _of(part: str, method: Callable[Concatenate[Any, P], R]) -> Callable[Concatenate[Engine, P], R]:
+def _delegate(part: str, method: Callable[Concatenate[Any, P], R]) -> Callable[Concatenate[Engine, P], R]:
     """Return a method of the engine that delegates to a method of a part and has its types and docstring."""
     found = attrgetter(part)
 
@@ -44,7 +44,7 @@ def _of(part: str, method: Callable[Concatenate[Any, P], R]) -> Callable[Concate
     return verb
 
 
-@short_repr
+@shorten_repr
 class Engine:
     """A model together with patterns, rules and units, and all operations on them.
 
@@ -88,56 +88,56 @@ class Engine:
         self._matching = matcher
         self.matcher = matcher(model, self.library)
         if isinstance(self.matcher, ViewMatcher):
-            self.matcher.kept.user = ref(self)
+            self.matcher.watched_views.user = ref(self)
         self.catalog = Catalog(model, self.library, self.matcher)
-        self.events = Events(self.catalog, self)
+        self.events = EngineEvents(self.catalog, self)
         self.history = EngineHistory(model, self.events)
-        self.runs = Runs(self.catalog, self.events, self.history, seed)
+        self.runs = EngineRuns(self.catalog, self.events, self.history, seed)
         self._rewriting = Rewriting(self.catalog, self.events, self.history, self.runs)
         self.queries = Queries(self.catalog, self.runs)
         self.registrar = Registrar(self.catalog, self.events)
 
-    matches = _of("queries", Queries.matches)
-    first = _of("queries", Queries.first)
-    exists = _of("queries", Queries.exists)
-    count = _of("queries", Queries.count)
-    explain = _of("queries", Queries.explain)
-    why_not = _of("queries", Queries.why_not)
-    analyze = _of("queries", Queries.analyze)
-    watch = _of("queries", Queries.watch)
-    unwatch = _of("queries", Queries.unwatch)
+    matches = _delegate("queries", Queries.matches)
+    first = _delegate("queries", Queries.first)
+    exists = _delegate("queries", Queries.exists)
+    count = _delegate("queries", Queries.count)
+    explain = _delegate("queries", Queries.explain)
+    why_not = _delegate("queries", Queries.why_not)
+    analyze = _delegate("queries", Queries.analyze)
+    watch = _delegate("queries", Queries.watch)
+    unwatch = _delegate("queries", Queries.unwatch)
 
-    check = _of("registrar", Registrar.check)
-    add = _of("registrar", Registrar.add)
-    remove = _of("registrar", Registrar.remove)
-    replace = _of("registrar", Registrar.replace)
-    rule = _python.rule
-    unit = _python.unit
-    function = _python.function
+    check = _delegate("registrar", Registrar.check)
+    add = _delegate("registrar", Registrar.add)
+    remove = _delegate("registrar", Registrar.remove)
+    replace = _delegate("registrar", Registrar.replace)
+    rule = _decorators.rule
+    unit = _decorators.unit
+    function = _decorators.function
 
-    definition = _of("catalog", Catalog.definition)
-    group = _of("catalog", Catalog.group)
-    signature = _of("catalog", Catalog.signature)
-    prepare = _of("catalog", Catalog.prepare)
+    definition = _delegate("catalog", Catalog.definition)
+    group = _delegate("catalog", Catalog.group)
+    signature = _delegate("catalog", Catalog.signature)
+    prepare = _delegate("catalog", Catalog.prepare)
 
-    apply = _of("_rewriting", Rewriting.apply)
-    apply_all = _of("_rewriting", Rewriting.apply_all)
-    choose = _of("_rewriting", Rewriting.choose)
-    choice = _of("_rewriting", Rewriting.choice)
-    fire = _of("_rewriting", Rewriting.fire)
-    replay = _of("_rewriting", Rewriting.replay)
-    run = _of("runs", Runs.run)
-    explore = _explore.explore
+    apply = _delegate("_rewriting", Rewriting.apply)
+    apply_all = _delegate("_rewriting", Rewriting.apply_all)
+    choose = _delegate("_rewriting", Rewriting.choose)
+    choice = _delegate("_rewriting", Rewriting.choice)
+    fire = _delegate("_rewriting", Rewriting.fire)
+    replay = _delegate("_rewriting", Rewriting.replay)
+    run = _delegate("runs", EngineRuns.run)
+    explore = _exploration_search.explore
 
-    transaction = _of("history", EngineHistory.transaction)
-    commit = _of("history", EngineHistory.commit)
-    checkout = _of("history", EngineHistory.checkout)
-    recording = _of("history", EngineHistory.recording)
+    transaction = _delegate("history", EngineHistory.transaction)
+    commit = _delegate("history", EngineHistory.commit)
+    checkout = _delegate("history", EngineHistory.checkout)
+    recording = _delegate("history", EngineHistory.recording)
 
-    on = _of("events", Events.on)
-    listen = _of("events", Events.listen)
-    unlisten = _of("events", Events.unlisten)
-    settle = _of("events", Events.settle)
+    on = _delegate("events", EngineEvents.on)
+    listen = _delegate("events", EngineEvents.listen)
+    unlisten = _delegate("events", EngineEvents.unlisten)
+    settle = _delegate("events", EngineEvents.settle)
 
     @property
     def seed(self) -> int:
@@ -241,7 +241,7 @@ class Engine:
     def __reduce__(self) -> tuple[Callable[..., Engine], tuple[Model], tuple[Any, ...]]:
         """Return the data from which an engine is rebuilt, for pickling and copying."""
         functions = [(name, function.code) for name, function in self.library.functions.items()]
-        state = self.rng, self.catalog.portable(), functions, self.step_limit, self.watched
+        state = self.rng, self.catalog.portable_definitions(), functions, self.step_limit, self.watched
         return partial(Engine, seed=self.seed, matcher=self._matching), (self.model,), state
 
     def __setstate__(self, state: tuple[Any, ...]) -> None:
@@ -251,7 +251,7 @@ class Engine:
         for name, code in functions:
             self.library.functions[name].code = code
         if watched:
-            self.catalog.views.watch(*(name for name in watched if name in self.library.names()))
+            self.catalog.view_matcher.watch(*(name for name in watched if name in self.library.names()))
 
     def __repr__(self) -> str:
         return f"<Engine on {self.model!r}: {len(self.rules)} rules>"

@@ -7,16 +7,16 @@ from contextlib import AbstractContextManager, nullcontext
 from typing import TYPE_CHECKING, Final, cast
 
 from envgraph.errors import InvalidArgument
-from envgraph.graph import guarded
+from envgraph.graph import guarded_contextmanager
 from envgraph.match import Subscription, ViewMatcher
 from envgraph.rewrite.engine._catalog import Catalog
 from envgraph.rewrite.events._agenda import Agenda, ConflictSet
 from envgraph.rewrite.events._event_rules import EventRule, update_key
 from envgraph.rewrite.events._jobs import Event, Job, bind_job, job_name
-from envgraph.rewrite.events._listening import (
+from envgraph.rewrite.events._listeners import (
     Listener,
     UpdateListener,
-    check_functions,
+    check_listeners,
     match_listener,
     update_listener,
 )
@@ -24,11 +24,11 @@ from envgraph.rewrite.events._listening import (
 if TYPE_CHECKING:
     from envgraph.rewrite.engine._engine import Engine
 
-NOTHING: Final[AbstractContextManager[None]] = nullcontext()
+NO_CONTEXT: Final[AbstractContextManager[None]] = nullcontext()
 """A context manager that does nothing."""
 
 
-class Events:
+class EngineEvents:
     """The listeners and event rules of an engine; both watch patterns."""
 
     def __init__(self, catalog: Catalog, engine: Engine) -> None:
@@ -66,8 +66,8 @@ class Events:
         Raises:
             InvalidArgument, TransactionError: as `watch`. Also if `key` is given without `updated`, or is no valid key.
         """
-        shape, pattern, _ = self._catalog.asked(name)
-        check_functions(changed, *(one for one in (restored, updated) if one is not None))
+        shape, pattern, _ = self._catalog.query_target(name)
+        check_listeners(changed, *(one for one in (restored, updated) if one is not None))
         if updated is not None:
             places = update_key(self._catalog.library.get(pattern), shape, key)
             call = update_listener(self._model, shape, changed, updated, places)
@@ -76,7 +76,7 @@ class Events:
         else:
             raise InvalidArgument("`key` has no effect without `updated`: also pass a function as `updated`")
         later = None if restored is None else match_listener(self._model, shape, restored)
-        return self._catalog.views.listen(pattern, call, later)
+        return self._catalog.view_matcher.listen(pattern, call, later)
 
     def unlisten(self, subscription: Subscription) -> None:
         """Remove a listener.
@@ -86,7 +86,7 @@ class Events:
         """
         if not isinstance(subscription, Subscription):
             raise InvalidArgument(f"expected a subscription that `listen` returned, not {subscription!r}")
-        self._catalog.views.listeners.remove(subscription)
+        self._catalog.view_matcher.listeners.remove(subscription)
 
     def settle(self) -> None:
         """Notify listeners of all changes since their last notification, and fire event rules until none is pending.
@@ -97,17 +97,17 @@ class Events:
         """
         if isinstance(self._catalog.matcher, ViewMatcher):
             self._catalog.matcher.listeners.deliver()
-        self.run()
+        self.run_event_rules()
 
     @property
-    def active(self) -> bool:
+    def has_event_rules(self) -> bool:
         """Return True if an event rule was ever registered."""
         return self._conflicts is not None
 
-    def run(self) -> None:
+    def run_event_rules(self) -> None:
         """Fire pending event rules. Exceptions are raised as in `settle`."""
         if self._conflicts is not None:
-            self._conflicts.run()
+            self._conflicts.fire_pending()
 
     def on(
         self,
@@ -147,8 +147,8 @@ class Events:
                 watched, or an `update` job whose key contains all variables.
             TransactionError: as `watch`.
         """
-        views = self._catalog.views
-        shape, qualified, _ = self._catalog.asked(pattern)
+        views = self._catalog.view_matcher
+        shape, qualified, _ = self._catalog.query_target(pattern)
         given = {"appear": appear, "disappear": disappear, "update": update}
         jobs = [(cast("Event", event), job) for event, job in given.items() if job is not None]
         if not jobs:
@@ -162,7 +162,7 @@ class Events:
         conflicts = self._conflicts or ConflictSet(self._engine, views)
         calls = [self._catalog.signature(job).name for _, job in jobs if isinstance(job, str)]
         rule = EventRule(conflicts, name or job_name(jobs[0][1]), shape, bound, priority, places, calls)
-        conflicts.add(rule, qualified, existing)
+        conflicts.add_rule(rule, qualified, existing)
         self._conflicts = conflicts
         return rule
 
@@ -171,39 +171,39 @@ class Events:
         """Return the pending activations of event rules, in the order of firing."""
         return Agenda(self._conflicts)
 
-    def users(self, names: Collection[str]) -> Iterator[str]:
+    def describe_users(self, names: Collection[str]) -> Iterator[str]:
         """Yield texts that name the event rules and listeners which use one of the definitions."""
-        owner, matcher = self._catalog.owners(), self._catalog.matcher
+        owner, matcher = self._catalog.owner_function(), self._catalog.matcher
         for rule in () if self._conflicts is None else self._conflicts.rules:
             if any(owner(name) in names for name in rule.calls):
                 yield f"event rule `{rule.name}`"
         heard = matcher.listeners.patterns if isinstance(matcher, ViewMatcher) else ()
         yield from (f"a listener of `{name}`" for name in heard if owner(name) in names)
 
-    def holding(self) -> AbstractContextManager[None] | None:
+    def delayed(self) -> AbstractContextManager[None] | None:
         """Return a context manager that delays firings and notifications; None without event rules and listeners."""
         if self._conflicts is not None:
-            return self._conflicts.held()
+            return self._conflicts.delayed()
         matcher = self._catalog.matcher
         if isinstance(matcher, ViewMatcher) and matcher.listeners:
-            return self._telling(matcher)
+            return self._notifying_at_end(matcher)
         return None
 
-    @guarded
-    def _telling(self, matcher: ViewMatcher) -> Iterator[None]:
+    @guarded_contextmanager
+    def _notifying_at_end(self, matcher: ViewMatcher) -> Iterator[None]:
         """Notify the listeners at the end of the block, if no transaction is open. A transaction would do so itself."""
         yield
-        if not self._model.graph.history.depth:
+        if not self._model.graph.history.savepoint_depth:
             matcher.listeners.deliver()
 
     def muted(self) -> AbstractContextManager[None]:
         """Return a context manager in which changes do not activate event rules."""
-        return NOTHING if self._conflicts is None else self._conflicts.muted()
+        return NO_CONTEXT if self._conflicts is None else self._conflicts.muted()
 
-    @guarded
+    @guarded_contextmanager
     def asleep(self) -> Iterator[None]:
         """Hide the changes inside the block, which must restore the model, from listeners and event rules."""
         matcher = self._catalog.matcher
-        views = matcher.listeners.muted() if isinstance(matcher, ViewMatcher) else NOTHING
-        with views, NOTHING if self._conflicts is None else self._conflicts.asleep():
+        views = matcher.listeners.suppress_notifications() if isinstance(matcher, ViewMatcher) else NO_CONTEXT
+        with views, NO_CONTEXT if self._conflicts is None else self._conflicts.hidden():
             yield

@@ -6,17 +6,17 @@ from collections.abc import Collection, Iterable, Sequence
 from copy import copy
 
 from envgraph.errors import Diagnostic, InvalidArgument, ResolutionError, Severity, has_errors
-from envgraph.graph import Defined, first_with
+from envgraph.graph import FeatureDefinition, first_object_with_value
 from envgraph.match import FREE, ViewMatcher
-from envgraph.metamodel import reached
+from envgraph.metamodel import reachable_nodes
 from envgraph.pattern import FunctionDeclaration, Library, Pattern
-from envgraph.rewrite._names import Directory
-from envgraph.rewrite.check._well_formed import mistake_in
+from envgraph.rewrite._signatures import SignatureTable
+from envgraph.rewrite.check._field_types import type_error_message
 from envgraph.rewrite.engine._catalog import Catalog
-from envgraph.rewrite.engine._notification import Events
-from envgraph.rewrite.engine._register import Definition, Registration
-from envgraph.rewrite.run._runner import PythonRule, graph_rule
-from envgraph.rewrite.run._units import unit_program
+from envgraph.rewrite.engine._notification import EngineEvents
+from envgraph.rewrite.engine._registration import Definition, Registration
+from envgraph.rewrite.run._rule_runner import PythonRule, graph_rule
+from envgraph.rewrite.run._unit_programs import unit_program
 
 
 class Registrar:
@@ -25,13 +25,13 @@ class Registrar:
     Event rules and listeners in `events` also use definitions, so these cannot be removed.
     """
 
-    def __init__(self, catalog: Catalog, events: Events) -> None:
+    def __init__(self, catalog: Catalog, events: EngineEvents) -> None:
         self._catalog = catalog
         self._events = events
 
     def check(self, *definitions: Definition) -> list[Diagnostic]:
         """Return all errors and warnings that `add` would find. Nothing is added."""
-        return self._registration(definitions).problems
+        return self._check_definitions(definitions).problems
 
     def add(self, *definitions: Definition) -> None:
         """Register patterns, rules, units, derivations and declarations of functions, which may refer to each other.
@@ -40,7 +40,7 @@ class Registrar:
             ResolutionError: a definition has an error; contains all errors. Nothing is added.
             InvalidArgument: an argument is no definition, or a field of a definition has the wrong type.
         """
-        self.install(self._registration(definitions))
+        self.install(self._check_definitions(definitions))
 
     def install(self, registration: Registration) -> None:
         """Register definitions that were checked already. Several engines may install the same registration.
@@ -51,18 +51,18 @@ class Registrar:
         Raises:
             ResolutionError: a definition has an error; contains all errors. Nothing is added.
         """
-        catalog, sound = self._catalog, self._sound(registration)
+        catalog, sound = self._catalog, self._check_errors(registration)
         model, library, matcher = catalog.model, catalog.library, catalog.matcher
         self._define_features(sound.library)
-        library.update(sound.library)
-        catalog.directory = Directory(sound.directory.signatures.values())
-        catalog.forget()
+        library.update_from(sound.library)
+        catalog.directory = SignatureTable(sound.directory.signatures.values())
+        catalog.clear_caches()
         for plan in sound.plans:
             runner = graph_rule(plan, model, library, matcher, catalog.notices.existing_link)
             catalog.runners[plan.name] = runner
         for definition in sound.definitions:
             if not isinstance(definition, Pattern | FunctionDeclaration):
-                catalog.written[definition.qualified_name] = definition
+                catalog.added_definitions[definition.qualified_name] = definition
         catalog.members.update(sound.groups)
         for checked in sound.units:
             signature = catalog.directory.signatures[checked.unit.qualified_name]
@@ -78,7 +78,7 @@ class Registrar:
 
     def add_sound(self, registration: Registration) -> None:
         """Register the definitions without errors. Later references to the other definitions are not reported."""
-        while len(sound := registration.sound) < len(registration.definitions):
+        while len(sound := registration.valid_definitions) < len(registration.definitions):
             kept = {*map(id, sound)}
             library = copy(self._catalog.library)
             library.unknown = registration.library.unknown | (
@@ -94,14 +94,14 @@ class Registrar:
             InvalidArgument: a name is unknown or a single rule of a derivation, or a remaining definition, event rule
                 or listener uses a removed one; the message names them. Nothing is removed.
         """
-        known = self._catalog.everything()
+        known = self._catalog.directory_with_patterns()
         gone = dict.fromkeys(known.resolve(name, "pattern, rule, unit or group") for name in names)
         users = [
-            user for user, used in self._catalog.uses().items() if user not in gone and used & gone.keys()
+            user for user, used in self._catalog.used_definitions().items() if user not in gone and used & gone.keys()
         ]
-        texts = [f"{self._kind(user)} `{user}`" for user in users]
-        self._check_free(gone, [*texts, *self._events.users(gone)])
-        self._drop(gone)
+        texts = [f"{self._definition_kind(user)} `{user}`" for user in users]
+        self._check_unused(gone, [*texts, *self._events.describe_users(gone)])
+        self._remove_unused(gone)
 
     def replace(self, *definitions: Definition) -> None:
         """Replace the definitions that have the names of the given ones.
@@ -115,30 +115,30 @@ class Registrar:
                 derivation; or a Python rule, event rule or listener uses a replaced definition. In both cases nothing
                 is replaced.
         """
-        self._check_given(definitions)
+        self._check_arguments(definitions)
         new = [one.qualified_name for one in definitions if not isinstance(one, FunctionDeclaration)]
         replaced = dict.fromkeys(new)
-        self._check_there(replaced)
+        self._check_defined(replaced)
         affected = self._with_users(replaced)
         functions = [
             f"rule `{name}`"
             for name in affected
             if name not in replaced and isinstance(self._catalog.runners.get(name), PythonRule)
         ]
-        self._check_free(replaced, [*functions, *self._events.users(affected)])
+        self._check_unused(replaced, [*functions, *self._events.describe_users(affected)])
         others = [
-            one
-            for one in self._catalog.definitions
-            if one.qualified_name in affected and one.qualified_name not in new
+            one for one in self._catalog.definitions if one.qualified_name in affected and one.qualified_name not in new
         ]
         library = copy(self._catalog.library)
         library.remove(self._patterns_of(affected))
         everything = (*definitions, *others)
-        registration = self._sound(self._registration(everything, library, self._kept(affected)))
+        registration = self._check_errors(
+            self._check_definitions(everything, library, self._directory_without(affected))
+        )
         matcher = self._catalog.matcher
         before = matcher.watched if isinstance(matcher, ViewMatcher) else ()
         watched = [name for name in self._patterns_of(affected) if name in before]
-        self._drop(affected)
+        self._remove_unused(affected)
         self.install(registration)
         known = self._catalog.library
         again = [known.get(name) for name in watched if name in known.names()]
@@ -146,7 +146,7 @@ class Registrar:
 
     # --- adding
 
-    def _sound(self, registration: Registration) -> Registration:
+    def _check_errors(self, registration: Registration) -> Registration:
         """Return the registration if it has no errors.
 
         Raises:
@@ -166,41 +166,39 @@ class Registrar:
         """
         model, matcher = self._catalog.model, self._catalog.matcher
 
-        def defined(query: str) -> Defined:
-            return Defined(query, lambda node: [row[1] for row in matcher.rows(query, (node, FREE))], matcher)
+        def defined(query: str) -> FeatureDefinition:
+            return FeatureDefinition(query, lambda node: [row[1] for row in matcher.rows(query, (node, FREE))], matcher)
 
-        known = {one for one, defined in model.graph.defined.items() if defined.matcher is matcher}
+        known = {one for one, defined in model.graph.defined_features.items() if defined.matcher is matcher}
         new = {one: query for one, query in library.definitions.items() if one not in known}
         for feature, query in new.items():
-            node = first_with(model.graph, feature)
+            node = first_object_with_value(model.graph, feature)
             if node is not None:
                 message = f"query `{query}` defines `{feature}`, but {model.graph.describe(node)} stores a value of it"
                 span, hint = library.get(query).span, "clear these values first"
                 raise ResolutionError([Diagnostic("stored-values", message, span, hint)])
-        model.graph.define(model.graph.defined | {one: defined(query) for one, query in new.items()})
+        model.graph.define_features(model.graph.defined_features | {one: defined(query) for one, query in new.items()})
 
     def _watch(self, patterns: Iterable[Pattern]) -> None:
         """Watch patterns as soon as no savepoint or version is in use. Do nothing if the matcher cannot watch."""
         if isinstance(self._catalog.matcher, ViewMatcher):
             self._catalog.matcher.watch_later(*(pattern.qualified_name for pattern in patterns))
 
-    def _registration(
+    def _check_definitions(
         self,
         definitions: Sequence[Definition],
         library: Library | None = None,
-        directory: Directory | None = None,
+        directory: SignatureTable | None = None,
     ) -> Registration:
         """Check definitions against the existing ones, or against another library and directory. Return the result.
 
         Raises:
             InvalidArgument: an argument is no definition, or a field of it has the wrong type.
         """
-        self._check_given(definitions)
-        return Registration(
-            definitions, library or self._catalog.library, directory or self._catalog.directory
-        )
+        self._check_arguments(definitions)
+        return Registration(definitions, library or self._catalog.library, directory or self._catalog.directory)
 
-    def _check_given(self, definitions: Sequence[Definition]) -> None:
+    def _check_arguments(self, definitions: Sequence[Definition]) -> None:
         """Check that the arguments are definitions.
 
         Raises:
@@ -211,30 +209,28 @@ class Registrar:
             hint = "; parse definitions with `envgraph.lang.from_text`" if isinstance(strange[0], str) else ""
             raise InvalidArgument(f"expected a pattern, rule, unit or derivation, not {strange[0]!r}{hint}")
         for one in definitions:
-            mistake = None if one.span is not None else mistake_in(one)
+            mistake = None if one.span is not None else type_error_message(one)
             if mistake is not None:
                 raise InvalidArgument(f"{mistake}; use `envgraph.Rule` and similar classes to pass texts")
 
     # --- uses of definitions
 
-    def _kind(self, name: str) -> str:
+    def _definition_kind(self, name: str) -> str:
         signature = self._catalog.directory.signatures.get(name)
         return "pattern" if signature is None else signature.kind
 
     def _with_users(self, names: Collection[str]) -> dict[str, None]:
         """Return definitions and all definitions that use them, directly or indirectly."""
-        uses = self._catalog.uses()
-        return dict.fromkeys(
-            reached(names, lambda name: [user for user, used in uses.items() if name in used])
-        )
+        uses = self._catalog.used_definitions()
+        return dict.fromkeys(reachable_nodes(names, lambda name: [user for user, used in uses.items() if name in used]))
 
-    def _check_there(self, names: Collection[str]) -> None:
+    def _check_defined(self, names: Collection[str]) -> None:
         """Check that all names exist. The message suggests names of other packages.
 
         Raises:
             InvalidArgument: a name does not exist.
         """
-        known = self._catalog.everything()
+        known = self._catalog.directory_with_patterns()
         texts = []
         for name in names:
             if name in known.signatures:
@@ -242,50 +238,48 @@ class Registrar:
             found = known.candidates(name) or known.candidates(name.rpartition(".")[2])
             packages = [known.signatures[one].package for one in found]
             advice = [f'give it `package="{one}"`' if one else "leave its package out" for one in packages]
-            hint = " or ".join(advice) or known.hint(name)
+            hint = " or ".join(advice) or known.suggest_name(name)
             texts.append(f"`{name}`" + (f" ({hint})" if hint else ""))
         if texts:
             verb = "is" if len(texts) == 1 else "are"
             raise InvalidArgument(f"{', '.join(texts)} {verb} not defined: use `add` for new definitions")
 
-    def _check_free(self, names: Collection[str], users: Collection[str]) -> None:
-        owner = self._catalog.owners()
+    def _check_unused(self, names: Collection[str], users: Collection[str]) -> None:
+        owner = self._catalog.owner_function()
         for name in names:
             if owner(name) != name:
                 raise InvalidArgument(f"`{name}` belongs to the group `{owner(name)}`: name the whole group")
         if users:
             what = ", ".join(f"`{name}`" for name in names)
             verb = "is" if len(names) == 1 else "are"
-            raise InvalidArgument(
-                f"{what} {verb} used by {', '.join(users)}: remove these first, or together"
-            )
+            raise InvalidArgument(f"{what} {verb} used by {', '.join(users)}: remove these first, or together")
 
     # --- removing
 
     def _patterns_of(self, names: Collection[str]) -> list[str]:
         """Return the names of all patterns of definitions, including generated patterns."""
-        owner = self._catalog.owners()
+        owner = self._catalog.owner_function()
         return [pattern for pattern in self._catalog.library.names() if owner(pattern) in names]
 
-    def _kept(self, names: Collection[str]) -> Directory:
+    def _directory_without(self, names: Collection[str]) -> SignatureTable:
         """Return the directory without these definitions."""
-        owner, signatures = self._catalog.owners(), self._catalog.directory.signatures
-        return Directory(signature for name, signature in signatures.items() if owner(name) not in names)
+        owner, signatures = self._catalog.owner_function(), self._catalog.directory.signatures
+        return SignatureTable(signature for name, signature in signatures.items() if owner(name) not in names)
 
-    def _drop(self, names: Collection[str]) -> None:
+    def _remove_unused(self, names: Collection[str]) -> None:
         """Remove definitions that nothing uses, with their patterns, views and derived features. Clear all caches."""
-        catalog, patterns, owner = self._catalog, self._patterns_of(names), self._catalog.owners()
+        catalog, patterns, owner = self._catalog, self._patterns_of(names), self._catalog.owner_function()
         if isinstance(catalog.matcher, ViewMatcher):
             catalog.matcher.unwatch(*patterns)
         catalog.library.remove(patterns)
-        catalog.directory = self._kept(names)
+        catalog.directory = self._directory_without(names)
         for rule in [rule for rule in catalog.runners if owner(rule) in names]:
             del catalog.runners[rule]
-        for known in (catalog.programs, catalog.members, catalog.written):
+        for known in (catalog.programs, catalog.members, catalog.added_definitions):
             for name in names:
                 known.pop(name, None)
-        catalog.matcher.forget()
-        catalog.forget()
-        defined, own = catalog.model.graph.defined.items(), catalog.matcher
+        catalog.matcher.discard_caches()
+        catalog.clear_caches()
+        defined, own = catalog.model.graph.defined_features.items(), catalog.matcher
         kept = {one: by for one, by in defined if by.matcher is not own or by.query not in patterns}
-        catalog.model.graph.define(kept)
+        catalog.model.graph.define_features(kept)

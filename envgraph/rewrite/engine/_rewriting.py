@@ -7,39 +7,39 @@ from typing import Any
 
 from envgraph.errors import EvaluationError, InvalidArgument, RuleError
 from envgraph.metamodel import Value
-from envgraph.rewrite._match import Application, Firing, Match, Row
-from envgraph.rewrite.engine._catalog import Catalog, bindings
-from envgraph.rewrite.engine._history import EngineHistory
-from envgraph.rewrite.engine._notification import NOTHING, Events
-from envgraph.rewrite.engine._runs import Runs
-from envgraph.rewrite.engine._selection import By, Choose, Where, among, choose_one, select
-from envgraph.rewrite.engine._trace import Trace
-from envgraph.rewrite.run._choice import Choice
-from envgraph.rewrite.run._run import fire_one_of
-from envgraph.rewrite.run._runner import (
+from envgraph.rewrite._matches import Application, Firing, Match, Row
+from envgraph.rewrite.engine._application_trace import Trace
+from envgraph.rewrite.engine._catalog import Catalog, merge_bindings
+from envgraph.rewrite.engine._engine_history import EngineHistory
+from envgraph.rewrite.engine._match_selection import By, Choose, Where, choose_row, filter_rows, select_rows
+from envgraph.rewrite.engine._notification import NO_CONTEXT, EngineEvents
+from envgraph.rewrite.engine._unit_runs import EngineRuns
+from envgraph.rewrite.run._rule_choice import RuleChoice
+from envgraph.rewrite.run._rule_runner import (
     NO_ARGUMENTS,
     REFUSALS,
     PythonRule,
     Randomness,
     RuleRunner,
-    draw,
-    others,
+    draw_index,
+    drawn_others,
 )
-from envgraph.rewrite.run._units import UnitProgram
+from envgraph.rewrite.run._unit_programs import UnitProgram
+from envgraph.rewrite.run._unit_runtime import fire_one_of
 
 
 class Rewriting:
     """The part of an engine that applies rules, records the applications, and lets event rules fire afterwards."""
 
-    def __init__(self, catalog: Catalog, events: Events, history: EngineHistory, runs: Runs) -> None:
+    def __init__(self, catalog: Catalog, events: EngineEvents, history: EngineHistory, runs: EngineRuns) -> None:
         self._catalog = catalog
         self._model = catalog.model
         self._events = events
         self._history = history
         self._runs = runs
         self._choices: dict[tuple[str, ...], list[RuleRunner | UnitProgram]] = {}
-        self._named: dict[str, RuleRunner] = {}
-        catalog.memos += [self._choices, self._named]
+        self._runners_by_name: dict[str, RuleRunner] = {}
+        catalog.caches += [self._choices, self._runners_by_name]
 
     def apply(
         self,
@@ -79,13 +79,13 @@ class Rewriting:
             RuleError: the match does not hold any more or the rule is refused there. If no match was given, the rule is
                 refused at every match. The model is unchanged.
         """
-        arguments = values if bound is None else bindings(bound, values)
+        arguments = values if bound is None else merge_bindings(bound, values)
         if choose != "random" or where is not None or by is not None:
             if match is not None or (by is not None and choose != "random"):
                 raise InvalidArgument("pass only one of `match`, `choose` and `by`")
-            with self._events.holding() or NOTHING:
+            with self._events.delayed() or NO_CONTEXT:
                 return self._apply_chosen(rule, choose, where, by, arguments)
-        holding = self._events.holding()
+        holding = self._events.delayed()
         if holding is None:
             return self._apply(rule, match, arguments)
         with holding:
@@ -118,11 +118,11 @@ class Rewriting:
             InvalidArgument: a rule or variable is unknown, or the selection is invalid.
             RuleError: the matches of a `forall` contradict each other. The model is unchanged.
         """
-        with self._events.holding() or NOTHING:
+        with self._events.delayed() or NO_CONTEXT:
             runner = self._catalog.prepare(rule)
-            rows = runner.rows_known(self._catalog.ids(runner.shape, bindings(bound, values)))
-            rows = select(self._catalog, runner, rows, where, by, top)
-            self._history.notice()
+            rows = runner.rows_unchecked(self._catalog.check_bindings(runner.shape, merge_bindings(bound, values)))
+            rows = select_rows(self._catalog, runner, rows, where, by, top)
+            self._history.check_state()
             done: list[Application] = []
             with self._model.transaction():
                 for row in rows:
@@ -144,68 +144,68 @@ class Rewriting:
         arguments: Mapping[str, object],
     ) -> Application | None:
         runner = self._catalog.prepare(rule)
-        known = self._catalog.ids(runner.shape, arguments)
+        known = self._catalog.check_bindings(runner.shape, arguments)
         rows: Sequence[Row] | None = None
         if choose == "first" and by is None:
-            row = next(among(self._catalog, runner, runner.seek_known(known), where), None)
+            row = next(filter_rows(self._catalog, runner, runner.lazy_rows_unchecked(known), where), None)
         else:
-            rows = select(self._catalog, runner, runner.rows_known(known), where, by, None)
-            row = choose_one(self._catalog, runner, rows, choose if by is None else "first", self._pick)
+            rows = select_rows(self._catalog, runner, runner.rows_unchecked(known), where, by, None)
+            row = choose_row(self._catalog, runner, rows, choose if by is None else "first", self._draw_index)
         if row is None:
             return None
-        self._history.notice()
+        self._history.check_state()
         try:
             result = runner.fire(row)
         except RuleError as error:
             if callable(choose):
                 raise
             if rows is None:
-                rows = select(self._catalog, runner, runner.rows_known(known), where, by, None)
+                rows = select_rows(self._catalog, runner, runner.rows_unchecked(known), where, by, None)
             drawn = choose == "random" and by is None
             row, result = self._fire_elsewhere(runner, rows, row, error, drawn)
         self._history.record([Firing(runner.name, row)])
         return runner.application(row, result)
 
-    def _pick(self, count: int) -> int:
-        return draw(self._runs.rng, count)
+    def _draw_index(self, count: int) -> int:
+        return draw_index(self._runs.rng, count)
 
     def _fire_elsewhere(
-        self, runner: RuleRunner, rows: Sequence[Row], row: Row, error: RuleError, drawn: bool = True
+        self, runner: RuleRunner, rows: Sequence[Row], row: Row, error: RuleError, is_random: bool = True
     ) -> tuple[Row, Sequence[Any]]:
-        """Apply a rule, which `error` refused at `row`, at another row: a random one if `drawn`, else a later one.
+        """Apply a rule, which `error` refused at `row`, at another row: a random one if `is_random`, else a later one.
 
         Raises:
             RuleError: the rule is refused at all these rows.
         """
         number = rows.index(row)
         try:
-            if drawn:
-                return runner.fire_next(others(rows, number, self._pick), error)
+            if is_random:
+                return runner.fire_next(drawn_others(rows, number, self._draw_index), error)
             return runner.fire_next(list(rows[number + 1 :]), error)
         except RuleError as last:
             if len(rows) == 1 or last.reason not in REFUSALS:
                 raise
-            raise last.everywhere(f"each of the {len(rows)} matches") from None
+            raise last.refused_everywhere(f"each of the {len(rows)} matches") from None
 
     def _apply(self, rule: str, match: Match | None, arguments: Mapping[str, object]) -> Application | None:
-        runner = self._named.get(rule)
+        runner = self._runners_by_name.get(rule)
         if runner is None:
             qualified = self._catalog.resolve(rule)
             if qualified in self._catalog.members:
                 return self._apply_group(qualified, match, arguments)
-            runner = self._named[rule] = self._catalog.prepare(rule)
+            runner = self._runners_by_name[rule] = self._catalog.prepare(rule)
         if self._history.recorders:
-            self._history.notice()
+            self._history.check_state()
         if match is not None:
             if arguments:
                 raise InvalidArgument("pass either a match or arguments, not both")
-            row = self._row_of(runner, match)
+            row = self._check_match(runner, match)
             result = runner.apply_checked(row)
         else:
-            known = self._catalog.ids(runner.shape, arguments) if arguments else NO_ARGUMENTS
+            known = self._catalog.check_bindings(runner.shape, arguments) if arguments else NO_ARGUMENTS
             if known:
-                rows = runner.rows_known(known)
-                found = rows[self._pick(len(rows))] if rows else None
+                rows = runner.rows_unchecked(known)
+                found = rows[self._draw_index(len(rows))] if rows else None
             else:
                 found = runner.pick(self._runs.rng)
             if found is None:
@@ -213,32 +213,30 @@ class Rewriting:
             try:
                 row, result = found, runner.fire(found)
             except RuleError as error:
-                row, result = self._fire_elsewhere(runner, runner.rows_known(known), found, error)
+                row, result = self._fire_elsewhere(runner, runner.rows_unchecked(known), found, error)
         if self._history.recorders:
             self._history.record([Firing(runner.name, row)])
         return runner.application(row, result)
 
-    def _apply_group(
-        self, group: str, match: Match | None, arguments: Mapping[str, object]
-    ) -> Application | None:
+    def _apply_group(self, group: str, match: Match | None, arguments: Mapping[str, object]) -> Application | None:
         if arguments:
             raise InvalidArgument(f"`{group}` is a group, which takes no arguments")
         if match is not None:
             if match.definition not in self._catalog.members[group]:
                 raise InvalidArgument(f"{match!r} is no match of a rule of `{group}`")
             return self.apply(match.definition, match)
-        self._history.notice()
-        run = self._runs.begin()
+        self._history.check_state()
+        run = self._runs.new_run()
         found = fire_one_of(run, [self._catalog.runners[member] for member in self._catalog.members[group]])
         if found is None:
             if run.refusal is not None:
-                raise run.refusal.everywhere(f"each match of a rule of `{group}`")
+                raise run.refusal.refused_everywhere(f"each match of a rule of `{group}`")
             return None
         runner, row, result = found
         self._history.record([Firing(runner.name, row)])
         return runner.application(row, result)
 
-    def _row_of(self, runner: RuleRunner, match: Match) -> Row:
+    def _check_match(self, runner: RuleRunner, match: Match) -> Row:
         if match.model is not self._model:
             raise InvalidArgument(f"{match!r} is a match in another model")
         own = {runner.name}
@@ -260,7 +258,7 @@ class Rewriting:
         """
         return self.choice(names).draw(self._runs.rng if rng is None else rng)
 
-    def choice(self, names: Iterable[str], watched: Container[str] = ()) -> Choice:
+    def choice(self, names: Iterable[str], watched: Container[str] = ()) -> RuleChoice:
         """Return the options of `choose` in the current state, for drawing several times with a rollback in between.
 
         Args:
@@ -272,7 +270,7 @@ class Rewriting:
             members = dict.fromkeys(member for name in key for member in self._catalog.group(name))
             runners, programs = self._catalog.runners, self._catalog.programs
             self._choices[key] = [runners.get(member) or programs[member] for member in members]
-        return Choice(self._choices[key], watched)
+        return RuleChoice(self._choices[key], watched)
 
     def fire(self, name: str, row: Row = ()) -> tuple[Firing, ...]:
         """Apply a rule at a row, or run a unit, as drawn by `choose`. The row is not checked.
@@ -284,15 +282,15 @@ class Rewriting:
         Raises:
             RuleError: the rule cannot be applied; the model is unchanged.
         """
-        if not self._events.active:
-            with self._events.holding() or NOTHING:
+        if not self._events.has_event_rules:
+            with self._events.delayed() or NO_CONTEXT:
                 return self._fire(name, row)
-        with self._history.listing(Trace()) as everything, self._events.holding() or NOTHING:
+        with self._history.recording_to(Trace()) as everything, self._events.delayed() or NO_CONTEXT:
             self._fire(name, row)
         return tuple(everything)
 
     def _fire(self, name: str, row: Row) -> tuple[Firing, ...]:
-        self._history.notice()
+        self._history.check_state()
         runner = self._catalog.runners.get(name)
         if runner is not None:
             trace: tuple[Firing, ...] = (runner.apply_row(row),)
@@ -316,25 +314,23 @@ class Rewriting:
             TraceError: a state differs from the recorded one. If the trace was parsed from text, also in the cases
                 above. Nothing is applied then.
         """
-        self._history.notice()
+        self._history.check_state()
         done: list[Firing] = []
         known = trace if isinstance(trace, Trace) else None
         with self._events.muted(), self._model.transaction():
             if known is not None:
-                known.check(0, self._model.state_hash())
+                known.check_replayed_state(0, self._model.state_hash())
             for name, values in trace:
                 runner, row = self._catalog.prepare(name), tuple(values)
                 if len(row) != len(runner.shape.names):
-                    raise InvalidArgument(
-                        f"a match of `{name}` has {len(runner.shape.names)} values, not {len(row)}"
-                    )
+                    raise InvalidArgument(f"a match of `{name}` has {len(runner.shape.names)} values, not {len(row)}")
                 try:
                     runner.apply_checked(row)
                 except (RuleError, EvaluationError) as error:
                     if known is not None and known.spans:
-                        raise known.refused(len(done) + 1, error) from error
+                        raise known.refused_error(len(done) + 1, error) from error
                     raise
                 done.append(Firing(runner.name, row))
                 if known is not None:
-                    known.check(len(done), self._model.state_hash())
+                    known.check_replayed_state(len(done), self._model.state_hash())
         self._history.record(done)

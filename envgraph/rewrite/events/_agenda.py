@@ -7,11 +7,11 @@ from heapq import heappop, heappush
 from itertools import count, islice
 from typing import TYPE_CHECKING, overload
 
-from envgraph.code import short_repr
+from envgraph.code import shorten_repr
 from envgraph.errors import SHOWN, EvaluationError
-from envgraph.graph import guarded
+from envgraph.graph import guarded_contextmanager
 from envgraph.match import ViewMatcher
-from envgraph.rewrite._match import Row
+from envgraph.rewrite._matches import Row
 from envgraph.rewrite.events._event_rules import Activation, EventRule
 
 if TYPE_CHECKING:
@@ -32,10 +32,10 @@ class ConflictSet:
         self._registered = count()
         self._arrived = count()
         self._heap: list[tuple[int, int, int, Activation]] = []
-        self._held = 0
-        self._firing = False
-        self._muted = False
-        self._asleep = False
+        self._delay_depth = 0
+        self._is_firing = False
+        self._is_muted = False
+        self._is_hidden = False
 
     # --- rules
 
@@ -44,27 +44,27 @@ class ConflictSet:
         """Return the event rules that are not cancelled."""
         return tuple(self._rules)
 
-    def add(self, rule: EventRule, pattern: str, existing: bool) -> None:
+    def add_rule(self, rule: EventRule, pattern: str, existing: bool) -> None:
         """Add an event rule and watch its pattern. If `existing`, activate the rule for the current matches.
 
         Raises:
             InvalidArgument, TransactionError: as `Engine.watch`.
         """
 
-        def changed(appeared: list[Row], disappeared: list[Row]) -> None:
-            if not self._muted:
-                rule.changed(appeared, disappeared)
+        def on_change(appeared: list[Row], disappeared: list[Row]) -> None:
+            if not self._is_muted:
+                rule.on_change(appeared, disappeared)
 
-        rule.subscription = self._matcher.listen(pattern, changed, _nothing)
+        rule.subscription = self._matcher.listen(pattern, on_change, _ignore_checkout)
         self._rules[rule] = next(self._registered)
         followers = self.engine.model.graph.store.followers
         if not any(follower is self for follower in followers):
             followers.append(self)
         if existing:
             for row in self._matcher.prepare(pattern, ())():
-                rule.came(row)
+                rule.on_appear(row)
 
-    def remove(self, rule: EventRule) -> None:
+    def remove_rule(self, rule: EventRule) -> None:
         """Remove an event rule, which is notified no more. Do nothing if it is removed already."""
         if rule.subscription is None:
             return
@@ -77,61 +77,61 @@ class ConflictSet:
 
     # --- the conflict set
 
-    def push(self, activation: Activation) -> None:
+    def add_activation(self, activation: Activation) -> None:
         """Add an activation to the conflict set."""
         rule = activation.rule
         heappush(self._heap, (-rule.priority, self._rules[rule], next(self._arrived), activation))
 
-    def pending(self) -> Iterator[Activation]:
+    def pending_activations(self) -> Iterator[Activation]:
         """Return the activations of the conflict set, in the order of firing."""
         return (entry[-1] for entry in sorted(self._heap) if entry[-1].live)
 
-    def _next(self) -> Activation | None:
+    def _pop_live(self) -> Activation | None:
         while self._heap:
             activation = heappop(self._heap)[-1]
             if activation.live:
                 return activation
         return None
 
-    def clear(self) -> None:
+    def drop_activations(self) -> None:
         """Drop all activations of the conflict set."""
         for rule in self._rules:
-            rule.clear()
+            rule.drop_all()
         self._heap.clear()
 
-    def run(self) -> None:
+    def fire_pending(self) -> None:
         """Notify listeners and fire activations until none is pending.
 
-        Do nothing while activations are firing or delayed (`held`), or inside a transaction or notification.
+        Do nothing while activations are firing or delayed (`delayed`), or inside a transaction or notification.
 
         Raises:
             EvaluationError: more firings than the step limit of the engine.
             Exception: raised by a job.
         """
         if (
-            self._firing
-            or self._held
-            or self._matcher.listeners.notifying
-            or self.engine.model.graph.history.depth
+            self._is_firing
+            or self._delay_depth
+            or self._matcher.listeners.is_notifying
+            or self.engine.model.graph.history.savepoint_depth
         ):
             return
-        self._firing = True
+        self._is_firing = True
         try:
             self._fire_all()
         finally:
-            self._firing = False
+            self._is_firing = False
 
     def _fire_all(self) -> None:
         limit = self.engine.step_limit
         last: list[str] = []
         for fired in count():
             self._matcher.listeners.deliver()
-            if fired == limit and any(True for _ in self.pending()):
+            if fired == limit and any(True for _ in self.pending_activations()):
                 names = ", ".join(f"`{name}`" for name in dict.fromkeys(last))
                 message = f"event rules do not terminate: {limit} firings, the last ones of {names}"
                 hint = "make each job remove the match that triggers it, or set `step_limit` of the engine"
                 raise EvaluationError(message, hint=hint)
-            activation = self._next()
+            activation = self._pop_live()
             if activation is None:
                 return
             if fired >= limit - SHOWN.firings:
@@ -140,80 +140,80 @@ class ConflictSet:
 
     def _fire(self, activation: Activation) -> None:
         rule = activation.rule
-        rule.take(activation)
+        rule.on_firing(activation)
         try:
             with self.engine.transaction():
                 rule.jobs[activation.event](activation.match, activation.old)
         except BaseException as error:
-            rule.failed(activation)
+            rule.on_failure(activation)
             error.add_note(f"raised by event rule `{rule.name}`, {activation!r}")
             raise
 
-    @guarded
-    def held(self) -> Iterator[None]:
+    @guarded_contextmanager
+    def delayed(self) -> Iterator[None]:
         """Delay all firings to the end of the block. After an exception nothing is fired."""
-        self._held += 1
+        self._delay_depth += 1
         try:
             yield
         finally:
-            self._held -= 1
-        self.run()
+            self._delay_depth -= 1
+        self.fire_pending()
 
-    @guarded
+    @guarded_contextmanager
     def muted(self) -> Iterator[None]:
         """Fire pending activations, then ignore changes inside the block, and empty the conflict set at its end."""
-        self.run()
-        self._muted = True
+        self.fire_pending()
+        self._is_muted = True
         try:
             yield
         finally:
-            self._muted = False
-            self.clear()
+            self._is_muted = False
+            self.drop_activations()
 
-    @guarded
-    def asleep(self) -> Iterator[None]:
+    @guarded_contextmanager
+    def hidden(self) -> Iterator[None]:
         """Fire nothing inside the block, which must restore the state of the model, and keep the conflict set."""
-        self._held += 1
-        self._asleep = True
+        self._delay_depth += 1
+        self._is_hidden = True
         try:
             yield
         finally:
-            self._asleep = False
-            self._held -= 1
+            self._is_hidden = False
+            self._delay_depth -= 1
 
     # --- Follower
 
-    def settle(self) -> None:
+    def process_pending(self) -> None:
         """Do nothing before a savepoint or commit: activations fire only when the outermost transaction ends."""
 
-    def released(self) -> None:
+    def on_release(self) -> None:
         """Fire pending activations after the outermost transaction or a commit, but not inside `muted`."""
-        if not self._muted:
-            self.run()
+        if not self._is_muted:
+            self.fire_pending()
 
-    def checked_out(self) -> None:
-        """Empty the conflict set, as the model was set to another version. Do nothing inside `asleep`."""
-        if not self._asleep:
-            self.clear()
+    def on_checkout(self) -> None:
+        """Empty the conflict set, as the model was set to another version. Do nothing inside `hidden`."""
+        if not self._is_hidden:
+            self.drop_activations()
 
-    def rolled_back(self) -> None:
+    def on_rollback(self) -> None:
         """Do nothing: rolled back changes have never reached the conflict set."""
 
-    def interrupted(self) -> None:
+    def on_interruption(self) -> None:
         """Do nothing: the matcher repairs its matches itself."""
 
-    def suspend(self) -> None:
+    def on_load_start(self) -> None:
         """Do nothing before a model is loaded."""
 
-    def loaded(self) -> None:
+    def on_load_end(self) -> None:
         """Do nothing after a model was loaded: its net change arrives with the next notification."""
 
 
-def _nothing(appeared: list[Row], disappeared: list[Row]) -> None:
+def _ignore_checkout(appeared: list[Row], disappeared: list[Row]) -> None:
     """Do nothing: changes of matches by a checkout activate no event rules."""
 
 
-@short_repr
+@shorten_repr
 class Agenda(Sequence[Activation]):
     """A live, read-only view of the conflict set of an engine: pending activations of event rules in firing order.
 
@@ -225,25 +225,25 @@ class Agenda(Sequence[Activation]):
     def __init__(self, conflicts: ConflictSet | None) -> None:
         self._conflicts = conflicts
 
-    def _list(self) -> list[Activation]:
-        return [] if self._conflicts is None else list(self._conflicts.pending())
+    def _activations(self) -> list[Activation]:
+        return [] if self._conflicts is None else list(self._conflicts.pending_activations())
 
     def __len__(self) -> int:
-        return len(self._list())
+        return len(self._activations())
 
     @overload
     def __getitem__(self, index: int) -> Activation: ...
     @overload
     def __getitem__(self, index: slice) -> list[Activation]: ...
     def __getitem__(self, index: int | slice) -> Activation | list[Activation]:
-        return self._list()[index]
+        return self._activations()[index]
 
     def __repr__(self) -> str:
-        return f"<agenda: {len(self._list())} to fire>"
+        return f"<agenda: {len(self._activations())} to fire>"
 
     def __str__(self) -> str:
         """Return the number of activations, and the first twenty, one per line."""
-        found = self._list()
+        found = self._activations()
         lines = [
             f"<agenda: {len(found)} to fire>",
             *(f"  {activation!r}" for activation in islice(found, 20)),

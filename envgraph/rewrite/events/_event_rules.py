@@ -25,18 +25,18 @@ from __future__ import annotations
 from collections.abc import Collection, Hashable, Iterable, Mapping, Sequence
 from typing import TYPE_CHECKING
 
-from envgraph.code import short_repr
+from envgraph.code import shorten_repr
 from envgraph.errors import InvalidArgument
 from envgraph.match import Subscription
 from envgraph.pattern import Pattern
-from envgraph.rewrite._match import Match, Row, Shape
+from envgraph.rewrite._matches import Match, Row, Shape
 from envgraph.rewrite.events._jobs import BoundJob, Event
 
 if TYPE_CHECKING:
     from envgraph.rewrite.events._agenda import ConflictSet
 
 
-@short_repr
+@shorten_repr
 class Activation:
     """A pending job of an event rule at a match; `old` is the match before an update, else None.
 
@@ -57,13 +57,13 @@ class Activation:
         return f"<{self.event} {self.rule.name}: {self.match!r}{before}>"
 
 
-@short_repr
+@shorten_repr
 class EventRule:
     """An event rule registered by `Engine.on`. As a context manager it is cancelled at the end of the block.
 
-    Invariants: `_here` contains the pending `appear` and `update` activations by their current match, `_moved` the
-    updates by the match before, `_gone` the `disappear` activations. `_failed` contains current matches whose
-    `appear` job has raised an exception. All other current matches are handled.
+    Invariants: `_appear_or_update` contains the pending `appear` and `update` activations by their current match,
+    `_updates_by_old` the updates by the match before, `_disappears` the `disappear` activations. `_failed` contains
+    current matches whose `appear` job has raised an exception. All other current matches are handled.
 
     Attributes:
         name: name for messages.
@@ -90,16 +90,16 @@ class EventRule:
         self._conflicts = conflicts
         self._shape = shape
         self._key = key
-        self._here: dict[Row, Activation] = {}
-        self._moved: dict[Row, Activation] = {}
-        self._gone: dict[Row, Activation] = {}
+        self._appear_or_update: dict[Row, Activation] = {}
+        self._updates_by_old: dict[Row, Activation] = {}
+        self._disappears: dict[Row, Activation] = {}
         self._failed: set[Row] = set()
         self.subscription: Subscription | None = None
 
     @property
     def activations(self) -> tuple[Activation, ...]:
         """Return the pending activations of this rule, in the order of firing."""
-        return tuple(activation for activation in self._conflicts.pending() if activation.rule is self)
+        return tuple(activation for activation in self._conflicts.pending_activations() if activation.rule is self)
 
     @property
     def active(self) -> bool:
@@ -108,8 +108,8 @@ class EventRule:
 
     def cancel(self) -> None:
         """Cancel the rule and drop its pending activations. The pattern remains watched."""
-        self._conflicts.remove(self)
-        self.clear()
+        self._conflicts.remove_rule(self)
+        self.drop_all()
 
     def __enter__(self) -> EventRule:
         return self
@@ -122,55 +122,55 @@ class EventRule:
 
     # --- net changes of matches
 
-    def changed(self, appeared: Sequence[Row], disappeared: Sequence[Row]) -> None:
+    def on_change(self, appeared: Sequence[Row], disappeared: Sequence[Row]) -> None:
         """Add activations for a net change of the matches, and drop pending ones whose reason no longer exists."""
-        pairs, new, old = self._paired(appeared, disappeared)
+        pairs, new, old = self._pair_updates(appeared, disappeared)
         for row in old:
-            self._left(row)
+            self._on_disappear(row)
         for before, after in pairs:
-            self._replaced(before, after)
+            self._on_update(before, after)
         for row in new:
-            self.came(row)
+            self.on_appear(row)
 
-    def _paired(
+    def _pair_updates(
         self, appeared: Sequence[Row], disappeared: Sequence[Row]
     ) -> tuple[list[tuple[Row, Row]], Sequence[Row], Sequence[Row]]:
         if "update" not in self.jobs:
             return [], appeared, disappeared
-        return paired(appeared, disappeared, self._key)
+        return pair_updates(appeared, disappeared, self._key)
 
-    def came(self, row: Row) -> None:
+    def on_appear(self, row: Row) -> None:
         """Add an `appear` activation for a match. If it has a pending `disappear`, only drop this activation.
 
         If it is the old match of a pending `update`, drop the update and handle the new match of the update so.
         """
-        back = self._gone.pop(row, None)
+        back = self._disappears.pop(row, None)
         if back is not None:
             back.live = False
             return
-        update = self._moved.get(row)
+        update = self._updates_by_old.get(row)
         if update is not None:
-            self._drop(update)
-            self.came(update.match.row)
+            self._drop_activation(update)
+            self.on_appear(update.match.row)
         elif "appear" in self.jobs:
-            self._here[row] = self._push("appear", row, None)
+            self._appear_or_update[row] = self._activate("appear", row, None)
 
-    def _left(self, row: Row) -> None:
-        known = self._known(row)
+    def _on_disappear(self, row: Row) -> None:
+        known = self._last_notified(row)
         if known is not None:
-            self._lost(known)
+            self._add_disappear(known)
 
-    def _replaced(self, before: Row, after: Row) -> None:
-        known = self._known(before)
+    def _on_update(self, before: Row, after: Row) -> None:
+        known = self._last_notified(before)
         if known is None:
-            self.came(after)
-        elif after in self._gone or after in self._moved:
-            self._lost(known)
-            self.came(after)
+            self.on_appear(after)
+        elif after in self._disappears or after in self._updates_by_old:
+            self._add_disappear(known)
+            self.on_appear(after)
         elif known != after:
-            self._here[after] = self._moved[known] = self._push("update", after, known)
+            self._appear_or_update[after] = self._updates_by_old[known] = self._activate("update", after, known)
 
-    def _known(self, row: Row) -> Row | None:
+    def _last_notified(self, row: Row) -> Row | None:
         """Return the match that jobs were last notified of, for a match that disappeared; drop its pending activation.
 
         This is the match itself, or the match before a pending update. Return None if no job was notified.
@@ -178,59 +178,59 @@ class EventRule:
         if row in self._failed:
             self._failed.remove(row)
             return None
-        pending = self._here.get(row)
+        pending = self._appear_or_update.get(row)
         if pending is None:
             return row
-        self._drop(pending)
+        self._drop_activation(pending)
         return None if pending.old is None else pending.old.row
 
-    def _lost(self, row: Row) -> None:
+    def _add_disappear(self, row: Row) -> None:
         if "disappear" in self.jobs:
-            self._gone[row] = self._push("disappear", row, None)
+            self._disappears[row] = self._activate("disappear", row, None)
 
-    def _push(self, event: Event, row: Row, old: Row | None) -> Activation:
+    def _activate(self, event: Event, row: Row, old: Row | None) -> Activation:
         model = self._conflicts.engine.model
         before = None if old is None else Match(model, self._shape, old)
         activation = Activation(self, event, Match(model, self._shape, row), before)
-        self._conflicts.push(activation)
+        self._conflicts.add_activation(activation)
         return activation
 
-    def _drop(self, activation: Activation) -> None:
+    def _drop_activation(self, activation: Activation) -> None:
         activation.live = False
         row, old = activation.match.row, activation.old
-        del (self._gone if activation.event == "disappear" else self._here)[row]
+        del (self._disappears if activation.event == "disappear" else self._appear_or_update)[row]
         if old is not None:
-            del self._moved[old.row]
+            del self._updates_by_old[old.row]
 
     # --- firing
 
-    def take(self, activation: Activation) -> None:
+    def on_firing(self, activation: Activation) -> None:
         """Remove an activation that is about to fire. Its match counts as handled from now on."""
-        self._drop(activation)
+        self._drop_activation(activation)
 
-    def failed(self, activation: Activation) -> None:
+    def on_failure(self, activation: Activation) -> None:
         """Record the match of an `appear` job that has raised an exception. Do nothing for other jobs."""
         if activation.event == "appear":
             self._failed.add(activation.match.row)
 
-    def clear(self) -> None:
+    def drop_all(self) -> None:
         """Drop all pending activations. All current matches count as handled from now on."""
-        for pending in (self._here, self._gone):
+        for pending in (self._appear_or_update, self._disappears):
             for activation in pending.values():
                 activation.live = False
             pending.clear()
-        self._moved.clear()
+        self._updates_by_old.clear()
         self._failed.clear()
 
 
-def paired(
+def pair_updates(
     appeared: Sequence[Row], disappeared: Sequence[Row], key: Sequence[int]
 ) -> tuple[list[tuple[Row, Row]], Sequence[Row], Sequence[Row]]:
     """Split a net change into updates (pairs of matches before and after), new matches and disappeared matches.
 
     If several matches have the same key, they are paired in their order.
 
-    >>> paired([("a", 2), ("c", 1)], [("a", 1), ("b", 1)], [0])
+    >>> pair_updates([("a", 2), ("c", 1)], [("a", 1), ("b", 1)], [0])
     ([(('a', 1), ('a', 2))], [('c', 1)], [('b', 1)])
     """
     if not appeared or not disappeared:
@@ -263,7 +263,7 @@ def update_key(pattern: Pattern | None, shape: Shape, key: Iterable[str] | None)
     """
     if isinstance(key, str):
         raise InvalidArgument(f"`key` takes several names: write ({key!r},)")
-    names = tuple(key) if key is not None else _dependency(pattern)
+    names = tuple(key) if key is not None else _dependency_key(pattern)
     if names is None:
         names = tuple(name for place, name in enumerate(shape.names) if shape.is_object(place))
     places = tuple(shape.position(name) for name in dict.fromkeys(names))
@@ -274,7 +274,7 @@ def update_key(pattern: Pattern | None, shape: Shape, key: Iterable[str] | None)
     return places
 
 
-def _dependency(pattern: Pattern | None) -> tuple[str, ...] | None:
+def _dependency_key(pattern: Pattern | None) -> tuple[str, ...] | None:
     """Return the variables after `forEach` in the first `@FunctionalDependency` of a pattern, or None."""
     for annotation in () if pattern is None else pattern.annotations:
         if annotation.name == "FunctionalDependency":

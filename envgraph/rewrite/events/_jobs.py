@@ -8,8 +8,8 @@ from typing import TYPE_CHECKING, Literal
 
 from envgraph.errors import InvalidArgument
 from envgraph.graph import Node
-from envgraph.rewrite._match import Match, Shape
-from envgraph.rewrite.run._runner import wanted_arguments
+from envgraph.rewrite._matches import Match, Shape
+from envgraph.rewrite.run._rule_runner import wanted_arguments
 
 if TYPE_CHECKING:
     from envgraph.rewrite.engine._engine import Engine
@@ -30,15 +30,15 @@ def bind_job(engine: Engine, shape: Shape, event: Event, job: Job) -> BoundJob:
         InvalidArgument: a name is unknown, or the job needs a value that the match does not have.
     """
     if isinstance(job, str):
-        return _named(engine, shape, job)
+        return _bind_named(engine, shape, job)
     if callable(job):
-        return _function(engine, shape, event, job)
+        return _bind_function(engine, shape, event, job)
     raise InvalidArgument(f"`{event}` must be a function or the name of a rule or unit, not {job!r}")
 
 
-def _function(engine: Engine, shape: Shape, event: Event, function: Callable[..., object]) -> BoundJob:
+def _bind_function(engine: Engine, shape: Shape, event: Event, function: Callable[..., object]) -> BoundJob:
     others = ("engine", "match", "old") if event == "update" else ("engine", "match")
-    check_runs(function)
+    check_not_deferred(function)
     names, taken = wanted_arguments(function, shape, others)
     places = [(name, shape.position(name)) for name in names]
 
@@ -56,16 +56,16 @@ def _function(engine: Engine, shape: Shape, event: Event, function: Callable[...
     return do
 
 
-def _named(engine: Engine, shape: Shape, name: str) -> BoundJob:
+def _bind_named(engine: Engine, shape: Shape, name: str) -> BoundJob:
     signature = engine.signature(name)
     qualified = signature.name
-    required = [parameter.name for parameter in signature.parameters if parameter.required]
+    required = [parameter.name for parameter in signature.parameters if parameter.is_required]
     if signature.kind == "rule":
         runner = engine.prepare(qualified)
         known = runner.shape.names
         required = [*required, *runner.inputs]
     else:
-        known = tuple(parameter.name for parameter in signature.parameters if not parameter.output)
+        known = tuple(parameter.name for parameter in signature.parameters if not parameter.is_output)
     missing = [f"`{parameter}`" for parameter in dict.fromkeys(required) if parameter not in shape.names]
     if missing:
         raise InvalidArgument(
@@ -91,7 +91,7 @@ def job_name(job: Job) -> str:
     return job if isinstance(job, str) else getattr(job, "__name__", type(job).__name__)
 
 
-def check_runs(function: Callable[..., object]) -> None:
+def check_not_deferred(function: Callable[..., object]) -> None:
     """Refuse coroutine and generator functions, because calling them does not execute their body.
 
     Raises:
@@ -100,6 +100,4 @@ def check_runs(function: Callable[..., object]) -> None:
     for kind, found in (("a coroutine", iscoroutinefunction), ("a generator", isgeneratorfunction)):
         if found(function):
             name = getattr(function, "__name__", type(function).__name__)
-            raise InvalidArgument(
-                f"`{name}` is {kind}, whose body a call does not execute; use an ordinary function"
-            )
+            raise InvalidArgument(f"`{name}` is {kind}, whose body a call does not execute; use an ordinary function")

@@ -7,10 +7,10 @@ from dataclasses import field
 from functools import cached_property
 from typing import TYPE_CHECKING, Literal, NamedTuple
 
-from envgraph.code import dataclass, short_repr
+from envgraph.code import dataclass, shorten_repr
 from envgraph.errors import InvalidArgument, did_you_mean
 from envgraph.graph import Model, Version
-from envgraph.rewrite._match import Firing, Match, Row, Shape
+from envgraph.rewrite._matches import Firing, Match, Row, Shape
 
 if TYPE_CHECKING:
     import networkx as nx
@@ -22,7 +22,7 @@ the limit, or only states at the maximal depth are left."""
 Firings = tuple[Firing, ...]
 
 
-@short_repr
+@shorten_repr
 class State(NamedTuple):
     """A state found by an exploration.
 
@@ -39,7 +39,7 @@ class State(NamedTuple):
     version: Version | None
 
 
-@short_repr
+@shorten_repr
 class Transition(NamedTuple):
     """A move from a state to another state, or to the same state.
 
@@ -76,14 +76,14 @@ class Statistics:
 
 
 @dataclass(slots=True)
-class Record:
+class ExplorationRecord:
     """The states and transitions that a search has recorded so far.
 
     Attributes:
         states: the states, by number.
         found_by: for each state, the index of the transition that found it; -1 for the first state.
-        sources, targets, names, done: columns of the transitions; `done` is the row of a rule's match, or the firings
-            of a unit.
+        sources, targets, names, applied: columns of the transitions; `applied` is the row of a rule's match, or the
+            firings of a unit.
         expanded, refused, merged: as in `Statistics`; `expanded` lists the states.
         goal: number of the goal state that was found, or None.
     """
@@ -93,21 +93,21 @@ class Record:
     sources: list[int] = field(default_factory=list)
     targets: list[int] = field(default_factory=list)
     names: list[str] = field(default_factory=list)
-    done: list[Row | Firings] = field(default_factory=list)
+    applied: list[Row | Firings] = field(default_factory=list)
     expanded: list[int] = field(default_factory=list)
     refused: int = 0
     merged: int = 0
     goal: int | None = None
 
-    def note(self, source: int, target: int, name: str, done: Row | Firings) -> None:
+    def add_transition(self, source: int, target: int, name: str, done: Row | Firings) -> None:
         """Add a transition by a rule or unit. `done` is the row of the rule's match, or the firings of the unit."""
         self.sources.append(source)
         self.targets.append(target)
         self.names.append(name)
-        self.done.append(done)
+        self.applied.append(done)
 
 
-@short_repr
+@shorten_repr
 class Exploration:
     """The states that `Engine.explore` found, and the transitions between them.
 
@@ -120,7 +120,7 @@ class Exploration:
 
     def __init__(
         self,
-        record: Record,
+        record: ExplorationRecord,
         model: Model,
         shapes: Mapping[str, Shape],
         predicates: tuple[str, ...],
@@ -166,12 +166,10 @@ class Exploration:
 
     def _transition(self, place: int) -> Transition:
         record = self._record
-        return Transition(
-            record.sources[place], record.targets[place], record.names[place], self._firings(place)
-        )
+        return Transition(record.sources[place], record.targets[place], record.names[place], self._firings(place))
 
     def _firings(self, place: int) -> Firings:
-        name, done = self._record.names[place], self._record.done[place]
+        name, done = self._record.names[place], self._record.applied[place]
         if name in self._shapes:
             return (Firing(name, done),)  # type: ignore[arg-type]
         return done  # type: ignore[return-value]
@@ -188,9 +186,7 @@ class Exploration:
         if number is None:
             raise InvalidArgument("no goal was found: pass the number of a state")
         if not 0 <= number < len(self):
-            raise InvalidArgument(
-                f"state {number} does not exist; states are numbered from 0 to {len(self) - 1}"
-            )
+            raise InvalidArgument(f"state {number} does not exist; states are numbered from 0 to {len(self) - 1}")
         legs: list[Firings] = []
         while number:
             place = self._record.found_by[number]

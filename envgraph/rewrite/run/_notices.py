@@ -6,9 +6,9 @@ import logging
 from collections.abc import Callable
 
 from envgraph.errors import Diagnostic, Severity
-from envgraph.rewrite._plan import Link
+from envgraph.rewrite._rule_plan import AddLink
 
-Report = Callable[[str, Link, str, str], None]
+ReportLink = Callable[[str, AddLink, str, str], None]
 """A function that is called with the name of a rule, the operation, and the texts of both ends of the link."""
 
 
@@ -16,19 +16,19 @@ class Notices:
     """A collection of notices, one for each rule and operation; also logged as warnings to the logger "envgraph"."""
 
     def __init__(self) -> None:
-        self._told: dict[tuple[str, Link], Diagnostic] = {}
+        self._reported: dict[tuple[str, AddLink], Diagnostic] = {}
 
     @property
     def all(self) -> tuple[Diagnostic, ...]:
         """Return the notices in the order of their first occurrence."""
-        return tuple(self._told.values())
+        return tuple(self._reported.values())
 
-    def existing_link(self, rule: str, link: Link, source: str, target: str) -> None:
+    def existing_link(self, rule: str, link: AddLink, source: str, target: str) -> None:
         """Add and log a notice that a rule creates a link that already exists, once for each rule and operation."""
-        if (rule, link) in self._told:
+        if (rule, link) in self._reported:
             return
         message = f"rule `{rule}` creates {source} -{link.reference.name}-> {target}, which exists already"
         hint = "add a `not` block if the rule should match only without this link; this is reported once"
         notice = Diagnostic("existing-link", message, link.span, hint, Severity.WARNING)
-        self._told[rule, link] = notice
+        self._reported[rule, link] = notice
         logging.getLogger("envgraph").warning("%s", notice)

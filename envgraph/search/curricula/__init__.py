@@ -6,22 +6,25 @@ models, measures and transition tables. An example is the success rate on the ta
 
 from typing import TYPE_CHECKING
 
-from envgraph.code import later
+from envgraph.code import export_lazily
 
 if TYPE_CHECKING:
-    from envgraph.search.curricula._climb import (
+    from envgraph.search.curricula._curriculum_search import (
         CurriculumProgress as CurriculumProgress,
         CurriculumSearch as CurriculumSearch,
     )
-    from envgraph.search.curricula._levels import Level as Level, Levels as Levels
-    from envgraph.search.curricula._moves import Moves as Moves
-    from envgraph.search.curricula._objectives import (
-        Judged as Judged,
-        Learning as Learning,
-        Measured as Measured,
-        value_of as value_of,
+    from envgraph.search.curricula._curriculum_settings import (
+        BeginKind as BeginKind,
+        CurriculumSettings as CurriculumSettings,
     )
-    from envgraph.search.curricula._settings import Begin as Begin, CurriculumSettings as CurriculumSettings
-    from envgraph.search.curricula._starts import Starts as Starts
+    from envgraph.search.curricula._family_moves import FamilyMoves as FamilyMoves
+    from envgraph.search.curricula._first_families import FirstFamilySampler as FirstFamilySampler
+    from envgraph.search.curricula._model_levels import LevelFactory as LevelFactory, ModelLevel as ModelLevel
+    from envgraph.search.curricula._objectives import (
+        CurriculumObjective as CurriculumObjective,
+        LearningObjective as LearningObjective,
+        MeasureObjective as MeasureObjective,
+        value_of_scores as value_of_scores,
+    )
 
-later(globals())
+export_lazily(globals())

@@ -12,10 +12,10 @@ from typing import TYPE_CHECKING, Any, TypeVar
 from envgraph.code import dataclass
 from envgraph.errors import LIMITS, Diagnostic, LoadError, Note
 from envgraph.graph import Model
-from envgraph.lang import Options, numeric_parameters
+from envgraph.lang import ComponentOptions, numeric_parameters
 from envgraph.metamodel import Metamodel, Scalar
 from envgraph.pattern import Constant, Library
-from envgraph.search.evolution._selection import (
+from envgraph.search.evolution._survivor_selection import (
     BeamSearch,
     ElitistParents,
     ExactSelection,
@@ -27,13 +27,16 @@ from envgraph.search.evolution._selection import (
     TournamentParents,
 )
 from envgraph.search.optimising import Annealing, Beam, HillClimb, Strategy, TreeSearch
-from envgraph.search.problem._diversity import BinnedEntropy, Gini, Statistic, Variance
-from envgraph.search.problem._expressed import Expressed, named, read_expression
+from envgraph.search.problem._expression_measures import (
+    ExpressionMeasure,
+    named_measures,
+    parse_measure_expression,
+)
 from envgraph.search.problem._family_measures import ChainTransfer
-from envgraph.search.problem._measures import (
-    LIMIT,
-    Certifier,
-    Distance,
+from envgraph.search.problem._model_measures import (
+    DEFAULT_STEP_LIMIT,
+    CachedCertifier,
+    DistanceToModel,
     MatchCount,
     OptimalReturn,
     PatternValue,
@@ -41,9 +44,10 @@ from envgraph.search.problem._measures import (
     ShortestPath,
     ShortestPlan,
 )
-from envgraph.search.problem._objective_text import FAMILY_MEASURES, FamilyFactory
-from envgraph.search.problem._paths import PathComplexity
+from envgraph.search.problem._objective_parser import FAMILY_MEASURES, FamilyFactory
+from envgraph.search.problem._path_complexity import PathComplexity
 from envgraph.search.problem._problem import IndividualMeasure
+from envgraph.search.problem._statistics import BinnedEntropy, Gini, Statistic, Variance
 from envgraph.solve.learning import TrainingSettings
 
 T = TypeVar("T")
@@ -51,11 +55,11 @@ T = TypeVar("T")
 if TYPE_CHECKING:
     from envgraph.behaviour import Behaviour
     from envgraph.lang import FamilySpec
-    from envgraph.search.curricula import Judged, Levels
+    from envgraph.search.curricula import CurriculumObjective, LevelFactory
 
 
 @dataclass(frozen=True, slots=True)
-class Context:
+class ComponentContext:
     """Data about a family that the factory of a component may use.
 
     Attributes:
@@ -77,7 +81,7 @@ class Context:
     measured: IndividualMeasure | None = None
     library: Library | None = None
     initial: Model | None = None
-    certifier: Certifier | None = None
+    certifier: CachedCertifier | None = None
     others: Mapping[str, tuple[IndividualMeasure, float]] = field(default_factory=dict)
     diversity: Statistic | None = None
 
@@ -89,23 +93,25 @@ class Context:
         behaviour: Behaviour | None,
         library: Library,
         initial: Model,
-    ) -> Context:
+    ) -> ComponentContext:
         """Return the context of a family without errors. It has a certifier if there is an environment."""
-        limit = spec.limit or (behaviour.limit if behaviour else None) or LIMIT
-        certifier = Certifier(behaviour, limit) if behaviour else None
+        limit = spec.limit or (behaviour.limit if behaviour else None) or DEFAULT_STEP_LIMIT
+        certifier = CachedCertifier(behaviour, limit) if behaviour else None
         return cls(metamodel, spec, behaviour, library=library, initial=initial, certifier=certifier)
 
 
-MeasureFactory = Callable[[Options, Context], IndividualMeasure]
-DiversityFactory = Callable[[Options, Context], Statistic]
-ParentsFactory = Callable[[Options, Context], ParentSelection]
-SurvivorsFactory = Callable[[Options, Context], SurvivorSelection]
-StrategyFactory = Callable[[Options, Context], Strategy]
-ObjectiveFactory = Callable[[Options, Context], Callable[["Levels", int], "Judged"]]
+MeasureFactory = Callable[[ComponentOptions, ComponentContext], IndividualMeasure]
+DiversityFactory = Callable[[ComponentOptions, ComponentContext], Statistic]
+ParentsFactory = Callable[[ComponentOptions, ComponentContext], ParentSelection]
+SurvivorsFactory = Callable[[ComponentOptions, ComponentContext], SurvivorSelection]
+StrategyFactory = Callable[[ComponentOptions, ComponentContext], Strategy]
+ObjectiveFactory = Callable[
+    [ComponentOptions, ComponentContext], Callable[["LevelFactory", int], "CurriculumObjective"]
+]
 """Returns a function that makes the objective, given the levels and the number of threads."""
 
 
-def _path_complexity(options: Options, context: Context) -> IndividualMeasure:
+def _make_path_complexity(options: ComponentOptions, context: ComponentContext) -> IndividualMeasure:
     return PathComplexity(
         metamodel=context.metamodel,
         start=options.name("from"),
@@ -116,7 +122,7 @@ def _path_complexity(options: Options, context: Context) -> IndividualMeasure:
     )
 
 
-def _shortest_path(options: Options, context: Context) -> IndividualMeasure:
+def _make_shortest_path(options: ComponentOptions, context: ComponentContext) -> IndividualMeasure:
     return ShortestPath(
         metamodel=context.metamodel,
         along=options.names("along"),
@@ -126,32 +132,34 @@ def _shortest_path(options: Options, context: Context) -> IndividualMeasure:
     )
 
 
-def _shortest_plan(options: Options, context: Context) -> IndividualMeasure:
+def _make_shortest_plan(options: ComponentOptions, context: ComponentContext) -> IndividualMeasure:
     assert context.behaviour is not None, "check_family demands an environment for this measure"
     return ShortestPlan(context.behaviour, options.name_or_none("guide"))
 
 
-def _expression(options: Options, context: Context) -> IndividualMeasure:
+def _make_expression_measure(options: ComponentOptions, context: ComponentContext) -> IndividualMeasure:
     above = [one.name for one in takewhile(lambda one: one is not options.spec, context.spec.measures)]
     text, place = options.name("of"), options.spec.span("of")
-    expression, problems = read_expression(text, above, context.metamodel, place) if text else (None, [])
+    expression, problems = parse_measure_expression(text, above, context.metamodel, place) if text else (None, [])
     options.problems += problems
     if expression is None:
-        return Expressed(Constant(0.0), {})
-    return Expressed(expression, {name: context.others[name] for name in named(expression) if context.others})
+        return ExpressionMeasure(Constant(0.0), {})
+    return ExpressionMeasure(
+        expression, {name: context.others[name] for name in named_measures(expression) if context.others}
+    )
 
 
-def _certified(measure: type[RandomSuccess | OptimalReturn]) -> MeasureFactory:
+def _certified_measure_factory(measure: type[RandomSuccess | OptimalReturn]) -> MeasureFactory:
     """Return a factory for a measure that uses the certifier of the family."""
 
-    def made(options: Options, context: Context) -> IndividualMeasure:
+    def make_measure(options: ComponentOptions, context: ComponentContext) -> IndividualMeasure:
         assert context.certifier is not None, "check_family demands an environment for this measure"
         return measure(context.certifier, options.spec)
 
-    return made
+    return make_measure
 
 
-def _value(options: Options, context: Context) -> IndividualMeasure:
+def _make_pattern_value(options: ComponentOptions, context: ComponentContext) -> IndividualMeasure:
     pattern = options.name("of")
     named = options.name_or_none("parameter")
     numbers = (numeric_parameters(context.library, pattern) if context.library else None) or {}
@@ -159,46 +167,47 @@ def _value(options: Options, context: Context) -> IndividualMeasure:
     return PatternValue(pattern, place, whole=type_ is Scalar.INT)
 
 
-def _binned_entropy(options: Options, context: Context) -> Statistic:
+def _make_binned_entropy(options: ComponentOptions, context: ComponentContext) -> Statistic:
     low, high = options.range("range", getattr(context.measured, "range", (0.0, 1.0)))
     bins = options.integer("bins", context.spec.search.population, 1, "members")
     return BinnedEntropy(bins, low, high, whole=getattr(context.measured, "whole", False))
 
 
-def _learning(options: Options, context: Context) -> Callable[[Levels, int], Judged]:
+def _learning_objective_maker(
+    options: ComponentOptions, context: ComponentContext
+) -> Callable[[LevelFactory, int], CurriculumObjective]:
     spec, training = context.spec, context.spec.training
-    steps = (
-        ()
-        if spec.steps_are_free
-        else options.integers("steps", [training.steps_per_environment], 1, "episodes")
-    )
+    steps = () if spec.chooses_steps else options.integers("steps", [training.steps_per_environment], 1, "episodes")
     limit = context.spec.limit or (context.behaviour.limit if context.behaviour else None)
     settings = TrainingSettings.from_spec(context.spec.training, limit=limit)
     seed = context.spec.seed
 
-    def made(levels: Levels, workers: int) -> Judged:
+    def make_objective(levels: LevelFactory, workers: int) -> CurriculumObjective:
         from envgraph.env.compiled import NotCompiled
-        from envgraph.search.curricula import Learning
+        from envgraph.search.curricula import LearningObjective
 
         try:
-            return Learning(settings, levels.target, steps, seed, workers)
+            return LearningObjective(settings, levels.target, steps, seed, workers)
         except NotCompiled as reason:
             name, note = levels.behaviour.name, Note("this construct cannot be compiled", reason.span)
-            message = (
-                f"`{name}` has too many states for tables, and cannot be compiled: it has {reason.construct}"
+            message = f"`{name}` has too many states for tables, and cannot be compiled: it has {reason.construct}"
+            hint = (
+                "remove this construct, or make the target smaller: a table has at most "
+                f"{LIMITS['searched states']:,} states"
             )
-            hint = f"remove this construct, or make the target smaller: a table has at most {LIMITS['searched states']:,} states"
             notes = (note,) if reason.span else ()
             place = options.spec.span()
             raise LoadError([Diagnostic("not-compiled", message, place, hint, notes=notes)]) from reason
 
-    return made
+    return make_objective
 
 
-def _chain_transfer(options: Options, context: Context) -> Callable[[Levels, int], Judged]:
-    def made(levels: Levels, workers: int) -> Judged:
+def _chain_transfer_objective_maker(
+    options: ComponentOptions, context: ComponentContext
+) -> Callable[[LevelFactory, int], CurriculumObjective]:
+    def make_objective(levels: LevelFactory, workers: int) -> CurriculumObjective:
         from envgraph.env import TooManyStates
-        from envgraph.search.curricula import Measured
+        from envgraph.search.curricula import MeasureObjective
 
         del workers
         try:
@@ -207,17 +216,17 @@ def _chain_transfer(options: Options, context: Context) -> Callable[[Levels, int
             hint = 'write `kind = "learning"`, which needs no table, or make the target smaller'
             place = options.spec.span()
             raise LoadError([Diagnostic("too-many-states", error.message, place, hint)]) from error
-        return Measured(ChainTransfer(), context.spec.search.population)
+        return MeasureObjective(ChainTransfer(), context.spec.search.population)
 
-    return made
+    return make_objective
 
 
-def _of(component: type[T]) -> Callable[[Options, Context], T]:
+def _factory_of(component: type[T]) -> Callable[[ComponentOptions, ComponentContext], T]:
     """Return a factory of a data class. The factory reads the fields of the data class from the options."""
     return lambda options, context: options.read(component)
 
 
-def _kinds(**factories: Callable[..., object]) -> Any:
+def _role_field(**factories: Callable[..., object]) -> Any:
     """Return a dataclass field for a role, with the built-in factories as its default."""
     usual = MappingProxyType(factories)
     return field(default_factory=lambda: usual)
@@ -235,42 +244,44 @@ class Components:
     ['binned_entropy', 'gini', 'mine', 'variance']
     """
 
-    measure: Mapping[str, MeasureFactory] = _kinds(
-        path_complexity=_path_complexity,
-        shortest_path=_shortest_path,
-        shortest_plan=_shortest_plan,
-        random_success=_certified(RandomSuccess),
-        optimal_return=_certified(OptimalReturn),
-        distance=lambda options, context: Distance(context.initial),
-        expression=_expression,
+    measure: Mapping[str, MeasureFactory] = _role_field(
+        path_complexity=_make_path_complexity,
+        shortest_path=_make_shortest_path,
+        shortest_plan=_make_shortest_plan,
+        random_success=_certified_measure_factory(RandomSuccess),
+        optimal_return=_certified_measure_factory(OptimalReturn),
+        distance=lambda options, context: DistanceToModel(context.initial),
+        expression=_make_expression_measure,
         count=lambda options, context: MatchCount(options.name("of")),
-        value=_value,
+        value=_make_pattern_value,
     )
-    diversity: Mapping[str, DiversityFactory] = _kinds(
-        binned_entropy=_binned_entropy,
+    diversity: Mapping[str, DiversityFactory] = _role_field(
+        binned_entropy=_make_binned_entropy,
         gini=lambda options, context: Gini(),
         variance=lambda options, context: Variance(),
     )
-    family: Mapping[str, FamilyFactory] = _kinds(**FAMILY_MEASURES)
-    objective: Mapping[str, ObjectiveFactory] = _kinds(learning=_learning, chain_transfer=_chain_transfer)
-    parents: Mapping[str, ParentsFactory] = _kinds(
+    family: Mapping[str, FamilyFactory] = _role_field(**FAMILY_MEASURES)
+    objective: Mapping[str, ObjectiveFactory] = _role_field(
+        learning=_learning_objective_maker, chain_transfer=_chain_transfer_objective_maker
+    )
+    parents: Mapping[str, ParentsFactory] = _role_field(
         random=lambda options, context: RandomParents(),
-        tournament=_of(TournamentParents),
-        elitist=_of(ElitistParents),
+        tournament=_factory_of(TournamentParents),
+        elitist=_factory_of(ElitistParents),
     )
-    survivors: Mapping[str, SurvivorsFactory] = _kinds(
-        simulated_annealing=_of(SimulatedAnnealing),
+    survivors: Mapping[str, SurvivorsFactory] = _role_field(
+        simulated_annealing=_factory_of(SimulatedAnnealing),
         hill_climbing=lambda options, context: HillClimbing(),
-        beam=_of(BeamSearch),
-        exact=_of(ExactSelection),
+        beam=_factory_of(BeamSearch),
+        exact=_factory_of(ExactSelection),
     )
-    strategy: Mapping[str, StrategyFactory] = _kinds(
-        simulated_annealing=_of(Annealing),
-        hill_climbing=_of(HillClimb),
-        beam=_of(Beam),
-        tree_search=_of(TreeSearch),
+    strategy: Mapping[str, StrategyFactory] = _role_field(
+        simulated_annealing=_factory_of(Annealing),
+        hill_climbing=_factory_of(HillClimb),
+        beam=_factory_of(Beam),
+        tree_search=_factory_of(TreeSearch),
     )
-    function: Mapping[str, Callable[..., object]] = _kinds()
+    function: Mapping[str, Callable[..., object]] = _role_field()
 
     def __reduce__(self) -> tuple[Callable[..., Components], tuple[object, ...]]:
         """Return the data from which pickle rebuilds the components: the factories that were added."""
@@ -281,9 +292,9 @@ class Components:
             for kind, factory in getattr(self, role.name).items()
             if getattr(usual, role.name).get(kind) is not factory
         ]
-        return _with_all, (added,)
+        return _components_with, (added,)
 
-    def kinds(self) -> dict[str, tuple[str, ...]]:
+    def known_kinds(self) -> dict[str, tuple[str, ...]]:
         """Return the known kinds by role, for checking a family file, without the roles "family" and "function"."""
         roles = ("measure", "diversity", "objective", "parents", "survivors", "strategy")
         return {role: tuple(getattr(self, role)) for role in roles}
@@ -299,6 +310,6 @@ class Components:
         return replace(self, **{role: MappingProxyType({**known, kind: factory})})
 
 
-def _with_all(added: Iterable[tuple[str, str, Callable[..., object]]]) -> Components:
+def _components_with(added: Iterable[tuple[str, str, Callable[..., object]]]) -> Components:
     """Return the built-in components with further factories, given as triples of role, kind and factory."""
     return reduce(lambda components, one: components.with_(*one), added, Components())

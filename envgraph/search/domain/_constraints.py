@@ -7,21 +7,21 @@ from contextlib import suppress
 from math import isfinite
 from typing import TYPE_CHECKING
 
-from envgraph.behaviour import Behaviour, KeyIndex, indexed_classes, unbound
+from envgraph.behaviour import Behaviour, KeyIndex, indexed_classes, unbound_names
 from envgraph.code import dataclass
 from envgraph.errors import LIMITS, has_errors
-from envgraph.files import counting
+from envgraph.files import report_counting
 from envgraph.pattern import conformance_patterns, key_patterns
 from envgraph.rewrite import Engine
-from envgraph.search.problem._measures import ShortestPlan
-from envgraph.search.problem._problem import Constraint, CountWithin, Forbid, IndividualMeasure, Require
+from envgraph.search.problem._model_measures import ShortestPlan
+from envgraph.search.problem._problem import Constraint, Forbid, IndividualMeasure, MatchCountWithin, Require
 
 if TYPE_CHECKING:
     from envgraph.search.domain._domain import Domain
 
 
 @dataclass(frozen=True, slots=True)
-class Reachable:
+class OutcomeReachable:
     """The constraint that a plan exists with which an episode ends with an outcome, "success" or "failure".
 
     Attributes:
@@ -33,7 +33,7 @@ class Reachable:
     plan: ShortestPlan
 
     @property
-    def end(self) -> int:
+    def outcome_number(self) -> int:
         """Return the number of the outcome: 1 for success, 2 for failure."""
         return {"success": 1, "failure": 2}[self.outcome]
 
@@ -43,18 +43,18 @@ class Reachable:
         from envgraph.env.compiled import NotCompiled
 
         try:
-            return isfinite(self.plan.plan(engine, self.end).steps)
+            return isfinite(self.plan.find_plan(engine, self.outcome_number).steps)
         except NotCompiled:
             behaviour = self.plan.behaviour
-            with counting(f"states of {behaviour.name}") as progress:
-                return can_end(engine, behaviour, self.end, progress=progress)
+            with report_counting(f"states of {behaviour.name}") as progress:
+                return can_end(engine, behaviour, self.outcome_number, progress=progress)
 
     def why_not(self, engine: Engine) -> str:
         """Return the reason for rejecting a model: no plan to the outcome exists, or the search was stopped."""
         from envgraph.env.compiled import NotCompiled
 
         with suppress(NotCompiled):
-            if not self.plan.plan(engine, self.end).exact:
+            if not self.plan.find_plan(engine, self.outcome_number).is_exact:
                 return f"no plan to {self.outcome} was found within {LIMITS['planned states']:,} states"
         return f"`{self}` is violated"
 
@@ -81,14 +81,14 @@ class DistinctKeys:
 
 
 @dataclass(frozen=True, slots=True)
-class Bound:
+class ParametersBound:
     """The constraint that every parameter of the behaviour has an object and that at least one agent can act."""
 
     behaviour: Behaviour
 
     def holds(self, engine: Engine) -> bool:
         """Return True if every parameter has an object, and at least one agent can act."""
-        return not has_errors(unbound(self.behaviour, engine.model))
+        return not has_errors(unbound_names(self.behaviour, engine.model))
 
     def __str__(self) -> str:
         return "each parameter of the environment has its object"
@@ -106,15 +106,13 @@ class SameAgents:
 
     def holds(self, engine: Engine) -> bool:
         """Return True if the model has exactly the agents of the initial model."""
-        return KeyIndex.of(engine.model, self.keys.keys) == self.keys
+        return KeyIndex.of_model(engine.model, self.keys.keys) == self.keys
 
     def __str__(self) -> str:
         return "agents that act together are those of the initial model"
 
 
-def constraints_of(
-    domain: Domain, engine: Engine, measures: Iterable[IndividualMeasure]
-) -> tuple[Constraint, ...]:
+def constraints_of(domain: Domain, engine: Engine, measures: Iterable[IndividualMeasure]) -> tuple[Constraint, ...]:
     """Return the constraints of a domain: conformance, then those of the family file, then those that visit states.
 
     Patterns that these constraints query are added to the engine if it does not have them.
@@ -129,21 +127,21 @@ def constraints_of(
     constraints: list[Constraint] = [Forbid(pattern.qualified_name) for pattern in conformance]
     constraints += [Require(str(name)) for name in spec.require]
     constraints += [Forbid(str(name)) for name in spec.forbid]
-    constraints += [Forbid(name) for name in _violations(domain) if name not in set(map(str, spec.forbid))]
-    constraints += [CountWithin(str(name), *bounds) for name, bounds in spec.count]
+    constraints += [Forbid(name) for name in _violation_patterns(domain) if name not in set(map(str, spec.forbid))]
+    constraints += [MatchCountWithin(str(name), *bounds) for name, bounds in spec.count]
     constraints += [DistinctKeys(pattern.qualified_name) for pattern in keys]
     if behaviour is not None:
-        constraints.append(Bound(behaviour))
+        constraints.append(ParametersBound(behaviour))
         if behaviour.together:
             agents = dict.fromkeys(agent.cls for agent in behaviour.agents)
-            constraints.append(SameAgents(KeyIndex.of(domain.initial(), agents)))
+            constraints.append(SameAgents(KeyIndex.of_model(domain.initial(), agents)))
         any_plan = ShortestPlan(behaviour, shortest=False)
         plans = [*(one for one in measures if isinstance(one, ShortestPlan)), any_plan]
-        constraints += [Reachable(str(outcome), plans[0]) for outcome in spec.reachable]
+        constraints += [OutcomeReachable(str(outcome), plans[0]) for outcome in spec.reachable]
     return tuple(constraints)
 
 
-def _violations(domain: Domain) -> list[str]:
+def _violation_patterns(domain: Domain) -> list[str]:
     """Return the names of the patterns with a VIATRA `@Constraint` of severity error. Each match is a violation."""
     return [
         pattern.qualified_name

@@ -12,17 +12,17 @@ from envgraph.code import dataclass
 from envgraph.errors import Diagnostic, LoadError, Source, has_errors, sort_diagnostics
 from envgraph.graph import Model, model_from_json, model_to_json
 from envgraph.lang import (
-    EXPRESSIONS,
-    LARGEST,
+    EXPRESSION_KIND,
+    LARGEST_NUMBER,
     NEED_ENVIRONMENT,
     Bundle,
+    ComponentOptions,
     ComponentSpec,
     FamilySpec,
     Files,
+    LocatedName,
     ModelText,
-    Name,
     OptimiseSpec,
-    Options,
     TextFiles,
     Workspace,
     find_family,
@@ -30,25 +30,25 @@ from envgraph.lang import (
 )
 from envgraph.metamodel import Metamodel
 from envgraph.rewrite import Engine
-from envgraph.search.curricula import Begin, CurriculumSettings
-from envgraph.search.domain._components import Components, Context
+from envgraph.search.curricula import BeginKind, CurriculumSettings
+from envgraph.search.domain._components import ComponentContext, Components
 from envgraph.search.domain._constraints import constraints_of
-from envgraph.search.domain._initial import check_initial
-from envgraph.search.evolution._selection import ExactSelection, SurvivorSelection
-from envgraph.search.evolution._settings import SampleSettings, Settings
-from envgraph.search.problem._diversity import BinnedEntropy, Statistic
+from envgraph.search.domain._initial_model import check_initial
+from envgraph.search.evolution._evolution_settings import EvolutionSettings, SampleSettings
+from envgraph.search.evolution._survivor_selection import ExactSelection, SurvivorSelection
 from envgraph.search.problem._objective import Objective
-from envgraph.search.problem._objective_text import read_objective
+from envgraph.search.problem._objective_parser import parse_objective
 from envgraph.search.problem._problem import IndividualMeasure, Problem
+from envgraph.search.problem._statistics import BinnedEntropy, Statistic
 
 if TYPE_CHECKING:
-    from envgraph.search.curricula import Judged, Levels
+    from envgraph.search.curricula import CurriculumObjective, LevelFactory
     from envgraph.search.optimising import Strategy
 
-EFFORT = 1_000_000_000
+DEFAULT_EFFORT = 1_000_000_000
 """Default effort of a curriculum search in training steps, up to half a minute; and the largest number of lanes."""
 
-Placed = TypeVar("Placed", ModelText, Behaviour)
+ParsedFile = TypeVar("ParsedFile", ModelText, Behaviour)
 
 
 @dataclass(frozen=True, slots=True)
@@ -68,47 +68,43 @@ class Domain:
     overrides: tuple[str, ...] = ()
 
     @classmethod
-    def load(
-        cls, location: str, components: Components | None = None, overrides: Iterable[str] = ()
-    ) -> Domain:
+    def load(cls, location: str, components: Components | None = None, overrides: Iterable[str] = ()) -> Domain:
         """Read a family file, a directory that contains one, or a bundled domain.
 
         Raises:
             LoadError: the files have errors; it contains all of them.
         """
-        return cls._read(find_family(location), None, components or Components(), tuple(overrides))
+        return cls._load_checked(find_family(location), None, components or Components(), tuple(overrides))
 
     @classmethod
-    def from_bundle(
-        cls, bundle: Bundle, components: Components | None = None, overrides: Iterable[str] = ()
-    ) -> Domain:
+    def from_bundle(cls, bundle: Bundle, components: Components | None = None, overrides: Iterable[str] = ()) -> Domain:
         """Read a domain from the texts stored in a run or in an exported family.
 
         Raises:
             LoadError: the texts have errors; it contains all of them.
         """
         files = TextFiles(bundle.texts)
-        return cls._read(bundle.roots[0], files, components or Components(), tuple(overrides))
+        return cls._load_checked(bundle.roots[0], files, components or Components(), tuple(overrides))
 
     @classmethod
-    def _read(
+    def _load_checked(
         cls, path: str, files: Files | None, components: Components, overrides: tuple[str, ...]
     ) -> Domain:
-        workspace = load_workspace([path], files=files, components=components.kinds(), overrides=overrides)
+        workspace = load_workspace([path], files=files, components=components.known_kinds(), overrides=overrides)
         if workspace.errors:
-            wrong = [one for spec in workspace.families for one in option_problems(spec, workspace)]
+            wrong = [one for spec in workspace.families for one in check_component_options(spec, workspace)]
             raise LoadError([*workspace.diagnostics, *wrong])
         if not workspace.families:
-            place = Source(path, workspace.sources.get(path, "")).span(0, 0)
+            place = Source(path, workspace.sources.get(path, "")).span_between(0, 0)
             hint = "name a `family.toml`"
             raise LoadError([Diagnostic("no-family", f"`{path}` is not a family file", place, hint)])
         domain = cls(workspace.families[0], workspace, components, overrides)
-        problems = domain.wrong_options()  # so that they are reported when the files are read
+        problems = domain.check_options()  # so that they are reported when the files are read
         if has_errors(problems):
             raise LoadError(problems)
         return domain
 
-    def wrong_options(self) -> list[Diagnostic]:
+    def check_options(self) -> list[Diagnostic]:
         """Return diagnostics for all invalid options of components, sorted and without duplicates."""
         problems: list[Diagnostic] = []
         for make in (
@@ -118,9 +114,7 @@ class Domain:
                 make()
             except LoadError as error:
                 problems += error.diagnostics
-        return sort_diagnostics(
-            dict.fromkeys(problems)
-        )  # duplicates occur if two components read the same option
+        return sort_diagnostics(dict.fromkeys(problems))  # duplicates occur if two components read the same option
 
     def __reduce__(self) -> tuple[Callable[..., Domain], tuple[Bundle, Components, tuple[str, ...]]]:
         """Return the data from which pickle rebuilds the domain: its texts."""
@@ -139,18 +133,18 @@ class Domain:
     @property
     def behaviour(self) -> Behaviour | None:
         """Return the behaviour of the environment; None if the family has no environment."""
-        return _only(self.workspace.behaviours, self.spec.environment) if self.spec.environment else None
+        return _definition_in_file(self.workspace.behaviours, self.spec.environment) if self.spec.environment else None
 
     def initial(self) -> Model:
         """Return a new copy of the initial model, with the same ids and order."""
-        return model_from_json(model_to_json(self._model()), self.metamodel)
+        return model_from_json(model_to_json(self._initial_model()), self.metamodel)
 
     @property
     def model_text(self) -> ModelText:
         """Return the initial model with its text and spans."""
-        return _only(self.workspace.models, self.spec.model)
+        return _definition_in_file(self.workspace.models, self.spec.model)
 
-    def _model(self) -> Model:
+    def _initial_model(self) -> Model:
         model = self.model_text.model
         assert model is not None, "the files have no errors"
         return model
@@ -166,9 +160,9 @@ class Domain:
         """Return the numbers of the objects that the environment indexes, in the initial model and then `models`."""
         behaviour = self.behaviour
         classes = indexed_classes(behaviour, self.metamodel) if behaviour else ()
-        index = KeyIndex.of(self._model(), classes)
+        index = KeyIndex.of_model(self._initial_model(), classes)
         for model in models:
-            found = KeyIndex.of(model, classes)
+            found = KeyIndex.of_model(model, classes)
             if found != index:
                 index = index.merge(found, self.metamodel)
         return index
@@ -186,11 +180,11 @@ class Domain:
             constraints=constraints_of(self, engine, measures.values()),
             measures=measures,
             diversity=diversity,
-            diversity_of=str(self.spec.diversity.options["of"]),
+            diversity_measure_name=str(self.spec.diversity.options["of"]),
             otherwise=otherwise,
-            objective=self.objective() if self.spec.evolves else None,
+            objective=self.objective() if self.spec.uses_genetic_algorithm else None,
             behaviour=self.behaviour,
-            order=None if self.spec.curriculum.order is None else str(self.spec.curriculum.order),
+            order_measure_name=None if self.spec.curriculum.order is None else str(self.spec.curriculum.order),
             target_last=self.spec.curriculum.initial == "last",
         )
 
@@ -205,16 +199,14 @@ class Domain:
             return None
         measures, otherwise, diversity = self._measures()
         others = {name: (one, otherwise.get(name, inf)) for name, one in measures.items()}
-        context = replace(self._context(), others=others, diversity=diversity)
-        objective, problems = read_objective(spec, context, self.components.family)
-        if not self.spec.climbs:
-            problems += _finished(_expressions(spec))
+        context = replace(self._component_context(), others=others, diversity=diversity)
+        objective, problems = parse_objective(spec, context, self.components.family)
+        if not self.spec.searches_whole_families:
+            problems += _finish_options(_objective_options(spec))
             for key, given in (("target", search.target), ("stagnation", search.stagnation)):
                 if given is not None:
                     message = f"`{key}` refers to the diversity, but the family has an objective"
-                    hint = (
-                        "remove it: the search ends after `generations`, or at the maximum of the objective"
-                    )
+                    hint = "remove it: the search ends after `generations`, or at the maximum of the objective"
                     problems.append(Diagnostic("bad-objective", message, spec.span(), hint))
         if has_errors(problems):
             raise LoadError(problems)
@@ -222,41 +214,41 @@ class Domain:
 
     def _measures(self) -> tuple[dict[str, IndividualMeasure], dict[str, float], Statistic]:
         """Return the measures and substitutes for missing values by name, and the diversity; or raise `LoadError`."""
-        spec, context, problems = self.spec, self._context(), list[Diagnostic]()
+        spec, context, problems = self.spec, self._component_context(), list[Diagnostic]()
         measures: dict[str, IndividualMeasure] = {}
         otherwise: dict[str, float] = {}
         for measure in spec.measures:
-            options = Options(measure)
-            if options.given("otherwise"):
-                otherwise[measure.name] = options.number("otherwise", 0.0, -LARGEST, LARGEST)
+            options = ComponentOptions(measure)
+            if options.is_given("otherwise"):
+                otherwise[measure.name] = options.number("otherwise", 0.0, -LARGEST_NUMBER, LARGEST_NUMBER)
             others = {name: (one, otherwise.get(name, inf)) for name, one in measures.items()}
             made = self.components.measure[measure.kind](options, replace(context, others=others))
             measures[measure.name] = made
-            problems += _finished(options)
+            problems += _finish_options(options)
         # The option "of" names the measure, and is not an option of the diversity itself.
         of = str(spec.diversity.options["of"])
-        options = Options(_without(spec.diversity, "of"))
+        options = ComponentOptions(_without_option(spec.diversity, "of"))
         context = replace(context, measured=measures[of])
         diversity = self.components.diversity[spec.diversity.kind](options, context)
-        problems += _finished(options)
+        problems += _finish_options(options)
         if has_errors(problems):
             raise LoadError(problems)
         return measures, otherwise, diversity
 
-    def settings(self) -> Settings:
+    def settings(self) -> EvolutionSettings:
         """Return the parameters of the genetic algorithm.
 
         Raises:
             LoadError: options of components are invalid; it contains all problems.
         """
-        spec, context = self.spec, self._context()
-        parents, survivors = Options(spec.search.parents), Options(spec.search.survivors)
+        spec, context = self.spec, self._component_context()
+        parents, survivors = ComponentOptions(spec.search.parents), ComponentOptions(spec.search.survivors)
         chosen = self.components.parents[spec.search.parents.kind](parents, context)
         survival = self.components.survivors[spec.search.survivors.kind](survivors, context)
-        problems = _finished(parents) + _finished(survivors) + self._too_many(survival)
+        problems = _finish_options(parents) + _finish_options(survivors) + self._check_family_count(survival)
         if has_errors(problems):
             raise LoadError(problems)
-        return Settings(
+        return EvolutionSettings(
             population=spec.search.population,
             parents=chosen,
             survivors=survival,
@@ -271,19 +263,17 @@ class Domain:
             stagnation=spec.search.stagnation,
         )
 
-    def _too_many(self, survival: SurvivorSelection) -> list[Diagnostic]:
+    def _check_family_count(self, survival: SurvivorSelection) -> list[Diagnostic]:
         """Return an error if exact survivor selection may have to try more families than its limit."""
         search = self.spec.search
         bins = self.spec.diversity.kind == "binned_entropy" and self.spec.objective is None
-        if bins or not isinstance(survival, ExactSelection) or not self.spec.evolves:
+        if bins or not isinstance(survival, ExactSelection) or not self.spec.uses_genetic_algorithm:
             return []
         free = search.population - search.keep_initial
         families = comb(free + search.population, free)
         if families <= survival.limit:
             return []
-        message = (
-            f"up to {families:,} families must be tried in each generation, but `limit` is {survival.limit:,}"
-        )
+        message = f"up to {families:,} families must be tried in each generation, but `limit` is {survival.limit:,}"
         hint = (
             'write `survivors = { name = "hill_climbing" }`, a smaller `population`, or `binned_entropy` in '
             "`[diversity]`, which does not need to try every family"
@@ -292,7 +282,9 @@ class Domain:
             hint = 'write `survivors = { name = "hill_climbing" }`, or a smaller `population`'
         return [Diagnostic("too-many-families", message, search.survivors.span(), hint)]
 
-    def curriculum_search(self) -> tuple[Callable[[Levels, int], Judged], CurriculumSettings] | None:
+    def curriculum_search(
+        self,
+    ) -> tuple[Callable[[LevelFactory, int], CurriculumObjective], CurriculumSettings] | None:
         """Return a function that makes the objective, and the settings of the search; None for the genetic algorithm.
 
         The function takes the levels and a number of threads.
@@ -301,23 +293,21 @@ class Domain:
             LoadError: options are invalid; it contains all problems.
         """
         spec, search = self.spec.objective, self.spec.search
-        if spec is None or not self.spec.climbs:
+        if spec is None or not self.spec.searches_whole_families:
             return None
-        options, objective = _expressions(spec), self.objective()
-        settings = _climb(options, self.spec)
-        made: Callable[[Levels, int], Judged]
+        options, objective = _objective_options(spec), self.objective()
+        settings = _curriculum_settings(options, self.spec)
+        made: Callable[[LevelFactory, int], CurriculumObjective]
         if objective is None or not objective.terms:
-            made = self.components.objective[spec.kind](options, self._context())
+            made = self.components.objective[spec.kind](options, self._component_context())
         else:
-            from envgraph.search.curricula import Measured
+            from envgraph.search.curricula import MeasureObjective
 
-            last = Measured(objective.terms[-1], search.population)
+            last = MeasureObjective(objective.terms[-1], search.population)
             made = lambda levels, workers: last  # noqa: E731
-        problems = _finished(options)
+        problems = _finish_options(options)
         if search.population < 2 or not search.keep_initial or self.spec.curriculum.initial != "last":
-            message = (
-                "with this objective the family needs at least 2 members, the last of them the initial model"
-            )
+            message = "with this objective the family needs at least 2 members, the last of them the initial model"
             hint = "write `population = 2` or more, and remove `keep_initial` and `initial`"
             problems.append(Diagnostic("bad-objective", message, spec.span(), hint))
         if has_errors(problems):
@@ -336,11 +326,11 @@ class Domain:
         measures, _, diversity = self._measures()
         cover = []
         for one in spec.cover:
-            options, measure = Options(one), measures[one.name]
+            options, measure = ComponentOptions(one), measures[one.name]
             known = getattr(measure, "range", None)
             if known is None and str(self.spec.diversity.options["of"]) == one.name:
                 known = (diversity.low, diversity.high) if isinstance(diversity, BinnedEntropy) else None
-            if known is None and not options.given("range"):
+            if known is None and not options.is_given("range"):
                 message, hint = (
                     f"the range of `{one.name}` is unknown",
                     f"{one.name} = {{ bins = 10, range = [0, 64] }}",
@@ -348,7 +338,7 @@ class Domain:
                 problems.append(Diagnostic("missing-key", message, one.span("bins"), f"write `{hint}`"))
             low, high = options.range("range", known or (0.0, 1.0))
             bins = options.integer("bins", 10, 1, "members")
-            problems += _finished(options)
+            problems += _finish_options(options)
             cover.append((one.name, BinnedEntropy(bins, low, high, whole=getattr(measure, "whole", False))))
         if has_errors(problems):
             raise LoadError(problems)
@@ -363,9 +353,9 @@ class Domain:
             LoadError: options are invalid; it contains all problems.
         """
         spec = (self.spec.optimise or OptimiseSpec()).strategy
-        options = Options(spec)
-        made = self.components.strategy[spec.kind](options, self._context())
-        problems = _finished(options)
+        options = ComponentOptions(spec)
+        made = self.components.strategy[spec.kind](options, self._component_context())
+        problems = _finish_options(options)
         if problems:
             raise LoadError(problems)
         return made
@@ -387,58 +377,60 @@ class Domain:
         """
         return check_initial(self, problem or self.problem(self.engine()))
 
-    def _context(self) -> Context:
+    def _component_context(self) -> ComponentContext:
         registration = self.workspace.registration
         assert registration is not None, "there are no errors"
-        return Context.of(self.metamodel, self.spec, self.behaviour, registration.library, self._model())
+        return ComponentContext.of(
+            self.metamodel, self.spec, self.behaviour, registration.library, self._initial_model()
+        )
 
 
-def _only(found: Sequence[Placed], file: Name) -> Placed:
+def _definition_in_file(definitions: Sequence[ParsedFile], file: LocatedName) -> ParsedFile:
     """Return the model or behaviour that the family's own file `file` defines. Other files may define further ones."""
-    return next(one for one in found if one.span and one.span.source.name == file.text)
+    return next(one for one in definitions if one.span and one.span.source.name == file.text)
 
 
-def option_problems(spec: FamilySpec, workspace: Workspace) -> list[Diagnostic]:
+def check_component_options(spec: FamilySpec, workspace: Workspace) -> list[Diagnostic]:
     """Return diagnostics for invalid options of built-in components, except at positions that have errors already."""
     if workspace.metamodel is None:
         return []
     known = Components()
-    factories: list[tuple[ComponentSpec, Mapping[str, Callable[[Options, Context], object]]]] = [
+    factories: list[tuple[ComponentSpec, Mapping[str, Callable[[ComponentOptions, ComponentContext], object]]]] = [
         *((one, known.measure) for one in spec.measures if one.kind not in NEED_ENVIRONMENT),
-        (_without(spec.diversity, "of"), known.diversity),
+        (_without_option(spec.diversity, "of"), known.diversity),
         (spec.search.parents, known.parents),
         (spec.search.survivors, known.survivors),
         *([(spec.optimise.strategy, known.strategy)] if spec.optimise else []),
     ]
-    context, problems = Context(workspace.metamodel, spec, None), list[Diagnostic]()
+    context, problems = ComponentContext(workspace.metamodel, spec, None), list[Diagnostic]()
     for component, made in factories:
         if component.kind in made:
-            options = Options(component)
-            if made is known.measure and options.given("otherwise"):
-                options.number("otherwise", 0.0, -LARGEST, LARGEST)
+            options = ComponentOptions(component)
+            if made is known.measure and options.is_given("otherwise"):
+                options.number("otherwise", 0.0, -LARGEST_NUMBER, LARGEST_NUMBER)
             made[component.kind](options, context)
-            problems += _finished(options)
+            problems += _finish_options(options)
     if spec.objective is not None:
-        options = _expressions(spec.objective)
+        options = _objective_options(spec.objective)
         if has_expressions(spec.objective):
-            problems += read_objective(spec.objective, context, known.family)[1]
-        if spec.climbs:
-            _climb(options, spec)
+            problems += parse_objective(spec.objective, context, known.family)[1]
+        if spec.searches_whole_families:
+            _curriculum_settings(options, spec)
         if spec.objective.kind in known.objective:
             known.objective[spec.objective.kind](options, context)
-        if spec.objective.kind in (EXPRESSIONS, *known.objective):
-            problems += _finished(options)
+        if spec.objective.kind in (EXPRESSION_KIND, *known.objective):
+            problems += _finish_options(options)
     reported = {one.span for one in workspace.diagnostics}
     return [one for one in problems if one.span not in reported]
 
 
-def domain_problems(spec: FamilySpec, workspace: Workspace) -> list[Diagnostic]:
+def check_domain(spec: FamilySpec, workspace: Workspace) -> list[Diagnostic]:
     """Return the problems of a family with correct files: invalid options, or constraints that the model violates.
 
     Constraints are checked only if all options are valid and the family has no `[optimise]`.
     """
     domain = Domain(spec, workspace)
-    problems = domain.wrong_options()
+    problems = domain.check_options()
     if not problems and spec.optimise is None:  # an optimisation may start at an invalid model
         try:
             problems += domain.check_initial()
@@ -449,40 +441,38 @@ def domain_problems(spec: FamilySpec, workspace: Workspace) -> list[Diagnostic]:
 
 def has_expressions(spec: ComponentSpec) -> bool:
     """Return True if an objective has expressions over family measures."""
-    return spec.kind == EXPRESSIONS or "subject_to" in spec.options
+    return spec.kind == EXPRESSION_KIND or "subject_to" in spec.options
 
 
-def _expressions(spec: ComponentSpec) -> Options:
-    """Return the options of an objective. Its expressions are marked as read, because `read_objective` parses them."""
-    options = Options(spec)
-    for key in ("maximise", "minimise") if spec.kind == EXPRESSIONS else ():
-        options.given(key)
-    options.given("subject_to")
-    if spec.kind == EXPRESSIONS:
+def _objective_options(spec: ComponentSpec) -> ComponentOptions:
+    """Return the options of an objective. Its expressions are marked as read, because `parse_objective` parses them."""
+    options = ComponentOptions(spec)
+    for key in ("maximise", "minimise") if spec.kind == EXPRESSION_KIND else ():
+        options.is_given(key)
+    options.is_given("subject_to")
+    if spec.kind == EXPRESSION_KIND:
         options.word("search", "evolve", ("evolve", "climb"))
     return options
 
 
-def _climb(options: Options, spec: FamilySpec) -> CurriculumSettings:
+def _curriculum_settings(options: ComponentOptions, spec: FamilySpec) -> CurriculumSettings:
     """Return the settings of a curriculum search from the options of an objective. Problems are added to `options`."""
-    demanded, written = options.number_or("diversity", "maximum"), spec.has_key("search", "population")
+    demanded, written = options.number_or_word("diversity", "maximum"), spec.has_key("search", "population")
     return CurriculumSettings(
         population=max(2, spec.search.population) if written or demanded is not None else None,
-        effort=int(options.number("effort", EFFORT, 1, 1e15)),
+        effort=int(options.number("effort", DEFAULT_EFFORT, 1, 1e15)),
         lanes=options.integer("lanes", 4, 1, "rounds"),
-        enough=options.number("enough", 1.0, -LARGEST, LARGEST) if options.given("enough") else None,
-        demanded=inf if isinstance(demanded, str) else demanded,
-        begin=cast(Begin, options.word("begin", "auto", get_args(Begin))),
+        enough=options.number("enough", 1.0, -LARGEST_NUMBER, LARGEST_NUMBER) if options.is_given("enough") else None,
+        least_diversity=inf if isinstance(demanded, str) else demanded,
+        begin=cast(BeginKind, options.word("begin", "auto", get_args(BeginKind))),
     )
 
 
-def _finished(options: Options) -> list[Diagnostic]:
+def _finish_options(options: ComponentOptions) -> list[Diagnostic]:
     options.finish()
     return options.problems
 
 
-def _without(component: ComponentSpec, option: str) -> ComponentSpec:
-    options: Mapping[str, object] = {
-        name: value for name, value in component.options.items() if name != option
-    }
+def _without_option(component: ComponentSpec, option: str) -> ComponentSpec:
+    options: Mapping[str, object] = {name: value for name, value in component.options.items() if name != option}
     return replace(component, options=options)

@@ -12,29 +12,37 @@ import numpy as np
 
 from envgraph import __version__
 from envgraph.env import Agent, Behaviour, EnvgraphEnv, Tabular, TooManyStates
-from envgraph.env.compiled import CompiledEnv, NotCompiled, Program, check_package, program_files
+from envgraph.env.compiled import CompiledEnv, CompiledProgram, NotCompiled, check_package_name, program_files
 from envgraph.errors import EvaluationError, InvalidArgument
-from envgraph.files import check_free, replace_file
+from envgraph.files import check_empty_folder, replace_file
 from envgraph.graph import Model
-from envgraph.search.export._tables import write_tables
-from envgraph.search.export._templates import Templates
-from envgraph.search.families._family import Family, Member
-from envgraph.search.families._shown import caption
-from envgraph.search.runs._certified import certificate_texts
+from envgraph.search.export._array_export import write_tables
+from envgraph.search.export._templates import TemplateDirectory
+from envgraph.search.families._family_pictures import format_measures
+from envgraph.search.families._member_family import Family, Member
+from envgraph.search.runs._certificates_check import format_certificates
 
-TEMPLATES: Final = Path(__file__).parent / "templates"
+TEMPLATES_DIRECTORY: Final = Path(__file__).parent / "templates"
 """Directory of the built-in templates."""
 
-MINIGRID: Final = Path(__file__).parent / "minigrid"
+MINIGRID_TEMPLATES: Final = Path(__file__).parent / "minigrid"
 """Directory of the built-in templates for levels of MiniGrid."""
 
-TABLES, PROGRAM = "tables.npz", "program"
+TABLES_NAME, PROGRAM_NAME = "tables.npz", "program"
 """Names of empty template files that are replaced: by the tables, or by the package of the compiled program."""
 
-_OF_FAMILY: Final = ("package", "name", "version", "limit", "members", "facts")
-_OF_STEPS: Final = ("environment", "actions", "observation_shape", "observed", "agents", "tables", "episodes")
+_FAMILY_VALUES: Final = ("package", "name", "version", "limit", "members", "facts")
+_ENVIRONMENT_VALUES: Final = (
+    "environment",
+    "actions",
+    "observation_shape",
+    "observed",
+    "agents",
+    "tables",
+    "episodes",
+)
 
-_EPISODE: Final = 40
+_RECORDED_STEPS: Final = 40
 """Number of steps of a recording."""
 
 
@@ -58,11 +66,11 @@ def write_package(family: Family, folder: Path, templates: Path | None = None) -
         LoadError: the templates have errors.
         EvaluationError: a template fails; or the environments have too many states for tables and cannot be compiled.
     """
-    read = Templates(templates or TEMPLATES, (*_OF_FAMILY, *_OF_STEPS))
-    if "package" in read.used:
-        check_package(folder.name)
-    check_free(folder)
-    members = [Shown(family, member) for member in family.members]
+    read = TemplateDirectory(templates or TEMPLATES_DIRECTORY, (*_FAMILY_VALUES, *_ENVIRONMENT_VALUES))
+    if "package" in read.used_names:
+        check_package_name(folder.name)
+    check_empty_folder(folder)
+    members = [TemplateMember(family, member) for member in family.members]
     values: dict[str, Any] = {
         "package": folder.name,
         "name": family.name,
@@ -70,14 +78,14 @@ def write_package(family: Family, folder: Path, templates: Path | None = None) -
         "members": members,
         "facts": [*dict.fromkeys(fact for member in members for fact in member.facts)],
     }
-    if "limit" in read.used:
+    if "limit" in read.used_names:
         values["limit"] = family.limit
-    placed = {place.rpartition("/")[2] for place in read.places}
+    placed = {place.rpartition("/")[2] for place in read.template_paths}
     steps = None
-    if read.used & {*_OF_STEPS} or placed & {TABLES, PROGRAM}:
-        steps = _Steps(family)
-        values |= steps.values(episodes="episodes" in read.used)
-    files = _filled(read.files(values, values["members"]), steps)
+    if read.used_names & {*_ENVIRONMENT_VALUES} or placed & {TABLES_NAME, PROGRAM_NAME}:
+        steps = _EnvironmentData(family)
+        values |= steps.template_values(episodes="episodes" in read.used_names)
+    files = _with_environment_files(read.render_files(values, values["members"]), steps)
     for name, content in files.items():
         replace_file(folder / name, content)
     return [folder / name for name in files]
@@ -89,14 +97,14 @@ def copy_templates(folder: Path) -> list[Path]:
     Raises:
         InvalidArgument: the folder is not empty.
     """
-    check_free(folder)
-    found = sorted(path for path in TEMPLATES.rglob("*") if path.is_file())
+    check_empty_folder(folder)
+    found = sorted(path for path in TEMPLATES_DIRECTORY.rglob("*") if path.is_file())
     for path in found:
-        replace_file(folder / path.relative_to(TEMPLATES), path.read_bytes())
-    return [folder / path.relative_to(TEMPLATES) for path in found]
+        replace_file(folder / path.relative_to(TEMPLATES_DIRECTORY), path.read_bytes())
+    return [folder / path.relative_to(TEMPLATES_DIRECTORY) for path in found]
 
 
-class Shown:
+class TemplateMember:
     """A member of a family as templates see it.
 
     Attributes:
@@ -111,7 +119,10 @@ class Shown:
     @cached_property
     def facts(self) -> dict[str, str]:
         """Return the member's measures and certificates as text for people, by name."""
-        return {**dict(caption(self._family, self._member)), **dict(certificate_texts(self._member))}
+        return {
+            **dict(format_measures(self._family, self._member)),
+            **dict(format_certificates(self._member)),
+        }
 
     @cached_property
     def model(self) -> Model:
@@ -124,13 +135,13 @@ class Shown:
         return self._family.text(self._member)
 
 
-class _Steps:
+class _EnvironmentData:
     """The environments of a family as data: transition tables, or a compiled program if a table would be too large."""
 
     def __init__(self, family: Family) -> None:
         self._family = family
         self.tables: dict[str, Tabular] = {}
-        self.program: Program | None = None
+        self.program: CompiledProgram | None = None
         try:
             self.tables = {one.name: family.explored(one).tabular for one in family.members}
         except TooManyStates as many:
@@ -138,11 +149,9 @@ class _Steps:
                 self.program = family.program(family.members)
             except NotCompiled as refused:
                 message = f"{many.message}, and it cannot be compiled: it has {refused.construct}"
-                raise EvaluationError(
-                    message, refused.span, "remove this construct, or use smaller models"
-                ) from None
+                raise EvaluationError(message, refused.span, "remove this construct, or use smaller models") from None
 
-    def values(self, episodes: bool) -> Mapping[str, Any]:
+    def template_values(self, episodes: bool) -> Mapping[str, Any]:
         behaviour = self._family.behaviour
         owners: tuple[Behaviour | Agent, ...] = (behaviour, *behaviour.agents)
         observed = [one.span for owner in owners for one in owner.observations if one.span is not None]
@@ -161,7 +170,7 @@ class _Steps:
         }
         if episodes:
             found["episodes"] = [
-                recorded(self._environment(place), name, seed)
+                record_episodes(self._environment(place), name, seed)
                 for place, name in enumerate(names)
                 for seed in (0, 1)
             ]
@@ -172,20 +181,24 @@ class _Steps:
             return CompiledEnv(self.program, place)
         return EnvgraphEnv([*self.tables.values()][place])
 
-    def files(self) -> dict[str, str | bytes]:
+    def environment_files(self) -> dict[str, str | bytes]:
         """Return the files of the program's package by path, without its README; no files if there are tables."""
         if self.program is None:
             return {}
         names = [one.name for one in self._family.members]
         found = program_files(
-            self.program, PROGRAM, name=self._family.behaviour.name, members=names, limit=self._family.limit
+            self.program,
+            PROGRAM_NAME,
+            name=self._family.behaviour.name,
+            members=names,
+            limit=self._family.limit,
         )
         return {name: content for name, content in found.items() if name != "README.md"}
 
 
-def recorded(environment: EnvgraphEnv | CompiledEnv, member: str, seed: int) -> dict[str, Any]:
+def record_episodes(environment: EnvgraphEnv | CompiledEnv, member: str, seed: int) -> dict[str, Any]:
     """Play 40 random actions, and return actions and results as JSON-ready data. Reset whenever an episode ends."""
-    actions = np.random.default_rng(seed).integers(len(environment.action_names), size=_EPISODE).tolist()
+    actions = np.random.default_rng(seed).integers(len(environment.action_names), size=_RECORDED_STEPS).tolist()
     observation, _ = environment.reset(seed=seed)
     observations, rewards, ends = [int(observation)], [], []
     for action in actions:
@@ -205,15 +218,17 @@ def recorded(environment: EnvgraphEnv | CompiledEnv, member: str, seed: int) -> 
     }
 
 
-def _filled(files: Mapping[str, str | bytes], steps: _Steps | None) -> dict[str, str | bytes]:
+def _with_environment_files(
+    files: Mapping[str, str | bytes], environment_data: _EnvironmentData | None
+) -> dict[str, str | bytes]:
     """Return the files. Empty files `tables.npz` and `program` are replaced by their content, or removed without it."""
     found: dict[str, str | bytes] = {}
     for name, content in files.items():
         last = name.rpartition("/")[2]
-        if content or steps is None or last not in (TABLES, PROGRAM):
+        if content or environment_data is None or last not in (TABLES_NAME, PROGRAM_NAME):
             found[name] = content
-        elif last == PROGRAM:
-            found |= {f"{name}/{inner}": text for inner, text in steps.files().items()}
-        elif steps.tables:
-            found[name] = write_tables(steps.tables)
+        elif last == PROGRAM_NAME:
+            found |= {f"{name}/{inner}": text for inner, text in environment_data.environment_files().items()}
+        elif environment_data.tables:
+            found[name] = write_tables(environment_data.tables)
     return found

@@ -20,18 +20,18 @@ from envgraph.errors import (
     Source,
     Span,
     did_you_mean,
-    visible,
+    escape_unprintable,
 )
 from envgraph.files import jinja_environment
 from envgraph.lang import DiskFiles, read_source
 
-_ENDING: Final = ".j2"
+_TEMPLATE_SUFFIX: Final = ".j2"
 
-_EACH: Final = "member"
+_MEMBER_NAME: Final = "member"
 """A template with this name in its path renders one file per member."""
 
 
-class Templates:
+class TemplateDirectory:
     """The templates of a directory, read and checked.
 
     A file `name.j2` is a template of the file `name`; other files are copied unchanged. Paths may contain expressions,
@@ -47,8 +47,8 @@ class Templates:
         LoadError: templates have errors; it contains all of them.
 
     Attributes:
-        places: paths of the files in the directory, with `/`, sorted.
-        used: the names that the templates use.
+        template_paths: paths of the files in the directory, with `/`, sorted.
+        used_names: the names that the templates use.
     """
 
     def __init__(self, folder: Path, known: Sequence[str]) -> None:
@@ -58,17 +58,17 @@ class Templates:
         self._folder = folder
         self._environment = cache(partial(jinja_environment, FileSystemLoader(folder)))
         found = (path.relative_to(folder).as_posix() for path in folder.rglob("*") if path.is_file())
-        self.places = tuple(sorted(found))
-        if not self.places:
+        self.template_paths = tuple(sorted(found))
+        if not self.template_paths:
             raise InvalidArgument(f"directory `{folder}` has no templates in it", hint)
-        self.used: set[str] = set()
+        self.used_names: set[str] = set()
         self._sources: dict[str, Source] = {}
         self._each: set[str] = set()
-        problems = [one for place in self.places for one in self._check(place, {*known})]
+        problems = [one for place in self.template_paths for one in self._check_template(place, {*known})]
         if problems:
             raise LoadError(problems)
 
-    def files(self, values: Mapping[str, Any], members: Sequence[Any]) -> dict[str, str | bytes]:
+    def render_files(self, values: Mapping[str, Any], members: Sequence[Any]) -> dict[str, str | bytes]:
         """Render all templates, and return the content of the files by path (with `/`).
 
         Args:
@@ -80,93 +80,95 @@ class Templates:
             EvaluationError: an expression has no value or is not allowed; it has the position.
         """
         found: dict[str, str | bytes] = {}
-        for place in self.places:
-            for given in [{_EACH: one} for one in members] if place in self._each else [{}]:
-                self._make(place, {**values, **given}, found)
+        for place in self.template_paths:
+            for given in [{_MEMBER_NAME: one} for one in members] if place in self._each else [{}]:
+                self._render_file(place, {**values, **given}, found)
         return found
 
-    def _make(self, place: str, values: Mapping[str, Any], found: dict[str, str | bytes]) -> None:
-        target = self._rendered(place, self._environment("").from_string(place).render, values)
-        name = target.removesuffix(_ENDING)
+    def _render_file(self, place: str, values: Mapping[str, Any], found: dict[str, str | bytes]) -> None:
+        target = self._render_text(place, self._environment("").from_string(place).render, values)
+        name = target.removesuffix(_TEMPLATE_SUFFIX)
         if not name.rpartition("/")[2]:
             return
         content: str | bytes = (self._folder / place).read_bytes()
         if name != target:
             render = self._environment(PurePosixPath(name).suffix).get_template(place).render
-            content = self._rendered(place, render, values)
+            content = self._render_text(place, render, values)
             if not content.strip():
                 return
         if any(part in ("", ".", "..") or not part.isprintable() for part in re.split(r"[/\\]", name)):
             raise InvalidArgument(
-                f"the path of template `{place}` renders `{visible(name)}`, which is not a valid path"
+                f"the path of template `{place}` renders `{escape_unprintable(name)}`, which is not a valid path"
             )
         if name in found:
             hint = "write `{{member.name}}` in the path of a template that renders one file per member"
             raise InvalidArgument(f"two templates render `{name}`, the second is `{place}`", hint)
         found[name] = content
 
-    def _rendered(self, place: str, render: Callable[..., str], values: Mapping[str, Any]) -> str:
+    def _render_text(self, place: str, render: Callable[..., str], values: Mapping[str, Any]) -> str:
         try:
             return render(values)
         except Exception as error:  # expressions of a template may raise anything
-            source, line = self._source(place), 1
+            source, line = self._read_source(place), 1
             for frame, number in walk_tb(error.__traceback__):
                 for other in self._sources.values():
                     if frame.f_code.co_filename == other.name:
                         source, line = other, number
-            raise EvaluationError(_message(error), _line(source, line)) from error
+            raise EvaluationError(_error_message(error), _line_span(source, line)) from error
 
     # --- checks
 
-    def _check(self, place: str, known: set[str]) -> Iterator[Diagnostic]:
-        in_path, problems = self._names(Source(f"path of {place}", place), {*known, _EACH})
+    def _check_template(self, place: str, known: set[str]) -> Iterator[Diagnostic]:
+        in_path, problems = self._check_names(Source(f"path of {place}", place), {*known, _MEMBER_NAME})
         yield from problems
-        if _EACH in in_path:
+        if _MEMBER_NAME in in_path:
             self._each.add(place)
-        if place.endswith(_ENDING):
+        if place.endswith(_TEMPLATE_SUFFIX):
             try:
-                source = self._source(place)
+                source = self._read_source(place)
             except LoadError as error:
                 yield from error.diagnostics
                 return
-            yield from self._names(source, known | (in_path & {_EACH}))[1]
+            yield from self._check_names(source, known | (in_path & {_MEMBER_NAME}))[1]
 
-    def _source(self, place: str) -> Source:
+    def _read_source(self, place: str) -> Source:
         if place not in self._sources:
             self._sources[place] = read_source(DiskFiles(), str(self._folder / place))
         return self._sources[place]
 
-    def _names(self, source: Source, known: set[str]) -> tuple[set[str], list[Diagnostic]]:
-        """Return the names that a template uses, and diagnostics for unknown names. The names are added to `used`."""
+    def _check_names(self, source: Source, known: set[str]) -> tuple[set[str], list[Diagnostic]]:
+        """Return the names that a template uses, and diagnostics for unknown names. The names are added to
+        `used_names`.
+        """
         try:
             tree = self._environment("").parse(source.text)
             names = find_undeclared_variables(tree) - {*self._environment("").globals}
         except TemplateSyntaxError as error:
-            return set(), [Diagnostic("template-syntax", _message(error), _line(source, error.lineno))]
-        self.used |= names
-        return names, [_unknown(source, tree, name, known) for name in sorted(names - known)]
+            return set(), [Diagnostic("template-syntax", _error_message(error), _line_span(source, error.lineno))]
+        self.used_names |= names
+        return names, [_unknown_name_error(source, tree, name, known) for name in sorted(names - known)]
 
 
-def _unknown(source: Source, tree: nodes.Template, name: str, known: set[str]) -> Diagnostic:
+def _unknown_name_error(source: Source, tree: nodes.Template, name: str, known: set[str]) -> Diagnostic:
     line = next(one.lineno for one in tree.find_all(nodes.Name) if one.name == name)
-    span, there_are = _line(source, line), f"there are {', '.join(sorted(known))}"
+    span, there_are = _line_span(source, line), f"there are {', '.join(sorted(known))}"
     found = re.search(rf"\b{re.escape(name)}\b", span.text)
     if found is not None:
-        span = source.span(span.start + found.start(), span.start + found.end())
-    if name == _EACH:
+        span = source.span_between(span.start + found.start(), span.start + found.end())
+    if name == _MEMBER_NAME:
         there_are = "write `{{member.name}}` in the path of a template that uses `member`"
     return Diagnostic("unknown-name", f"unknown name `{name}`", span, did_you_mean(name, known) or there_are)
 
 
-def _line(source: Source, number: int) -> Span:
+def _line_span(source: Source, line_number: int) -> Span:
     """Return the span of the line with this number, from 1, without its leading and trailing blanks."""
-    start = len("".join(source.text.splitlines(keepends=True)[: number - 1]))
-    text = source.line(number)
-    return source.span(start + len(text) - len(text.lstrip()), start + max(len(text.rstrip()), 1))
+    start = len("".join(source.text.splitlines(keepends=True)[: line_number - 1]))
+    text = source.line_text(line_number)
+    return source.span_between(start + len(text) - len(text.lstrip()), start + max(len(text.rstrip()), 1))
 
 
-def _message(error: Exception) -> str:
+def _error_message(error: Exception) -> str:
     """Return the first line of an exception's message, with a lower-case first letter and without a final full stop."""
     text = getattr(error, "message", None) or str(error) or type(error).__name__
-    text = visible(text.partition("\n")[0].rstrip("."))
+    text = escape_unprintable(text.partition("\n")[0].rstrip("."))
     return text[:1].lower() + text[1:]

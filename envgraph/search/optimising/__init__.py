@@ -7,20 +7,23 @@ costs of the new model from the views, and keeps or undoes the move.
 
 from typing import TYPE_CHECKING
 
-from envgraph.code import later
+from envgraph.code import export_lazily
 
 if TYPE_CHECKING:
-    from envgraph.search.optimising._archive import Archive as Archive, Found as Found
-    from envgraph.search.optimising._climbing import Annealing as Annealing, HillClimb as HillClimb
+    from envgraph.search.optimising._annealing import Annealing as Annealing, HillClimb as HillClimb
+    from envgraph.search.optimising._beam_search import Beam as Beam
     from envgraph.search.optimising._goals import Goal as Goal, Sense as Sense
-    from envgraph.search.optimising._optimise import (
+    from envgraph.search.optimising._optimisation import (
         Optimum as Optimum,
         Solution as Solution,
         optimise as optimise,
-        pursue as pursue,
+        search_goals as search_goals,
     )
-    from envgraph.search.optimising._populations import Beam as Beam
+    from envgraph.search.optimising._pareto_archive import (
+        FoundState as FoundState,
+        ParetoArchive as ParetoArchive,
+    )
+    from envgraph.search.optimising._search_walk import Strategy as Strategy, Walk as Walk
     from envgraph.search.optimising._tree_search import TreeSearch as TreeSearch
-    from envgraph.search.optimising._walk import Strategy as Strategy, Walk as Walk
 
-later(globals())
+export_lazily(globals())

@@ -10,8 +10,8 @@ from envgraph.errors import InvalidArgument
 from envgraph.lang import numeric_parameters
 from envgraph.metamodel import Scalar
 from envgraph.rewrite import Engine
-from envgraph.search.problem._measures import MatchCount, PatternValue
-from envgraph.search.problem._problem import IndividualMeasure, number
+from envgraph.search.problem._model_measures import MatchCount, PatternValue
+from envgraph.search.problem._problem import IndividualMeasure, checked_number
 
 Sense = Literal["maximise", "minimise"]
 
@@ -31,13 +31,13 @@ class Goal:
     otherwise: float | None = None
 
     @classmethod
-    def of(cls, engine: Engine, pattern: str, sense: Sense) -> Goal:
+    def from_pattern(cls, engine: Engine, pattern: str, sense: Sense) -> Goal:
         """Return the goal for a pattern: its numeric parameter, or its number of matches if no parameter is numeric.
 
         Raises:
             InvalidArgument: the pattern does not exist, or has several numeric parameters.
         """
-        name = engine.catalog.asked(pattern)[0].definition
+        name = engine.catalog.query_target(pattern)[0].definition
         numbers = numeric_parameters(engine.library, name) or {}
         if len(numbers) > 1:
             known = " and ".join(f"`{one}`" for one in numbers)
@@ -48,24 +48,24 @@ class Goal:
             return cls(pattern, PatternValue(name, place, whole=type_ is Scalar.INT), sense)
         return cls(pattern, MatchCount(name), sense)
 
-    def cost(self, measured: object) -> float:
+    def value_to_cost(self, measured: object) -> float:
         """Convert a value of the measure to a cost. A lower cost is better.
 
         An infinite value is replaced by `otherwise`; `inf` is returned if there is no value and no substitute.
         """
-        value = number(measured, f"objective `{self.name}`")
+        value = checked_number(measured, f"objective `{self.name}`")
         if value in (inf, -inf):
             value = inf if self.otherwise is None else self.otherwise
             if value == inf:
                 return inf
         return -value if self.sense == "maximise" else value
 
-    def value(self, cost: float) -> float:
+    def cost_to_value(self, cost: float) -> float:
         """Convert a cost back to the value of the measure; `inf`, a missing value, stays `inf`."""
         return -cost if self.sense == "maximise" and cost != inf else cost
 
 
-class Standing(NamedTuple):
+class ConstrainedCosts(NamedTuple):
     """The evaluation of a model. A lower violation is better, whatever the costs (Deb 2000, "constraint-domination").
 
     Attributes:
@@ -76,7 +76,7 @@ class Standing(NamedTuple):
     violation: float
     costs: tuple[float, ...]
 
-    def dominates(self, other: Standing) -> bool:
+    def dominates(self, other: ConstrainedCosts) -> bool:
         """Return True if this evaluation dominates the other: not worse in anything and better in something."""
         if self.violation != other.violation:
             return self.violation < other.violation

@@ -6,22 +6,22 @@ from math import inf, log, sqrt
 
 from envgraph.code import dataclass
 from envgraph.errors import InvalidArgument
-from envgraph.lang import Options, key
-from envgraph.search.optimising._archive import Found
-from envgraph.search.optimising._goals import Standing
-from envgraph.search.optimising._walk import Walk
+from envgraph.lang import ComponentOptions, key
+from envgraph.search.optimising._goals import ConstrainedCosts
+from envgraph.search.optimising._pareto_archive import FoundState
+from envgraph.search.optimising._search_walk import Walk
 
 
-class _Node:
+class _SearchNode:
     """A state in the search tree, with its number of visits and the sum of the rewards in its subtree."""
 
     __slots__ = ("children", "found", "reward", "visits")
 
-    def __init__(self, found: Found) -> None:
-        self.found, self.children = found, list[_Node]()
+    def __init__(self, found: FoundState) -> None:
+        self.found, self.children = found, list[_SearchNode]()
         self.visits, self.reward = 0, 0.0
 
-    def best_child(self, exploration: float) -> _Node:
+    def best_child(self, exploration: float) -> _SearchNode:
         """Return the child with the highest upper confidence bound (UCB1; Kocsis and Szepesvári 2006)."""
         spread = exploration * sqrt(log(self.visits))
         return max(self.children, key=lambda child: child.reward / child.visits + spread / sqrt(child.visits))
@@ -40,8 +40,8 @@ class TreeSearch:
         length: number of random moves from a state to its child.
     """
 
-    exploration: float = key(0.1, Options.number, low=0, high=1e9)
-    length: int = key(10, Options.integer, low=1, most="width")
+    exploration: float = key(0.1, ComponentOptions.number, low=0, high=1e9)
+    length: int = key(10, ComponentOptions.integer, low=1, most="width")
 
     def __post_init__(self) -> None:
         if self.exploration < 0 or self.length < 1:
@@ -51,25 +51,25 @@ class TreeSearch:
 
     def search(self, walk: Walk) -> None:
         """Search by Monte Carlo tree search until the walk is over."""
-        scale, root = _Scale(walk.here), _Node(walk.start)
+        scale, root = _RewardScale(walk.current_costs), _SearchNode(walk.initial_state)
         while not walk.over():
             node, line = root, [root]
             while node.children and len(node.children) > sqrt(node.visits):
                 node = node.best_child(self.exploration)
                 line.append(node)
-            walk.go(node.found)
-            best = self._play(walk, scale)
+            walk.check_out(node.found)
+            best = self._play_random_moves(walk, scale)
             if best is not None:
-                node.children.append(_Node(best))
+                node.children.append(_SearchNode(best))
                 line.append(node.children[-1])
-            reward = scale.reward(line[-1].found.standing)
+            reward = scale.reward_of(line[-1].found.costs)
             for visited in line:
                 visited.visits += 1
                 visited.reward += reward
 
-    def _play(self, walk: Walk, scale: _Scale) -> Found | None:
+    def _play_random_moves(self, walk: Walk, scale: _RewardScale) -> FoundState | None:
         """Make random moves from the current state. Return the best state on the way; None if no move succeeded."""
-        best: Found | None = None
+        best: FoundState | None = None
         for _ in range(self.length):
             if walk.over():
                 break
@@ -77,28 +77,28 @@ class TreeSearch:
             if standing is None:
                 continue
             walk.keep()
-            scale.follow(standing)
-            if best is None or scale.reward(standing) >= scale.reward(best.standing):
-                best = walk.found()
+            scale.update_range(standing)
+            if best is None or scale.reward_of(standing) >= scale.reward_of(best.costs):
+                best = walk.commit_state()
         return best
 
 
-class _Scale:
+class _RewardScale:
     """A scale of rewards from 0 to 1, relative to the best and worst evaluations so far; below 0.5 for violations."""
 
-    def __init__(self, standing: Standing) -> None:
+    def __init__(self, standing: ConstrainedCosts) -> None:
         self._violation = standing.violation
         self._low, self._high = [inf] * len(standing.costs), [-inf] * len(standing.costs)
-        self.follow(standing)
+        self.update_range(standing)
 
-    def follow(self, standing: Standing) -> None:
+    def update_range(self, standing: ConstrainedCosts) -> None:
         self._violation = max(self._violation, standing.violation)
         for place, cost in enumerate(standing.costs):
             if cost < inf:
                 self._low[place] = min(self._low[place], cost)
                 self._high[place] = max(self._high[place], cost)
 
-    def reward(self, standing: Standing) -> float:
+    def reward_of(self, standing: ConstrainedCosts) -> float:
         if standing.violation:
             return 0.5 * (1 - standing.violation / self._violation)
         parts = [

@@ -8,19 +8,19 @@ from math import fsum, inf, isfinite, log, log10
 from typing import Final
 
 from envgraph.code import dataclass
-from envgraph.graph import Shapes
-from envgraph.search.problem._diversity import BinnedEntropy
-from envgraph.search.problem._pool import Candidate
+from envgraph.graph import IsomorphismClasses
+from envgraph.search.problem._candidate_pool import Candidate
+from envgraph.search.problem._statistics import BinnedEntropy
 
-LEAST: Final = -1e9
+LOWEST_SCORE: Final = -1e9
 """Used in place of minus infinity, so that sums and differences of scores stay finite."""
 
 
 @dataclass(frozen=True, slots=True)
-class Coverage:
+class BinCoverage:
     """A statistic: the share of the usable bins that contain a member, from 0 to 1. The order does not matter.
 
-    >>> Coverage(BinnedEntropy(4)).score([0.1, 0.2, 0.6])
+    >>> BinCoverage(BinnedEntropy(4)).score([0.1, 0.2, 0.6])
     0.5
     """
 
@@ -28,18 +28,18 @@ class Coverage:
 
     def score(self, values: Sequence[float]) -> float:
         """Return the share of the usable bins that contain a value."""
-        return sum(map(bool, self.bins.counts(values))) / self.bins.usable
+        return sum(map(bool, self.bins.bin_counts(values))) / self.bins.usable_bins
 
     def maximum(self, size: int) -> float:
         """Return the share if `size` members fill as many bins as possible."""
-        return min(1.0, size / self.bins.usable)
+        return min(1.0, size / self.bins.usable_bins)
 
 
 @dataclass(frozen=True, slots=True)
-class Fewest:
+class SmallestBinCount:
     """A statistic: the number of members in the usable bin with the fewest members. The order does not matter.
 
-    >>> Fewest(BinnedEntropy(2)).score([0.1, 0.2, 0.6])
+    >>> SmallestBinCount(BinnedEntropy(2)).score([0.1, 0.2, 0.6])
     1.0
     """
 
@@ -47,34 +47,34 @@ class Fewest:
 
     def score(self, values: Sequence[float]) -> float:
         """Return the number of values in the usable bin with the fewest values; 0.0 if a usable bin is empty."""
-        counts = self.bins.counts(values)
-        return 0.0 if sum(map(bool, counts)) < self.bins.usable else float(min(filter(None, counts)))
+        counts = self.bins.bin_counts(values)
+        return 0.0 if sum(map(bool, counts)) < self.bins.usable_bins else float(min(filter(None, counts)))
 
     def maximum(self, size: int) -> float:
         """Return the number of members in the smallest bin if `size` members are spread evenly."""
-        return float(size // self.bins.usable)
+        return float(size // self.bins.usable_bins)
 
 
 @dataclass(frozen=True, slots=True)
-class Most:
+class LargestBinCount:
     """A statistic: the number of members in the bin with the most members. The order does not matter."""
 
     bins: BinnedEntropy
 
     def score(self, values: Sequence[float]) -> float:
         """Return the number of values in the bin with the most values."""
-        return float(max(self.bins.counts(values)))
+        return float(max(self.bins.bin_counts(values)))
 
 
 @dataclass(frozen=True, slots=True)
-class Evenness:
+class StepEvenness:
     """A statistic: how evenly a measure changes from each member to the next, from 0 to 1.
 
     Each change is divided by the sum of all absolute changes. The evenness is the entropy of these shares divided by
     its maximum (Pielou 1966, of abundances). It is 1 if all changes are equal, and 0 if at most one change is not 0. It
     depends on the order of the members, but the reversed order has the same evenness.
 
-    >>> Evenness().score([0.0, 1.0, 2.0]), Evenness().score([0.0, 2.0, 2.0])
+    >>> StepEvenness().score([0.0, 1.0, 2.0]), StepEvenness().score([0.0, 2.0, 2.0])
     (1.0, 0.0)
     """
 
@@ -94,12 +94,12 @@ class Evenness:
 
 
 @dataclass(frozen=True, slots=True)
-class Rising:
+class RisingShare:
     """A statistic: the share of consecutive pairs of members in which a measure does not decrease, from 0 to 1.
 
     It depends on the order of the members. Fewer than two members score 1.
 
-    >>> Rising().score([1.0, 1.0, 3.0, 2.0, 2.5])
+    >>> RisingShare().score([1.0, 1.0, 3.0, 2.0, 2.5])
     0.75
     """
 
@@ -113,21 +113,21 @@ class Rising:
         return 1.0
 
 
-class Distinct:
+class DistinctMembers:
     """A family measure: the number of non-isomorphic members divided by the number of members, from 0 to 1.
 
     The order of the members does not matter.
     """
 
     def __init__(self) -> None:
-        self._shapes = Shapes()
+        self._shapes = IsomorphismClasses()
 
     def score(self, members: Sequence[Candidate]) -> float:
         """Return the share of members that remain if isomorphic members count once; 1 for no members."""
-        return len({self._shape(member) for member in members}) / len(members) if members else 1.0
+        return len({self._shape_number(member) for member in members}) / len(members) if members else 1.0
 
-    def _shape(self, member: Candidate) -> int:
-        return member.once(self, lambda: self._shapes.number(member.model.graph.store))
+    def _shape_number(self, member: Candidate) -> int:
+        return member.once(self, lambda: self._shapes.class_number(member.model.graph.store))
 
     def maximum(self, size: int) -> float:
         """Return 1, the score of a family without isomorphic members."""
@@ -147,29 +147,27 @@ class ChainTransfer:
         from envgraph.env import TooManyStates
 
         try:
-            found = fsum(
-                self._transfer(before, member) for before, member in pairwise((None, *members)) if member
-            )
+            found = fsum(self._log_success(before, member) for before, member in pairwise((None, *members)) if member)
         except TooManyStates:
-            return LEAST
-        return found if isfinite(found) else LEAST
+            return LOWEST_SCORE
+        return found if isfinite(found) else LOWEST_SCORE
 
     @staticmethod
-    def _transfer(before: Candidate | None, member: Candidate) -> float:
+    def _log_success(before: Candidate | None, member: Candidate) -> float:
         """Return log10 of the success probability in `member`, cached; -inf if it is 0.
 
         The policy is the softened optimal policy of `before`, or a random policy if `before` is None.
         """
         from envgraph.solve import hit_probability, softened_policy
 
-        def found() -> float:
+        def compute_log_success() -> float:
             policy = None
             if before is not None:
                 policy = before.once("softened policy", lambda: softened_policy(before.tabular))
             hit = hit_probability(member.tabular, policy)
             return log10(hit) if hit > 0.0 else -inf
 
-        return member.once(("transfer", before and before.state), found)
+        return member.once(("transfer", before and before.state), compute_log_success)
 
     def maximum(self, size: int) -> float:
         """Return 0, the score if every success probability is 1."""

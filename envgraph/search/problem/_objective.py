@@ -10,15 +10,15 @@ from typing import Protocol
 from envgraph.code import dataclass
 from envgraph.errors import TOLERANCE
 from envgraph.pattern import Expression, Variable, value_of
-from envgraph.search.problem._diversity import Bounded, Swaps
-from envgraph.search.problem._family_measures import LEAST
-from envgraph.search.problem._pool import Candidate, FamilyMeasure, Pool, swaps_of
-from envgraph.search.problem._problem import finite
+from envgraph.search.problem._candidate_pool import Candidate, FamilyMeasure, Pool, make_swaps
+from envgraph.search.problem._family_measures import LOWEST_SCORE
+from envgraph.search.problem._problem import checked_finite_number
+from envgraph.search.problem._statistics import BoundedMeasure, Swaps
 
-Values = Mapping[str, float]
+MeasureScores = Mapping[str, float]
 
 
-class Composed(Protocol):
+class ComposedMeasure(Protocol):
     """A family measure that is computed from the scores of other family measures.
 
     Attributes:
@@ -27,12 +27,12 @@ class Composed(Protocol):
 
     measures: Mapping[str, FamilyMeasure]
 
-    def of(self, values: Values) -> float:
+    def score_from(self, values: MeasureScores) -> float:
         """Return the score of a family, given the scores of the other family measures."""
 
     def score(self, members: Sequence[Candidate]) -> float:
         """Return the score of a family. Raise `EvaluationError` if a score of another measure is not finite."""
-        return self.of(values_of(self.measures, members))
+        return self.score_from(scores_by_measure(self.measures, members))
 
     def swaps(self, pool: Pool, members: Sequence[int]) -> Swaps:
         """Return an object for the score changes if a member is exchanged, made from those of the other measures."""
@@ -45,9 +45,12 @@ class _ComposedSwaps:
     Invariant: `_values` are the scores of the family that `_swaps` currently describe.
     """
 
-    def __init__(self, measure: Composed, pool: Pool, members: Sequence[int]) -> None:
-        self._of, self._values = measure.of, values_of(measure.measures, pool.family(members))
-        self._swaps = {name: swaps_of(one, pool, members) for name, one in measure.measures.items()}
+    def __init__(self, measure: ComposedMeasure, pool: Pool, members: Sequence[int]) -> None:
+        self._of, self._values = (
+            measure.score_from,
+            scores_by_measure(measure.measures, pool.family_of(members)),
+        )
+        self._swaps = {name: make_swaps(one, pool, members) for name, one in measure.measures.items()}
         self._score = self._of(self._values)
 
     def delta(self, leaving: int, entering: int) -> float:
@@ -63,19 +66,20 @@ class _ComposedSwaps:
         return {name: self._values[name] + one.delta(leaving, entering) for name, one in self._swaps.items()}
 
 
-def values_of(measures: Mapping[str, FamilyMeasure], members: Sequence[Candidate]) -> dict[str, float]:
+def scores_by_measure(measures: Mapping[str, FamilyMeasure], members: Sequence[Candidate]) -> dict[str, float]:
     """Return the scores of a family by several measures, keyed by the measures' texts.
 
     Raises:
         EvaluationError: a score is not a finite number.
     """
     return {
-        name: finite(one.score(members), f"measure of families `{name}`") for name, one in measures.items()
+        name: checked_finite_number(one.score(members), f"measure of families `{name}`")
+        for name, one in measures.items()
     }
 
 
 @dataclass(frozen=True)
-class Term(Composed):
+class ObjectiveTerm(ComposedMeasure):
     """An expression over family measures that an objective maximises or minimises.
 
     Attributes:
@@ -89,39 +93,39 @@ class Term(Composed):
     measures: Mapping[str, FamilyMeasure]
     sense: int = 1
 
-    def value(self, values: Values) -> float:
+    def expression_value(self, values: MeasureScores) -> float:
         """Return the value of the expression for these scores.
 
         If the expression divides by 0, return the worst value: -1e9 if it is maximised, 1e9 if it is minimised.
         """
         found = value_of(self.expression, values)
-        return LEAST * self.sense if found is None or not isfinite(float(found)) else float(found)
+        return LOWEST_SCORE * self.sense if found is None or not isfinite(float(found)) else float(found)
 
-    def of(self, values: Values) -> float:
+    def score_from(self, values: MeasureScores) -> float:
         """Return the value of the expression, negated if the expression is minimised."""
-        return self.sense * self.value(values)
+        return self.sense * self.expression_value(values)
 
     def maximum(self, size: int) -> float:
         """Return an upper bound on the score of a family of `size` members; infinity if no bound is known.
 
         A bound is known if the expression is a single bounded measure that is maximised.
         """
-        one = self._alone
-        return one.maximum(size) if isinstance(one, Bounded) else inf
+        one = self._single_measure
+        return one.maximum(size) if isinstance(one, BoundedMeasure) else inf
 
     def swaps(self, pool: Pool, members: Sequence[int]) -> Swaps:
         """Return an object for the score changes if a member is exchanged. A single measure uses its own `swaps`."""
-        one = self._alone
-        return _ComposedSwaps(self, pool, members) if one is None else swaps_of(one, pool, members)
+        one = self._single_measure
+        return _ComposedSwaps(self, pool, members) if one is None else make_swaps(one, pool, members)
 
     @property
-    def _alone(self) -> FamilyMeasure | None:
+    def _single_measure(self) -> FamilyMeasure | None:
         alone = isinstance(self.expression, Variable) and self.sense == 1
         return next(iter(self.measures.values())) if alone else None
 
 
 @dataclass(frozen=True, slots=True)
-class Condition:
+class FamilyCondition:
     """A comparison of two expressions over family measures.
 
     Attributes:
@@ -130,28 +134,28 @@ class Condition:
     """
 
     text: str
-    left: Term
+    left: ObjectiveTerm
     operator: str
-    right: Term
+    right: ObjectiveTerm
 
-    def excess(self, values: Values) -> float:
+    def violation(self, values: MeasureScores) -> float:
         """Return by how much the comparison is violated for these scores; 0 if it holds within a tolerance."""
-        above = self.left.value(values) - self.right.value(values)
+        above = self.left.expression_value(values) - self.right.expression_value(values)
         wrong = {"<=": above, ">=": -above, "==": abs(above)}[self.operator]
         return wrong if wrong > TOLERANCE else 0.0
 
 
-class Conditions(Composed):
+class ConditionsMeasure(ComposedMeasure):
     """Several conditions as one family measure: 0 if all hold, else minus the sum of their violations."""
 
-    def __init__(self, conditions: Sequence[Condition]) -> None:
+    def __init__(self, conditions: Sequence[FamilyCondition]) -> None:
         self._conditions = conditions
         sides = [side for one in conditions for side in (one.left, one.right)]
         self.measures = {name: one for side in sides for name, one in side.measures.items()}
 
-    def of(self, values: Values) -> float:
+    def score_from(self, values: MeasureScores) -> float:
         """Return minus the sum of the conditions' violations."""
-        return 0.0 - sum(one.excess(values) for one in self._conditions)
+        return 0.0 - sum(one.violation(values) for one in self._conditions)
 
     def maximum(self, size: int) -> float:
         """Return 0, the score of a family that satisfies all conditions."""
@@ -167,29 +171,29 @@ class Objective:
         conditions: conditions on the family; they take precedence over all terms.
     """
 
-    terms: tuple[Term, ...]
-    conditions: tuple[Condition, ...] = ()
+    terms: tuple[ObjectiveTerm, ...]
+    conditions: tuple[FamilyCondition, ...] = ()
 
     @cached_property
     def measures(self) -> tuple[FamilyMeasure, ...]:
         """Return the conditions and the terms as family measures, in order of precedence."""
-        first = (Conditions(self.conditions),) if self.conditions else ()
+        first = (ConditionsMeasure(self.conditions),) if self.conditions else ()
         return (*first, *self.terms)
 
-    def values(self, members: Sequence[Candidate]) -> dict[str, float]:
+    def term_values(self, members: Sequence[Candidate]) -> dict[str, float]:
         """Return the value of each term for a family, keyed by the text of the term."""
-        return {one.text: one.value(values_of(one.measures, members)) for one in self.terms}
+        return {one.text: one.expression_value(scores_by_measure(one.measures, members)) for one in self.terms}
 
-    def lacking(self, members: Sequence[Candidate]) -> dict[str, float]:
+    def violated_conditions(self, members: Sequence[Candidate]) -> dict[str, float]:
         """Return the violated conditions: by how much each is violated, keyed by its text."""
-        values = values_of(Conditions(self.conditions).measures, members)
-        excess = {one.text: one.excess(values) for one in self.conditions}
+        values = scores_by_measure(ConditionsMeasure(self.conditions).measures, members)
+        excess = {one.text: one.violation(values) for one in self.conditions}
         return {text: one for text, one in excess.items() if one}
 
-    def reached(self, members: Sequence[Candidate]) -> bool:
+    def is_at_maximum(self, members: Sequence[Candidate]) -> bool:
         """Return True if the family attains the maximum of every measure; False if a maximum is unknown."""
         size = len(members)
-        most = [one.maximum(size) for one in self.measures if isinstance(one, Bounded)]
+        most = [one.maximum(size) for one in self.measures if isinstance(one, BoundedMeasure)]
         return all(
             bound < inf and one.score(members) >= bound - TOLERANCE
             for one, bound in zip(self.measures, most, strict=True)

@@ -9,7 +9,7 @@ from numbers import Real
 from typing import TYPE_CHECKING, Any, Final, Protocol
 
 from envgraph.code import dataclass
-from envgraph.errors import EvaluationError, with_article
+from envgraph.errors import EvaluationError, quote_with_article
 from envgraph.pattern import (
     Aggregate,
     Binary,
@@ -24,15 +24,22 @@ from envgraph.pattern import (
     Variable,
 )
 from envgraph.rewrite import Engine
-from envgraph.search.problem._diversity import BinnedEntropy, Bounded, Gini, Statistic, Swaps, Variance
-from envgraph.search.problem._pool import FamilyMeasure, Over
+from envgraph.search.problem._candidate_pool import FamilyMeasure, StatisticMeasure
+from envgraph.search.problem._statistics import (
+    BinnedEntropy,
+    BoundedMeasure,
+    Gini,
+    Statistic,
+    Swaps,
+    Variance,
+)
 
 if TYPE_CHECKING:
     from envgraph.env import Behaviour
     from envgraph.search.problem._objective import Objective
 
 
-MOST_JUDGED: Final = 20_000
+MOST_CACHED_RESULTS: Final = 20_000
 """Number of models whose measures are cached, half a kilobyte each; the oldest entry is removed first."""
 
 
@@ -57,7 +64,7 @@ class IndividualMeasure(Protocol):
         """Return the measure of the engine's current model; `inf` if the model has no value."""
 
 
-class NoValue(EvaluationError):
+class MissingValueError(EvaluationError):
     """A model has no value of a measure, and the family file gives no substitute (`otherwise`).
 
     Attributes:
@@ -68,9 +75,9 @@ class NoValue(EvaluationError):
         super().__init__(f"the model has no value of `{measure}`")
         self.measure = measure
 
-    def __reduce__(self) -> tuple[type[NoValue], tuple[str]]:
+    def __reduce__(self) -> tuple[type[MissingValueError], tuple[str]]:
         """Return the constructor and its argument, so that worker processes can pickle the error."""
-        return NoValue, (self.measure,)
+        return MissingValueError, (self.measure,)
 
 
 @dataclass(frozen=True, slots=True)
@@ -83,9 +90,9 @@ class Require:
         """Return True if the pattern has a match."""
         return engine.exists(self.pattern)
 
-    def violation(self, library: Library) -> Body:
+    def violation_body(self, library: Library) -> Body:
         """Return the body of a query that matches if the constraint is violated."""
-        return Body((Negation(_find(library, self.pattern)),))
+        return Body((Negation(_any_match_call(library, self.pattern)),))
 
     def __str__(self) -> str:
         return f"require {self.pattern}"
@@ -101,16 +108,16 @@ class Forbid:
         """Return True if the pattern has no match."""
         return not engine.exists(self.pattern)
 
-    def violation(self, library: Library) -> Body:
+    def violation_body(self, library: Library) -> Body:
         """Return the body of a query that matches if the constraint is violated."""
-        return Body((_find(library, self.pattern),))
+        return Body((_any_match_call(library, self.pattern),))
 
     def __str__(self) -> str:
         return f"forbid {self.pattern}"
 
 
 @dataclass(frozen=True, slots=True)
-class CountWithin:
+class MatchCountWithin:
     """The constraint that a pattern has from `low` to `high` matches. If `high` is None, there is no upper bound."""
 
     pattern: str
@@ -122,20 +129,20 @@ class CountWithin:
         count = engine.count(self.pattern)
         return self.low <= count and (self.high is None or count <= self.high)
 
-    def violation(self, library: Library) -> Body:
+    def violation_body(self, library: Library) -> Body:
         """Return the body of a query that matches if the constraint is violated."""
         found = Variable("found")
         outside = Binary("<", found, Constant(self.low))
         if self.high is not None:
             outside = Binary("||", outside, Binary(">", found, Constant(self.high)))
-        count = Aggregate("count", _find(library, self.pattern))
+        count = Aggregate("count", _any_match_call(library, self.pattern))
         return Body((Comparison("==", found, count), Check(outside)))
 
     def __str__(self) -> str:
         return f"count {self.pattern} in {self.low}..{'*' if self.high is None else self.high}"
 
 
-def _named(library: Library, name: str) -> Pattern:
+def _find_pattern(library: Library, name: str) -> Pattern:
     """Return the pattern with this name.
 
     Raises:
@@ -144,24 +151,26 @@ def _named(library: Library, name: str) -> Pattern:
     return library.resolve(name) or library.get(name)
 
 
-def _find(library: Library, name: str) -> PatternCall:
+def _any_match_call(library: Library, name: str) -> PatternCall:
     """Return a call of a pattern with `_` for every parameter, which holds if the pattern has a match."""
-    pattern = _named(library, name)
+    pattern = _find_pattern(library, name)
     return PatternCall(pattern.qualified_name, (Variable("_"),) * len(pattern.parameters))
 
 
 @dataclass(frozen=True, slots=True)
-class _Queries:
+class _CombinedQuery:
     """Several constraints combined into one query, because one combined query is faster than several queries."""
 
     pattern: str
 
     @classmethod
-    def of(cls, library: Library, constraints: Sequence[Require | Forbid | CountWithin]) -> _Queries:
+    def from_constraints(
+        cls, library: Library, constraints: Sequence[Require | Forbid | MatchCountWithin]
+    ) -> _CombinedQuery:
         """Register the combined query in the library, unless it is registered already, and return the constraint."""
         name = "violation#" + ", ".join(map(str, constraints))
         if name not in library.names():
-            library.add(Pattern(name, (), tuple(constraint.violation(library) for constraint in constraints)))
+            library.add(Pattern(name, (), tuple(constraint.violation_body(library) for constraint in constraints)))
         return cls(name)
 
     def holds(self, engine: Engine) -> bool:
@@ -179,12 +188,12 @@ class Problem:
         constraints: the constraints on every model, the cheapest first.
         measures: the measures that are recorded of each individual, by name.
         diversity: a statistic of one measure of the members. It is maximised if there is no objective.
-        diversity_of: name of that measure.
+        diversity_measure_name: name of that measure.
         otherwise: substitutes for missing values, by name of the measure. A model is invalid if a measure without a
             substitute has no value.
         objective: the objective of a family, in place of diversity; or None.
         behaviour: the behaviour of the environments, for objectives that read transition tables; or None.
-        order: name of the measure that orders the members of a family. None: the measure of the diversity.
+        order_measure_name: name of the measure that orders the members of a family. None: the measure of the diversity.
         target_last: True if the initial model is the last member of a family, instead of being ordered like the others.
     """
 
@@ -193,70 +202,77 @@ class Problem:
     constraints: Sequence[Constraint]
     measures: Mapping[str, IndividualMeasure]
     diversity: Statistic
-    diversity_of: str
+    diversity_measure_name: str
     otherwise: Mapping[str, float] = field(default_factory=dict)
     objective: Objective | None = None
     behaviour: Behaviour | None = None
-    order: str | None = None
+    order_measure_name: str | None = None
     target_last: bool = True
     _checks: Sequence[Constraint] = field(init=False, repr=False, compare=False)
-    _open: list[Sequence[Constraint]] = field(default_factory=list, init=False, repr=False, compare=False)
-    _judged: dict[int, dict[str, float] | str] = field(
+    _violable_cache: list[Sequence[Constraint]] = field(default_factory=list, init=False, repr=False, compare=False)
+    _results_by_state: dict[int, dict[str, float] | str] = field(
         default_factory=dict, init=False, repr=False, compare=False
     )
 
     def __post_init__(self) -> None:
-        object.__setattr__(self, "_checks", self._joined(()))
-        if not isinstance(self.diversity, BinnedEntropy | Gini | Variance | _Checked):
-            object.__setattr__(self, "diversity", _Checked(self.diversity))
+        object.__setattr__(self, "_checks", self._combine_constraints(()))
+        if not isinstance(self.diversity, BinnedEntropy | Gini | Variance | _CheckedStatistic):
+            object.__setattr__(self, "diversity", _CheckedStatistic(self.diversity))
 
-    def _joined(self, fixed: Container[str]) -> tuple[Constraint, ...]:
-        """Return the constraints that are not on `fixed` patterns. Constraints that are queries become one query."""
-        queries, others = list[Require | Forbid | CountWithin](), list[Constraint]()
+    def _combine_constraints(self, fixed_patterns: Container[str]) -> tuple[Constraint, ...]:
+        """Return the constraints that are not on `fixed_patterns` patterns. Constraints that are queries become one
+        query.
+        """
+        queries, others = list[Require | Forbid | MatchCountWithin](), list[Constraint]()
         for one in self.constraints:
-            if not isinstance(one, Require | Forbid | CountWithin):
+            if not isinstance(one, Require | Forbid | MatchCountWithin):
                 others.append(one)
-            elif _named(self.engine.library, one.pattern).qualified_name not in fixed:
+            elif _find_pattern(self.engine.library, one.pattern).qualified_name not in fixed_patterns:
                 queries.append(one)
-        return (*([_Queries.of(self.engine.library, queries)] if queries else ()), *others)
+        return (
+            *([_CombinedQuery.from_constraints(self.engine.library, queries)] if queries else ()),
+            *others,
+        )
 
-    def _mutable(self) -> Sequence[Constraint]:
+    def _violable_constraints(self) -> Sequence[Constraint]:
         """Return the constraints that a mutation of a valid model can violate. The first call caches them."""
-        if not self._open:
-            from envgraph.env.compiled import unaffected
+        if not self._violable_cache:
+            from envgraph.env.compiled import unaffected_patterns
 
-            fixed = () if self.engine.events.active else unaffected(self.engine, self.mutations)
-            self._open.append(self._joined(fixed))
-        return self._open[0]
+            fixed = () if self.engine.events.has_event_rules else unaffected_patterns(self.engine, self.mutations)
+            self._violable_cache.append(self._combine_constraints(fixed))
+        return self._violable_cache[0]
 
-    def valid(self) -> bool:
+    def is_valid(self) -> bool:
         """Return True if the engine's current model satisfies every constraint."""
         return all(check.holds(self.engine) for check in self._checks)
 
-    def judged(self, *, mutated: bool = False) -> dict[str, float] | str:
+    def measures_or_rejection(self, *, is_mutated: bool = False) -> dict[str, float] | str:
         """Return the measures of the current model, or the reason why it is rejected. Results are cached by state hash.
 
-        If `mutated`, the model must come from mutations of a valid model; constraints that no mutation can violate are
-        skipped. Raises as `measure`.
+        If `is_mutated`, the model must come from mutations of a valid model; constraints that no mutation can violate
+        are skipped. Raises as `measure`.
         """
         state = self.engine.model.state_hash()
-        if state not in self._judged:
-            if len(self._judged) >= MOST_JUDGED:
-                del self._judged[next(iter(self._judged))]
-            self._judged[state] = self._judge(self._mutable() if mutated else self._checks)
-        return self._judged[state]
+        if state not in self._results_by_state:
+            if len(self._results_by_state) >= MOST_CACHED_RESULTS:
+                del self._results_by_state[next(iter(self._results_by_state))]
+            self._results_by_state[state] = self._compute_measures_or_rejection(
+                self._violable_constraints() if is_mutated else self._checks
+            )
+        return self._results_by_state[state]
 
-    def _judge(self, checks: Sequence[Constraint]) -> dict[str, float] | str:
+    def _compute_measures_or_rejection(self, checks: Sequence[Constraint]) -> dict[str, float] | str:
         if not all(check.holds(self.engine) for check in checks):
-            first = next(self.violations())
+            first = next(self.violated_constraints())
             why_not = getattr(first, "why_not", None)
             return f"`{first}` is violated" if why_not is None else str(why_not(self.engine))
         try:
-            return self.measure()
-        except NoValue as error:
+            return self.compute_measures()
+        except MissingValueError as error:
             return error.message
 
-    def violations(self) -> Iterator[Constraint]:
+    def violated_constraints(self) -> Iterator[Constraint]:
         """Yield the constraints that the current model violates, in their order. Check each constraint lazily."""
         return (constraint for constraint in self.constraints if not constraint.holds(self.engine))
 
@@ -264,14 +280,16 @@ class Problem:
     def family_measures(self) -> tuple[FamilyMeasure, ...]:
         """Return the measures by which families are compared, in order of precedence."""
         return (
-            (Over(self.diversity, self.diversity_of),) if self.objective is None else self.objective.measures
+            (StatisticMeasure(self.diversity, self.diversity_measure_name),)
+            if self.objective is None
+            else self.objective.measures
         )
 
-    def maximum(self, size: int) -> float:
+    def largest_diversity(self, size: int) -> float:
         """Return the largest diversity of a family of `size` members; infinity if it is unknown."""
-        return self.diversity.maximum(size) if isinstance(self.diversity, Bounded) else inf
+        return self.diversity.maximum(size) if isinstance(self.diversity, BoundedMeasure) else inf
 
-    def measure(self) -> dict[str, float]:
+    def compute_measures(self) -> dict[str, float]:
         """Return the value of every measure for the engine's current model. All values are finite.
 
         Raises:
@@ -280,29 +298,29 @@ class Problem:
         """
         values = {}
         for name, measure in self.measures.items():
-            value = number(measure.evaluate(self.engine), f"measure `{name}`")
+            value = checked_number(measure.evaluate(self.engine), f"measure `{name}`")
             if not isfinite(value):
                 if name not in self.otherwise:
-                    raise NoValue(name)
+                    raise MissingValueError(name)
                 value = self.otherwise[name]
             values[name] = value
         return values
 
 
-def number(value: object, what: str) -> float:
+def checked_number(value: object, description: str) -> float:
     """Convert the result of a user's function to a float, which may be infinite.
 
     Raises:
-        EvaluationError: the result is not a number. `what` names the function in the message.
+        EvaluationError: the result is not a number. `description` names the function in the message.
 
-    >>> number("many", "measure `fires`")
+    >>> checked_number("many", "measure `fires`")
     Traceback (most recent call last):
     envgraph.errors._exceptions.EvaluationError: measure `fires` must return a number, but returned a `str`
     ...
     """
     if type(value) is float and not isnan(value):
         return value
-    found = with_article(type(value).__name__)
+    found = quote_with_article(type(value).__name__)
     if isinstance(value, Real):
         try:
             converted = float(value)
@@ -313,22 +331,22 @@ def number(value: object, what: str) -> float:
                 return converted
             found = "`nan`"
     hint = "return a number, or `math.inf` if there is no value"
-    raise EvaluationError(f"{what} must return a number, but returned {found}", hint=hint)
+    raise EvaluationError(f"{description} must return a number, but returned {found}", hint=hint)
 
 
-def finite(value: object, what: str) -> float:
+def checked_finite_number(value: object, description: str) -> float:
     """Convert a score that a user's measure returned for a family to a finite float.
 
     Raises:
-        EvaluationError: the score is not a number, or is infinite. `what` names the measure in the message.
+        EvaluationError: the score is not a number, or is infinite. `description` names the measure in the message.
     """
-    found = number(value, what)
+    found = checked_number(value, description)
     if not isfinite(found):
-        raise EvaluationError(f"{what} is infinite", hint="return a finite number for every family")
+        raise EvaluationError(f"{description} is infinite", hint="return a finite number for every family")
     return found
 
 
-class _Checked:
+class _CheckedStatistic:
     """A user's statistic with a check that its results are numbers."""
 
     def __init__(self, statistic: Statistic) -> None:
@@ -336,11 +354,11 @@ class _Checked:
         self._what = f"diversity `{type(statistic).__name__}`"
 
     def score(self, values: Sequence[float]) -> float:
-        return finite(self._statistic.score(values), self._what)
+        return checked_finite_number(self._statistic.score(values), self._what)
 
     def maximum(self, size: int) -> float:
         bounded = self._statistic
-        return number(bounded.maximum(size), self._what) if isinstance(bounded, Bounded) else inf
+        return checked_number(bounded.maximum(size), self._what) if isinstance(bounded, BoundedMeasure) else inf
 
     def __getattr__(self, name: str) -> Any:
         """Return the checked `swaps` of the statistic. Raise `AttributeError` for other names or without `swaps`."""
@@ -358,4 +376,4 @@ class _CheckedSwaps:
         self.swap = swaps.swap
 
     def delta(self, leaving: int, entering: int) -> float:
-        return finite(self._swaps.delta(leaving, entering), self._what)
+        return checked_finite_number(self._swaps.delta(leaving, entering), self._what)

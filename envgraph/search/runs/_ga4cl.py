@@ -18,7 +18,7 @@ from envgraph.errors import Diagnostic, LoadError, Source, Span, name_hint
 from envgraph.graph import Model
 from envgraph.lang import JsonPath, parse_json
 
-_KEYS = {
+_KEY_TYPES = {
     "env_id": "a string",
     "desc": "a list of strings",
     "reward_schedule": "a list of numbers",
@@ -45,10 +45,10 @@ class GridVariant:
     row_spans: tuple[Span, ...] = field(default=(), compare=False, repr=False)
 
 
-def write_ga4cl(variants: Sequence[GridVariant]) -> str:
+def format_ga4cl(variants: Sequence[GridVariant]) -> str:
     """Format environments as the text of a ga4cl file, which ends with a newline. Numbers are written without loss.
 
-    >>> print(write_ga4cl([GridVariant("env_1", ("SG",), (0.0, 10.0), 0.5)]), end="")
+    >>> print(format_ga4cl([GridVariant("env_1", ("SG",), (0.0, 10.0), 0.5)]), end="")
     {
       "environments": [
         {
@@ -74,7 +74,7 @@ def write_ga4cl(variants: Sequence[GridVariant]) -> str:
     return '{\n  "environments": [\n' + ",\n".join(blocks) + "\n  ]\n}\n"
 
 
-def read_ga4cl(source: Source) -> tuple[GridVariant, ...]:
+def parse_ga4cl(source: Source) -> tuple[GridVariant, ...]:
     """Parse a ga4cl file, and return its environments in file order.
 
     Raises:
@@ -85,10 +85,10 @@ def read_ga4cl(source: Source) -> tuple[GridVariant, ...]:
     if problems:
         raise LoadError(problems)
     assert isinstance(value, dict)
-    return tuple(_variant(entry, index, spans) for index, entry in enumerate(value["environments"]))
+    return tuple(_parse_variant(entry, index, spans) for index, entry in enumerate(value["environments"]))
 
 
-def _variant(entry: Mapping[str, object], index: int, spans: Mapping[JsonPath, Span]) -> GridVariant:
+def _parse_variant(entry: Mapping[str, object], index: int, spans: Mapping[JsonPath, Span]) -> GridVariant:
     rows, rewards, complexity = entry["desc"], entry.get("reward_schedule", []), entry.get("complexity")
     assert isinstance(rows, list) and isinstance(rewards, list)
     assert complexity is None or isinstance(complexity, int | float)
@@ -104,9 +104,7 @@ def _variant(entry: Mapping[str, object], index: int, spans: Mapping[JsonPath, S
 def _check_file(value: object, spans: Mapping[JsonPath, Span]) -> Iterator[Diagnostic]:
     if not isinstance(value, dict) or not isinstance(value.get("environments"), list):
         hint = 'write an object with a list under "environments"'
-        yield Diagnostic(
-            "bad-format", "this is not a ga4cl file", spans.get(("environments",), spans[()]), hint
-        )
+        yield Diagnostic("bad-format", "this is not a ga4cl file", spans.get(("environments",), spans[()]), hint)
         return
     if not value["environments"]:
         yield Diagnostic(
@@ -134,15 +132,15 @@ def _check_entry(entry: object, path: JsonPath, spans: Mapping[JsonPath, Span]) 
         )
     for key, value in entry.items():
         here = (*path, key)
-        if key not in _KEYS:
-            yield Diagnostic("unknown-key", f"unknown key `{key}`", spans[here], name_hint(key, _KEYS))
-        elif not _fits(key, value):
-            yield Diagnostic("wrong-type", f"`{key}` must be {_KEYS[key]}", spans[here])
+        if key not in _KEY_TYPES:
+            yield Diagnostic("unknown-key", f"unknown key `{key}`", spans[here], name_hint(key, _KEY_TYPES))
+        elif not _has_right_type(key, value):
+            yield Diagnostic("wrong-type", f"`{key}` must be {_KEY_TYPES[key]}", spans[here])
         elif key == "desc":
             yield from _check_rows(value, here, spans)
 
 
-def _fits(key: str, value: object) -> bool:
+def _has_right_type(key: str, value: object) -> bool:
     match key:
         case "env_id":
             return isinstance(value, str)
@@ -159,9 +157,7 @@ def _check_rows(rows: Sequence[str], path: JsonPath, spans: Mapping[JsonPath, Sp
     for number, row in enumerate(rows):
         if len(row) != width or not row:
             message = f"this row has {len(row)} letters, but the first row has {width}"
-            yield Diagnostic(
-                "bad-format", message, spans[(*path, number)], "write as many letters in every row"
-            )
+            yield Diagnostic("bad-format", message, spans[(*path, number)], "write as many letters in every row")
 
 
 def grid_rows(model: Model, draw: DrawGrid) -> tuple[str, ...]:
@@ -169,9 +165,7 @@ def grid_rows(model: Model, draw: DrawGrid) -> tuple[str, ...]:
     cells = grid_cells(model, draw)
     classes = model.metamodel.classes
     letters = {
-        place: glyph.letter
-        for place, node in cells.items()
-        if (glyph := classes[model.graph.class_of(node)].glyph)
+        place: glyph.letter for place, node in cells.items() if (glyph := classes[model.graph.class_of(node)].glyph)
     }
     if not cells:
         return ()
@@ -200,7 +194,7 @@ def retype_grid(model: Model, draw: DrawGrid, variant: GridVariant) -> None:
     """
     cells = grid_cells(model, draw)
     mm = model.metamodel
-    by_letter = {glyph.letter: name for name in mm.concrete(draw.cls) if (glyph := mm.classes[name].glyph)}
+    by_letter = {glyph.letter: name for name in mm.concrete_classes(draw.cls) if (glyph := mm.classes[name].glyph)}
     problems = list(_check_grid(variant, cells, by_letter))
     if problems:
         raise LoadError(problems)
@@ -218,9 +212,7 @@ def _check_grid(
     width, height = (len({place[axis] for place in cells}) for axis in (0, 1))
     if (len(variant.rows[0]), len(variant.rows)) != (width, height):
         size = f"{len(variant.rows[0])} x {len(variant.rows)}"
-        message = (
-            f"the size of `{variant.name}` is {size}, but that of the domain's model is {width} x {height}"
-        )
+        message = f"the size of `{variant.name}` is {size}, but that of the domain's model is {width} x {height}"
         yield Diagnostic(
             "bad-format", message, spans[0], "name a domain whose model has this size: `--domain DIRECTORY`"
         )
@@ -228,8 +220,6 @@ def _check_grid(
     for row, span in zip(variant.rows, spans, strict=True):
         for place, letter in enumerate(row):
             if letter not in by_letter:
-                at = span and span.source.span(span.start + 1 + place, span.start + 2 + place)
-                hint = "use one of the letters " + ", ".join(
-                    f"`{known}` {name}" for known, name in by_letter.items()
-                )
+                at = span and span.source.span_between(span.start + 1 + place, span.start + 2 + place)
+                hint = "use one of the letters " + ", ".join(f"`{known}` {name}" for known, name in by_letter.items())
                 yield Diagnostic("unknown-glyph", f"no cell class has the glyph `{letter}`", at, hint)

@@ -7,26 +7,26 @@ from pathlib import Path
 from typing import Any
 
 from envgraph.env import DrawGrid, GridScene, Scene
-from envgraph.errors import TOLERANCE, Diagnostic, InvalidArgument, LoadError, Severity, Source, listed
-from envgraph.files import telling
+from envgraph.errors import TOLERANCE, Diagnostic, InvalidArgument, LoadError, Severity, Source, list_names
+from envgraph.files import report_progress
 from envgraph.graph import model_to_json
 from envgraph.lang import FamilySpec
-from envgraph.search._store import Generation, Individual, RunStore, dump_json
-from envgraph.search.curricula import CurriculumProgress, CurriculumSearch, Levels
+from envgraph.search._run_store import Generation, Individual, RunStore, dump_json
+from envgraph.search.curricula import CurriculumProgress, CurriculumSearch, LevelFactory
 from envgraph.search.domain._components import Components
 from envgraph.search.domain._domain import Domain
-from envgraph.search.evolution._evolution import Evolution
-from envgraph.search.evolution._samples import SampleProgress, Sampler
-from envgraph.search.families._family import Family, domain_of, family_of
+from envgraph.search.evolution._genetic_algorithm import Evolution
+from envgraph.search.evolution._model_sampler import ModelSampler, SampleProgress
+from envgraph.search.families._member_family import Family, load_stored_domain, load_stored_family
 from envgraph.search.problem._objective import Objective
 from envgraph.search.problem._problem import Problem
-from envgraph.search.runs._ga4cl import GridVariant, grid_rows, read_ga4cl, retype_grid, write_ga4cl
-from envgraph.search.runs._rewards import reward_schedule
+from envgraph.search.runs._ga4cl import GridVariant, format_ga4cl, grid_rows, parse_ga4cl, retype_grid
+from envgraph.search.runs._reward_schedule import reward_schedule
 
-Progress = Callable[[Generation], None]
-Climbing = Callable[[CurriculumProgress], None]
-Drawing = Callable[[SampleProgress], None]
-Warn = Callable[[Sequence[Diagnostic]], None]
+OnGeneration = Callable[[Generation], None]
+OnCurriculumProgress = Callable[[CurriculumProgress], None]
+OnSampleProgress = Callable[[SampleProgress], None]
+OnWarnings = Callable[[Sequence[Diagnostic]], None]
 
 
 def generate(
@@ -39,10 +39,10 @@ def generate(
     samples: int | None = None,
     overrides: Sequence[str] = (),
     components: Components | None = None,
-    progress: Progress = lambda generation: None,
-    climbing: Climbing = lambda progress: None,
-    drawing: Drawing = lambda progress: None,
-    warn: Warn = lambda diagnostics: None,
+    progress: OnGeneration = lambda generation: None,
+    climbing: OnCurriculumProgress = lambda progress: None,
+    drawing: OnSampleProgress = lambda progress: None,
+    warn: OnWarnings = lambda diagnostics: None,
     workers: int = 1,
 ) -> Family:
     """Generate a family by a search or by sampling, and store the run.
@@ -75,7 +75,7 @@ def generate(
         "samples.count": samples,
     }
     chosen = [f"{key}={value}" for key, value in given.items() if value is not None]
-    return evolve(
+    return generate_from_domain(
         Domain.load(location, components, [*chosen, *overrides]),
         store_path,
         progress=progress,
@@ -86,41 +86,41 @@ def generate(
     )
 
 
-def evolve(
+def generate_from_domain(
     domain: Domain,
     store_path: Path,
     *,
     overwrite: bool = False,
-    progress: Progress = lambda generation: None,
-    climbing: Climbing = lambda progress: None,
-    drawing: Drawing = lambda progress: None,
-    warn: Warn = lambda diagnostics: None,
+    progress: OnGeneration = lambda generation: None,
+    climbing: OnCurriculumProgress = lambda progress: None,
+    drawing: OnSampleProgress = lambda progress: None,
+    warn: OnWarnings = lambda diagnostics: None,
     workers: int = 1,
 ) -> Family:
     """Generate a family of a domain, as `generate` does. With `overwrite` an existing run is replaced."""
     if domain.spec.optimise is not None:
-        place = Source(domain.spec.path, "").span(0, 0)
+        place = Source(domain.spec.path, "").span_between(0, 0)
         message, hint = "the file describes an optimisation, not a family", "use `envgraph optimise`"
         raise LoadError([Diagnostic("no-family", message, place, hint)])
     problem = domain.problem(domain.engine())
-    with telling():  # one progress display for all individuals whose states are visited
+    with report_progress():  # one progress display for all individuals whose states are visited
         warn(domain.check_initial(problem))
-        search = _search(
+        search = _search_function(
             domain, problem, progress, climbing, drawing, workers
         )  # errors are raised before the run is created
-        with RunStore.create(store_path, *stored(domain), overwrite=overwrite) as store:
+        with RunStore.create(store_path, *stored_settings_and_texts(domain), overwrite=overwrite) as store:
             search(store)
-            return _found(store, domain)
+            return _load_run_family(store, domain)
 
 
-def _found(store: RunStore, domain: Domain) -> Family:
+def _load_run_family(store: RunStore, domain: Domain) -> Family:
     """Return the family of a run. Its domain includes the numbers of members and steps chosen by the search."""
     if domain.overrides != store.overrides:
-        domain = domain_of(store.bundle(), store.overrides, str(store.path), domain.components)
-    return family_of(store, domain)
+        domain = load_stored_domain(store.bundle(), store.overrides, str(store.path), domain.components)
+    return load_stored_family(store, domain)
 
 
-def stored(domain: Domain) -> tuple[dict[str, Any], Mapping[str, str]]:
+def stored_settings_and_texts(domain: Domain) -> tuple[dict[str, Any], Mapping[str, str]]:
     """Return the settings and the texts of a domain that are stored when a run is created."""
     bundle = domain.workspace.bundle()
     settings = {"name": domain.spec.name, "roots": list(bundle.roots), "overrides": list(domain.overrides)}
@@ -132,9 +132,9 @@ def resume(
     *,
     generations: int | None = None,
     components: Components | None = None,
-    progress: Progress = lambda generation: None,
-    climbing: Climbing = lambda progress: None,
-    drawing: Drawing = lambda progress: None,
+    progress: OnGeneration = lambda generation: None,
+    climbing: OnCurriculumProgress = lambda progress: None,
+    drawing: OnSampleProgress = lambda progress: None,
     workers: int = 1,
 ) -> Family:
     """Resume an interrupted run from its stored texts. The result is the same as without the interruption.
@@ -155,78 +155,81 @@ def resume(
             raise InvalidArgument(f"{store_path} contains an imported family, which cannot be resumed")
         last = store.last_generation()
         if generations is not None and last is not None and generations <= last.number:
-            raise InvalidArgument(
-                f"{store_path} has {last.number} generations already: give more, as `generations`"
-            )
+            raise InvalidArgument(f"{store_path} has {last.number} generations already: give more, as `generations`")
         overrides = list(store.overrides)
-        domain = domain_of(store.bundle(), overrides, str(store.path), components)
-        if generations is not None and not domain.spec.evolves:
-            what = "an objective" if domain.spec.climbs else "samples"
+        domain = load_stored_domain(store.bundle(), overrides, str(store.path), components)
+        if generations is not None and not domain.spec.uses_genetic_algorithm:
+            what = "an objective" if domain.spec.searches_whole_families else "samples"
             raise InvalidArgument(f"{store_path} has {what} and thus no generations: leave `generations` out")
         if generations not in (None, domain.spec.search.generations):
             overrides.append(f"search.generations={generations}")
-            domain = domain_of(store.bundle(), overrides, str(store.path), components)
-            store.set("overrides", overrides)
-        if domain.spec.evolves or last is None:
-            with telling():
-                _search(domain, domain.problem(domain.engine()), progress, climbing, drawing, workers)(store)
-        return _found(store, domain)
+            domain = load_stored_domain(store.bundle(), overrides, str(store.path), components)
+            store.set_setting("overrides", overrides)
+        if domain.spec.uses_genetic_algorithm or last is None:
+            with report_progress():
+                _search_function(domain, domain.problem(domain.engine()), progress, climbing, drawing, workers)(store)
+        return _load_run_family(store, domain)
 
 
-def _search(
-    domain: Domain, problem: Problem, progress: Progress, climbing: Climbing, drawing: Drawing, workers: int
+def _search_function(
+    domain: Domain,
+    problem: Problem,
+    progress: OnGeneration,
+    climbing: OnCurriculumProgress,
+    drawing: OnSampleProgress,
+    workers: int,
 ) -> Callable[[RunStore], object]:
     """Return a function that makes a family, by evolution, curriculum search or sampling, and writes it to a store."""
     search, settings, seed = domain.curriculum_search(), domain.settings(), domain.spec.seed
     wanted = domain.samples()
     if wanted is not None:
-        return lambda store: _drawn(Sampler(problem, settings, wanted, seed), drawing, store)
+        return lambda store: _sample_and_write(ModelSampler(problem, settings, wanted, seed), drawing, store)
     if search is None:
         return lambda store: Evolution(problem, settings, seed, store).run(progress)
     assert domain.behaviour is not None, "check_family demands an environment for an objective"
     make, climb = search
-    levels = Levels(problem, domain.behaviour)
+    levels = LevelFactory(problem, domain.behaviour)
     objective = domain.objective() or Objective(())
     judged, before = make(levels, workers), objective.measures[:-1] if objective.terms else objective.measures
     whole = CurriculumSearch(levels, judged, climb, seed, climbing, before)
-    return lambda store: _store(store, levels, whole.run(), objective, domain.spec)
+    return lambda store: _write_curriculum(store, levels, whole.run(), objective, domain.spec)
 
 
-def _drawn(sampler: Sampler, drawing: Drawing, store: RunStore) -> None:
+def _sample_and_write(sampler: ModelSampler, drawing: OnSampleProgress, store: RunStore) -> None:
     sampler.run(drawing)
-    sampler.write(store)
+    sampler.write_run(store)
 
 
-def _store(
-    store: RunStore, levels: Levels, found: CurriculumProgress, objective: Objective, spec: FamilySpec
+def _write_curriculum(
+    store: RunStore, levels: LevelFactory, result: CurriculumProgress, objective: Objective, spec: FamilySpec
 ) -> None:
     """Write a family from a curriculum search: the target, and the trace from the target to each other member.
 
     If the search chose the number of members or steps, write these numbers as overrides of the family file.
     """
     born = []
-    for id_, level in enumerate([found.family[-1], *found.family[:-1]]):
+    for id_, level in enumerate([result.family[-1], *result.family[:-1]]):
         parent = None if id_ == 0 else 0
         state = f"{level.state:016x}"
-        levels.go_to(level.version)
+        levels.check_out(level.version)
         model = dump_json(model_to_json(levels.engine.model))
         born.append(Individual(id_, 0, id_ - 1, parent, level.trace, level.measures, state, model))
     members = (*range(1, len(born)), 0)
-    rejected = dict(sorted(levels.rejected.items()))
-    diversity = levels.diversity(found.family)
+    rejected = dict(sorted(levels.rejection_counts.items()))
+    diversity = levels.family_diversity(result.family)
     # A stored generation marks the run as finished, so everything is written in one transaction.
-    worth = {"values": objective.values(found.family)} if objective.terms else {"value": found.value}
+    worth = {"values": objective.term_values(result.family)} if objective.terms else {"value": result.value}
     about = {
         **worth,
-        "learnt": dict(found.learnt),
-        "lacking": objective.lacking(found.family),
-        "families": found.tried,
-        "origin": str(found.origin),
-        "exempted": [*levels.exempted],
+        "learnt": dict(result.learning_results),
+        "lacking": objective.violated_conditions(result.family),
+        "families": result.families_judged,
+        "origin": str(result.origin),
+        "exempted": [*levels.dropped_constraints],
     }
     chosen = [] if len(born) == spec.search.population else [f"search.population={len(born)}"]
-    if "steps" in found.learnt and not spec.has_key("training", "steps_per_environment"):
-        chosen.append(f"training.steps_per_environment={round(found.learnt['fewest'] / len(born))}")
+    if "steps" in result.learning_results and not spec.has_key("training", "steps_per_environment"):
+        chosen.append(f"training.steps_per_environment={round(result.learning_results['fewest'] / len(born))}")
     settings = {"objective": about, "overrides": [*store.overrides, *chosen]}
     store.write_generation(Generation(0, members, diversity, len(born), rejected), born, settings)
 
@@ -260,20 +263,20 @@ def import_ga4cl(
     draw = domain.behaviour.draw if domain.behaviour else None
     if not isinstance(draw, DrawGrid):
         raise InvalidArgument(f"domain `{domain.spec.name}` does not draw a grid, which ga4cl files need")
-    variants = read_ga4cl(source)
-    individuals = tuple(_imported(domain, draw, variants))
-    settings, texts = stored(domain)
+    variants = parse_ga4cl(source)
+    individuals = tuple(_import_individuals(domain, draw, variants))
+    settings, texts = stored_settings_and_texts(domain)
     settings["imported"] = source.name
     problem = domain.problem(domain.engine())
-    score = problem.diversity.score([one.measures[problem.diversity_of] for one in individuals])
+    score = problem.diversity.score([one.measures[problem.diversity_measure_name] for one in individuals])
     with RunStore.create(store_path, settings, texts, overwrite=overwrite) as store:
         ids = tuple(one.id for one in individuals)
         store.write_generation(Generation(0, ids, score, len(ids)), individuals)
-        family = family_of(store, domain)
-    return family, tuple(_differences(family, variants, individuals))
+        family = load_stored_family(store, domain)
+    return family, tuple(_import_warnings(family, variants, individuals))
 
 
-def _imported(domain: Domain, draw: DrawGrid, variants: Sequence[GridVariant]) -> Iterator[Individual]:
+def _import_individuals(domain: Domain, draw: DrawGrid, variants: Sequence[GridVariant]) -> Iterator[Individual]:
     problems: list[Diagnostic] = []
     for place, variant in enumerate(variants):
         engine = domain.engine()
@@ -288,7 +291,7 @@ def _imported(domain: Domain, draw: DrawGrid, variants: Sequence[GridVariant]) -
             child=place,
             parent=None,
             trace=(),
-            measures=domain.problem(engine).measure(),
+            measures=domain.problem(engine).compute_measures(),
             state_hash=f"{engine.model.state_hash():016x}",
             model=dump_json(model_to_json(engine.model)),
         )
@@ -296,7 +299,7 @@ def _imported(domain: Domain, draw: DrawGrid, variants: Sequence[GridVariant]) -
         raise LoadError(problems)
 
 
-def _differences(
+def _import_warnings(
     family: Family, variants: Sequence[GridVariant], individuals: Sequence[Individual]
 ) -> Iterator[Diagnostic]:
     order = family.domain.spec.curriculum.order or family.domain.spec.diversity.options["of"]
@@ -310,9 +313,7 @@ def _differences(
             yield Diagnostic("different-measure", message, span, hint, Severity.WARNING)
         if variant.rewards and variant.rewards != schedule:
             said = list(variant.rewards)
-            message = (
-                f"`{variant.name}`: the behaviour's rewards are {list(schedule)}, but the file has {said}"
-            )
+            message = f"`{variant.name}`: the behaviour's rewards are {list(schedule)}, but the file has {said}"
             hint = "change the behaviour to use other rewards: those of the file are ignored"
             yield Diagnostic("different-rewards", message, span, hint, Severity.WARNING)
 
@@ -332,23 +333,21 @@ def export_ga4cl(family: Family) -> str:
     if not isinstance(draw, DrawGrid):
         raise InvalidArgument(f"family `{family.name}` does not draw a grid, which the ga4cl format needs")
     for member in family.members:
-        lost = _lost(family.scene(member))
+        lost = _lost_tokens(family.scene(member))
         if lost:
-            message = f"the ga4cl format cannot express {listed(lost)} of `{member.name}`"
+            message = f"the ga4cl format cannot express {list_names(lost)} of `{member.name}`"
             raise InvalidArgument(message, "use `--format family`")
     order = str(family.domain.spec.curriculum.order or family.domain.spec.diversity.options["of"])
     schedule = reward_schedule(family)
-    return write_ga4cl(
+    return format_ga4cl(
         [
-            GridVariant(
-                f"env_{place}", grid_rows(family.model(member), draw), schedule, member.measures[order]
-            )
+            GridVariant(f"env_{place}", grid_rows(family.model(member), draw), schedule, member.measures[order])
             for place, member in enumerate(family.members, start=1)
         ]
     )
 
 
-def _lost(scene: Scene | None) -> list[str]:
+def _lost_tokens(scene: Scene | None) -> list[str]:
     """Return the names of the tokens that the format loses: all but a token on the only cell of its class."""
     assert isinstance(scene, GridScene)
     marks = scene.marks

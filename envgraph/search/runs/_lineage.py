@@ -5,14 +5,14 @@ from __future__ import annotations
 from collections.abc import Iterator
 from typing import NamedTuple
 
-from envgraph.code import short_repr
+from envgraph.code import shorten_repr
 from envgraph.graph import Node
 from envgraph.metamodel import Value
-from envgraph.search._store import RunStore
+from envgraph.search._run_store import RunStore
 from envgraph.search.domain._domain import Domain
 
 
-@short_repr
+@shorten_repr
 class LineageStep(NamedTuple):
     """A rule application on the path from the initial model to a member.
 

@@ -9,12 +9,12 @@ from numpy.random import SeedSequence, default_rng
 
 from envgraph.errors import InvalidArgument
 from envgraph.graph import model_to_json
-from envgraph.search._store import RunStore, dump_json
-from envgraph.search.evolution._variation import Variation
-from envgraph.search.families._family import Family, ordered
-from envgraph.search.families._tables import Tables
+from envgraph.search._run_store import RunStore, dump_json
+from envgraph.search.evolution._mutation import Variation
+from envgraph.search.families._member_family import Family, order_members
+from envgraph.search.families._table_cache import TableCache
 
-Found = tuple[Mapping[str, float], str, int | None, bool]
+MemberData = tuple[Mapping[str, float], str, int | None, bool]
 
 
 def lineage_lengths(family: Family, store: RunStore) -> tuple[int, ...]:
@@ -26,14 +26,10 @@ def lineage_lengths(family: Family, store: RunStore) -> tuple[int, ...]:
     earlier = [member.individual for member in family.members[:-1]]
     if store.imported is not None:
         raise InvalidArgument(f"family `{family.name}` was imported: its members have no lineage")
-    return tuple(
-        sum(len(ancestor.trace) for ancestor in store.lineage(one)) for one in earlier if one is not None
-    )
+    return tuple(sum(len(ancestor.trace) for ancestor in store.lineage(one)) for one in earlier if one is not None)
 
 
-def random_families(
-    family: Family, count: int, applications: Sequence[int], *, seed: int = 0
-) -> Iterator[Family]:
+def random_families(family: Family, count: int, applications: Sequence[int], *, seed: int = 0) -> Iterator[Family]:
     """Yield families with the same target whose other members result from random walks from the initial model.
 
     A walk applies the family's mutations. Each is tried until the constraints hold and every measure has a value, as in
@@ -56,14 +52,14 @@ def random_families(
     problem = domain.problem(domain.engine())
     settings = domain.settings()
     engine, variation = problem.engine, Variation(problem, settings.max_attempts, settings.strength)
-    first = problem.measure()
+    first = problem.compute_measures()
     origin = engine.commit()
     for number in range(count):
-        found: list[Found] = []
+        found: list[MemberData] = []
         for child, left in enumerate(applications):
             rng, measures = default_rng(SeedSequence(seed, spawn_key=(number, child))), first
             engine.checkout(origin, discard=True)
-            while left > 0 and (step := variation.attempts(rng, variation.mutation)):
+            while left > 0 and (step := variation.vary_until_valid(rng, variation.mutate)):
                 trace, measures = step
                 left -= len(trace)
             found.append((measures, dump_json(model_to_json(engine.model)), None, False))
@@ -71,8 +67,8 @@ def random_families(
         yield replace(
             family,
             name=f"{family.name}, random {number + 1}",
-            members=(*ordered(domain, found), last),
-            tables=Tables(()),
+            members=(*order_members(domain, found), last),
+            tables=TableCache(()),
             _explored={},
             _keys=None,
         )

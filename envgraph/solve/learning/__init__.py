@@ -2,23 +2,23 @@
 
 `train_curriculum` trains one learner on tables, in a Python or a compiled loop. `train_program` trains it in a
 compiled program if there are too many states for tables, and `play_program` plays the policy of a network there.
-`Learners` and `ProgramLearners` train many learners at once, for searches that measure how well a family teaches.
-`PolicyLearner` learns on many levels from features of their states, so that its policy generalises to others.
+`LearnerGroup` and `ProgramLearnerGroup` train many learners at once, for searches that measure how well a family
+teaches. `PolicyLearner` learns on many levels from features of their states, so that its policy generalises to others.
 """
 
 from typing import TYPE_CHECKING
 
-from envgraph.code import later
+from envgraph.code import export_lazily
 
 if TYPE_CHECKING:
     from envgraph.solve.learning._learners import (
-        Judgement as Judgement,
-        Learners as Learners,
-        ProgramLearners as ProgramLearners,
+        LearnerGroup as LearnerGroup,
+        ProgramLearnerGroup as ProgramLearnerGroup,
+        TargetResults as TargetResults,
     )
-    from envgraph.solve.learning._policy import (
+    from envgraph.solve.learning._ppo import (
         LevelTables as LevelTables,
-        Played as Played,
+        PlayStatistics as PlayStatistics,
         PolicyLearner as PolicyLearner,
         PolicySettings as PolicySettings,
     )
@@ -29,16 +29,11 @@ if TYPE_CHECKING:
         train_stage as train_stage,
     )
     from envgraph.solve.learning._rollouts import play_program as play_program
-    from envgraph.solve.learning._settings import (
-        STUDENTS as STUDENTS,
-        Epsilon as Epsilon,
-        TrainingSettings as TrainingSettings,
-    )
     from envgraph.solve.learning._stage import (
         Stage as Stage,
-        StageOutcome as StageOutcome,
-        Table as Table,
-        flatten as flatten,
+        StageResult as StageResult,
+        TransitionTable as TransitionTable,
+        flatten_tabular as flatten_tabular,
         with_starts as with_starts,
     )
     from envgraph.solve.learning._training import (
@@ -49,12 +44,17 @@ if TYPE_CHECKING:
         available_backends as available_backends,
         choose_backend as choose_backend,
         initial_values as initial_values,
-        loop_of as loop_of,
-        occurring as occurring,
         prepare as prepare,
+        renumber_occurring as renumber_occurring,
         train as train,
         train_curriculum as train_curriculum,
+        training_loop as training_loop,
     )
-    from envgraph.solve.learning._turns import Place as Place, take_turns as take_turns
+    from envgraph.solve.learning._training_settings import (
+        STUDENTS as STUDENTS,
+        Epsilon as Epsilon,
+        TrainingSettings as TrainingSettings,
+    )
+    from envgraph.solve.learning._training_turns import StageMembers as StageMembers, take_turns as take_turns
 
-later(globals())
+export_lazily(globals())

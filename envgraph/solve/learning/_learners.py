@@ -10,20 +10,20 @@ from numpy.typing import NDArray
 
 from envgraph.code import dataclass
 from envgraph.env import Tabular
-from envgraph.env.compiled import Learner, set_stream
+from envgraph.env.compiled import Learner, set_generator_state
 from envgraph.errors import InvalidArgument
 from envgraph.solve._distance import steps_to_success
 from envgraph.solve.learning._programs import InProgram, train_learner
-from envgraph.solve.learning._settings import TrainingSettings
-from envgraph.solve.learning._stage import Stage, Table, compact, flatten
+from envgraph.solve.learning._stage import Stage, TransitionTable, compact_observations, flatten_tabular
 from envgraph.solve.learning._training import action_values, available_backends, initial_values
+from envgraph.solve.learning._training_settings import TrainingSettings
 
 EPISODES = 16
 """The number of episodes that are played if starts or outcomes are random; otherwise one episode suffices."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Judgement:
+class TargetResults:
     """The results of learners on the target, with an entry for each learner.
 
     Attributes:
@@ -36,13 +36,13 @@ class Judgement:
     successes: NDArray[np.float64]
 
 
-class Learners:
+class LearnerGroup:
     """A trainer of many learners, each with its own random stream, that then play a target.
 
     A learner does what `train_curriculum` does with `numpy.random.Generator(PCG64(..))` over its stream, bit for bit.
 
     Args:
-        settings: the settings of the learners; `steps_per_environment` is an argument of `judge` instead.
+        settings: the settings of the learners; `steps_per_environment` is an argument of `train_and_play` instead.
         target: the environment to play at the end, with the observations and actions of all training environments.
 
     Raises:
@@ -52,11 +52,13 @@ class Learners:
     def __init__(self, settings: TrainingSettings, target: Tabular) -> None:
         _check_numba()
         self._settings = settings
-        self._target = flatten(target)
+        self._target = flatten_tabular(target)
         self._distance = steps_to_success(target)
         self._episodes = 1 if target.deterministic and len(target.start_states) == 1 else EPISODES
 
-    def judge(self, tables: Sequence[Table], streams: NDArray[np.uint64], steps: int) -> Judgement:
+    def train_and_play(
+        self, tables: Sequence[TransitionTable], streams: NDArray[np.uint64], steps: int
+    ) -> TargetResults:
         """Train learners on each of the tables in order, then play the target greedily, and return the results.
 
         Args:
@@ -64,10 +66,10 @@ class Learners:
             streams: uint64 [learners, 4], the random streams, see `envgraph.env.compiled.streams`; not changed.
             steps: number of steps on each table.
         """
-        from envgraph.solve.learning._compiled import learn, run
+        from envgraph.solve.learning._compiled_loop import learn_stage, run_compiled
 
         settings, count = replace(self._settings, checkpoint=steps), len(streams)
-        *tables, target = compact((*tables, self._target))
+        *tables, target = compact_observations((*tables, self._target))
         rows = streams.copy()
         values = np.repeat(initial_values(target, settings)[None], count, axis=0)
         epsilons = np.full(count, settings.epsilon.start)
@@ -75,9 +77,9 @@ class Learners:
         for table in tables:
             if settings.epsilon.reset == "stage":
                 epsilons[:] = settings.epsilon.start
-            learn(table, stage, values, rows, epsilons)
-        found = Judgement(np.empty(count), np.empty(count))
-        run(
+            learn_stage(table, stage, values, rows, epsilons)
+        found = TargetResults(np.empty(count), np.empty(count))
+        run_compiled(
             "play",
             settings,
             target.arrays,
@@ -92,13 +94,13 @@ class Learners:
         return found
 
 
-class ProgramLearners:
+class ProgramLearnerGroup:
     """A trainer of many learners in compiled programs, for environments with too many states for tables.
 
     A learner does what `train_program` does with `numpy.random.Generator(PCG64(..))` over its stream, bit for bit.
 
     Args:
-        settings: the settings of the learners; `steps_per_environment` is an argument of `judge` instead.
+        settings: the settings of the learners; `steps_per_environment` is an argument of `train_and_play` instead.
         target: the environment to play at the end, with the observations and actions of all training environments.
 
     Raises:
@@ -109,11 +111,13 @@ class ProgramLearners:
         _check_numba()
         self._settings, self._target = settings, target
 
-    def judge(self, places: Sequence[InProgram], streams: NDArray[np.uint64], steps: int) -> Judgement:
+    def train_and_play(
+        self, environments: Sequence[InProgram], streams: NDArray[np.uint64], steps: int
+    ) -> TargetResults:
         """Train learners in each of the environments in order, then play the target greedily, and return the results.
 
         Args:
-            places: the environments of a curriculum.
+            environments: the environments of a curriculum.
             streams: uint64 [learners, 4], the random streams, see `envgraph.env.compiled.streams`; not changed.
             steps: number of steps in each environment.
 
@@ -123,12 +127,12 @@ class ProgramLearners:
         settings, target, found = self._settings, self._target, np.empty(len(streams))
         rng = np.random.Generator(np.random.PCG64(0))
         for number, row in enumerate(streams):
-            set_stream(rng, row)
-            learner = Learner(places[0].program, settings.initial_value + 0.0)
-            train_learner(learner, places, settings, [steps] * len(places), rng)
-            learner.enter(target.program)
+            set_generator_state(rng, row)
+            learner = Learner(environments[0].program, settings.initial_value + 0.0)
+            train_learner(learner, environments, settings, [steps] * len(environments), rng)
+            learner.switch_program(target.program)
             found[number], *_ = learner.play(target.member, EPISODES, settings.limit, rng)
-        return Judgement(found, found)
+        return TargetResults(found, found)
 
 
 def _check_numba() -> None:

@@ -11,7 +11,7 @@ loops on lists.
 Q_LEARNING, SARSA, DOUBLE = 0, 1, 3
 
 
-def value_after(row, actions, epsilon, side):
+def next_value(row, actions, epsilon, side):
     """Return the value of the next observation; in double Q-learning `side` picks the action, the other rates it."""
     if AGENT == Q_LEARNING:
         return best_of(row, actions)
@@ -20,7 +20,7 @@ def value_after(row, actions, epsilon, side):
     return mean_of(row, actions, epsilon)
 
 
-def move(q, waiting, first, end, rate, discount, value):
+def update_first(q, waiting, first, end, rate, discount, value):
     """Update the value of the first waiting step towards the waiting steps' rewards plus a discounted `value`."""
     seen, column, earned = waiting
     for step in range(end - 1, first - 1, -1):
@@ -29,7 +29,7 @@ def move(q, waiting, first, end, rate, discount, value):
     row[place] = row[place] + rate * (value - row[place])
 
 
-def drawn_place(cumulative, first, draw):
+def sample_place(cumulative, first, draw):
     found = 0
     while cumulative[first + found] <= draw:
         found += 1
@@ -67,7 +67,7 @@ def learn(arrays, values, rows, epsilons, factors, limit, points, waiting, curve
     several = len(starts) > 1
     for learner in range(len(values)):
         q, epsilon = values[learner], epsilons[learner]
-        start = drawn_place(start_cumulative, 0, uniform(rows, learner)) if several else 0
+        start = sample_place(start_cumulative, 0, uniform(rows, learner)) if several else 0
         state, seen, left = starts[start], start_seen[start], limit
         point, total, episodes, successes = 0, 0.0, 0, 0
         first = 0  # of the steps that wait, up to the present one
@@ -77,11 +77,11 @@ def learn(arrays, values, rows, epsilons, factors, limit, points, waiting, curve
             w = uniform(rows, learner) if several else 0.0
             action, free = drawn_action(q[seen], n_actions, u, epsilon, TIES)
             if AGENT == SARSA and step - 1 - first == N_STEP:
-                move(q, waiting, first, step - 1, rate, discount, q[seen][action])
+                update_first(q, waiting, first, step - 1, rate, discount, q[seen][action])
                 first += 1
             at = offset[state * n_actions + action]
             if n_outcomes > 1:
-                at += drawn_place(cumulative, at, v)
+                at += sample_place(cumulative, at, v)
             reward, state, after, ended = rewards[at], next_state[at], following[at], terminated[at]
             total += reward
             left -= 1
@@ -90,9 +90,9 @@ def learn(arrays, values, rows, epsilons, factors, limit, points, waiting, curve
             here = (step - 1) % N_STEP
             waiting[0][here], waiting[1][here], waiting[2][here] = seen, side + action, reward
             if cut or (AGENT != SARSA and step - first == N_STEP):
-                value = value_after(q[after], n_actions, epsilon, side) if ended <= 0 else 0.0
+                value = next_value(q[after], n_actions, epsilon, side) if ended <= 0 else 0.0
                 for _ in range(step - first if cut else 1):
-                    move(q, waiting, first, step, rate, discount, value)
+                    update_first(q, waiting, first, step, rate, discount, value)
                     first += 1
             seen = after
             epsilon = max(minimum, epsilon * step_decay)
@@ -101,7 +101,7 @@ def learn(arrays, values, rows, epsilons, factors, limit, points, waiting, curve
                 successes += ended == 1
                 epsilon = max(minimum, epsilon * episode_decay)
                 left = limit
-                start = drawn_place(start_cumulative, 0, w) if several else 0
+                start = sample_place(start_cumulative, 0, w) if several else 0
                 state, seen = starts[start], start_seen[start]
             if step == points[point]:
                 curve[0][learner, point], curve[1][learner, point] = total, episodes
@@ -115,20 +115,18 @@ def play(arrays, values, rows, distance, limit, episodes, scores, successes):
 
     The other arguments are as for `learn`; `distance` is the number of steps from each state to success.
     """
-    offset, next_state, following, _, terminated, cumulative, starts, start_seen, start_cumulative, shape = (
-        arrays
-    )
+    offset, next_state, following, _, terminated, cumulative, starts, start_seen, start_cumulative, shape = arrays
     n_actions, n_outcomes = shape
     for learner in range(len(values)):
         q, total, reached = values[learner], 0.0, 0
         for _ in range(episodes):
-            start = drawn_place(start_cumulative, 0, uniform(rows, learner)) if len(starts) > 1 else 0
+            start = sample_place(start_cumulative, 0, uniform(rows, learner)) if len(starts) > 1 else 0
             state, seen, ended, left = starts[start], start_seen[start], 0, limit
             first = nearest = distance[state]
             while ended == 0 and left > 0:
                 at = offset[state * n_actions + greedy(q[seen], 0, n_actions)]
                 if n_outcomes > 1:
-                    at += drawn_place(cumulative, at, uniform(rows, learner))
+                    at += sample_place(cumulative, at, uniform(rows, learner))
                 state, seen, ended = next_state[at], following[at], terminated[at]
                 left -= 1
                 if ended == 0:

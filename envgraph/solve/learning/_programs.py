@@ -8,11 +8,11 @@ from typing import Literal
 import numpy as np
 
 from envgraph.code import dataclass
-from envgraph.env.compiled import Learner, Program, Rates
+from envgraph.env.compiled import CompiledProgram, Learner, LearningRates
 from envgraph.errors import InvalidArgument
-from envgraph.solve.learning._settings import AGENTS, TrainingSettings
-from envgraph.solve.learning._stage import Stage, StageOutcome
-from envgraph.solve.learning._training import Curve, joined
+from envgraph.solve.learning._stage import Stage, StageResult
+from envgraph.solve.learning._training import Curve, join_curves
+from envgraph.solve.learning._training_settings import AGENTS, TrainingSettings
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -24,7 +24,7 @@ class InProgram:
         member: number of the member in the program.
     """
 
-    program: Program
+    program: CompiledProgram
     member: int
 
 
@@ -44,7 +44,7 @@ class ProgramTraining:
 
 
 def train_program(
-    program: Program,
+    program: CompiledProgram,
     settings: TrainingSettings,
     rng: np.random.Generator,
     *,
@@ -73,9 +73,7 @@ def train_program(
     if not stages or not all(0 <= stage < len(program.members) for stage in stages):
         raise InvalidArgument(f"`members` must be one or more numbers from 0 to {len(program.members) - 1}")
     if len(lengths) != len(stages) or min(lengths) < 1:
-        raise InvalidArgument(
-            f"`steps` is {lengths}, but must have a positive length for each of {len(stages)} stages"
-        )
+        raise InvalidArgument(f"`steps` is {lengths}, but must have a positive length for each of {len(stages)} stages")
     if of not in ("observation", "state"):
         raise InvalidArgument(f'`of` must be "observation" or "state", not {of!r}')
     if of == "state" and len(set(stages)) > 1:
@@ -86,7 +84,7 @@ def train_program(
 
 def train_learner(
     learner: Learner,
-    places: Sequence[InProgram],
+    environments: Sequence[InProgram],
     settings: TrainingSettings,
     lengths: Sequence[int],
     rng: np.random.Generator,
@@ -101,7 +99,7 @@ def train_learner(
     """
     epsilon = settings.epsilon.start
     outcomes = []
-    for number, (place, length) in enumerate(zip(places, lengths, strict=True)):
+    for number, (place, length) in enumerate(zip(environments, lengths, strict=True)):
         begins(number, learner)
         if settings.epsilon.reset == "stage":
             epsilon = settings.epsilon.start
@@ -109,22 +107,22 @@ def train_learner(
         outcome = train_stage(learner, place, stage, rng)
         epsilon = outcome.epsilon
         outcomes.append((stage, outcome))
-    return ProgramTraining(learner, joined(outcomes), epsilon)
+    return ProgramTraining(learner, join_curves(outcomes), epsilon)
 
 
-def train_stage(learner: Learner, place: InProgram, stage: Stage, rng: np.random.Generator) -> StageOutcome:
+def train_stage(learner: Learner, environment: InProgram, stage: Stage, rng: np.random.Generator) -> StageResult:
     """Train a learner in an environment for a stage, which changes the learner, and return the curve and last epsilon.
 
     Raises:
         InvalidArgument: the kind of agent can learn only in tables.
         EvaluationError: an expression has no value in a state, or a rule cannot be applied.
     """
-    learner.enter(place.program)
-    rates, limit = rates_of(stage), stage.settings.limit
-    return StageOutcome(*learner.train(place.member, stage.points, rates, stage.epsilon, limit, rng))
+    learner.switch_program(environment.program)
+    rates, limit = learning_rates_of(stage), stage.settings.limit
+    return StageResult(*learner.train(environment.member, stage.curve_points, rates, stage.epsilon, limit, rng))
 
 
-def rates_of(stage: Stage) -> Rates:
+def learning_rates_of(stage: Stage) -> LearningRates:
     """Return the hyperparameters of a stage in the form that a learner in a program takes.
 
     Raises:
@@ -137,4 +135,4 @@ def rates_of(stage: Stage) -> Rates:
             f"{what} needs tables, but the environment has too many states for a table",
             "use `q_learning`, `sarsa` or `expected_sarsa` with `n_step = 1`",
         )
-    return Rates(AGENTS.index(settings.agent), settings.ties == "random", *stage.factors)
+    return LearningRates(AGENTS.index(settings.agent), settings.ties == "random", *stage.factors)

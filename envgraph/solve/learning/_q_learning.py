@@ -9,17 +9,17 @@ from itertools import pairwise, repeat
 import numpy as np
 from numpy.typing import NDArray
 
-from envgraph.solve.learning._stage import Stage, StageOutcome, Table
+from envgraph.solve.learning._stage import Stage, StageResult, TransitionTable
 
-BLOCK = 16_384
+DRAWS_AT_ONCE = 16_384
 
 
-def run_stage(table: Table, stage: Stage, q: NDArray[np.float64], rng: np.random.Generator) -> StageOutcome:
+def run_stage(table: TransitionTable, stage: Stage, q: NDArray[np.float64], rng: np.random.Generator) -> StageResult:
     """Train on a table for a stage; `q` [observations, actions] is changed in place."""
     rate, discount, step_decay, episode_decay, minimum = stage.factors
     each_step, stochastic, n_actions = step_decay != 1.0, table.n_outcomes > 1, table.n_actions
-    known = table.known
-    starts = starts_of(table)
+    known = table.cached_outcomes
+    starts = start_observations(table)
     start_chances = table.start_cumulative.tolist()
 
     # The greedy action of each observation and its value are cached, to save two passes over a row in each step.
@@ -31,11 +31,11 @@ def run_stage(table: Table, stage: Stage, q: NDArray[np.float64], rng: np.random
     left = limit
     curve: list[tuple[float, int, int]] = []
     state, seen = starts[bisect_right(start_chances, rng.random())] if len(starts) > 1 else starts[0]
-    for before, after in pairwise([0, *stage.points]):
-        for u, v, w in draws_of(table, after - before, rng):
+    for before, after in pairwise([0, *stage.curve_points]):
+        for u, v, w in random_rows(table, after - before, rng):
             action = int(u / epsilon * n_actions) if u < epsilon else greedy[seen]
             at = state * n_actions + action
-            chances, choice = known[at] or table.outcomes(at)
+            chances, choice = known[at] or table.outcomes_at(at)
             reward, state, following, ended = choice[bisect_right(chances, v)] if stochastic else choice[0]
             total += reward
             row = rows[seen]
@@ -62,18 +62,18 @@ def run_stage(table: Table, stage: Stage, q: NDArray[np.float64], rng: np.random
                 state, seen = starts[bisect_right(start_chances, w)]
         curve.append((total, episodes, successes))
     q[table.seen] = rows
-    return StageOutcome(epsilon, curve)
+    return StageResult(epsilon, curve)
 
 
-def starts_of(table: Table) -> list[tuple[int, int]]:
+def start_observations(table: TransitionTable) -> list[tuple[int, int]]:
     """Return the states in which an episode begins, with the indices of their observations in `table.seen`."""
-    return list(zip(table.start_states.tolist(), table.place[table.start_states].tolist(), strict=True))
+    return list(zip(table.start_states.tolist(), table.observation_index[table.start_states].tolist(), strict=True))
 
 
-def draws_of(table: Table, steps: int, rng: np.random.Generator) -> Iterator[tuple[float, float, float]]:
+def random_rows(table: TransitionTable, steps: int, rng: np.random.Generator) -> Iterator[tuple[float, float, float]]:
     """Yield a row (u, v, w) of random numbers for each step; 0 for numbers that the table does not need."""
-    for start in range(0, steps, BLOCK):
-        block = rng.random((min(BLOCK, steps - start), table.draws))
+    for start in range(0, steps, DRAWS_AT_ONCE):
+        block = rng.random((min(DRAWS_AT_ONCE, steps - start), table.draws_per_step))
         columns: list[Iterable[float]] = block.T.tolist()
         if table.n_outcomes == 1:
             columns.insert(1, repeat(0.0))

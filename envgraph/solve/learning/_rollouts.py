@@ -8,7 +8,7 @@ from itertools import pairwise
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from envgraph.env.compiled import Player, Program
+from envgraph.env.compiled import CompiledProgram, ProgramPlayer
 from envgraph.errors import InvalidArgument
 from envgraph.solve._evaluation import Evaluation
 
@@ -17,7 +17,7 @@ Layer = tuple[ArrayLike, ArrayLike]
 
 
 def play_program(
-    program: Program,
+    program: CompiledProgram,
     layers: Sequence[Layer],
     rng: np.random.Generator,
     *,
@@ -57,16 +57,16 @@ def play_program(
         raise InvalidArgument(f"`members` must be numbers from 0 to {len(program.members) - 1}")
     if episodes < 1 or limit < 1:
         raise InvalidArgument(f"`episodes` is {episodes} and `limit` is {limit}, but both must be at least 1")
-    weights, sizes = _packed(program, layers)
+    weights, sizes = _pack_layers(program, layers)
     shape = program.observation_shape or (1,)
     firsts = np.cumsum([0, *shape[:-1]])
     policy = firsts, weights, sizes, np.zeros(sizes[1:].sum()), sampled
-    player = Player(program, "play")
-    played = (player.play(one, policy, episodes, limit, rng) for one in chosen)
+    player = ProgramPlayer(program, "play")
+    played = (player.play_episodes(one, policy, episodes, limit, rng) for one in chosen)
     return [Evaluation(*found, episodes, exact=False) for found in played]
 
 
-def _packed(program: Program, layers: Sequence[Layer]) -> tuple[NDArray[np.float64], NDArray[np.int64]]:
+def _pack_layers(program: CompiledProgram, layers: Sequence[Layer]) -> tuple[NDArray[np.float64], NDArray[np.int64]]:
     """Return all biases and weights in one row [1, ..], and the numbers of units of the layers, from inputs to outputs.
 
     Raises:

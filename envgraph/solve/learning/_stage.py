@@ -22,15 +22,15 @@ from numpy.typing import NDArray
 
 from envgraph.code import dataclass
 from envgraph.env import Tabular
-from envgraph.solve._evaluation import accumulate
-from envgraph.solve.learning._settings import TrainingSettings
+from envgraph.solve._evaluation import cumulative_probabilities
+from envgraph.solve.learning._training_settings import TrainingSettings
 
-Outcome = tuple[float, int, int, int]
+OutcomeRow = tuple[float, int, int, int]
 """Reward, next state, index of its observation in `Table.seen`, and how the episode ends (0: it does not end)."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Table:
+class TransitionTable:
     """A `Tabular` in the form that training loops sample from, with only the outcomes that can happen.
 
     The outcomes of action a in state s begin at `offset[s * A + a]` and end at the next offset. If some steps have many
@@ -41,8 +41,8 @@ class Table:
         cumulative: the outcome is the first whose value is above v. The last one of an action has infinity, so that
             rounding never leads beyond it.
         seen: the distinct observations of the states, ascending.
-        place: for each state, the index of its observation in `seen`.
-        known: cached results of `outcomes`; None for those not computed yet.
+        observation_index: for each state, the index of its observation in `seen`.
+        cached_outcomes: cached results of `outcomes_at`; None for those not computed yet.
         next_observation: observation of the next state.
         start_cumulative: like `cumulative`, for the start states.
     """
@@ -57,28 +57,28 @@ class Table:
     terminated: NDArray[np.int64]
     cumulative: NDArray[np.float64]
     seen: NDArray[np.int64]
-    place: NDArray[np.int64]
+    observation_index: NDArray[np.int64]
     start_states: NDArray[np.int64]
     start_observations: NDArray[np.int64]
     start_cumulative: NDArray[np.float64]
-    known: list[tuple[list[float], list[Outcome]] | None] = field(repr=False)
+    cached_outcomes: list[tuple[list[float], list[OutcomeRow]] | None] = field(repr=False)
 
     @property
-    def draws(self) -> int:
+    def draws_per_step(self) -> int:
         """Return the number of random numbers that a step takes."""
         return 1 + int(self.n_outcomes > 1) + int(len(self.start_states) > 1)
 
-    def outcomes(self, at: int) -> tuple[list[float], list[Outcome]]:
+    def outcomes_at(self, at: int) -> tuple[list[float], list[OutcomeRow]]:
         """Return the cumulative probabilities and the outcomes at `at` = s * A + a, action a in state s, as lists.
 
-        The lists are cached in `known`. Only needed entries are converted, since an agent visits few of the states of a
-        large table.
+        The lists are cached in `cached_outcomes`. Only needed entries are converted, since an agent visits few of the
+        states of a large table.
         """
         here = slice(self.offset[at], self.offset[at + 1])
         following = self.next_state[here]
-        columns: Any = self.reward[here], following, self.place[following], self.terminated[here]
+        columns: Any = self.reward[here], following, self.observation_index[following], self.terminated[here]
         read = [column.tolist() for column in columns]
-        found = self.known[at] = self.cumulative[here].tolist(), list(zip(*read, strict=True))
+        found = self.cached_outcomes[at] = self.cumulative[here].tolist(), list(zip(*read, strict=True))
         return found
 
     @property
@@ -122,14 +122,14 @@ class Stage:
         return settings.learning_rate if self.learn else 0.0, settings.discount, *decays, epsilon.minimum
 
     @property
-    def points(self) -> list[int]:
+    def curve_points(self) -> list[int]:
         """Return the steps of the stage after which the learning curve is recorded; the last is the stage's end."""
         inner = range(self.settings.checkpoint, self.steps, self.settings.checkpoint)
         return [*inner, self.steps]
 
 
 @dataclass(frozen=True, slots=True)
-class StageOutcome:
+class StageResult:
     """The results of a stage, beside the Q-values.
 
     Attributes:
@@ -141,14 +141,14 @@ class StageOutcome:
     curve: list[tuple[float, int, int]]
 
 
-def flatten(tabular: Tabular) -> Table:
+def flatten_tabular(tabular: Tabular) -> TransitionTable:
     """Return the table of an environment for the training loops."""
     possible = tabular.probability > 0.0
     next_state = tabular.next_state[possible].astype(np.int64)
     observation = tabular.observation.astype(np.int64)
     seen, place = np.unique(observation, return_inverse=True)
     starts = tabular.start_states.astype(np.int64)
-    return Table(
+    return TransitionTable(
         n_observations=tabular.n_observations,
         n_actions=tabular.n_actions,
         n_outcomes=int(tabular.next_state.shape[2]),
@@ -157,24 +157,27 @@ def flatten(tabular: Tabular) -> Table:
         next_observation=observation[next_state],
         reward=tabular.reward[possible],
         terminated=tabular.terminated[possible].astype(np.int64),
-        cumulative=accumulate(tabular.probability)[possible],
+        cumulative=cumulative_probabilities(tabular.probability)[possible],
         seen=seen,
-        place=place,
+        observation_index=place,
         start_states=starts,
         start_observations=observation[starts],
-        start_cumulative=accumulate(tabular.start_probability),
-        known=[None] * (tabular.n_states * tabular.n_actions),
+        start_cumulative=cumulative_probabilities(tabular.start_probability),
+        cached_outcomes=[None] * (tabular.n_states * tabular.n_actions),
     )
 
 
-def with_starts(table: Table, tabular: Tabular) -> Table:
+def with_starts(table: TransitionTable, tabular: Tabular) -> TransitionTable:
     """Return the table with the start states of another environment, which must have the same states."""
     starts = tabular.start_states.astype(np.int64)
-    seen, cumulative = table.seen[table.place[starts]], accumulate(tabular.start_probability)
+    seen, cumulative = (
+        table.seen[table.observation_index[starts]],
+        cumulative_probabilities(tabular.start_probability),
+    )
     return replace(table, start_states=starts, start_observations=seen, start_cumulative=cumulative)
 
 
-def compact(tables: Sequence[Table]) -> Sequence[Table]:
+def compact_observations(tables: Sequence[TransitionTable]) -> Sequence[TransitionTable]:
     """Return the tables with only those observations that occur in one of them, renumbered in order.
 
     Learning is the same, with fewer rows of values if many possible observations never occur.

@@ -19,8 +19,8 @@ from numpy.typing import NDArray
 from envgraph.code import dataclass
 from envgraph.env import Tabular
 from envgraph.errors import LIMITS, InvalidArgument, check_known
-from envgraph.solve.learning._settings import TrainingSettings
-from envgraph.solve.learning._stage import Stage, StageOutcome, Table, flatten
+from envgraph.solve.learning._stage import Stage, StageResult, TransitionTable, flatten_tabular
+from envgraph.solve.learning._training_settings import TrainingSettings
 
 Backend = Literal["auto", "python", "numba"]
 
@@ -76,7 +76,7 @@ def choose_backend(backend: Backend, steps: int, settings: TrainingSettings) -> 
     """
     check_known(backend, get_args(Backend), f"unknown backend {backend!r}")
     if backend == "auto":
-        return available_backends()[0] if steps >= COMPILING_PAYS[not _plain(settings)] else "python"
+        return available_backends()[0] if steps >= COMPILING_PAYS[not _is_basic_q_learning(settings)] else "python"
     if backend not in available_backends():
         raise InvalidArgument("backend 'numba' needs numba: pip install 'envgraph[fast]'")
     return backend
@@ -107,16 +107,14 @@ def train_curriculum(
     tables = prepare(tabulars)
     lengths = [settings.steps_per_environment] * len(tables) if steps is None else list(steps)
     if len(lengths) != len(tables) or min(lengths) < 1:
-        raise InvalidArgument(
-            f"`steps` is {lengths}, but must have a positive length for each of {len(tables)} stages"
-        )
+        raise InvalidArgument(f"`steps` is {lengths}, but must have a positive length for each of {len(tables)} stages")
     values = initial_values(tables[0], settings)
     if q is not None:
-        values[:] = np.tile(_checked(q, tables[0]), values.shape[1] // q.shape[1])
+        values[:] = np.tile(_checked_values(q, tables[0]), values.shape[1] // q.shape[1])
     return train(tables, settings, rng, lengths, values, choose_backend(backend, sum(lengths), settings))
 
 
-def occurring(tabulars: Sequence[Tabular]) -> Sequence[Tabular]:
+def renumber_occurring(tabulars: Sequence[Tabular]) -> Sequence[Tabular]:
     """Return the environments; unchanged if they have few enough observations for a table of values.
 
     Otherwise the observations that occur in one of the environments are renumbered in order. Learning is the same.
@@ -124,7 +122,7 @@ def occurring(tabulars: Sequence[Tabular]) -> Sequence[Tabular]:
     Raises:
         InvalidArgument: the environments do not agree in observations or actions.
     """
-    _agree(tabulars)
+    _check_agreement(tabulars)
     first = tabulars[0]
     if first.n_observations * first.n_actions <= LIMITS["action values"]:
         return tabulars
@@ -145,13 +143,13 @@ def occurring(tabulars: Sequence[Tabular]) -> Sequence[Tabular]:
     ]
 
 
-def prepare(tabulars: Sequence[Tabular]) -> tuple[Table, ...]:
+def prepare(tabulars: Sequence[Tabular]) -> tuple[TransitionTable, ...]:
     """Check environments, and return the tables that `train` works on. They can be used for any number of runs.
 
     Raises:
         InvalidArgument: the environments do not agree, are not well formed, or have too many observations for a table.
     """
-    _agree(tabulars)
+    _check_agreement(tabulars)
     first = tabulars[0]
     if first.n_observations * first.n_actions > LIMITS["action values"]:
         raise InvalidArgument(
@@ -161,22 +159,20 @@ def prepare(tabulars: Sequence[Tabular]) -> tuple[Table, ...]:
         )
     for tabular in tabulars:
         tabular.check()
-    return tuple(flatten(tabular) for tabular in tabulars)
+    return tuple(flatten_tabular(tabular) for tabular in tabulars)
 
 
-def _agree(tabulars: Sequence[Tabular]) -> None:
+def _check_agreement(tabulars: Sequence[Tabular]) -> None:
     if not tabulars:
         raise InvalidArgument("`tabulars` is empty, but a curriculum needs at least one environment")
     first = tabulars[0]
     for tabular in tabulars:
         if (tabular.n_observations, tabular.action_names) != (first.n_observations, first.action_names):
-            raise InvalidArgument(
-                "the environments of a curriculum must have the same observations and actions"
-            )
+            raise InvalidArgument("the environments of a curriculum must have the same observations and actions")
 
 
 def train(
-    tables: Sequence[Table],
+    tables: Sequence[TransitionTable],
     settings: TrainingSettings,
     rng: np.random.Generator,
     steps: Sequence[int],
@@ -188,9 +184,9 @@ def train(
 
     `begins` is called with the index of each stage before it, when `q` has the values learned so far.
     """
-    run_stage = loop_of(backend, settings)
+    run_stage = training_loop(backend, settings)
     epsilon = settings.epsilon.start
-    outcomes: list[tuple[Stage, StageOutcome]] = []
+    outcomes: list[tuple[Stage, StageResult]] = []
     for place, (table, length) in enumerate(zip(tables, steps, strict=True)):
         begins(place)
         if settings.epsilon.reset == "stage":
@@ -199,27 +195,27 @@ def train(
         outcome = run_stage(table, stage, q, rng)
         epsilon = outcome.epsilon
         outcomes.append((stage, outcome))
-    return Training(action_values(q, tables[0].n_actions), joined(outcomes), epsilon)
+    return Training(action_values(q, tables[0].n_actions), join_curves(outcomes), epsilon)
 
 
-def loop_of(
+def training_loop(
     backend: Backend, settings: TrainingSettings
-) -> Callable[[Table, Stage, NDArray[np.float64], np.random.Generator], StageOutcome]:
+) -> Callable[[TransitionTable, Stage, NDArray[np.float64], np.random.Generator], StageResult]:
     """Return the loop that trains on a table; the backend must not be "auto"."""
     if backend == "numba":
-        from envgraph.solve.learning._compiled import run_stage
-    elif _plain(settings):
+        from envgraph.solve.learning._compiled_loop import run_stage
+    elif _is_basic_q_learning(settings):
         from envgraph.solve.learning._q_learning import run_stage
     else:
         from envgraph.solve.learning._on_lists import run_stage
     return run_stage
 
 
-def _plain(settings: TrainingSettings) -> bool:
+def _is_basic_q_learning(settings: TrainingSettings) -> bool:
     return (settings.agent, settings.ties) == ("q_learning", "lowest")
 
 
-def initial_values(table: Table, settings: TrainingSettings) -> NDArray[np.float64]:
+def initial_values(table: TransitionTable, settings: TrainingSettings) -> NDArray[np.float64]:
     """Return the initial values [observations, actions], with twice as many actions for double Q-learning.
 
     Adding 0.0 turns -0.0, which sorts badly, into 0.0.
@@ -235,20 +231,20 @@ def action_values(learned: NDArray[np.float64], n_actions: int) -> NDArray[np.fl
     return 0.5 * (learned[..., :n_actions] + learned[..., n_actions:])
 
 
-def _checked(q: NDArray[np.float64], table: Table) -> NDArray[np.float64]:
+def _checked_values(q: NDArray[np.float64], table: TransitionTable) -> NDArray[np.float64]:
     shape = (table.n_observations, table.n_actions)
     if q.shape != shape or not np.isfinite(q).all():
         raise InvalidArgument(f"`q` has the shape {q.shape}, but must have {shape} and finite values")
     return q + 0.0
 
 
-def joined(outcomes: Sequence[tuple[Stage, StageOutcome]]) -> Curve:
+def join_curves(outcomes: Sequence[tuple[Stage, StageResult]]) -> Curve:
     """Return one curve for all stages: each begins where the one before it ends."""
     points: list[tuple[int, float, int, int]] = []
     for stage, outcome in outcomes:
         steps, reward, episodes, successes = points[-1] if points else (0, 0.0, 0, 0)
         points.extend(
             (steps + at, reward + total, episodes + finished, successes + reached)
-            for at, (total, finished, reached) in zip(stage.points, outcome.curve, strict=True)
+            for at, (total, finished, reached) in zip(stage.curve_points, outcome.curve, strict=True)
         )
     return Curve(*zip(*points, strict=True))

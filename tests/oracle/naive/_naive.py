@@ -12,9 +12,9 @@ from typing import Any
 
 from envgraph.graph import Model
 from envgraph.match import FREE, Matcher, Row
-from envgraph.match._aggregates import aggregate
+from envgraph.match._aggregate_values import aggregate
 from envgraph.match._matcher import check_arguments, check_bound
-from envgraph.metamodel import Attribute, AttributeType, Value, reached
+from envgraph.metamodel import Attribute, AttributeType, Value, reachable_nodes
 from envgraph.pattern import (
     Closure,
     Library,
@@ -24,7 +24,7 @@ from envgraph.pattern import (
     PatternCall,
     Relation,
     TypeConstraint,
-    holds,
+    check_holds,
     value_of,
 )
 from tests.oracle.naive._naive_body import (
@@ -63,7 +63,7 @@ class NaiveMatcher(Matcher):
         # Rows found so far for every call met, while a recursive component is being solved.
         self._open: dict[frozenset[str], dict[tuple[str, Arguments], dict[Row, None]]] = {}
 
-    def forget(self) -> None:
+    def discard_caches(self) -> None:
         """Names of patterns may mean something else from now on."""
         self._flat.clear()
         self._reached.clear()
@@ -71,9 +71,7 @@ class NaiveMatcher(Matcher):
     def rows(self, pattern: str, arguments: tuple[object, ...]) -> list[Row]:
         """All matches that agree with the arguments, in ascending order."""
         types = self.library.parameter_types(pattern)
-        check_bound(
-            self.library, pattern, [p for p, argument in enumerate(arguments) if argument is not FREE]
-        )
+        check_bound(self.library, pattern, [p for p, argument in enumerate(arguments) if argument is not FREE])
         checked = check_arguments(self.model, self.library, pattern, types, arguments)
         return [] if checked is None else sorted(self._matches(pattern, checked))
 
@@ -136,14 +134,12 @@ class NaiveMatcher(Matcher):
 
     def _reach(self, pattern: str) -> frozenset[str]:
         if pattern not in self._reached:
-            self._reached[pattern] = frozenset(reached(self.library.called(pattern), self.library.called))
+            self._reached[pattern] = frozenset(reachable_nodes(self.library.callees(pattern), self.library.callees))
         return self._reached[pattern]
 
     # --- bodies
 
-    def _solve(
-        self, pattern: Pattern, items: tuple[Item, ...], start: Environment, wanted: list[str]
-    ) -> list[Row]:
+    def _solve(self, pattern: Pattern, items: tuple[Item, ...], start: Environment, wanted: list[str]) -> list[Row]:
         """Values of the wanted variables in every solution.
 
         Items are joined one after another, those that are linked to known variables first; variables that nothing
@@ -204,14 +200,12 @@ class NaiveMatcher(Matcher):
                 numbers = [0 if column is None else row[column] for row in rows]  # `count` takes any
                 yield from _with(known, result, aggregate(function, numbers))  # type: ignore[arg-type]
             case Equal((left, right)):
-                yield from (
-                    _with(known, left, known[right]) if right in known else _with(known, right, known[left])
-                )
+                yield from (_with(known, left, known[right]) if right in known else _with(known, right, known[left]))
             case Unequal((left, right)):
                 if known[left] != known[right]:
                     yield known
             case Test(expression, _):
-                if holds(expression, known, self._read):
+                if check_holds(expression, known, self._read):
                     yield known
             case Valuation(expression, _, result):
                 yield from _with(known, result, value_of(expression, known, self._read))
@@ -264,10 +258,7 @@ class NaiveMatcher(Matcher):
             return [argument]  # type: ignore[list-item]
         if argument is FREE:
             return [
-                n
-                for cls in metamodel.classes
-                for n in self.model.graph.exact_extent(cls)
-                if self._is(n, name, exact)
+                n for cls in metamodel.classes for n in self.model.graph.exact_extent(cls) if self._is(n, name, exact)
             ]
         return [argument] if self._is(argument, name, exact) else []  # type: ignore[arg-type, list-item]
 

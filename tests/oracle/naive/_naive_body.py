@@ -13,13 +13,13 @@ from envgraph.pattern import (
     Aggregate,
     Body,
     Check,
+    ColumnMark,
     Comparison,
     Constant,
     Constraint,
     EnumLiteral,
     Evaluation,
     Expression,
-    Hash,
     Library,
     Negation,
     PathConstraint,
@@ -32,7 +32,7 @@ from envgraph.pattern import (
     terms_of,
     variables_in,
 )
-from envgraph.pattern._binding import bound_by_type
+from envgraph.pattern._enumerable_variables import enumerated_by_type
 
 
 @dataclass(frozen=True, slots=True)
@@ -121,16 +121,14 @@ class FlatBody:
 
 def flatten(pattern: Pattern, body: Body, library: Library) -> FlatBody:
     """Give every term of a body a name, and find out which variables are free inside a negative call."""
-    reader = _Reader(pattern, library, library.may_hold(pattern.qualified_name, body))
+    reader = _Reader(pattern, library, library.relation_test(pattern.qualified_name, body))
     for parameter in pattern.parameters:
         if parameter.type is not None and parameter.type in library.metamodel.classes:
-            reader.items.append(
-                Positive(TypeConstraint(parameter.type, Variable(parameter.name)), (parameter.name,))
-            )
+            reader.items.append(Positive(TypeConstraint(parameter.type, Variable(parameter.name)), (parameter.name,)))
     for constraint in body.constraints:
         reader.read(constraint)
-    types = library._entry(pattern.qualified_name).bodies[pattern.bodies.index(body)]
-    for name, type_ in bound_by_type(types, pattern.parameters):
+    types = library._entry_of(pattern.qualified_name).bodies[pattern.bodies.index(body)]
+    for name, type_ in enumerated_by_type(types, pattern.parameters):
         reader.items.append(Values(type_, (name,)))
     parameters = {parameter.name for parameter in pattern.parameters}
     return FlatBody(
@@ -174,7 +172,7 @@ class _Reader:
     def _term(self, term: Term) -> str:
         match term:
             case Variable(name):
-                return self._name() if term.anonymous else name
+                return self._name() if term.is_anonymous else name
             case Constant(value):
                 assert value is not None
                 return self._constant(value)
@@ -187,11 +185,11 @@ class _Reader:
             case Aggregate(function, over):
                 result = self._name()
                 terms = self._relation(over)
-                column = next((i for i, arg in enumerate(terms_of(over)) if isinstance(arg, Hash)), None)
+                column = next((i for i, arg in enumerate(terms_of(over)) if isinstance(arg, ColumnMark)), None)
                 empty = not self.may_hold(over)
                 self.items.append(Fold(function, over, terms, frozenset(), column, result, empty))
                 return result
-            case Hash():
+            case ColumnMark():
                 return self._name()
 
     def _constant(self, value: Value) -> str:

@@ -65,11 +65,11 @@ LONG: list[tuple[str, dict[str, Any], str]] = [
 ]
 
 
-def close(one: Chances, other: Chances) -> bool:
+def have_equal_probabilities(one: Chances, other: Chances) -> bool:
     return all(abs(one[key] - other[key]) < 1e-12 for key in {*one, *other})
 
 
-def assert_steps_as(directory: Path, id: str, options: dict[str, Any]) -> None:
+def assert_same_transitions(directory: Path, id: str, options: dict[str, Any]) -> None:
     """Compare each reachable state of a domain with the table `P` of an environment."""
     inner: Any = gymnasium.make(id, **options).unwrapped
     domain = Domain.load(str(directory))
@@ -88,11 +88,11 @@ def assert_steps_as(directory: Path, id: str, options: dict[str, Any]) -> None:
             for k, chance in enumerate(table.probability[number, action]):
                 at = number, action, k
                 found[seen[table.next_state[at]], table.reward[at], bool(table.terminated[at])] += chance
-            assert close(told, found), (state, action)
+            assert have_equal_probabilities(told, found), (state, action)
 
 
 @pytest.mark.parametrize(("id", "options", "kind"), CASES + LONG if NIGHTLY else CASES)
-def test_it_steps_as_the_environment_does(
+def test_the_adopted_domain_has_the_transitions_of_the_environment(
     envgraph: Envgraph, id: str, options: dict[str, Any], kind: str
 ) -> None:
     given = [part for key, value in options.items() for part in ("--set", f"{key}={json.dumps(value)}")]
@@ -101,22 +101,20 @@ def test_it_steps_as_the_environment_does(
     assert "no problems" in ok(envgraph("check", "mine")).out
     texts = [str(path) for path in Path("mine").iterdir() if path.suffix != ".toml"]
     assert "would" not in envgraph("format", "--check", *texts).out
-    assert_steps_as(Path("mine"), id, options)
+    assert_same_transitions(Path("mine"), id, options)
 
 
-def test_the_bundled_taxi_is_that_of_gymnasium() -> None:
-    assert_steps_as(bundled_domain("taxi"), "Taxi-v4", {})
+def test_the_bundled_taxi_has_the_transitions_of_gymnasium() -> None:
+    assert_same_transitions(bundled_domain("taxi"), "Taxi-v4", {})
 
 
-def test_a_lake_has_a_family_of_lakes(envgraph: Envgraph) -> None:
+def test_a_family_can_be_generated_from_an_adopted_frozen_lake(envgraph: Envgraph) -> None:
     said = ok(envgraph("adopt", "FrozenLake-v1")).out
     assert said.endswith(
         "same transitions as `FrozenLake-v1`: 16 states, 4 actions, each outcome with its probability and reward\n"
         "next: envgraph generate frozen_lake\n"
     )
-    made = ok(
-        envgraph("generate", "frozen_lake", "--generations", 30, "--name", "lakes", "--format", "json")
-    ).json
+    made = ok(envgraph("generate", "frozen_lake", "--generations", 30, "--name", "lakes", "--format", "json")).json
     assert made["diversity"] > 0.9 * made["maximum"]  # type: ignore[index, call-overload]
     again = envgraph("adopt", "FrozenLake-v1")
     assert again.code == 1 and "exists already; nothing was written" in again.err
@@ -141,7 +139,9 @@ def test_a_lake_has_a_family_of_lakes(envgraph: Envgraph) -> None:
         ),
     ],
 )
-def test_what_cannot_be_adopted_says_why(envgraph: Envgraph, arguments: list[str], said: str) -> None:
+def test_environments_that_cannot_be_adopted_are_refused_with_a_reason(
+    envgraph: Envgraph, arguments: list[str], said: str
+) -> None:
     done = envgraph("adopt", *arguments)
     assert done.code == 1 and said in done.err
 
@@ -292,7 +292,7 @@ gymnasium.register("Told-v0", Told)
 
 
 @pytest.mark.parametrize("case", ODD)
-def test_odd_tables_are_errors_that_name_state_and_action(case: str, envgraph: Envgraph) -> None:
+def test_invalid_transition_tables_are_errors_with_state_and_action(case: str, envgraph: Envgraph) -> None:
     said = ODD[case][2]
     done = envgraph("adopt", "Told-v0", "--set", f"case={case}", "-o", "told")
     assert (done.code, Path("told").exists()) == ((1, False) if said else (0, True)), done.err

@@ -31,7 +31,7 @@ def envgraph(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.Cap
     return run
 
 
-def test_what_is_wrong_is_said_before_anything_is_made(envgraph: Call, tmp_path: Path) -> None:
+def test_invalid_arguments_are_reported_before_any_file_is_written(envgraph: Call, tmp_path: Path) -> None:
     assert "did you mean `PLR, MaxMC`?" in envgraph("audit", "network", "--methods", "PLR, MaxCM", code=1)
     assert "use a bundled domain with one: `burning_forest`" in envgraph("audit", "railway", code=1)
     assert "did you mean `network`?" in envgraph("audit", "netwrok", code=1)
@@ -40,7 +40,7 @@ def test_what_is_wrong_is_said_before_anything_is_made(envgraph: Call, tmp_path:
     assert not [*tmp_path.iterdir()]
 
 
-def test_a_wrong_audit_is_found_by_check(envgraph: Call, tmp_path: Path) -> None:
+def test_check_reports_errors_in_the_audit_table(envgraph: Call, tmp_path: Path) -> None:
     envgraph("new", "street")
     family = tmp_path / "street" / "family.toml"
     family.write_text(family.read_text() + '\n[audit]\nsees = ["nothing"]\n')
@@ -50,7 +50,7 @@ def test_a_wrong_audit_is_found_by_check(envgraph: Call, tmp_path: Path) -> None
 
 
 @AT_NIGHT
-def test_workers_change_nothing_and_an_audit_goes_on(envgraph: Call, tmp_path: Path) -> None:
+def test_an_audit_resumes_and_does_not_depend_on_the_number_of_workers(envgraph: Call, tmp_path: Path) -> None:
     few = ("--seeds", 2, "--steps", 40_000, "--methods", "DR, solvable only; PLR, MaxMC; SFL, 4 rollouts")
     small = [word for key in ("levels=200", "held_out=20", "probed=20") for word in ("--set", f"audit.{key}")]
     envgraph("audit", "network", *few, *small, "-d", "one")
@@ -63,6 +63,4 @@ def test_workers_change_nothing_and_an_audit_goes_on(envgraph: Call, tmp_path: P
         path.unlink()
     again = envgraph("audit", "network", *few, *small, "-d", "two", "--format", "json")
     assert json.loads(again) == json.loads(printed)
-    assert "contains another audit" in envgraph(
-        "audit", "network", "--steps", 50_000, *small, "-d", "two", code=1
-    )
+    assert "contains another audit" in envgraph("audit", "network", "--steps", 50_000, *small, "-d", "two", code=1)

@@ -119,7 +119,7 @@ def test_a_new_domain_checks_generates_trains_and_reports(envgraph: Envgraph, tm
     assert "<svg" in (tmp_path / "runs" / "m" / "report.html").read_text()
 
 
-def test_a_target_that_nobody_learns_is_not_said_to_need_no_family(envgraph: Envgraph) -> None:
+def test_generate_warns_about_a_target_that_no_learner_solves(envgraph: Envgraph) -> None:
     ok(envgraph("new", "maze"))
     done = ok(envgraph("generate", "maze", "--set", "objective.effort=1"))
     assert "0.0% of new learners solve E3" in done.out and "needs no other" not in done.out
@@ -156,12 +156,12 @@ def test_a_bundled_domain_can_be_copied_to_start_from(envgraph: Envgraph, domain
     assert again.code == 1 and "exists already" in again.err
 
 
-def test_a_domain_that_is_not_bundled_is_not_copied(envgraph: Envgraph) -> None:
+def test_an_unknown_domain_to_copy_gets_a_hint(envgraph: Envgraph) -> None:
     done = envgraph("new", "mine", "--domain", "keydor")
     assert done.code == 1 and "did you mean `keydoor`?" in done.err
 
 
-def test_new_overwrites_nothing_and_wants_a_plain_name(envgraph: Envgraph) -> None:
+def test_new_refuses_existing_directories_and_invalid_names(envgraph: Envgraph) -> None:
     ok(envgraph("new", "maze"))
     again = envgraph("new", "maze")
     assert again.code == 1 and "exists already" in again.err
@@ -199,7 +199,7 @@ def test_check_leaves_out_warnings_that_are_ignored(envgraph: Envgraph, tmp_path
     assert envgraph("check", *files, "--ignore", "unknown-type").code == 1
 
 
-def test_check_of_what_is_not_there_is_no_traceback(envgraph: Envgraph) -> None:
+def test_check_reports_missing_files_without_a_traceback(envgraph: Envgraph) -> None:
     for name in ("missing.query", "missing", "no_language.txt"):
         result = envgraph("check", name)
         assert result.code == 1 and name.split(".")[0] in result.err
@@ -227,7 +227,7 @@ def test_match_can_fix_a_parameter(envgraph: Envgraph) -> None:
     ("where", "message"),
     [("form=1", "did you mean `from`?"), ("from", "NAME=VALUE"), ("from=nobody", "no object `nobody`")],
 )
-def test_match_names_what_is_wrong_with_a_parameter(envgraph: Envgraph, where: str, message: str) -> None:
+def test_match_reports_invalid_parameter_values(envgraph: Envgraph, where: str, message: str) -> None:
     ok(envgraph("new", "maze"))
     result = envgraph("match", "maze/maze.model", "maze/maze.query", "neighbour", "--where", where)
     assert result.code == 1 and message in result.err
@@ -241,7 +241,7 @@ def test_an_unknown_pattern_or_rule_has_a_hint(envgraph: Envgraph) -> None:
     assert result.code == 1 and "did you mean `moveRight`?" in result.err
 
 
-def test_apply_tells_what_it_did_and_writes_the_model(envgraph: Envgraph, tmp_path: Path) -> None:
+def test_apply_prints_applications_and_writes_the_model(envgraph: Envgraph, tmp_path: Path) -> None:
     ok(envgraph("new", "maze"))
     files = ("maze/maze.model", "maze/maze.rules")
     out = ok(envgraph("apply", *files, "moveRight", "--times", 3, "-o", "out/moved.json")).out
@@ -263,7 +263,7 @@ def test_apply_fixes_any_variable_of_the_match(envgraph: Envgraph) -> None:
     assert result.code == 1 and "unknown variable `their`; did you mean `there`?" in result.err
 
 
-def test_apply_tells_what_a_rule_deleted_by_its_id(envgraph: Envgraph, tmp_path: Path) -> None:
+def test_apply_prints_deleted_objects_by_their_id(envgraph: Envgraph, tmp_path: Path) -> None:
     (tmp_path / "s.metamodel").write_text("metamodel s class Box { contains Box[0..*] parts int n }")
     (tmp_path / "s.model").write_text(
         'import "s.metamodel" model m : s { top : Box { parts = [ a : Box { n = 1 }, b : Box { n = 2 } ] } }'
@@ -277,9 +277,7 @@ def test_apply_tells_what_a_rule_deleted_by_its_id(envgraph: Envgraph, tmp_path:
         unit both { drop(_); drop(_); }
         """
     )
-    result = envgraph(
-        "apply", "s.model", "s.rules", "drop", "--where", "part=b", "--trace", "t.jsonl", "-o", "o.xmi"
-    )
+    result = envgraph("apply", "s.model", "s.rules", "drop", "--where", "part=b", "--trace", "t.jsonl", "-o", "o.xmi")
     assert ok(result).out.splitlines()[0] == "1: drop(part=2, box=Box top); created Box#3"
     assert "Box" in (tmp_path / "o.xmi").read_text()
     assert "1 application" in ok(envgraph("replay", "s.model", "s.rules", "t.jsonl")).out
@@ -287,7 +285,7 @@ def test_apply_tells_what_a_rule_deleted_by_its_id(envgraph: Envgraph, tmp_path:
     assert len(told["applications"][0]["steps"]) == 2
 
 
-def test_a_model_that_apply_wrote_can_be_matched_and_rewritten_again(envgraph: Envgraph) -> None:
+def test_a_model_written_by_apply_can_be_matched_and_rewritten(envgraph: Envgraph) -> None:
     ok(envgraph("new", "maze"))
     files = ("maze/maze.rules", "moveRight")
     ok(envgraph("apply", "maze/maze.model", *files, "-o", "one.json"))
@@ -300,9 +298,7 @@ def test_a_model_that_apply_wrote_can_be_matched_and_rewritten_again(envgraph: E
 
 def test_a_broken_model_as_json_is_a_diagnostic(envgraph: Envgraph, tmp_path: Path) -> None:
     ok(envgraph("new", "maze"))
-    (tmp_path / "bad.json").write_text(
-        '{"format": "envgraph-model-1", "objects": [{"id": 0, "class": "Wrld"}]}'
-    )
+    (tmp_path / "bad.json").write_text('{"format": "envgraph-model-1", "objects": [{"id": 0, "class": "Wrld"}]}')
     result = envgraph("match", "bad.json", "maze/maze.query", "onGoal")
     assert result.code == 1 and "did you mean `World`?" in result.err
     assert result.err.startswith("bad.json:1:63: ") and "^^^^^^" in result.err
@@ -311,13 +307,13 @@ def test_a_broken_model_as_json_is_a_diagnostic(envgraph: Envgraph, tmp_path: Pa
     assert result.code == 1 and result.err.startswith("bad.json:2:14: ")
 
 
-def test_titles_are_not_folded_into_narrow_tables(envgraph: Envgraph) -> None:
+def test_titles_of_narrow_tables_are_not_wrapped(envgraph: Envgraph) -> None:
     ok(envgraph("new", "maze"))
     out = ok(envgraph("match", "maze/maze.model", "maze/maze.query", "neighbour", "-w", "from=1")).out
     assert " of neighbour" in out.splitlines()[0]
 
 
-def test_a_private_pattern_is_named_as_private(envgraph: Envgraph, tmp_path: Path) -> None:
+def test_matching_a_private_pattern_is_refused_as_private(envgraph: Envgraph, tmp_path: Path) -> None:
     ok(envgraph("new", "maze"))
     query = tmp_path / "maze" / "maze.query"
     query.write_text(query.read_text() + "\nprivate pattern hidden(cell : Rock) { Rock(cell); }\n")
@@ -346,7 +342,7 @@ def test_training_follows_the_sequences_of_the_family_file(envgraph: Envgraph, t
     assert "E5 alone" in ok(envgraph("report", "m")).out
 
 
-def test_the_report_tells_what_was_run_not_what_the_file_says(envgraph: Envgraph, tmp_path: Path) -> None:
+def test_the_report_shows_the_settings_of_the_run_not_of_the_file(envgraph: Envgraph, tmp_path: Path) -> None:
     small = ("--seed", 7, "--generations", 3, "--population", 3, "--name", "a")
     ok(envgraph("generate", "burning_forest/paper.toml", *small))
     ok(envgraph("report", "a", "-o", "a.html"))
@@ -357,18 +353,16 @@ def test_the_report_tells_what_was_run_not_what_the_file_says(envgraph: Envgraph
     assert "generations" not in (tmp_path / "p.html").read_text()
 
 
-def test_apply_runs_a_unit_and_tells_each_step(envgraph: Envgraph) -> None:
+def test_apply_runs_a_unit_and_prints_each_step(envgraph: Envgraph) -> None:
     domain = bundled_domain("burning_forest")
     model = domain / "running_4x4.model"
     lines = ok(envgraph("apply", model, domain / "burning_forest.rules", "burnDown")).out.splitlines()
     assert lines and all("1: burning_forest.spread(fire=BurningTile tile[" in line for line in lines)
 
 
-def test_generate_show_and_export_agree(envgraph: Envgraph, tmp_path: Path) -> None:
+def test_generate_show_and_export_print_the_same_measures(envgraph: Envgraph, tmp_path: Path) -> None:
     small = ("--generations", 8, "--population", 3, "--seed", 1)
-    generated = ok(
-        envgraph("generate", "burning_forest/paper.toml", *small, "--name", "a", "--format", "json")
-    ).json
+    generated = ok(envgraph("generate", "burning_forest/paper.toml", *small, "--name", "a", "--format", "json")).json
     shown = ok(envgraph("show", "a", "--format", "json")).json
     assert [m["measures"] for m in generated["members"]] == [m["measures"] for m in shown["members"]]  # type: ignore[index]
     ok(envgraph("export", "a", "--format", "ga4cl", "-o", "a.json"))
@@ -384,9 +378,7 @@ def test_generate_show_and_export_agree(envgraph: Envgraph, tmp_path: Path) -> N
     assert "E2" in ok(envgraph("show", "a", "--variant", "E2")).out
 
 
-def test_a_family_is_exported_as_a_package(
-    envgraph: Envgraph, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_a_family_is_exported_as_a_package(envgraph: Envgraph, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     ok(envgraph(*FIRES))
     said = ok(envgraph("export", "a", "--format", "compiled", "-o", "fires")).out.splitlines()
     assert said[0] == "wrote fires"
@@ -428,10 +420,7 @@ def test_a_family_is_exported_as_code_from_templates(envgraph: Envgraph, tmp_pat
     ok(envgraph("export", "a", "--format", "npz", "-o", "tables.npz"))
     assert (tmp_path / "tables.npz").read_bytes() == (tmp_path / "fires/src/fires/tables.npz").read_bytes()
     refused = envgraph("export", "a", "--format", "frozenlake")
-    assert (
-        refused.code == 1
-        and "E1: this environment is not a map of FrozenLake: several of its states" in refused.err
-    )
+    assert refused.code == 1 and "E1: this environment is not a map of FrozenLake: several of its states" in refused.err
     for arguments, told in (
         (("--format", "python"), "add `-o FOLDER`"),
         (("--format", "npz"), "add `-o FILE`"),
@@ -445,7 +434,7 @@ def test_a_family_is_exported_as_code_from_templates(envgraph: Envgraph, tmp_pat
         assert refused.code == 1 and told in refused.err
 
 
-def test_a_family_of_frozen_lakes_goes_back_to_gymnasium(envgraph: Envgraph) -> None:
+def test_a_family_of_frozen_lakes_is_exported_for_gymnasium(envgraph: Envgraph) -> None:
     ok(envgraph("adopt", "FrozenLake-v1", "-o", "lake"))
     ok(envgraph("generate", "lake", "--generations", 2, "--population", 2, "--name", "lakes"))
     maps = json.loads(ok(envgraph("export", "lakes", "--format", "frozenlake")).out)
@@ -469,7 +458,7 @@ def test_import_keeps_a_published_family(envgraph: Envgraph, tmp_path: Path) -> 
     assert json.loads((tmp_path / "again.json").read_text()) == original
 
 
-def test_searches_are_planned_for_the_sizes_of_the_model(envgraph: Envgraph, tmp_path: Path) -> None:
+def test_explain_prints_the_search_plan_for_the_object_counts_of_the_model(envgraph: Envgraph, tmp_path: Path) -> None:
     (tmp_path / "t.metamodel").write_text("metamodel t class A { refers B[*] to } class B { refers A[*] to }")
     asked = 'import "t.metamodel" pattern both(a : A, b : B) { A.to(a, b); B.to(b, a); }'
     (tmp_path / "t.query").write_text(asked)
@@ -493,12 +482,12 @@ def test_searches_are_planned_for_the_sizes_of_the_model(envgraph: Envgraph, tmp
         (("generate", "burning_forest/paper.toml", "--resume", "--name", "x"), "run store"),
     ],
 )
-def test_what_is_missing_is_named(envgraph: Envgraph, arguments: tuple[str, ...], message: str) -> None:
+def test_missing_files_and_runs_are_named(envgraph: Envgraph, arguments: tuple[str, ...], message: str) -> None:
     result = envgraph(*arguments)
     assert result.code == 1 and message in result.err
 
 
-def test_wrong_words_on_the_command_line_give_exit_code_2(envgraph: Envgraph) -> None:
+def test_invalid_command_lines_have_exit_code_2(envgraph: Envgraph) -> None:
     assert envgraph("generate").code == 2
     assert envgraph("genrate", "x").code == 2
 
@@ -521,7 +510,7 @@ def test_training_is_the_same_for_any_number_of_workers(envgraph: Envgraph, tmp_
     assert files[0] == files[1] and len(files[0]) == 3
 
 
-def test_a_run_killed_in_the_middle_resumes_to_the_same_family(envgraph: Envgraph, tmp_path: Path) -> None:
+def test_a_killed_run_resumes_to_the_same_family(envgraph: Envgraph, tmp_path: Path) -> None:
     arguments = ["generate", "burning_forest/paper.toml", "--generations", "800", "--seed", "3"]
     ok(envgraph(*arguments, "--name", "whole"))
     command = [sys.executable, "-m", "envgraph", *arguments, "--name", "killed"]
@@ -538,11 +527,9 @@ def test_a_run_killed_in_the_middle_resumes_to_the_same_family(envgraph: Envgrap
 
 
 @pytest.mark.parametrize(("number", "word"), [(signal.SIGINT, "interrupted"), (signal.SIGTERM, "terminated")])
-def test_an_interrupted_run_says_how_to_go_on(tmp_path: Path, number: int, word: str) -> None:
+def test_an_interrupted_run_prints_how_to_resume(tmp_path: Path, number: int, word: str) -> None:
     command = [sys.executable, "-m", "envgraph", "generate", "burning_forest/paper.toml", "--name", "cut"]
-    process = subprocess.Popen(
-        command, cwd=tmp_path, stdout=subprocess.DEVNULL, stderr=subprocess.PIPE, text=True
-    )
+    process = subprocess.Popen(command, cwd=tmp_path, stdout=subprocess.DEVNULL, stderr=subprocess.PIPE, text=True)
     while generations(tmp_path / "runs" / "cut" / "run.sqlite") < 5 and process.poll() is None:
         time.sleep(0.01)
     process.send_signal(number)
@@ -552,7 +539,7 @@ def test_an_interrupted_run_says_how_to_go_on(tmp_path: Path, number: int, word:
     assert "Traceback" not in messages
 
 
-def test_texts_of_a_damaged_run_are_said_to_be_in_it(envgraph: Envgraph, tmp_path: Path) -> None:
+def test_errors_in_texts_stored_in_a_run_name_the_run(envgraph: Envgraph, tmp_path: Path) -> None:
     ok(envgraph("generate", "keydoor/diverse.toml", "--name", "hurt", "--set", "search.generations=1"))
     store = tmp_path / "runs" / "hurt" / "run.sqlite"
     with closing(sqlite3.connect(store)) as connection, connection:
@@ -573,10 +560,8 @@ OUTPUTS = {
 
 
 @pytest.mark.parametrize("output", OUTPUTS)
-@pytest.mark.parametrize(
-    "words", [["check", "{}", "--format", "json"], ["check", "none", "--format", "json"]]
-)
-def test_an_output_that_cannot_be_written_is_one_sentence(
+@pytest.mark.parametrize("words", [["check", "{}", "--format", "json"], ["check", "none", "--format", "json"]])
+def test_an_output_that_cannot_be_written_is_an_error_of_one_sentence(
     tmp_path: Path, output: str, words: list[str]
 ) -> None:
     opened, said = OUTPUTS[output]
@@ -630,7 +615,9 @@ def test_models_and_metamodels_are_shown_and_drawn(
         (("show", "maze", "--format", "dot"), "use `envgraph export maze --format svg` for a run"),
     ],
 )
-def test_what_cannot_be_drawn_is_said(envgraph: Envgraph, arguments: tuple[str, ...], message: str) -> None:
+def test_arguments_that_cannot_be_drawn_are_refused(
+    envgraph: Envgraph, arguments: tuple[str, ...], message: str
+) -> None:
     ok(envgraph("new", "maze"))
     result = envgraph(*arguments)
     assert result.code == 1 and message in result.out + result.err
@@ -645,12 +632,10 @@ def test_a_run_is_written_as_a_trace_and_replayed(envgraph: Envgraph) -> None:
     applications = len(Path("out.trace").read_text().splitlines()) - 2
     assert again.out.startswith(f"{applications} applications; state ")
     assert Path("one.json").read_text() == Path("two.json").read_text()
-    assert (
-        ok(envgraph("replay", *files, "out.trace", "--format", "json")).json["applications"] == applications
-    )
+    assert ok(envgraph("replay", *files, "out.trace", "--format", "json")).json["applications"] == applications
 
 
-def test_a_trace_that_was_changed_is_refused_at_its_place(envgraph: Envgraph) -> None:
+def test_replay_refuses_an_edited_trace_at_the_edited_line(envgraph: Envgraph) -> None:
     domain = Path(__file__).parents[3] / "rules" / "burning_forest"
     files = (domain / "target_8x8.model", domain / "burning_forest.rules")
     ok(envgraph("apply", *files, "changeBurningToRoad", "--trace", "out.trace"))
@@ -659,14 +644,12 @@ def test_a_trace_that_was_changed_is_refused_at_its_place(envgraph: Envgraph) ->
     result = envgraph("replay", *files, "bad.trace", "-o", "never.json")
     assert result.code == 1 and result.err.startswith("bad.trace:2:") and "application 1" in result.err
     assert not Path("never.json").exists()
-    assert envgraph("replay", *files, "missing.trace").err.startswith(
-        "missing.trace:1:1: there is no such file"
-    )
+    assert envgraph("replay", *files, "missing.trace").err.startswith("missing.trace:1:1: there is no such file")
     other = envgraph("replay", domain / "running_4x4.model", domain / "burning_forest.rules", "out.trace")
     assert other.code == 1 and "the recorded run began in state" in other.err
 
 
-def test_apply_tells_why_a_unit_failed(envgraph: Envgraph) -> None:
+def test_apply_prints_why_a_unit_failed(envgraph: Envgraph) -> None:
     ok(envgraph("new", "maze"))
     Path("twice.rules").write_text(
         'import "maze/maze.rules"\nunit far { moveRight; moveUp; moveUp; moveUp; moveUp; moveUp; }\n'
@@ -677,7 +660,7 @@ def test_apply_tells_why_a_unit_failed(envgraph: Envgraph) -> None:
     assert len(lines) > 1 and lines[0].startswith("1: maze.moveRight(")
 
 
-def test_what_fails_while_a_rule_is_applied_is_shown_in_its_text(envgraph: Envgraph) -> None:
+def test_errors_during_an_application_show_the_text_of_the_rule(envgraph: Envgraph) -> None:
     ok(envgraph("new", "maze"))
     Path("more.rules").write_text(
         'import "maze/maze.metamodel"\n'
@@ -718,7 +701,7 @@ def test_the_only_object_of_a_class_need_not_be_given_to_a_unit(envgraph: Envgra
         assert result.code == 1 and "`many` needs a value for `least`; write `--where least=..`" in result.err
 
 
-def test_explain_and_why_not_know_environments(envgraph: Envgraph) -> None:
+def test_explain_prints_environments_and_why_not_refuses_them(envgraph: Envgraph) -> None:
     ok(envgraph("new", "maze"))
     files = "maze/maze.model", "maze/maze.environment"
     assert "environment Maze is compiled" in ok(envgraph("explain", *files, "Maze")).out
@@ -752,9 +735,7 @@ def test_explain_and_why_not_know_environments(envgraph: Envgraph) -> None:
         (("more.rules", "place", "-w", "column=1_0"), "`column` must be an `int`, not `1_0`"),
     ],
 )
-def test_a_wrong_argument_is_answered_with_what_to_write(
-    envgraph: Envgraph, arguments: tuple[str, ...], message: str
-) -> None:
+def test_invalid_arguments_of_apply_get_a_hint(envgraph: Envgraph, arguments: tuple[str, ...], message: str) -> None:
     ok(envgraph("new", "maze"))
     Path("more.rules").write_text(
         'import "maze/maze.metamodel"\n'
@@ -778,7 +759,7 @@ def test_a_wrong_argument_is_answered_with_what_to_write(
     ],
     ids=lambda value: value[0] if isinstance(value, tuple) else "",
 )
-def test_a_full_disk_costs_nobody_the_file_that_was_there(
+def test_a_full_disk_leaves_the_old_file_unchanged(
     envgraph: Envgraph, monkeypatch: pytest.MonkeyPatch, target: str, command: tuple[str, ...]
 ) -> None:
     ok(envgraph("new", "maze"))
@@ -837,31 +818,20 @@ def test_apply_writes_models_as_text_and_refuses_other_suffixes(envgraph: Envgra
     assert shown[0] == shown[1]
 
 
-def test_match_takes_rules_and_literals_as_files_write_them(envgraph: Envgraph) -> None:
+def test_match_accepts_rules_and_literals_written_as_in_files(envgraph: Envgraph) -> None:
     ok(envgraph("new", "maze"))
-    assert (
-        "1 match of moveRight" in ok(envgraph("match", "maze/maze.model", "maze/maze.rules", "moveRight")).out
-    )
-    assert (
-        "no match"
-        in ok(envgraph("match", "maze/maze.model", "maze/maze.rules", "moveUp", "-w", "here=2")).out
-    )
+    assert "1 match of moveRight" in ok(envgraph("match", "maze/maze.model", "maze/maze.rules", "moveRight")).out
+    assert "no match" in ok(envgraph("match", "maze/maze.model", "maze/maze.rules", "moveUp", "-w", "here=2")).out
     Path("m.metamodel").write_text("metamodel m enum Way { east, west } class Box { Way way }")
     Path("m.model").write_text('import "m.metamodel" model a : m { b : Box { way = ::west } }')
-    Path("m.query").write_text(
-        'import "m.metamodel" pattern goes(box : Box, way : Way) { Box.way(box, way); }'
-    )
+    Path("m.query").write_text('import "m.metamodel" pattern goes(box : Box, way : Way) { Box.way(box, way); }')
     for literal in ("west", "::west", "Way::west"):
         assert "1 match" in ok(envgraph("match", "m.model", "m.query", "goes", "-w", f"way={literal}")).out
     assert "has no literal `wets`" in envgraph("match", "m.model", "m.query", "goes", "-w", "way=wets").err
 
 
-def test_a_run_tells_where_its_members_come_from_and_why_others_are_not_there(envgraph: Envgraph) -> None:
-    ok(
-        envgraph(
-            "generate", "burning_forest/paper.toml", "--name", "run", "--generations", 3, "--population", 4
-        )
-    )
+def test_show_prints_the_lineage_of_members_and_the_rejections_of_a_run(envgraph: Envgraph) -> None:
+    ok(envgraph("generate", "burning_forest/paper.toml", "--name", "run", "--generations", 3, "--population", 4))
     family = package.search.open_family("run")
     steps = ok(envgraph("show", "run", "--lineage", "E1", "--format", "json")).json
     assert isinstance(steps, dict) and steps["name"] == "E1" and steps["steps"]
@@ -888,7 +858,9 @@ def test_a_run_tells_where_its_members_come_from_and_why_others_are_not_there(en
     assert envgraph("show", "run", "--lineage", "E9").code == 1
 
 
-def test_certificates_are_computed_twice(envgraph: Envgraph, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_verify_computes_certificates_twice_and_reports_differences(
+    envgraph: Envgraph, monkeypatch: pytest.MonkeyPatch
+) -> None:
     ok(envgraph(*DOORS, "--population", 2))
     shown = ok(envgraph("verify", "run")).out
     assert shown.splitlines()[0] == "KeyDoor: within 100 steps"
@@ -957,7 +929,7 @@ def test_an_interrupted_verification_goes_on(envgraph: Envgraph, monkeypatch: py
     assert refused.code == 1 and "use `--resume` only with runs" in refused.err
 
 
-def test_what_has_too_many_states_for_a_table_has_a_plan(
+def test_verify_finds_plans_if_there_are_too_many_states_for_a_table(
     envgraph: Envgraph, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     ok(envgraph(*DOORS, "--population", 2))
@@ -967,21 +939,17 @@ def test_what_has_too_many_states_for_a_table_has_a_plan(
 
     monkeypatch.setattr(Family, "explored", too_many)
     shown = ok(envgraph("verify", "run")).out
-    assert (
-        "too many" in shown
-        and "not computed" in shown
-        and "values that need a table are not computed" in shown
-    )
+    assert "too many" in shown and "not computed" in shown and "values that need a table are not computed" in shown
     found = ok(envgraph("verify", "run", "--format", "json")).json
     assert isinstance(found, dict)
     assert [(one["certificates"], one["plan"]["exact"]) for one in found["members"]] == [(None, True)] * 2
     assert all(one["plan"]["steps"] == len(one["plan"]["actions"]) >= 5 for one in found["members"])
 
 
-def test_end_of_a_file_is_no_interruption(envgraph: Envgraph, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_an_eof_error_is_not_reported_as_an_interruption(envgraph: Envgraph, monkeypatch: pytest.MonkeyPatch) -> None:
     def end(*arguments: object) -> None:
         raise EOFError
 
-    monkeypatch.setattr("envgraph.cli._check.check_files", end)
+    monkeypatch.setattr("envgraph.cli._check_command.check_files", end)
     with pytest.raises(EOFError):
         envgraph("check", "burning_forest")

@@ -66,7 +66,7 @@ def test_types_annotations_and_dates_of_a_metamodel_are_no_loss(run: Run) -> Non
     assert 'name="cash" eType="#//Money"' in text
 
 
-def test_digits_of_decimals_are_written_again_and_compared_as_numbers(run: Run) -> None:
+def test_digits_of_decimals_are_kept_and_their_values_compared_as_numbers(run: Run) -> None:
     tags = f"<sums>{LARGE}</sums><sums>0.10</sums>"
     Path("a.xmi").write_text(f'{HEAD} cash="{LARGE}" weight="1.50">{tags}<parts cash="12.10"/></s:Shop>')
     code, err = run("convert", "a.xmi", "b.xmi", "-m", "shop.ecore")
@@ -107,7 +107,7 @@ def test_two_decimals_of_an_object_that_are_one_float_are_a_loss(run: Run) -> No
     assert run("convert", "a.xmi", "b.xmi", "-m", "shop.ecore") == (0, "")
 
 
-def test_digits_belong_to_the_value_and_not_to_the_object(run: Run) -> None:
+def test_kept_digits_are_written_only_for_an_unchanged_value(run: Run) -> None:
     Path("a.xmi").write_text(f'{HEAD} cash="{LARGE}"><parts cash="0.50"/></s:Shop>')
     model = load_workspace(["shop.ecore", "a.xmi"]).model()
     shop, part = model.nodes("Shop")
@@ -127,7 +127,7 @@ def test_applying_a_rule_keeps_the_digits_that_it_does_not_change(run: Run) -> N
     assert f'cash="{LARGE}" weight="2.0"' in Path("b.xmi").read_text()
 
 
-def test_skipped_additions_of_other_programs_are_counted(run: Run) -> None:
+def test_skipped_extensions_of_other_tools_are_counted(run: Run) -> None:
     extension = "<xmi:Extension><a/></xmi:Extension>"
     Path("a.xmi").write_text(
         f'{HEAD} xmlns:o="http://other" xsi:schemaLocation="http://x/shop shop.ecore" xmi:uuid="1" o:x="1">'

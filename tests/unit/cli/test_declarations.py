@@ -17,7 +17,7 @@ SCALARS = {"text": "str", "choice": "str", "path": "Path", "integer range": "int
 """Types of options, by the names that click gives them, and those of parameters."""
 
 
-def taken(command: click.Command) -> dict[str, str]:
+def function_parameters(command: click.Command) -> dict[str, str]:
     """Return the parameters of the function that a command is run by, with their types."""
     assert command.callback is not None
     function: Any = inspect.unwrap(command.callback, stop=lambda one: hasattr(one, "done_in"))
@@ -39,9 +39,9 @@ def types_of(parameter: click.Parameter) -> set[str]:
 
 
 @pytest.mark.parametrize("name", list(app.commands))
-def test_a_command_declares_what_the_function_takes_that_runs_it(name: str) -> None:
+def test_options_of_a_command_equal_the_parameters_of_its_function(name: str) -> None:
     command = app.commands[name]
-    wanted = taken(command)
+    wanted = function_parameters(command)
     declared: dict[str, Any] = {one.name: one for one in command.params if one.expose_value and one.name}
     if wanted.pop("inputs", None):
         assert declared.keys() & READ_AS_INPUTS >= READ_AS_INPUTS - {"variant"}

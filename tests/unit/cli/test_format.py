@@ -35,7 +35,7 @@ def run(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capfd: pytest.CaptureFi
     return run
 
 
-def test_files_are_written_where_they_differ(run: Run) -> None:
+def test_files_that_are_not_formatted_are_rewritten(run: Run) -> None:
     Path("a.query").write_text(BEFORE)
     Path("b.vql").write_text(AFTER)
     assert run("a.query", "b.vql") == (0, "formatted a.query\n", "")
@@ -43,7 +43,7 @@ def test_files_are_written_where_they_differ(run: Run) -> None:
     assert run("a.query", "b.vql") == (0, "nothing to format in 2 files\n", "")
 
 
-def test_check_writes_nothing_and_fails_if_it_would(run: Run) -> None:
+def test_check_fails_for_unformatted_files_and_writes_nothing(run: Run) -> None:
     Path("a.query").write_text(BEFORE)
     assert run("--check", "a.query") == (1, "would format a.query\n", "")
     assert Path("a.query").read_text() == BEFORE
@@ -51,7 +51,7 @@ def test_check_writes_nothing_and_fails_if_it_would(run: Run) -> None:
     assert run("--check", "a.query")[0] == 0
 
 
-def test_a_file_with_errors_is_left_alone_and_the_others_are_not(run: Run) -> None:
+def test_files_with_errors_are_skipped_and_other_files_are_formatted(run: Run) -> None:
     Path("bad.query").write_text("pattern p(x:T{T( x );}\n")
     Path("good.query").write_text(BEFORE)
     code, out, err = run("bad.query", "good.query", "none.query", "notes.txt")
@@ -62,7 +62,7 @@ def test_a_file_with_errors_is_left_alone_and_the_others_are_not(run: Run) -> No
     assert Path("bad.query").read_text() == "pattern p(x:T{T( x );}\n"
 
 
-def test_a_file_of_no_language_is_named(run: Run) -> None:
+def test_a_file_in_an_unknown_language_is_refused(run: Run) -> None:
     Path("notes.txt").write_text("hello")
     code, _, err = run("notes.txt")
     assert code == 1
@@ -70,20 +70,18 @@ def test_a_file_of_no_language_is_named(run: Run) -> None:
 
 
 @pytest.mark.parametrize("option", [(), ("--check",)])
-def test_a_family_file_among_others_is_passed_over(run: Run, option: tuple[str, ...]) -> None:
+def test_family_files_are_skipped_with_a_warning(run: Run, option: tuple[str, ...]) -> None:
     Path("family.toml").write_text("a   =  1")
     Path("a.query").write_text(AFTER)
     code, out, err = run(*option, "a.query", "family.toml")
     assert (code, out) == (0, "")
-    assert err.startswith(
-        "family.toml:1:1: warning: skipped: family files (TOML) are not formatted [not-formatted]"
-    )
+    assert err.startswith("family.toml:1:1: warning: skipped: family files (TOML) are not formatted [not-formatted]")
     Path("a.query").write_text(BEFORE)
     assert run(*option, "family.toml", "a.query")[0] == len(option)
     assert Path("family.toml").read_text() == "a   =  1"
 
 
-def test_directories_stand_for_their_texts(run: Run) -> None:
+def test_files_of_a_directory_are_formatted(run: Run) -> None:
     Path("domain").mkdir()
     Path("domain/a.query").write_text(BEFORE)
     Path("domain/family.toml").write_text("a   =  1")
@@ -92,13 +90,13 @@ def test_directories_stand_for_their_texts(run: Run) -> None:
     assert run("empty")[0] == 1
 
 
-def test_stdout_leaves_the_file_alone(run: Run) -> None:
+def test_stdout_option_does_not_change_the_file(run: Run) -> None:
     Path("a.query").write_text(BEFORE)
     assert run("--stdout", "a.query") == (0, AFTER, "")
     assert Path("a.query").read_text() == BEFORE
 
 
-def test_standard_input_is_a_file_too(run: Run, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_standard_input_is_formatted(run: Run, monkeypatch: pytest.MonkeyPatch) -> None:
     def give(data: bytes) -> None:
         monkeypatch.setattr(sys, "stdin", io.TextIOWrapper(io.BytesIO(data)))
 
@@ -114,7 +112,7 @@ def test_standard_input_is_a_file_too(run: Run, monkeypatch: pytest.MonkeyPatch)
     assert "cannot be combined with files" in run("-", "a.query", "--language", "query")[2]
 
 
-def test_line_ends_stay(run: Run) -> None:
+def test_line_ends_are_kept(run: Run) -> None:
     Path("a.query").write_bytes(BEFORE.replace("\n", "\r\n").encode())
     assert run("a.query")[0] == 0
     assert Path("a.query").read_bytes() == AFTER.replace("\n", "\r\n").encode()

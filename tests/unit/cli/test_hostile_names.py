@@ -42,8 +42,7 @@ def shown(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.Captur
 @pytest.fixture
 def town(tmp_path: Path) -> None:
     (tmp_path / "town.metamodel").write_text(
-        "metamodel town  class Town { contains House[*] houses }  class House { string name }"
-        "  class Mill extends House"
+        "metamodel town  class Town { contains House[*] houses }  class House { string name }  class Mill extends House"
     )
     (tmp_path / "town.query").write_text(
         'import "town.metamodel"\npattern house(h : House, n : string) { House.name(h, n); }\n'
@@ -127,9 +126,7 @@ def test_pictures_and_pages_hold_names_as_text(family: None, shown: Shown, tmp_p
 
 def test_exported_packages_hold_names_as_text(family: None, shown: Shown, tmp_path: Path) -> None:
     shown("export", "family.json", "--format", "python", "-o", "fires")
-    files = [
-        path for path in (tmp_path / "fires").rglob("*") if path.suffix in (".py", ".md", ".toml", ".json")
-    ]
+    files = [path for path in (tmp_path / "fires").rglob("*") if path.suffix in (".py", ".md", ".toml", ".json")]
     assert len(files) == 6
     for path in files:
         text = path.read_text("utf-8")
@@ -142,7 +139,7 @@ def test_exported_packages_hold_names_as_text(family: None, shown: Shown, tmp_pa
     assert (done.stdout, done.stderr) == ("[0, 0, 0]\n", "")
 
 
-def test_results_hold_no_formulas_and_read_back(family: None, shown: Shown, tmp_path: Path) -> None:
+def test_csv_results_escape_formulas_and_are_read_back(family: None, shown: Shown, tmp_path: Path) -> None:
     shown("train", "family.json", "--steps", "50", "--seeds", "1")
     files = list((tmp_path / "family").rglob("*.csv"))
     assert len(files) == 6

@@ -38,10 +38,8 @@ def run(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureF
     return run_it
 
 
-def test_matches_are_objects_with_class_id_and_attributes(run: Run) -> None:
-    code, out, _ = run(
-        "match", *RAILWAY, "posLength", "--metamodel", DATA / "railway.ecore", "--format", "json"
-    )
+def test_json_matches_contain_class_id_and_attributes_of_objects(run: Run) -> None:
+    code, out, _ = run("match", *RAILWAY, "posLength", "--metamodel", DATA / "railway.ecore", "--format", "json")
     matches: list[dict[str, Any]] = json.loads(out)
     assert code == 0
     first = matches[0]["segment"]
@@ -49,7 +47,7 @@ def test_matches_are_objects_with_class_id_and_attributes(run: Run) -> None:
     assert isinstance(first["id"], int) and matches[0]["length"] == -5
 
 
-def test_warnings_of_queries_are_no_part_of_the_matches(run: Run, tmp_path: Path) -> None:
+def test_warnings_of_queries_are_printed_to_standard_error(run: Run, tmp_path: Path) -> None:
     queries = tmp_path / "long.query"
     queries.write_text("pattern long(segment : Segment, length) { Segment.length(segment, length); }\n")
     plain = "match", DATA / "railway.xmi", queries, "long", "-m", DATA / "railway.ecore"
@@ -71,7 +69,7 @@ def test_the_table_names_objects_by_their_key(run: Run) -> None:
     assert "1 match of switchMonitored" in out and "Switch {id = 42}" in out
 
 
-def test_without_the_metamodel_it_is_said_how_to_name_it(run: Run) -> None:
+def test_a_missing_metamodel_gets_a_hint_to_the_option(run: Run) -> None:
     code, _, err = run("match", *RAILWAY, "posLength")
     assert code == 1
     assert "no metamodel has the uri `http://www.semanticweb.org/ontologies/2015/trainbenchmark`" in err
@@ -83,7 +81,7 @@ def test_a_model_that_names_its_metamodel_needs_no_option(run: Run) -> None:
     assert code == 0 and "Emma" in out
 
 
-def test_another_metamodel_than_the_files_are_about_is_told(run: Run) -> None:
+def test_a_metamodel_that_does_not_fit_the_files_is_reported(run: Run) -> None:
     code, _, err = run("match", *RAILWAY, "posLength", "-m", DATA / "library.ecore")
     assert code == 1
     assert "no namespace `http://www.semanticweb.org" in err and "no metamodel has the uri" in err
@@ -94,9 +92,7 @@ def test_metamodels_and_models_are_converted(run: Run, tmp_path: Path) -> None:
     assert run("convert", DATA / "railway.xmi", "r.json", "-m", "a/r.ecore")[0] == 0
     assert run("convert", "r.json", "r.xmi", "-m", "a/r.ecore")[0] == 0
     arguments = ("switchSet", "-m", "a/r.ecore", "--format", "json")
-    matches = [
-        run("match", model, DATA / "railway.vql", *arguments)[1] for model in (RAILWAY[0], "r.json", "r.xmi")
-    ]
+    matches = [run("match", model, DATA / "railway.vql", *arguments)[1] for model in (RAILWAY[0], "r.json", "r.xmi")]
     assert matches[0] == matches[1] == matches[2] and json.loads(matches[0])
 
 
@@ -111,7 +107,7 @@ def test_metamodels_and_models_are_converted(run: Run, tmp_path: Path) -> None:
         (("nothing.xmi", "out.json"), "there is no such file"),
     ],
 )
-def test_what_cannot_be_converted_is_told(run: Run, arguments: tuple[str, str], message: str) -> None:
+def test_files_that_cannot_be_converted_are_refused(run: Run, arguments: tuple[str, str], message: str) -> None:
     code, out, err = run("convert", DATA / arguments[0], arguments[1])
     assert (code, out) == (1, "")
     assert message in err
@@ -131,7 +127,7 @@ def test_what_cannot_be_converted_is_told(run: Run, arguments: tuple[str, str], 
         ),
     ],
 )
-def test_files_in_the_wrong_place_are_told(run: Run, arguments: tuple[str, ...], message: str) -> None:
+def test_files_in_the_wrong_argument_are_refused(run: Run, arguments: tuple[str, ...], message: str) -> None:
     code, out, err = run("match", *(DATA / one if n < 2 else one for n, one in enumerate(arguments)))
     assert (code, out) == (1, "") and message in err
 
@@ -145,10 +141,8 @@ def test_applying_a_rule_writes_xmi(run: Run, tmp_path: Path) -> None:
     assert "1 match of posLength" in run("match", "new.xmi", DATA / "railway.vql", "posLength", *metamodel)[1]
 
 
-def test_a_broken_model_as_json_is_told_with_positions(run: Run, tmp_path: Path) -> None:
-    (tmp_path / "bad.json").write_text(
-        '{"format": "envgraph-model-1", "objects": [{"id": 0, "class": "Rout"}]}'
-    )
+def test_errors_in_json_models_are_reported_with_positions(run: Run, tmp_path: Path) -> None:
+    (tmp_path / "bad.json").write_text('{"format": "envgraph-model-1", "objects": [{"id": 0, "class": "Rout"}]}')
     for name, message in (
         ("bad.json", "bad.json:1:63: "),
         ("none.json", "none.json:1:1: there is no such file"),
@@ -165,7 +159,7 @@ def test_a_broken_model_as_json_is_told_with_positions(run: Run, tmp_path: Path)
         assert code == 1 and message in err
 
 
-def test_a_family_of_files_of_other_tools_is_the_same(run: Run, tmp_path: Path) -> None:
+def test_a_family_generated_from_xmi_and_ecore_files_is_the_same(run: Run, tmp_path: Path) -> None:
     directory = tmp_path / "other"
     shutil.copytree(bundled_domain("burning_forest"), directory)
     for name, converted in (("target_8x8.model", "target.xmi"), ("burning_forest.metamodel", "forest.ecore")):
@@ -201,7 +195,7 @@ ITEMS = """<ecore:EPackage xmlns:xsi="http://www.w3.org/2001/XMLSchema-instance"
 """
 
 
-def test_what_would_be_lost_is_counted_and_nothing_is_written_unless_lossy(run: Run, tmp_path: Path) -> None:
+def test_convert_counts_losses_and_writes_only_with_lossy(run: Run, tmp_path: Path) -> None:
     Path("m.ecore").write_text(ITEMS)
     Path("m.xmi").write_text('<m:Item xmlns:m="m" size="2"><tags>a</tags><items size="1"/><items/></m:Item>')
     code, _, err = run("convert", "m.xmi", "m.json", "-m", "m.ecore")
@@ -222,13 +216,11 @@ def test_what_would_be_lost_is_counted_and_nothing_is_written_unless_lossy(run: 
     assert "tags [0..*], items [0..*]" in run("show", "n.ecore")[1]
 
 
-def test_objects_of_a_grid_are_called_by_their_places(run: Run) -> None:
+def test_objects_of_a_grid_are_given_and_shown_by_column_and_row(run: Run) -> None:
     classes = 'class Board { contains Cell[] cells }\n@glyph(".") class Cell { int x int y }\n'
     Path("b.metamodel").write_text(f"metamodel board\n{classes}")
     grid = 'grid cell { column x row y rows "..." }'
-    Path("b.model").write_text(
-        f'import "b.metamodel"\nmodel m : board {{ board : Board {{ cells = {grid} }} }}'
-    )
+    Path("b.model").write_text(f'import "b.metamodel"\nmodel m : board {{ board : Board {{ cells = {grid} }} }}')
     Path("b.query").write_text('import "b.metamodel"\npattern at(c : Cell, x : int) { Cell.x(c, x); }')
     code, out, _ = run("match", "b.model", "b.query", "at", "--where", "c=cell[2, 0]")
     assert (code, out.splitlines()[-1].split()) == (0, ["Cell", "cell[2,", "0]", "2"])
@@ -236,7 +228,7 @@ def test_objects_of_a_grid_are_called_by_their_places(run: Run) -> None:
     assert code == 1 and "the model has no object `cell[3, 0]`; did you mean `cell[" in err
 
 
-def test_objects_are_given_by_their_keys_as_tables_show_them(run: Run) -> None:
+def test_objects_can_be_given_by_their_keys(run: Run) -> None:
     Path("b.metamodel").write_text(
         "metamodel b\nclass Ward { contains Bed[] beds contains Lamp[] lamps }\n"
         "@key(number) class Bed { int number }\nclass Lamp { int n }\n"
@@ -252,9 +244,7 @@ def test_objects_are_given_by_their_keys_as_tables_show_them(run: Run) -> None:
     for given in ("7", "Bed {number = 7}"):
         code, out, _ = run("match", "b.model", "b.query", "bed", "-w", f"b={given}")
         assert code == 0 and "Bed {number = 7}" in out and "Bed {number = 0}" not in out
-    assert (
-        "Bed {number = 0}" in run("match", "b.model", "b.query", "bed", "-w", "b=0")[1]
-    )  # though 0 is the ward's id
+    assert "Bed {number = 0}" in run("match", "b.model", "b.query", "bed", "-w", "b=0")[1]  # though 0 is the ward's id
     code, _, err = run("match", "b.model", "b.query", "bed", "-w", "b=70")
     assert code == 1 and "the model has no object `70`; did you mean `7`" in err
     for given in ("3", "Lamp#3"):

@@ -52,7 +52,7 @@ def write(name: str, text: str) -> None:
     Path(name).write_text(text, encoding="utf-8")
 
 
-def test_each_level_of_sokoban_becomes_a_model_beside_the_files_of_the_domain(envgraph: Envgraph) -> None:
+def test_each_sokoban_level_is_written_as_a_model_into_the_domain(envgraph: Envgraph) -> None:
     write("boxes.xsb", SOKOBAN)
     done = ok(envgraph("import", "boxes.xsb"))
     assert done.out.splitlines()[-3:] == [
@@ -68,7 +68,7 @@ def test_each_level_of_sokoban_becomes_a_model_beside_the_files_of_the_domain(en
     assert "no problems" in ok(envgraph("check", "boxes")).out
 
 
-def test_levels_come_into_a_domain_that_is_there_and_replace_nothing(envgraph: Envgraph) -> None:
+def test_levels_are_written_into_an_existing_domain_and_overwrite_nothing(envgraph: Envgraph) -> None:
     ok(envgraph("new", "mine", "--domain", "sokoban"))
     write("one.xsb", "#####\n#.$@#\n#####\n")
     done = ok(envgraph("import", "one.xsb", "-o", "mine", "--format", "json"))
@@ -77,7 +77,7 @@ def test_levels_come_into_a_domain_that_is_there_and_replace_nothing(envgraph: E
     assert again.code == 1 and "exists already; nothing was written" in again.err
 
 
-def test_an_unknown_letter_is_told_where_it_stands_with_those_that_are_known(envgraph: Envgraph) -> None:
+def test_an_unknown_letter_is_reported_with_its_position_and_all_known_letters(envgraph: Envgraph) -> None:
     write("bad.xsb", "#####\n#.x@#\n#$ x#\n#####\n\n####\n#.?#\n####\n")
     done = envgraph("import", "bad.xsb")
     assert done.code == 1 and not Path("bad").exists()
@@ -88,7 +88,7 @@ def test_an_unknown_letter_is_told_where_it_stands_with_those_that_are_known(env
     assert "bad.xsb:6:1: cannot bind parameter `worker`: the model has no `Worker`" in known.err
 
 
-def test_a_line_that_is_hardly_known_and_touches_a_level_is_no_row_in_silence(envgraph: Envgraph) -> None:
+def test_a_line_of_mostly_unknown_letters_next_to_a_level_is_an_error(envgraph: Envgraph) -> None:
     write("bad.xsb", "######\n#@ $.#\n#XYZ\n######\n\n::RLE\n5#\n#@$.#\n5#\n")
     done = envgraph("import", "bad.xsb")
     assert done.code == 1 and not Path("bad").exists()
@@ -98,36 +98,29 @@ def test_a_line_that_is_hardly_known_and_touches_a_level_is_no_row_in_silence(en
         for line in (3, 7, 9)
     ]
     assert "run-length encoding" in done.err
-    write(
-        "good.xsb", "Levels of #\n#####\n#@$.#\n#####\nTitle: first\n; second\n#####\n#.$@#\n#####\n\n#XY\n"
-    )
+    write("good.xsb", "Levels of #\n#####\n#@$.#\n#####\nTitle: first\n; second\n#####\n#.$@#\n#####\n\n#XY\n")
     ok(envgraph("import", "good.xsb"))
     assert Path("good/good_2.model").exists()
 
 
-def test_what_is_wrong_with_the_model_is_told_at_the_cell_of_the_level(envgraph: Envgraph) -> None:
+def test_model_errors_are_reported_at_the_cell_of_the_level(envgraph: Envgraph) -> None:
     Path("levels").mkdir()
     write("levels/bad.xsb", "; one\n#####\n#.$@#\n#####\n\n; two\n  ####\n###.@#\n#@$ #\n####\n")
     done = envgraph("import", "levels/bad.xsb")
     assert done.code == 1 and not Path("bad").exists()
-    assert (
-        "levels/bad.xsb:9:2: cannot bind parameter `worker`: the model has 2 objects of class `Worker`"
-        in done.err
-    )
+    assert "levels/bad.xsb:9:2: cannot bind parameter `worker`: the model has 2 objects of class `Worker`" in done.err
     assert "note: levels/bad.xsb:8:5: object 1 is here" in done.err
 
 
-@pytest.mark.parametrize(
-    ("entry", "said"), [("x=Q", "cannot mean `Q`"), ("x#", "not of the form NAME=LETTER")]
-)
-def test_a_legend_of_other_letters_is_refused(envgraph: Envgraph, entry: str, said: str) -> None:
+@pytest.mark.parametrize(("entry", "said"), [("x=Q", "cannot mean `Q`"), ("x#", "not of the form NAME=LETTER")])
+def test_invalid_legend_entries_are_refused(envgraph: Envgraph, entry: str, said: str) -> None:
     write("one.xsb", "#####\n#.$@#\n#####\n")
     done = envgraph("import", "one.xsb", "--legend", entry)
     assert done.code == 1 and said in done.err
 
 
 @pytest.mark.parametrize("suffix", ["tmx", "tmj", "json"])
-def test_layers_of_tiled_lie_above_each_other(envgraph: Envgraph, suffix: str) -> None:
+def test_layers_of_tiled_maps_are_merged(envgraph: Envgraph, suffix: str) -> None:
     layers = [
         [1, 1, 1, 1, 1, 1, 0x80000007, 2, 8, 1, 1, 1, 1, 1, 1],
         [0, 0, 0, 0, 0, 0, 0, 9, 0, 0, 0, 0, 0, 0, 0],
@@ -167,7 +160,7 @@ def test_layers_of_tiled_lie_above_each_other(envgraph: Envgraph, suffix: str) -
         ("<map", "is never closed"),
     ],
 )
-def test_maps_of_tiled_that_are_not_read_say_why(envgraph: Envgraph, text: str, said: str) -> None:
+def test_unsupported_tmx_maps_are_refused_with_a_reason(envgraph: Envgraph, text: str, said: str) -> None:
     write("map.tmx", text)
     done = envgraph("import", "map.tmx")
     assert done.code == 1 and said in done.err
@@ -182,13 +175,13 @@ def test_maps_of_tiled_that_are_not_read_say_why(envgraph: Envgraph, text: str, 
         ('{"layers": [', "map.tmj:1"),
     ],
 )
-def test_maps_as_json_that_are_not_read_say_why(envgraph: Envgraph, text: str, said: str) -> None:
+def test_unsupported_json_maps_are_refused_with_a_reason(envgraph: Envgraph, text: str, said: str) -> None:
     write("map.tmj", text)
     done = envgraph("import", "map.tmj")
     assert done.code == 1 and said in done.err
 
 
-def test_maps_of_des_files_stand_between_two_words(envgraph: Envgraph) -> None:
+def test_maps_of_des_files_are_read_between_map_and_endmap(envgraph: Envgraph) -> None:
     write(
         "level.des",
         "MAZE: \"boxes\", ' '\nGEOMETRY:center,center\nMAP\n-----\n|.$@|\n-----\nENDMAP\nSTAIR:(1,1),down\n",
@@ -213,14 +206,14 @@ def test_maps_of_des_files_stand_between_two_words(envgraph: Envgraph) -> None:
         ),
     ],
 )
-def test_a_file_has_so_many_levels_and_cells_at_most(envgraph: Envgraph, text: str, said: str) -> None:
+def test_files_with_too_many_levels_or_cells_are_refused(envgraph: Envgraph, text: str, said: str) -> None:
     write("levels.xsb", text)
     done = envgraph("import", "levels.xsb")
     assert done.code == 1 and done.err.startswith(said) and "ENVGRAPH_LIMITS=10" in done.err
     assert not Path("levels").exists()
 
 
-def test_a_hundred_errors_of_levels_are_shown_and_nothing_is_written(envgraph: Envgraph) -> None:
+def test_at_most_a_hundred_errors_of_levels_are_reported(envgraph: Envgraph) -> None:
     for wrong, said in (
         ("#x$.#\n\n", "`x` has no meaning in the model"),
         ("#@@.#\n\n", "cannot bind parameter `worker`"),
@@ -231,7 +224,7 @@ def test_a_hundred_errors_of_levels_are_shown_and_nothing_is_written(envgraph: E
         assert not Path("levels").exists()
 
 
-def test_a_file_without_a_level_and_a_domain_without_a_grid_say_so(envgraph: Envgraph) -> None:
+def test_a_file_without_levels_and_a_domain_without_a_grid_are_refused(envgraph: Envgraph) -> None:
     write("note.txt", "Nothing to see.\n")
     assert "note.txt:1:1: the file has no level" in envgraph("import", "note.txt").err
     assert "no grid whose rows" in envgraph("import", "note.txt", "--domain", "network").err

@@ -36,7 +36,7 @@ def domain(envgraph: Call) -> Path:
     return Path("classes")
 
 
-def test_the_best_model_is_written_and_its_trace_leads_there(envgraph: Call, domain: Path) -> None:
+def test_the_best_model_and_its_trace_are_written(envgraph: Call, domain: Path) -> None:
     said = envgraph("optimise", domain, "--steps", 300, "-o", "best.model", "--trace", "best.trace")
     assert said.startswith("Assignment: 300 moves tried\nsolution")
     assert said.endswith("wrote best.model\nwrote best.trace\n")
@@ -46,13 +46,11 @@ def test_the_best_model_is_written_and_its_trace_leads_there(envgraph: Call, dom
     assert not found["violated"]
     told = envgraph("match", "best.model", domain / "assignment.query", "craIndex", "--format", "json")
     assert json.loads(told)[0]["index"] == pytest.approx(best["values"]["cra"])
-    replayed = envgraph(
-        "replay", domain / "shop.model", domain / "assignment.rules", "best.trace", "--format", "json"
-    )
+    replayed = envgraph("replay", domain / "shop.model", domain / "assignment.rules", "best.trace", "--format", "json")
     assert json.loads(replayed)["model"] == found["model"]
 
 
-def test_a_front_is_drawn_and_any_solution_of_it_written(envgraph: Call, domain: Path) -> None:
+def test_a_front_is_drawn_and_a_chosen_solution_is_written(envgraph: Call, domain: Path) -> None:
     found = json.loads(envgraph("optimise", domain / "two.toml", "--format", "json"))
     assert len(found["front"]) > 2
     assert found["objectives"] == {"cohesion": "maximise", "coupling": "minimise"}
@@ -62,12 +60,12 @@ def test_a_front_is_drawn_and_any_solution_of_it_written(envgraph: Call, domain:
     assert json.loads(told)[0]["ratio"] == pytest.approx(found["front"][1]["values"]["coupling"])
 
 
-def test_where_constraints_stay_violated_it_says_which_and_fails(envgraph: Call, domain: Path) -> None:
+def test_optimise_fails_and_names_the_violated_constraints(envgraph: Call, domain: Path) -> None:
     said = envgraph("optimise", domain, "--steps", 3, code=1)
     assert said.endswith("no model that satisfies all constraints was found: forbid unassigned\n")
 
 
-def test_what_makes_no_sense_is_refused(envgraph: Call, domain: Path) -> None:
+def test_invalid_options_and_settings_are_refused(envgraph: Call, domain: Path) -> None:
     assert "the family file has no `[optimise]`" in envgraph("optimise", "burning_forest", code=1)
     assert "use `envgraph optimise`" in envgraph("generate", domain, code=1)
     assert "the file has one" in envgraph("optimise", domain, "--picture", "front.svg", code=1)

@@ -44,7 +44,7 @@ MATCH, SHOW = "match a.model a.query item", "show a.model"
 
 
 @pytest.mark.parametrize("terminal", [True, False])
-def test_a_table_in_a_pipe_looks_like_one_on_a_terminal(printed: Table, terminal: bool) -> None:
+def test_a_table_is_printed_alike_to_a_pipe_and_to_a_terminal(printed: Table, terminal: bool) -> None:
     texts = ["it", "日本", *[""] * 8, "last"]
     found = printed(MATCH, texts, terminal=terminal)
     assert [*found[:4], found[-1]] == [
@@ -63,7 +63,7 @@ def test_a_table_in_a_pipe_looks_like_one_on_a_terminal(printed: Table, terminal
 
 
 @pytest.mark.parametrize("terminal", [True, False])
-def test_a_large_table_has_one_plain_line_for_a_row(printed: Table, terminal: bool) -> None:
+def test_a_large_table_has_one_unwrapped_line_for_each_row(printed: Table, terminal: bool) -> None:
     long, two = "x" * 200, r"two\nlines"
     lines = printed(MATCH, [long, *[two] * LARGEST_STYLED], terminal=terminal)
     assert lines[2:4] == [f"0       {long}", f"-1      {two}"]

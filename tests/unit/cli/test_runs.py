@@ -103,7 +103,7 @@ def test_two_runs_are_compared(envgraph: Call) -> None:
     assert "four" in envgraph("runs", "one", "four", code=1)
 
 
-def test_a_run_is_replaced_with_all_that_was_made_of_it(envgraph: Call) -> None:
+def test_replacing_a_run_removes_its_training_and_report(envgraph: Call) -> None:
     envgraph(*FOREST, "--generations", 1, "--name", "a")
     envgraph("train", "a", "--steps", 50, "--seeds", 1)
     envgraph("report", "a")
@@ -118,24 +118,27 @@ def test_a_run_is_replaced_with_all_that_was_made_of_it(envgraph: Call) -> None:
     assert json.loads(envgraph("runs", "--format", "json"))["runs"][0]["generations"] == 2
 
 
-def test_a_run_stays_as_it_was_where_its_replacement_is_interrupted(
+def test_an_interrupted_replacement_leaves_the_old_run_unchanged(
     envgraph: Call, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     envgraph(*FOREST, "--generations", 1, "--name", "a")
     envgraph("train", "a", "--steps", 50, "--seeds", 1, "--curricula", "full")
     files = {path: path.read_bytes() for path in Path("runs/a").rglob("*") if path.is_file()}
     with monkeypatch.context() as patched:
-        patched.setattr("envgraph.search.evolution._evolution.Evolution._initialise", interrupt)
+        patched.setattr(
+            "envgraph.search.evolution._genetic_algorithm.Evolution._create_population",
+            raise_keyboard_interrupt,
+        )
         said = envgraph(*FOREST, "--name", "a", "--force", code=130)
     assert "the old run in runs/a is unchanged" in said and "--resume" not in said
     assert {path: path.read_bytes() for path in Path("runs/a").rglob("*") if path.is_file()} == files
 
 
-def interrupt(*_: object) -> None:
+def raise_keyboard_interrupt(*_: object) -> None:
     raise KeyboardInterrupt
 
 
-def test_commands_that_write_a_run_are_refused_while_another_one_does(envgraph: Call) -> None:
+def test_commands_that_write_a_run_are_refused_while_the_run_is_locked(envgraph: Call) -> None:
     envgraph(*FOREST, "--generations", 1, "--name", "a")
     with RunStore.open(Path("runs/a/run.sqlite"), writing=True):
         for command in (
@@ -154,7 +157,7 @@ def test_commands_that_write_a_run_are_refused_while_another_one_does(envgraph: 
 
 
 @pytest.mark.parametrize("format", ["text", "json"])
-def test_what_was_verified_is_printed_where_it_cannot_be_kept(
+def test_verify_prints_results_that_it_cannot_store(
     envgraph: Call, capsys: pytest.CaptureFixture[str], format: str
 ) -> None:
     envgraph(*FOREST, "--generations", 1, "--name", "a")
@@ -171,7 +174,7 @@ def test_what_was_verified_is_printed_where_it_cannot_be_kept(
     assert "could not be stored: runs/a/run.sqlite cannot be written" in err and "full disk" in err
 
 
-def test_a_finished_run_goes_on(envgraph: Call) -> None:
+def test_a_finished_run_resumes_with_more_generations(envgraph: Call) -> None:
     envgraph(*FOREST, "--generations", 1, "--name", "a")
     envgraph("generate", "burning_forest/paper.toml", "--name", "a", "--resume", "--generations", 3)
     assert json.loads(envgraph("runs", "--format", "json"))["runs"][0]["generations"] == 3
@@ -198,7 +201,7 @@ def test_a_finished_run_goes_on(envgraph: Call) -> None:
     ],
     ids=lambda one: one[0] if isinstance(one, tuple) else None,
 )
-def test_errors_are_json_where_results_are(
+def test_errors_are_printed_as_json_with_format_json(
     envgraph: Call, command: tuple[str, ...], code: str, message: str
 ) -> None:
     told = json.loads(envgraph(*command, "--format", "json", code=1))
@@ -207,14 +210,14 @@ def test_errors_are_json_where_results_are(
     assert "Traceback" not in envgraph(*command, code=1)
 
 
-def test_a_file_that_cannot_be_written_is_json_too(envgraph: Call) -> None:
+def test_a_file_that_cannot_be_written_is_a_json_error(envgraph: Call) -> None:
     envgraph(*FOREST, "--generations", 1, "--name", "a")
     Path("taken").mkdir()
     told = json.loads(envgraph("report", "a", "-o", "taken", "--format", "json", code=1))
     assert told["diagnostics"][0]["code"] == "file-error" and "taken" in told["diagnostics"][0]["message"]
 
 
-def test_programs_read_numbers_of_families_and_reports(envgraph: Call) -> None:
+def test_json_of_families_and_reports_contains_numbers(envgraph: Call) -> None:
     generated = json.loads(envgraph(*FOREST, "--generations", 1, "--name", "a", "--format", "json"))
     assert generated["maximum"] == 1.0 and generated["bins"] == [2, 2]
     assert generated["warning"]["code"] == "low-diversity"
@@ -226,7 +229,7 @@ def test_programs_read_numbers_of_families_and_reports(envgraph: Call) -> None:
     assert type(rows[0]["BurningTile"]) is int and rows[2]["complexity"] is None
 
 
-def test_programs_read_applications_as_objects(envgraph: Call) -> None:
+def test_json_of_apply_contains_applications_as_objects(envgraph: Call) -> None:
     envgraph("new", "maze")
     rule = ("apply", "maze/maze.model", "maze/maze.rules", "moveRight", "--format", "json")
     ((step,),) = [entry["steps"] for entry in json.loads(envgraph(*rule))["applications"]]
@@ -234,7 +237,7 @@ def test_programs_read_applications_as_objects(envgraph: Call) -> None:
     assert step["match"]["there"]["class"] == "Floor" and step["match"]["robot"]["name"] == "robot"
 
 
-def test_settings_hold_wherever_a_family_file_is_read(envgraph: Call) -> None:
+def test_the_option_set_applies_to_commands_that_read_a_family_file(envgraph: Call) -> None:
     assert "no problems" in envgraph("check", "burning_forest", "--set", "search.population=10")
     told = envgraph("check", "burning_forest", "--set", "search.populaton=10", code=1)
     assert "--set:1:" in told and "did you mean `population`" in told

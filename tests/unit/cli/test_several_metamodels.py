@@ -69,7 +69,7 @@ def test_check_takes_metamodels(run: Run) -> None:
     assert "no metamodel has the uri `http://example.org/alone`" in err and "`--metamodel`" in err
 
 
-def test_check_takes_files_that_name_each_other_in_any_order(run: Run) -> None:
+def test_check_accepts_ecore_files_that_refer_to_each_other_in_any_order(run: Run) -> None:
     for files in ((CLUB, ROOMS), (ROOMS, CLUB), (ROOMS,)):
         code, out, err = run("check", *files)
         assert (code, err) == (0, "") and out.startswith("no problems in ")
@@ -101,6 +101,6 @@ def test_convert_writes_the_namespaces_of_a_model_and_one_metamodel(run: Run) ->
     assert code == 0 and "alone::Seat" in out
 
 
-def test_a_wrong_name_among_metamodels_is_told(run: Run) -> None:
+def test_a_metamodel_option_with_a_model_file_is_refused(run: Run) -> None:
     code, _, err = run("check", "q.vql", "-m", CLUB, "-m", "m.xmi")
     assert code == 1 and "`m.xmi` is a model, not a metamodel" in err

@@ -27,17 +27,15 @@ def show(monkeypatch: pytest.MonkeyPatch, *arguments: str) -> int:
 
 
 @pytest.mark.parametrize("format", ["text", "json"])
-def test_json_goes_into_a_file_and_what_was_written_to_the_terminal(
+def test_json_is_written_to_the_file_and_its_name_to_the_terminal(
     monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str], format: str
 ) -> None:
     assert show(monkeypatch, "s.model", "--format", format, "-o", "x.json") == 0
     assert capsys.readouterr().out == "wrote x.json\n"
-    assert [one["class"] for one in json.loads(Path("x.json").read_text(encoding="utf-8"))["objects"]] == [
-        "Part"
-    ]
+    assert [one["class"] for one in json.loads(Path("x.json").read_text(encoding="utf-8"))["objects"]] == ["Part"]
 
 
-def test_an_error_is_printed_as_format_says_and_not_as_the_name_of_the_file(
+def test_errors_are_printed_in_the_format_of_the_option_not_of_the_file_name(
     monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     assert show(monkeypatch, "s.metamodel", "-o", "x.json") == 1

@@ -52,7 +52,7 @@ def forest(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[None]:
     signal.signal(signal.SIGALRM, signal.SIG_DFL)
 
 
-def said(command: str, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> str:
+def printed_output(command: str, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> str:
     monkeypatch.setattr(sys, "argv", ["envgraph", *command.split()])
     try:
         code: object = main()
@@ -70,7 +70,7 @@ def test_a_pipe_is_refused(
     command: str, kind: str, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     os.mkfifo(f"pipe.{kind}")
-    output = said(command.replace("FILE", f"pipe.{kind}"), monkeypatch, capsys)
+    output = printed_output(command.replace("FILE", f"pipe.{kind}"), monkeypatch, capsys)
     wanted = f"there is no run `pipe.{kind}`" if kind == "sqlite" else "this is a pipe, not a file"
     assert wanted in output
 
@@ -79,7 +79,7 @@ def test_a_pipe_is_refused(
 def test_devices_are_refused(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> None:
     os.symlink("/dev/zero", "zero.query")
     for command in ("check zero.query", "match forest/running_4x4.model zero.query p", "import /dev/zero"):
-        assert "this is a device, not a file" in said(command, monkeypatch, capsys)
+        assert "this is a device, not a file" in printed_output(command, monkeypatch, capsys)
 
 
 @pytest.mark.usefixtures("forest")
@@ -90,5 +90,5 @@ def test_directories_are_refused(monkeypatch: pytest.MonkeyPatch, capsys: pytest
         ("txt", "import FILE"),
     ):
         os.makedirs(f"one.{kind}", exist_ok=True)
-        output = said(command.replace("FILE", f"one.{kind}"), monkeypatch, capsys)
+        output = printed_output(command.replace("FILE", f"one.{kind}"), monkeypatch, capsys)
         assert "is a directory, not a" in output

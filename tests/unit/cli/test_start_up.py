@@ -23,9 +23,7 @@ UNUSED = ("behaviour", "env", "lang.format", "lang.interchange", "lang.write", "
 """What reads no file of burning_forest but its environment and family."""
 LATE = (*HEAVY, *(f"envgraph.{name}" for name in UNUSED))
 QUERY = str(data_path("rules", "social_media", "social_media.query"))
-MODEL, TILES = (
-    str(data_path("rules", "burning_forest", one)) for one in ("running_4x4.model", "burning_forest.query")
-)
+MODEL, TILES = (str(data_path("rules", "burning_forest", one)) for one in ("running_4x4.model", "burning_forest.query"))
 
 
 @pytest.mark.parametrize(
@@ -38,13 +36,13 @@ MODEL, TILES = (
         f"sys.argv = ['envgraph', 'match', {MODEL!r}, {TILES!r}, 'neighbour']; assert cli.main() == 0",
     ],
 )
-def test_files_are_read_and_matched_without_what_is_slow_to_import(code: str) -> None:
+def test_reading_and_matching_files_does_not_import_slow_modules(code: str) -> None:
     program = f"import sys; {code}; print(*[name for name in {LATE!r} if name in sys.modules])"
     done = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True, check=True)
     assert done.stdout.splitlines()[-1] == ""
 
 
-def test_a_family_is_checked_without_environments_if_no_constraint_plays_them() -> None:
+def test_checking_a_family_does_not_import_the_environment_package() -> None:
     late = (*HEAVY, "envgraph.env", "sqlite3")
     code = "import envgraph.cli as cli; sys.argv = ['envgraph', 'check', 'burning_forest']; assert cli.main() == 0"
     program = f"import sys; {code}; print(*[name for name in {late!r} if name in sys.modules])"

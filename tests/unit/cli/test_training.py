@@ -17,19 +17,17 @@ from pathlib import Path
 import pytest
 
 from envgraph.cli import main
-from envgraph.env import Explored, TooManyStates
+from envgraph.env import ExploredEnvironment, TooManyStates
 from envgraph.env.compiled import NotCompiled
 from envgraph.errors import InvalidArgument
-from envgraph.learn import Journal, RunResult
+from envgraph.learn import RunResult, TrainingJournal
 from envgraph.search import Family, Member, generate
 from envgraph.solve.learning import Curve
 from tests.profile import AT_NIGHT
 
 AGENT = RunResult("curriculum", "E1-E2", 0, 100, 1, 1.0, 1.0, 5.0, 0, 0.0, Curve((100,), (0.0,), (1,), (0,)))
 TRAIN = ("train", "forest", "--steps", "200,300", "--seeds", "2")
-AGENTS = 2 * (
-    3 * 2 + 11 * 2 + 1 * 2
-)  # budgets x (a curriculum, baselines, controls, the first environment) x seeds
+AGENTS = 2 * (3 * 2 + 11 * 2 + 1 * 2)  # budgets x (a curriculum, baselines, controls, the first environment) x seeds
 
 
 @pytest.fixture(scope="module")
@@ -66,18 +64,18 @@ def results(place: Path) -> dict[str, bytes]:
     return {str(path.relative_to(base)): path.read_bytes() for path in sorted(base.rglob("*.*"))}
 
 
-def interrupted_after(count: int, monkeypatch: pytest.MonkeyPatch) -> list[RunResult]:
+def interrupt_after(count: int, monkeypatch: pytest.MonkeyPatch) -> list[RunResult]:
     """Ctrl-C comes when so many agents have ended; the list has those of this process."""
     trained: list[RunResult] = []
-    add = Journal.add
+    add = TrainingJournal.add
 
-    def counted(self: Journal, part: str, target: str, result: RunResult) -> None:
+    def counted(self: TrainingJournal, part: str, target: str, result: RunResult) -> None:
         if len(trained) == count:
             raise KeyboardInterrupt
         add(self, part, target, result)
         trained.append(result)
 
-    monkeypatch.setattr(Journal, "add", counted)
+    monkeypatch.setattr(TrainingJournal, "add", counted)
     return trained
 
 
@@ -90,7 +88,7 @@ def test_a_resumed_training_has_the_same_results_byte_for_byte(
     assert len(whole) == 12 and not any("unfinished" in name for name in whole)
     for name in whole:
         (run / "training" / name).unlink()
-    interrupted_after(count, monkeypatch)
+    interrupt_after(count, monkeypatch)
     code, _, messages = command(*TRAIN)  # type: ignore[operator]
     assert code == 130
     assert messages == (
@@ -99,26 +97,23 @@ def test_a_resumed_training_has_the_same_results_byte_for_byte(
     )
     monkeypatch.undo()
     monkeypatch.chdir(run.parents[1])
-    trained = interrupted_after(AGENTS, monkeypatch)
+    trained = interrupt_after(AGENTS, monkeypatch)
     assert command(*TRAIN, "--resume")[0] == 0  # type: ignore[operator]
     assert len(trained) == AGENTS - count
     assert results(run) == whole
 
 
-def test_an_interrupted_training_is_not_lost_by_beginning_another(
+def test_a_new_training_does_not_overwrite_an_interrupted_training(
     run: Path, command: object, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    interrupted_after(3, monkeypatch)
+    interrupt_after(3, monkeypatch)
     command(*TRAIN)  # type: ignore[operator]
     before = results(run)
     code, _, messages = command(*TRAIN)  # type: ignore[operator]
     assert code == 1 and "interrupted: resume it with --resume, or replace it with --force" in messages
     assert "holds the 3 agents of a training" in messages
     code, _, messages = command("train", "forest", "--resume", "--seeds", "3")  # type: ignore[operator]
-    assert (
-        code == 1
-        and "the interrupted training has other seeds: `2`, not `3`; leave `--seeds` out" in messages
-    )
+    assert code == 1 and "the interrupted training has other seeds: `2`, not `3`; leave `--seeds` out" in messages
     assert results(run) == before
     file = run / "training" / "unfinished.jsonl"
     text = file.read_text(encoding="utf-8")
@@ -131,33 +126,33 @@ def test_an_interrupted_training_is_not_lost_by_beginning_another(
     assert code == 1 and "no interrupted training to resume" in messages
 
 
-def test_an_error_before_the_first_agent_leaves_nothing_to_go_on_with(
+def test_an_error_before_the_first_agent_leaves_no_journal(
     run: Path, command: Callable[..., tuple[int, str, str]], monkeypatch: pytest.MonkeyPatch
 ) -> None:
     def fail(*_: object, **__: object) -> None:
         raise InvalidArgument("the tables do not fit")
 
     with monkeypatch.context() as patch:
-        patch.setattr("envgraph.cli._learn.run_experiment", fail)
+        patch.setattr("envgraph.cli._training_commands.run_experiment", fail)
         assert command(*TRAIN)[0] == 1
     assert not (run / "training" / "unfinished.jsonl").exists()
     assert command(*TRAIN)[0] == 0
 
 
-def test_a_worker_that_dies_costs_no_finished_agent(
+def test_finished_agents_are_kept_if_a_worker_process_dies(
     run: Path, command: Callable[..., tuple[int, str, str]], monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    add = Journal.add
+    add = TrainingJournal.add
     with monkeypatch.context() as patch:
 
-        def kill_workers(self: Journal, part: str, target: str, result: RunResult) -> None:
+        def kill_workers(self: TrainingJournal, part: str, target: str, result: RunResult) -> None:
             add(self, part, target, result)
             for worker in multiprocessing.active_children():
                 os.kill(worker.pid or 0, signal.SIGTERM)
 
-        patch.setattr(Journal, "add", kill_workers)
+        patch.setattr(TrainingJournal, "add", kill_workers)
         code, _, messages = command(*TRAIN, "--workers", "2")
-    count = len(Journal.open(run / "training" / "unfinished.jsonl"))
+    count = len(TrainingJournal.open(run / "training" / "unfinished.jsonl"))
     assert count >= 1 and code == 1
     assert messages == (
         f"{count} agents are saved: `envgraph train forest --directory runs --resume` resumes the training\n"
@@ -182,7 +177,7 @@ def test_results_are_replaced_only_by_force(
     assert code == 1 and "cannot be combined" in messages
     assert results(run) == before
     with monkeypatch.context() as patch:
-        interrupted_after(1, patch)
+        interrupt_after(1, patch)
         command(*both, "--seeds", "2", "--force")
     assert (run / "training" / "unfinished.jsonl").exists()
     assert command(*both, "--seeds", "2", "--force")[0] == 0
@@ -190,7 +185,7 @@ def test_results_are_replaced_only_by_force(
     assert len(after) == 12 and all(after[name] != before[name] for name in before)
 
 
-def test_steps_are_all_that_an_agent_was_trained(run: Path, command: object) -> None:
+def test_printed_steps_of_an_agent_include_all_its_stages(run: Path, command: object) -> None:
     code, out, _ = command("train", "forest", "--steps", "200", "--seeds", "1")  # type: ignore[operator]
     rows = [[cell.strip() for cell in line.split("  ") if cell][:2] for line in out.splitlines()[3:12]]
     best = rows.pop(3)
@@ -211,7 +206,7 @@ def test_steps_are_all_that_an_agent_was_trained(run: Path, command: object) -> 
     assert "With 400 steps in all " in out and "\n  neither E1-E2 nor training on E2 alone succeeds " in out
 
 
-def test_the_best_way_is_said_first_with_every_budget(
+def test_the_best_curriculum_or_control_is_printed_first_for_each_budget(
     run: Path, command: Callable[..., tuple[int, str, str]]
 ) -> None:
     short = ("train", "forest", "--steps", "2000,3000", "--seeds", "2", "--curricula", "full", "--force")
@@ -229,7 +224,7 @@ def test_the_best_way_is_said_first_with_every_budget(
     assert summary and " ".join(lines[:2]) in unescape(summary[1])
 
 
-def test_a_target_in_which_no_optimal_episode_succeeds_has_no_backplay(
+def test_backplay_is_skipped_if_no_optimal_episode_succeeds(
     run: Path, command: Callable[..., tuple[int, str, str]], monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr("envgraph.learn._controls.optimal_episode", lambda target, limit: [])
@@ -260,7 +255,7 @@ def test_controls_are_chosen_or_left_out(run: Path, command: Callable[..., tuple
     assert [one["kind"] for one in json.loads(out)["results"]] == ["baseline"]
 
 
-def test_random_families_are_trained_where_they_are_named(
+def test_the_control_named_random_trains_random_families(
     run: Path, command: Callable[..., tuple[int, str, str]], monkeypatch: pytest.MonkeyPatch
 ) -> None:
     train = ("train", "forest", "--steps", "100", "--seeds", "2", "--curricula", "full")
@@ -270,7 +265,7 @@ def test_random_families_are_trained_where_they_are_named(
     labels = [row.split(",")[1] for row in rows]
     assert labels == ["E1-E2"] * 2 + ["E2"] * 2 + ["random families"] * 2
     with monkeypatch.context() as patch:
-        interrupted_after(5, patch)
+        interrupt_after(5, patch)
         assert command(*train, "--controls", "random, direct", "--force")[0] == 130
     assert command("train", "forest", "--resume")[0] == 0
     assert results(run) == whole
@@ -279,7 +274,7 @@ def test_random_families_are_trained_where_they_are_named(
     assert code == 1 and "`--controls random` needs a run: `forest.json` does not record" in messages
 
 
-def test_agents_are_judged_on_seeds_that_were_not_looked_at(
+def test_the_option_seed_offset_trains_agents_with_other_seeds(
     run: Path, command: Callable[..., tuple[int, str, str]], monkeypatch: pytest.MonkeyPatch
 ) -> None:
     def rows() -> dict[tuple[str, str], str]:
@@ -293,7 +288,7 @@ def test_agents_are_judged_on_seeds_that_were_not_looked_at(
     assert command(*train, "--seeds", "3")[0] == 0
     every = rows()
     with monkeypatch.context() as patch:
-        interrupted_after(3, patch)
+        interrupt_after(3, patch)
         assert command(*train, "--seeds", "2", "--seed-offset", "1")[0] == 130
     code, _, messages = command("train", "forest", "--resume", "--seed-offset", "2")
     assert code == 1 and "other seed_offset: `1`, not `2`; leave `--seed-offset` out" in messages
@@ -305,21 +300,19 @@ def test_agents_are_judged_on_seeds_that_were_not_looked_at(
     assert "seeds 1 to 2" in (run / "report.html").read_text()
 
 
-def test_environments_with_too_many_states_are_trained_in_a_program(
+def test_environments_with_too_many_states_are_trained_in_compiled_programs(
     run: Path, command: object, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     pytest.importorskip("numba")
 
-    def refused(self: Family, member: Member, *, pictures: bool = False) -> Explored:
+    def refused(self: Family, member: Member, *, pictures: bool = False) -> ExploredEnvironment:
         raise TooManyStates(self.behaviour, 1)
 
     monkeypatch.setattr(Family, "explored", refused)
     code, out, told = command("train", "forest", "--steps", "300", "--seeds", "2", "--curricula", "full")  # type: ignore[operator]
     assert code == 0 and "curriculum E1-E2" in out
     assert "`BurningForest` has more than 1 states: agents learn in the compiled program" in told
-    assert (
-        "skipped controls that need tables of all states: optimistic, randomised, backplay, exploring" in told
-    )
+    assert "skipped controls that need tables of all states: optimistic, randomised, backplay, exploring" in told
     assert "control" not in out and "baseline E2" in out  # of two members there is no other order
     assert (run / "training" / "300" / "runs.csv").is_file()
     code, _, messages = command("train", "forest", "--steps", "400", "--controls", "direct,randomised")  # type: ignore[operator]
@@ -334,14 +327,14 @@ def test_environments_with_too_many_states_are_trained_in_a_program(
     assert code == 1 and "has more than 1 states, and it cannot be compiled: it has a unit" in messages
 
 
-def test_an_agent_is_on_the_disk_when_it_is_added(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    journal = Journal.create(tmp_path / "unfinished.jsonl", {"made_of": ""})
+def test_the_journal_syncs_each_added_agent_to_the_disk(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    journal = TrainingJournal.create(tmp_path / "unfinished.jsonl", {"made_of": ""})
     synced: list[int] = []
     monkeypatch.setattr(os, "fsync", lambda file: synced.append(os.fstat(file).st_size))
     for number in (1, 2):
         journal.add("100", "E2", replace(AGENT, seed=number))
         assert synced[-1] == journal.path.stat().st_size
-    assert [one.seed for one in Journal.open(journal.path).known("100", "E2")] == [1, 2]
+    assert [one.seed for one in TrainingJournal.open(journal.path).results_of("100", "E2")] == [1, 2]
     journal.path.unlink()  # by somebody else
     with pytest.raises(FileNotFoundError):
         journal.add("100", "E2", AGENT)
@@ -351,7 +344,7 @@ def test_an_agent_is_on_the_disk_when_it_is_added(tmp_path: Path, monkeypatch: p
 def test_students_are_named_and_need_their_package(
     run: Path, command: Callable[..., tuple[int, str, str]], monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr("envgraph.solve.learning._settings.find_spec", lambda name: None)
+    monkeypatch.setattr("envgraph.solve.learning._training_settings.find_spec", lambda name: None)
     code, _, messages = command(*TRAIN, "--student", "sb3:ppo")
     wanted = "error: `sb3:ppo` needs Stable-Baselines3: pip install 'envgraph[integrations]'\n"
     assert (code, messages) == (1, wanted)
@@ -361,7 +354,7 @@ def test_students_are_named_and_need_their_package(
     assert not (run / "training").exists()
 
 
-def test_the_report_tells_students_apart(run: Path, command: Callable[..., tuple[int, str, str]]) -> None:
+def test_the_report_separates_results_by_student(run: Path, command: Callable[..., tuple[int, str, str]]) -> None:
     assert command("train", "forest", "--steps", "200", "--seeds", "2", "--student", "tabular")[0] == 0
     shutil.copytree(run / "training" / "200", run / "training" / "sb3-dqn" / "200")
     code, found, _ = command("report", "forest", "--format", "json")

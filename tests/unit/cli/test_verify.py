@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from envgraph.search import RunStore, measure_texts, open_family
+from envgraph.search import RunStore, format_measure, open_family
 from tests.unit.cli.test_commands import Envgraph, envgraph, ok
 
 __all__ = ["envgraph"]
@@ -47,7 +47,7 @@ search = { population = 2, generations = 20 }
 }
 
 
-def test_a_random_walk_in_the_family_is_told_apart_from_one_in_the_model_alone(envgraph: Envgraph) -> None:
+def test_verify_explains_measures_of_a_random_walk_in_the_model_alone(envgraph: Envgraph) -> None:
     for name, text in FILES.items():
         Path("lamps").mkdir(exist_ok=True)
         Path("lamps", name).write_text(text)
@@ -59,10 +59,10 @@ def test_a_random_walk_in_the_family_is_told_apart_from_one_in_the_model_alone(e
 
 
 def test_a_small_measure_is_not_shown_as_zero() -> None:
-    assert measure_texts((0.0, 2.28e-5, 0.25)) == ("0.000", "2.28e-05", "0.250")
+    assert format_measure((0.0, 2.28e-5, 0.25)) == ("0.000", "2.28e-05", "0.250")
 
 
-def test_a_return_that_was_not_finite_is_shown_reported_and_exported(envgraph: Envgraph) -> None:
+def test_an_infinite_return_is_shown_reported_and_exported(envgraph: Envgraph) -> None:
     """Earlier versions kept the sum of such rewards: as null, since JSON has no infinity."""
     for name, text in FILES.items():
         Path("lamps").mkdir(exist_ok=True)
@@ -71,7 +71,7 @@ def test_a_return_that_was_not_finite_is_shown_reported_and_exported(envgraph: E
     ok(envgraph("verify", "run"))
     with RunStore.open(Path("runs", "run", "run.sqlite"), writing=True) as store:
         kept = {str(number): {**said, "optimal_return": None} for number, said in store.certificates.items()}
-        store.set("certificates", kept)
+        store.set_setting("certificates", kept)
     ok(envgraph("export", "run", "-o", "family.json"))
     for family in ("run", "family.json"):
         assert "not finite" in ok(envgraph("show", family)).out

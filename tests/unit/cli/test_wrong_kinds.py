@@ -54,9 +54,7 @@ TAKES = {
 
 
 @pytest.fixture
-def call(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
-) -> Callable[[str], str]:
+def call(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> Callable[[str], str]:
     """Runs a command beside files of all kinds; what it says."""
     monkeypatch.chdir(tmp_path)
     monkeypatch.setenv("COLUMNS", "200")
@@ -95,16 +93,14 @@ def call(
 
 
 @pytest.mark.parametrize("command", TAKES)
-def test_a_file_of_the_wrong_kind_is_named_with_what_is_wanted(
-    call: Callable[[str], str], command: str
-) -> None:
+def test_a_file_of_the_wrong_kind_is_reported_with_the_expected_kind(call: Callable[[str], str], command: str) -> None:
     wanted, right = TAKES[command]
     for name, what in FILES.items():
         said = call(command.replace("FILE", name))
         assert (f"is {what}, not {wanted}" in said) == (name not in right), said
 
 
-def test_so_does_every_other_command(call: Callable[[str], str]) -> None:
+def test_every_command_reports_files_of_the_wrong_kind(call: Callable[[str], str]) -> None:
     definitions = "is a model, not a file of patterns or rules (.query, .vql, .rules)"
     run = "is a file of patterns, not a run (run.sqlite) or a family as JSON"
     for command, said in {
@@ -121,7 +117,7 @@ def test_so_does_every_other_command(call: Callable[[str], str]) -> None:
         assert said in call(command)
 
 
-def test_a_model_is_known_by_its_root_and_a_family_is_no_language(call: Callable[[str], str]) -> None:
+def test_an_xmi_model_is_recognized_by_its_root_element(call: Callable[[str], str]) -> None:
     for name in ("a.burningforest", "emf.model"):
         said = call(f"check {name} -m m.metamodel")
         assert "has no namespace `b`" in said and f"{name}:" in said
@@ -135,9 +131,7 @@ def test_a_model_is_known_by_its_root_and_a_family_is_no_language(call: Callable
         said = call(f"check {name}")
         assert f"{name}:1:1: `{name}` is an XML Schema, not a file in a language of envgraph" in said
         assert "hint: convert it to an `.ecore` file first, for example with EMF" in said
-    assert "`family.json` is a family as JSON, not a file in a language of envgraph" in call(
-        "check family.json"
-    )
+    assert "`family.json` is a family as JSON, not a file in a language of envgraph" in call("check family.json")
     assert "`run.sqlite` is a run store, not a file in a language of envgraph" in call("check run.sqlite")
     assert "`picture.png` is not a file in a language of envgraph" in call("check picture.png")
     assert "`picture.png` is not a file in a language of envgraph" in call("format picture.png")

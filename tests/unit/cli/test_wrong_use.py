@@ -18,8 +18,8 @@ import pytest
 
 from envgraph.cli import main
 from envgraph.cli._app import app
-from envgraph.env.compiled import _planning
-from envgraph.env.compiled._costs import CompiledCosts
+from envgraph.env.compiled import _plan_search
+from envgraph.env.compiled._compiled_costs import CompiledCosts
 from envgraph.lang import bundled_domain
 
 Call = Callable[..., str]
@@ -74,7 +74,7 @@ RANGES = [
 
 
 @pytest.mark.parametrize(("command", "option", "least", "most"), RANGES)
-def test_numbers_of_the_command_line_have_a_range(
+def test_option_values_outside_their_range_are_refused(
     refused: Call, command: str, option: str, least: int, most: int
 ) -> None:
     for text in (str(least - 1), str(most + 1), LONG, "1e3", "1_0", "many"):
@@ -84,7 +84,7 @@ def test_numbers_of_the_command_line_have_a_range(
         assert f"is not a whole number from {least:,} to {most:,}" in message
 
 
-def test_every_option_that_takes_a_number_has_a_range() -> None:
+def test_every_option_with_a_number_has_a_tested_range() -> None:
     numbers = {
         (name, option.opts[0])
         for name, command in app.commands.items()
@@ -100,14 +100,11 @@ def test_episodes_have_a_million_steps_at_most(refused: Call) -> None:
     file = Path("forest/burning_forest.environment")
     file.write_text(file.read_text("utf-8").replace("limit 200 steps", f"limit {2**63 - 1} steps"), "utf-8")
     message = refused("check", "forest")
-    assert (
-        f"burning_forest.environment:21:5: `limit` is {2**63 - 1} steps, but must be from 1 to 1,000,000"
-        in message
-    )
+    assert f"burning_forest.environment:21:5: `limit` is {2**63 - 1} steps, but must be from 1 to 1,000,000" in message
     assert "ENVGRAPH_LIMITS=10" in message
 
 
-def test_budgets_and_members_are_numbers_of_a_range(refused: Call) -> None:
+def test_budgets_and_member_numbers_outside_their_range_are_refused(refused: Call) -> None:
     refused("generate", "forest", "--name", "f", "--generations", 1, "--population", 2, code=0)
     for text in ("0", "10,0", "1_0", str(10**9 + 1), LONG, f"10,{LONG}"):
         assert "is not a whole number from 1 to 1,000,000,000" in refused("train", "f", "--steps", text)
@@ -147,13 +144,13 @@ MODEL, QUERIES, RULES = (
         ),
     ],
 )
-def test_check_finds_what_a_search_would_refuse(refused: Call, old: str, new: str, message: str) -> None:
+def test_check_reports_errors_that_a_search_would_refuse(refused: Call, old: str, new: str, message: str) -> None:
     path = Path("forest/family.toml")
     path.write_text(path.read_text().replace(old, new))
     assert f"forest/{message}" in refused("check", "forest")
 
 
-def test_whether_an_end_is_reached_is_not_asked_of_a_model_that_is_wrong(refused: Call) -> None:
+def test_reachability_is_not_checked_for_a_model_that_violates_constraints(refused: Call) -> None:
     path = Path("forest/family.toml")
     path.write_text(path.read_text().replace("forbid = []", 'forbid = ["solvable"]\nreachable = ["failure"]'))
     environment = Path("forest/burning_forest.environment")
@@ -162,16 +159,14 @@ def test_whether_an_end_is_reached_is_not_asked_of_a_model_that_is_wrong(refused
     assert "violates `forbid solvable`" in said and "reachable" not in said
     path.write_text(path.read_text().replace('forbid = ["solvable"]', ""))
     said = refused("check", "forest")
-    assert re.search(
-        r"violates `reachable failure`: no plan was found \(none: all \d+ states were searched", said
-    )
+    assert re.search(r"violates `reachable failure`: no plan was found \(none: all \d+ states were searched", said)
     assert "guide" not in said
 
 
-def test_a_way_that_a_beam_may_have_missed(refused: Call, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_plan_not_found_by_beam_search_gets_a_hint(refused: Call, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(CompiledCosts, "breadth", 3)
     monkeypatch.setattr(CompiledCosts, "width", 1)
-    monkeypatch.setattr(_planning, "NARROW", (3, 1))
+    monkeypatch.setattr(_plan_search, "NARROW_BEAM", (3, 1))
     monkeypatch.setenv("NUMBA_DISABLE_JIT", "1")  # compiling takes longer than a beam of one state
     path = Path("forest/family.toml")
     path.write_text(path.read_text().replace("forbid = []", 'forbid = []\nreachable = ["failure"]'))
@@ -179,10 +174,7 @@ def test_a_way_that_a_beam_may_have_missed(refused: Call, monkeypatch: pytest.Mo
     environment.write_text(environment.read_text().replace("terminate failure", ""))
     said = refused("check", "forest")
     assert re.search(r"was found \(none within \d+ states, by a beam of 1 after the first 3\)", said)
-    assert (
-        'write `guide = "name"` in a measure with `kind = "shortest_plan"`' in said
-        and "or raise `limit`" in said
-    )
+    assert 'write `guide = "name"` in a measure with `kind = "shortest_plan"`' in said and "or raise `limit`" in said
     environment.write_text(environment.read_text().replace("terminate success", ""))
     measure = '[measures.plan]\nkind = "shortest_plan"\n[diversity]'
     path.write_text(path.read_text().replace('reachable = ["failure"]', "").replace("[diversity]", measure))
@@ -191,7 +183,7 @@ def test_a_way_that_a_beam_may_have_missed(refused: Call, monkeypatch: pytest.Mo
     assert "or raise `limit`; write `otherwise = 0`" in said
 
 
-def test_check_tells_of_agents_whom_nobody_plays(refused: Call) -> None:
+def test_check_warns_about_agents_without_objects_in_the_model(refused: Call) -> None:
     model, environment = Path("forest/target_8x8.model"), Path("forest/burning_forest.environment")
     model.write_text(model.read_text().replace("R", "V"))  # no roads
     text = environment.read_text()
@@ -205,7 +197,7 @@ def test_check_tells_of_agents_whom_nobody_plays(refused: Call) -> None:
     assert "there is no agent: the model has no `RoadTile`" in refused("check", "forest")
 
 
-def test_domains_are_checked_apart_and_loose_files_together(refused: Call) -> None:
+def test_check_reads_domains_separately_and_loose_files_together(refused: Call) -> None:
     shutil.copytree("forest", "copy")
     assert "no problems" in refused("check", "forest", "copy/family.toml", MODEL, RULES, code=0)
 
@@ -223,7 +215,7 @@ def test_values_of_parameters_are_checked(refused: Call, where: list[str], messa
     assert message in refused("match", MODEL, QUERIES, "burningTile", *options)
 
 
-def test_an_object_of_another_class_is_no_slip_of_the_pen(refused: Call) -> None:
+def test_an_object_of_the_wrong_class_gets_no_spelling_hint(refused: Call) -> None:
     said = refused("match", MODEL, QUERIES, "burningTile", "-w", "tile=tile[0, 0]")
     assert re.fullmatch(
         r"error: `tile` must be a `BurningTile`, but `tile\[0, 0\]` is a `StartTile`; there are `tile\[.*\n",
@@ -231,16 +223,16 @@ def test_an_object_of_another_class_is_no_slip_of_the_pen(refused: Call) -> None
     )
 
 
-def test_the_type_of_a_value_has_its_article(refused: Call) -> None:
+def test_messages_use_the_right_article_for_types(refused: Call) -> None:
     assert "`burning` must be an `int`" in refused("match", MODEL, QUERIES, "fireDensity", "-w", "burning=x")
 
 
 @pytest.mark.parametrize("name", ["../out", "a/b", ".."])
-def test_a_run_stays_in_the_directory_of_runs(refused: Call, name: str) -> None:
+def test_names_of_runs_outside_the_runs_directory_are_refused(refused: Call, name: str) -> None:
     assert "cannot be the name of a run" in refused("generate", "forest", "--generations", 1, "--name", name)
 
 
-def test_a_directory_is_no_place_for_a_file(refused: Call) -> None:
+def test_a_directory_as_output_file_is_refused(refused: Call) -> None:
     Path("forest.json").mkdir()
     message = refused("apply", MODEL, RULES, "spread", "--output", "forest.json")
     assert message == "error: forest.json: is a directory\n"
@@ -289,7 +281,7 @@ def test_a_damaged_run_is_refused(refused: Call, run_store: Path, damage: str) -
         assert "runs/bad/run.sqlite is damaged: " in refused(*command)
 
 
-def test_a_family_is_not_written_as_json_into_a_picture(refused: Call) -> None:
+def test_writing_a_family_as_json_to_an_svg_file_is_refused(refused: Call) -> None:
     said = refused("export", "nowhere", "-o", "family.svg")
     assert "`family.svg` would contain JSON" in said and "--format svg" in said
 
@@ -308,16 +300,14 @@ def test_a_family_is_not_written_as_json_into_a_picture(refused: Call) -> None:
     ],
     ids=" ".join,
 )
-def test_no_command_takes_an_edited_family(refused: Call, run_store: Path, command: tuple[str, ...]) -> None:
+def test_every_command_refuses_an_edited_family(refused: Call, run_store: Path, command: tuple[str, ...]) -> None:
     text = refused("export", str(run_store), code=0)
     for damage in ('"complexity": NaN', '"complexity": "high"', '"complexity": 1e999', '"complexiti": 0.5'):
         broken = re.sub('"complexity": 0[.0-9]*', damage, text, count=1)
         line = next(number for number, one in enumerate(broken.splitlines(), 1) if damage in one)
         Path("family.json").write_text(broken)
         said = refused(*command)
-        assert "family.json" in said and (
-            str(line) in said or str(line - 1) in said
-        )  # or where its table begins
+        assert "family.json" in said and (str(line) in said or str(line - 1) in said)  # or where its table begins
 
 
 def test_a_resumed_run_that_cannot_be_written_is_refused(refused: Call, run_store: Path) -> None:
@@ -330,11 +320,9 @@ def test_a_resumed_run_that_cannot_be_written_is_refused(refused: Call, run_stor
 
 
 @pytest.mark.parametrize("format", ["text", "json"])
-def test_names_that_the_terminal_cannot_show_are_spelt_out(refused: Call, format: str) -> None:
+def test_names_are_escaped_if_the_terminal_cannot_encode_them(refused: Call, format: str) -> None:
     path = Path("forest/burning_forest.rules")
-    path.write_text(
-        path.read_text("utf-8").replace("retype tile : RoadTile", "retype tilé : RoadTile"), "utf-8"
-    )
+    path.write_text(path.read_text("utf-8").replace("retype tile : RoadTile", "retype tilé : RoadTile"), "utf-8")
     command = [sys.executable, "-m", "envgraph", "check", "forest", "--format", format]
     ended = subprocess.run(
         command, capture_output=True, text=True, check=False, env={**os.environ, "PYTHONIOENCODING": "ascii"}
@@ -347,7 +335,7 @@ def test_names_that_the_terminal_cannot_show_are_spelt_out(refused: Call, format
         assert r"`til\xe9`" in ended.stderr
 
 
-def test_a_search_that_finds_too_little_says_so(
+def test_a_search_that_finds_too_few_members_prints_a_warning(
     refused: Call, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     path = Path("forest/family.toml")
@@ -356,22 +344,20 @@ def test_a_search_that_finds_too_little_says_so(
     path.write_text(path.read_text().replace("forbid = []", constraint))
     monkeypatch.setattr(sys, "argv", ["envgraph", "generate", "forest", "--generations", "1"])
     assert main() == 0
-    assert (
-        "warning: only 1 of 6 environments that satisfy the constraints were found" in capsys.readouterr().err
-    )
+    assert "warning: only 1 of 6 environments that satisfy the constraints were found" in capsys.readouterr().err
 
 
-def test_definitions_are_not_shown_but_checked(refused: Call) -> None:
+def test_show_refuses_queries_and_suggests_check(refused: Call) -> None:
     said = refused("show", QUERIES)
     assert f"`{QUERIES}` is not a run, model or metamodel; use `envgraph check {QUERIES}` to check it" in said
 
 
-def test_what_has_no_matches_is_called_by_its_kind(refused: Call) -> None:
+def test_matching_a_group_is_refused_as_a_group(refused: Call) -> None:
     message = refused("match", MODEL, RULES, "retypings")
     assert "`retypings` is a group, which has no matches of its own; ask for one of its rules" in message
 
 
-def test_the_environment_of_a_run_is_asked_for(refused: Call) -> None:
+def test_match_with_a_run_asks_for_a_variant(refused: Call) -> None:
     assert "`h3` is not a file; for a run or family, add an environment: `--variant E1`" in refused(
         "match", "h3", QUERIES, "burningTile"
     )

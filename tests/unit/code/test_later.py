@@ -19,29 +19,27 @@ PACKAGES = sorted(
 
 
 @pytest.mark.parametrize("package", PACKAGES)
-def test_every_public_name_is_imported_listed_and_copied_by_a_star(package: str) -> None:
+def test_every_public_name_is_in_dir_and_in_star_imports(package: str) -> None:
     module = import_module(package)
     copied: dict[str, object] = {}
     exec(f"from {package} import *", copied)
     assert {name: getattr(module, name) for name in module.__all__}.items() <= copied.items()
-    assert [name for name in dir(module) if not name.startswith("__")] == module.__all__ and len(
-        module.__all__
-    ) > 1
+    assert [name for name in dir(module) if not name.startswith("__")] == module.__all__ and len(module.__all__) > 1
 
 
-def test_a_name_is_loaded_with_its_module_alone() -> None:
+def test_using_a_name_loads_only_the_module_that_defines_the_name() -> None:
     program = (
-        "import sys, envgraph.search; print('envgraph.search.evolution._selection' in sys.modules)\n"
+        "import sys, envgraph.search; print('envgraph.search.evolution._survivor_selection' in sys.modules)\n"
         "from envgraph.search import ElitistParents\n"
-        "print('envgraph.search.evolution._selection' in sys.modules)\n"
-        "print('envgraph.search.families._family' in sys.modules)\n"
+        "print('envgraph.search.evolution._survivor_selection' in sys.modules)\n"
+        "print('envgraph.search.families._member_family' in sys.modules)\n"
         "print(vars(envgraph.search)['ElitistParents'] is ElitistParents)"
     )
     done = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True, check=True)
     assert done.stdout.split() == ["False", "True", "False", "True"]
 
 
-def test_an_unknown_name_is_an_error_as_in_any_module() -> None:
+def test_an_unknown_name_raises_the_usual_import_errors() -> None:
     with pytest.raises(AttributeError, match=r"module `envgraph\.search` has no attribute `nothing`"):
         import_module("envgraph.search").nothing  # noqa: B018
     with pytest.raises(ImportError, match=r"cannot import name 'nothing' from 'envgraph\.search'"):

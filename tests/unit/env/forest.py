@@ -23,17 +23,17 @@ from envgraph.pattern import (
     Body,
     Check,
     Constant,
-    Edge,
     LeftSide,
     Modification,
     Navigation,
-    Node,
     Parameter,
     PathConstraint,
     Pattern,
     PatternCall,
     Rule,
-    Set,
+    RuleEdge,
+    RuleNode,
+    SetAction,
     TypeConstraint,
     Unary,
     Variable,
@@ -118,16 +118,16 @@ def patterns() -> list[Pattern]:
 
 
 def move(name: str, way: str) -> Rule:
-    nodes = (Node("truck"), Node("here", "Tile"), Node("there", "Tile"))
-    left = LeftSide(nodes, (Edge("truck", "currentState", "here"), Edge("here", way, "there")))
-    right = Modification((Set(Variable("truck"), "currentState", "=", Variable("there")),))
+    nodes = (RuleNode("truck"), RuleNode("here", "Tile"), RuleNode("there", "Tile"))
+    left = LeftSide(nodes, (RuleEdge("truck", "currentState", "here"), RuleEdge("here", way, "there")))
+    right = Modification((SetAction(Variable("truck"), "currentState", "=", Variable("there")),))
     return Rule(name, (Parameter("truck", "FireTruck"),), left, right=right)
 
 
 def rules() -> list[Rule]:
     ways = {"moveLeft": "left", "moveDown": "down", "moveRight": "right", "moveUp": "up"}
     fresh = Check(Unary("!", Navigation(Variable("water"), "collected")))
-    take = Modification((Set(Variable("water"), "collected", "=", Constant(True)),))
+    take = Modification((SetAction(Variable("water"), "collected", "=", Constant(True)),))
     collect = Rule("collect", (Parameter("water", "WaterTile"),), LeftSide(constraints=(fresh,)), right=take)
     return [*(move(name, way) for name, way in ways.items()), collect]
 

@@ -76,7 +76,7 @@ class Draw:
         self.rest = min(max((self.rest - start) / length, 0.0), LARGEST_BELOW_1)
 
 
-class Told:
+class RecordedChoices:
     """The choices that a number makes, written down."""
 
     def __init__(self, uniform: float) -> None:
@@ -95,7 +95,7 @@ class Told:
         return found
 
 
-class Remembered:
+class CachedSimulator:
     """A simulator whose steps are remembered, by state, action and the choices that were made.
 
     A number that makes other choices is a step of the live engine; so each step gives what that would give.
@@ -127,7 +127,7 @@ class Remembered:
                 self.present = found.state
                 return found
             path = (*path, draw.pick(found) if isinstance(found, int) else draw.choose(found))
-        told = Told(uniform)
+        told = RecordedChoices(uniform)
         done = self._do(action, told)
         path = (self.present, action)
         for asked, answer in told.made:
@@ -137,17 +137,17 @@ class Remembered:
         self.present = done.state
         return done
 
-    def enter(self) -> Simulator:
+    def checkout_present_state(self) -> Simulator:
         """The live engine, in the present state."""
         self.simulator.engine.checkout(self.present.version, discard=True)
         self.simulator.turn = self.present.turn
         return self.simulator
 
-    def _do(self, action: int, told: Told) -> Transition:
-        live = self.enter()
+    def _do(self, action: int, told: RecordedChoices) -> Transition:
+        live = self.checkout_present_state()
         try:
             if action < 0:
-                live._begin(told)
+                live._apply_reset(told)
                 reward, terminated = 0.0, 0
             else:
                 reward, terminated = live._step(action, told)
@@ -158,4 +158,4 @@ class Remembered:
         state = self._states.get(key)
         if state is None:
             state = self._states[key] = State(live.engine.commit(), live.turn, len(self._states))
-        return Transition(state, reward, terminated, seen, live.did)
+        return Transition(state, reward, terminated, seen, live.has_acted)

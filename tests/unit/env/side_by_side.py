@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 
 from envgraph.env import Behaviour, KeyIndex, Simulator, Tabular, indexed_classes
-from envgraph.env.compiled import Batch, Program, program_of
+from envgraph.env.compiled import CompiledBatch, CompiledProgram, program_of
 from envgraph.env.compiled.kernels import BEYOND, FULL, OVERFLOW
 from envgraph.errors import EvaluationError, RuleError
 from envgraph.graph import Model
@@ -21,7 +21,7 @@ from envgraph.lang import load_workspace
 from envgraph.metamodel import Reference
 from envgraph.rewrite import Engine
 from tests.profile import NIGHTLY
-from tests.unit.env.remembered import Remembered, State, Transition
+from tests.unit.env.remembered import CachedSimulator, State, Transition
 
 REPOSITORY = Path(__file__).parents[3]
 BUNDLED = REPOSITORY / "rules"
@@ -57,7 +57,7 @@ def mutants(engine: Engine, behaviour: Behaviour, count: int, seed: int = 0, fir
     """Members of a family: random applications of rules that the behaviour does not call, and that need no value."""
     called = called_rules(behaviour)
     rules = [name for name in engine.rules if name not in called and name.rpartition(".")[2] not in called]
-    rules = [name for name in rules if not any(one.required for one in engine.signature(name).parameters)]
+    rules = [name for name in rules if not any(one.is_required for one in engine.signature(name).parameters)]
     found = []
     for number in range(first, count):
         other = engine.copy()
@@ -76,9 +76,9 @@ def family_keys(engines: Sequence[Engine], behaviour: Behaviour) -> KeyIndex:
     """The indices of objects over all members."""
     metamodel = engines[0].model.metamodel
     classes = indexed_classes(behaviour, metamodel)
-    keys = KeyIndex.of(engines[0].model, classes)
+    keys = KeyIndex.of_model(engines[0].model, classes)
     for engine in engines[1:]:
-        keys = keys.merge(KeyIndex.of(engine.model, classes), metamodel)
+        keys = keys.merge(KeyIndex.of_model(engine.model, classes), metamodel)
     return keys
 
 
@@ -112,14 +112,12 @@ class Family:
         self._spare = spare
 
     @cached_property
-    def program(self) -> Program:
+    def program(self) -> CompiledProgram:
         """The program, run by Python."""
-        return program_of(
-            self.engines[0], self.behaviour, self.engines, self.keys, native=False, spare=self._spare
-        )
+        return program_of(self.engines[0], self.behaviour, self.engines, self.keys, native=False, spare=self._spare)
 
     @cached_property
-    def native(self) -> Program:
+    def native(self) -> CompiledProgram:
         """The same program, compiled by numba."""
         return replace(self.program, native=True)
 
@@ -143,13 +141,13 @@ def step_side_by_side(
     native: bool,
     seed: int = 0,
     spare: int = 12,
-) -> Program:
-    """Do `step_beside` for engines that have no family yet; return the program."""
+) -> CompiledProgram:
+    """Do `compare_random_steps` for engines that have no family yet; return the program."""
     family = Family([engine.copy() for engine in engines], behaviour, spare)
-    return step_beside(family, steps, native=native, seed=seed)
+    return compare_random_steps(family, steps, native=native, seed=seed)
 
 
-def step_beside(family: Family, steps: int, *, native: bool, seed: int = 0) -> Program:
+def compare_random_steps(family: Family, steps: int, *, native: bool, seed: int = 0) -> CompiledProgram:
     """Step all members on both, with random actions; anything that differs is an error of the test.
 
     What each step gives is compared, and whether states that are one are one on both sides; of the states those that
@@ -159,8 +157,8 @@ def step_beside(family: Family, steps: int, *, native: bool, seed: int = 0) -> P
     """
     engines, behaviour, keys = family.copies(), family.behaviour, family.keys
     program = family.native if native else family.program
-    batch = Batch(program, range(len(engines)))
-    live = [Remembered(Simulator(engine, behaviour, keys)) for engine in engines]
+    batch = CompiledBatch(program, range(len(engines)))
+    live = [CachedSimulator(Simulator(engine, behaviour, keys)) for engine in engines]
     same = [SameStates(batch, number, one) for number, one in enumerate(live)]
     streams = [np.random.Generator(np.random.PCG64([seed, number])) for number in range(len(engines))]
     batch.seed(streams)
@@ -171,7 +169,7 @@ def step_beside(family: Family, steps: int, *, native: bool, seed: int = 0) -> P
     for step in range(steps):
         if over.any():
             begun = {n: live[n].reset(streams[n].random()) for n in map(int, np.flatnonzero(over))}
-            enough = _agree(batch, _tried(batch.reset, over), begun.values(), f"before step {step}")
+            enough = _agree(batch, _raised_error(batch.reset, over), begun.values(), f"before step {step}")
             if not enough or any(one.error for one in begun.values()):
                 break
             for number, wanted in begun.items():
@@ -184,7 +182,7 @@ def step_beside(family: Family, steps: int, *, native: bool, seed: int = 0) -> P
             for one, action, stream in zip(live, actions.tolist(), streams, strict=True)
         ]
         said = f"step {step}, {[program.action_names[action] for action in actions]}"
-        if not _agree(batch, _tried(batch.step, actions, again=False), expected, said):
+        if not _agree(batch, _raised_error(batch.step, actions, again=False), expected, said):
             break
         over = (batch.ended != 0) | (batch.steps >= (behaviour.limit or 200))
         found = zip(batch.reward.tolist(), batch.ended.tolist(), batch.observation.tolist(), strict=True)
@@ -209,7 +207,7 @@ class SameStates:
         live: steps beside it.
     """
 
-    def __init__(self, batch: Batch, number: int, live: Remembered) -> None:
+    def __init__(self, batch: CompiledBatch, number: int, live: CachedSimulator) -> None:
         self._batch = batch
         self._number = number
         self._live = live
@@ -230,14 +228,14 @@ class SameStates:
         state.row = row
         if state.number > CLOSELY and state.number % 128:
             return
-        live = self._live.enter()
-        state.allowed = live.allowed()
+        live = self._live.checkout_present_state()
+        state.allowed = live.action_mask()
         if self._mask:
-            assert batch.allowed()[self._number].tolist() == state.allowed.tolist(), said
+            assert batch.action_masks()[self._number].tolist() == state.allowed.tolist(), said
         assert_same_state(batch, self._number, live)
 
 
-def _tried(function: Callable[..., Any], *arguments: object, **options: object) -> Exception | None:
+def _raised_error(function: Callable[..., Any], *arguments: object, **options: object) -> Exception | None:
     """The error that a function raises, if it does."""
     try:
         function(*arguments, **options)
@@ -246,7 +244,7 @@ def _tried(function: Callable[..., Any], *arguments: object, **options: object) 
     return None
 
 
-def _agree(batch: Batch, error: Exception | None, expected: Iterable[Transition], said: str) -> bool:
+def _agree(batch: CompiledBatch, error: Exception | None, expected: Iterable[Transition], said: str) -> bool:
     """See that all environments together raise the last of the errors that each alone does, if there is one.
 
     Returns:
@@ -261,20 +259,20 @@ def _agree(batch: Batch, error: Exception | None, expected: Iterable[Transition]
     return True
 
 
-def lines_of(error: object, program: Program) -> list[str]:
+def lines_of(error: object, program: CompiledProgram) -> list[str]:
     """Return the lines of an error, sorted: links have no order, but are listed in the one in which they came."""
     text = str(error)
-    if program.layout.renumbered:  # ids are what the message has of them
+    if program.layout.reuses_numbers:  # ids are what the message has of them
         text = sub("#[0-9]+", "#", text)
     return sorted(text.splitlines())
 
 
-def assert_same_state(batch: Batch, number: int, simulator: Simulator) -> None:
+def assert_same_state(batch: CompiledBatch, number: int, simulator: Simulator) -> None:
     """The state of an environment, cell by cell, is that of the live one."""
     hashed, facts = simulator.state_key(), None
-    if batch.program.layout.renumbered:
+    if batch.program.layout.reuses_numbers:
         facts = facts_of(simulator.engine.model)
-    with batch.model_of(number) as twin:
+    with batch.live_simulator(number) as twin:
         if facts is None:
             assert twin.state_key() == hashed
         else:
@@ -302,12 +300,8 @@ def facts_of(model: Model) -> set[tuple[object, ...]]:
         found.add((number, model.graph.class_of(node)))
         for feature in model.metamodel.features(model.graph.class_of(node)).values():
             if isinstance(feature, Reference):
-                found.update(
-                    (number, feature.name, rank[target]) for target in model.graph.targets(node, feature)
-                )
+                found.update((number, feature.name, rank[target]) for target in model.graph.targets(node, feature))
             else:
-                values = (
-                    model.graph.values(node, feature) if feature.many else model.graph.value(node, feature)
-                )
+                values = model.graph.values(node, feature) if feature.many else model.graph.value(node, feature)
                 found.add((number, feature.name, str(values)))
     return found

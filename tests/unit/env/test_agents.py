@@ -91,9 +91,7 @@ class Hall:
 
     def step(self, state: State, action: int) -> list[tuple[State, float, int]]:
         """The equally likely outcomes: state, reward, end."""
-        return [
-            self.judged(after, reward, state.turn) for after, reward in self.moves(state, state.turn, action)
-        ]
+        return [self.judged(after, reward, state.turn) for after, reward in self.moves(state, state.turn, action)]
 
     def moves(self, state: State, robot: int, action: int) -> list[tuple[State, float]]:
         """The equally likely outcomes of what a robot does, before they are judged."""
@@ -109,9 +107,7 @@ class Hall:
                 left = state.battery[robot] - 1
                 found = [
                     (
-                        replace(
-                            state, at=put(state.at, robot, there), battery=put(state.battery, robot, left)
-                        ),
+                        replace(state, at=put(state.at, robot, there), battery=put(state.battery, robot, left)),
                         0.0,
                     )
                 ]
@@ -196,7 +192,7 @@ HALLS = [
 
 
 @pytest.mark.parametrize("hall", HALLS, ids=lambda hall: "/".join(hall.rows))
-def test_every_transition_is_that_of_the_warehouse(hall: Hall) -> None:
+def test_every_transition_equals_that_of_a_warehouse_in_python(hall: Hall) -> None:
     tabular = explore(*opened(hall.text())).tabular
     tabular.check()
     assert tabular.action_names == (*(f"go({way})" for way in WAYS), "lift", "ship", "wait")
@@ -204,7 +200,7 @@ def test_every_transition_is_that_of_the_warehouse(hall: Hall) -> None:
     assert_same(tabular, hall)
 
 
-def test_robots_act_in_the_order_of_their_keys_and_see_what_is_theirs() -> None:
+def test_robots_act_in_key_order_and_observe_their_own_values() -> None:
     engine = Engine(load_workspace([str(WAREHOUSE)]).models[0].model)  # type: ignore[arg-type]
     workspace = load_workspace([str(WAREHOUSE)])
     engine.add(*workspace.definitions)
@@ -223,7 +219,7 @@ def test_robots_act_in_the_order_of_their_keys_and_see_what_is_theirs() -> None:
 
 
 @pytest.mark.parametrize("hall", HALLS, ids=lambda hall: "/".join(hall.rows))
-def test_the_table_and_the_live_engine_do_the_same(hall: Hall) -> None:
+def test_table_and_live_environment_step_alike(hall: Hall) -> None:
     rows = EnvgraphEnv(explore(*opened(hall.text())).tabular, observation="multi")
     live = EnvgraphLiveEnv(Simulator(*opened(hall.text())), observation="multi")
     rng = np.random.default_rng(3)
@@ -240,7 +236,7 @@ def test_the_table_and_the_live_engine_do_the_same(hall: Hall) -> None:
             assert info["agent"] == told["agent"] == "ab"[turn % hall.count]
 
 
-def test_many_environments_say_whose_turn_it_is() -> None:
+def test_vector_environment_reports_the_agent_whose_turn_is_next() -> None:
     tabular = explore(*opened(HALLS[1].text())).tabular
     many = EnvgraphVectorEnv([tabular, tabular])
     _, info = many.reset(seed=0)
@@ -254,7 +250,7 @@ def test_many_environments_say_whose_turn_it_is() -> None:
 # --- coins: every coin is an agent
 
 
-def faces(tabular: Tabular) -> list[tuple[int, ...]]:
+def start_state_transitions(tabular: Tabular) -> list[tuple[int, ...]]:
     """Reward, end and who is next, from the start state, by action."""
     (start,) = tabular.start_states.tolist()
     assert tabular.turn is not None
@@ -265,7 +261,7 @@ def faces(tabular: Tabular) -> list[tuple[int, ...]]:
     ]  # fmt: skip
 
 
-def test_what_stands_outside_is_shared() -> None:
+def test_clauses_outside_agent_blocks_apply_to_all_agents() -> None:
     found = table(
         """
         action wait = nothing() reward 1.0
@@ -281,10 +277,10 @@ def test_what_stands_outside_is_shared() -> None:
     assert found.agent_names == ("a", "b", "c")
     assert found.action_names == ("wait", "flip")
     # Coin a is worth 1, and acts first; tails is success, and c shows tails from the start.
-    assert faces(found) == [(111.0, 1, 1), (112.0, 1, 1)]
+    assert start_state_transitions(found) == [(111.0, 1, 1), (112.0, 1, 1)]
 
 
-def test_a_name_outside_means_any_object_even_where_an_agent_has_it() -> None:
+def test_agent_name_used_outside_its_block_matches_any_object() -> None:
     text = """
         agent coin : Coin { action flip = turnOver(coin) on find up(coin) reward 1.0 }
         on find up(coin) reward 10.0
@@ -298,7 +294,7 @@ def test_a_name_outside_means_any_object_even_where_an_agent_has_it() -> None:
     assert reward == 20.0
 
 
-def test_what_a_block_applies_is_done_at_the_turn_of_its_agent() -> None:
+def test_clauses_of_an_agent_block_apply_rules_only_at_the_turn_of_its_agent() -> None:
     text = """
         agent coin : Coin {
             action wait = nothing()
@@ -320,7 +316,7 @@ def test_what_a_block_applies_is_done_at_the_turn_of_its_agent() -> None:
     assert sides(live.engine) == "ab" and live.engine.model["hand"].holds is None
 
 
-def test_an_agent_that_is_gone_is_passed_over() -> None:
+def test_turn_order_skips_deleted_agents() -> None:
     text = "agent coin : Coin { action lose = lose(coin) action wait = nothing() observe coin.side }"
     live = simulator(text)
     live.reset(np.random.default_rng(0))
@@ -332,7 +328,7 @@ def test_an_agent_that_is_gone_is_passed_over() -> None:
     assert live.observe() == 0  # nobody is left
 
 
-def test_when_all_agents_are_gone_what_is_shared_goes_on() -> None:
+def test_shared_clauses_continue_when_all_agents_are_deleted() -> None:
     text = """
         agent coin : Coin {
             action lose = lose(coin)
@@ -371,7 +367,7 @@ def test_a_model_without_any_agent_is_refused() -> None:
         Simulator(engine, behaviour)
 
 
-def test_several_blocks_act_one_after_the_other() -> None:
+def test_agents_of_several_blocks_take_turns_block_by_block() -> None:
     found = table(
         """
         agent coin : Coin {
@@ -401,7 +397,7 @@ def test_several_blocks_act_one_after_the_other() -> None:
     assert (found.turn[found.next_state[players, 1, 0]] == 0).all()
 
 
-def test_agents_without_a_text() -> None:
+def test_behaviour_with_agents_can_be_built_in_python() -> None:
     coin = Variable("coin")
     agent = Agent(
         "coin",

@@ -31,9 +31,7 @@ def published_step(rows: list[str], position: int, taken: bool, action: int) -> 
 
 def random_maps() -> Iterator[list[str]]:
     for number in (1, 17, 30):
-        data = json.loads(
-            (forest.DATA / f"random-families/environments-8x8-random-{number:02}.json").read_text()
-        )
+        data = json.loads((forest.DATA / f"random-families/environments-8x8-random-{number:02}.json").read_text())
         yield data["environments"][0]["desc"]
 
 
@@ -75,7 +73,7 @@ def assert_is_published(table: Tabular, rows: list[str]) -> None:
 
 
 @pytest.mark.parametrize("rows", MAPS)
-def test_every_transition_is_the_published_one(rows: list[str]) -> None:
+def test_every_transition_equals_that_of_the_published_environment(rows: list[str]) -> None:
     table = explore(forest.engine(rows), forest.behaviour()).tabular
     assert table.deterministic
     assert table.action_names == ("left", "down", "right", "up")
@@ -120,7 +118,7 @@ def test_the_greedy_policy_on_the_target_has_the_published_return() -> None:
     assert (round(total, 9), steps) == (10.2, 16)
 
 
-def test_a_move_into_the_border_asks_the_tile_again() -> None:
+def test_move_into_the_border_stays_and_repeats_the_reward_of_the_tile() -> None:
     table = explore(forest.engine(["VRG"]), forest.behaviour()).tabular
     start = int(table.start_states[0])
     for action in (0, 1, 3):
@@ -128,7 +126,7 @@ def test_a_move_into_the_border_asks_the_tile_again() -> None:
         assert table.reward[start, action, 0] == -0.1
 
 
-def test_the_start_state_is_not_judged() -> None:
+def test_clauses_are_not_evaluated_in_the_start_state() -> None:
     # The truck starts on the goal: a reset asks no clause, the first step does.
     table = explore(forest.engine(["RG"], start=(1, 0)), forest.behaviour()).tabular
     start = int(table.start_states[0])
@@ -139,7 +137,7 @@ def test_the_start_state_is_not_judged() -> None:
     assert (table.reward[over] == 0.0).all()
 
 
-def test_enumeration_leaves_the_engine_as_it_was() -> None:
+def test_enumeration_leaves_the_model_unchanged() -> None:
     engine = forest.engine(forest.published_maps()[0])
     before = engine.model.state_hash()
     with engine.transaction():
@@ -150,7 +148,7 @@ def test_enumeration_leaves_the_engine_as_it_was() -> None:
     engine.model.check_integrity()
 
 
-def test_both_matchers_give_one_table() -> None:
+def test_both_matchers_give_the_same_table() -> None:
     rows = forest.published_maps()[3]
     naive = Engine(forest.model(rows), matcher=NaiveMatcher)
     naive.add(*forest.patterns(), *forest.rules())

@@ -14,7 +14,7 @@ from gymnasium.utils.env_checker import check_env
 from gymnasium.vector import AutoresetMode, SyncVectorEnv
 
 from envgraph.env import EnvgraphLiveEnv, EnvgraphVectorEnv, Simulator, Tabular, explore
-from envgraph.env.compiled import CompiledEnv, CompiledVectorEnv, functions, has_numba, program_of
+from envgraph.env.compiled import CompiledEnv, CompiledVectorEnv, has_numba, load_functions, program_of
 from tests.profile import NIGHTLY
 from tests.unit.env.corners.domains import CORNERS, MODELS, files
 from tests.unit.env.side_by_side import Family, family_of, opened
@@ -40,7 +40,7 @@ def fires() -> tuple[Family, list[Tabular]]:
 
 @pytest.mark.parametrize("observation", ["index", "multi"])
 @pytest.mark.parametrize("mode", list(AutoresetMode))
-def test_many_at_once_do_what_tables_do(mode: AutoresetMode, observation: Any) -> None:
+def test_compiled_vector_environment_steps_like_tables(mode: AutoresetMode, observation: Any) -> None:
     family, tables = fires()
     options: dict[str, Any] = {"max_episode_steps": 9, "autoreset_mode": mode, "observation": observation}
     table = EnvgraphVectorEnv(tables, 7, **options)
@@ -59,7 +59,7 @@ def test_many_at_once_do_what_tables_do(mode: AutoresetMode, observation: Any) -
             assert same(compiled.reset(options=mask), table.reset(options=mask))
 
 
-def test_many_with_streams_of_their_own_do_what_single_live_environments_do() -> None:
+def test_compiled_vector_with_separate_streams_steps_like_live_environments() -> None:
     engine, behaviour = opened(*files(MODELS["warehouse"]))
     program = program_of(engine.copy(), behaviour, native=False)
     make = lambda: gymnasium.wrappers.TimeLimit(EnvgraphLiveEnv(Simulator(engine.copy(), behaviour)), 20)  # noqa: E731
@@ -73,7 +73,7 @@ def test_many_with_streams_of_their_own_do_what_single_live_environments_do() ->
 
 
 @pytest.mark.parametrize("observation", ["index", "multi"])
-def test_one_does_what_a_live_environment_does(observation: Any) -> None:
+def test_compiled_environment_steps_like_the_live_environment(observation: Any) -> None:
     engine, behaviour = opened(*files(MODELS["network"]))
     live = EnvgraphLiveEnv(Simulator(engine.copy(), behaviour), observation=observation, render_mode="ansi")
     program = program_of(engine, behaviour, native=False)
@@ -90,12 +90,12 @@ def test_one_does_what_a_live_environment_does(observation: Any) -> None:
             assert compiled.render() == live.render()
 
 
-def test_it_passes_the_checks_of_gymnasium() -> None:
+def test_compiled_environment_passes_the_gymnasium_checker() -> None:
     engine, behaviour = opened(*files(MODELS["keydoor"]))
     check_env(CompiledEnv(program_of(engine, behaviour, native=False)), skip_render_check=True)
 
 
-def test_copies_go_on_alike_and_by_themselves() -> None:
+def test_deep_copies_step_like_the_original_and_independently_of_it() -> None:
     family = family_of(CORNERS["warehouse"])
     program = family.native if NIGHTLY and has_numba() else family.program
     many = CompiledVectorEnv(program, 3, max_episode_steps=15)
@@ -112,24 +112,20 @@ def test_copies_go_on_alike_and_by_themselves() -> None:
         assert same((others[0].step(chosen), others[1].step(chosen[0])), wanted)
 
 
-def test_programs_run_where_the_cache_cannot_be_written(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_programs_run_where_the_cache_cannot_be_written(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     pytest.importorskip("numba")
     (tmp_path / "file").write_text("")
     monkeypatch.setenv("ENVGRAPH_CACHE", str(tmp_path / "file" / "cache"))
     text = f"def twice(x):  # {tmp_path}\n    return 2 * x\n"
-    assert functions(text, (), ("twice",), native=True)["twice"](4) == 8
+    assert load_functions(text, (), ("twice",), native=True)["twice"](4) == 8
     assert [path.name for path in tmp_path.rglob("*")] == ["file"]
 
 
-def test_machine_code_of_a_text_is_not_run_for_an_edited_text(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_edited_program_text_does_not_run_the_old_machine_code(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     pytest.importorskip("numba")
     monkeypatch.setenv("ENVGRAPH_CACHE", str(tmp_path))
     for factor in (2, 3, 2):
         text = f"def times(x):\n    return {factor} * x\n"
-        functions.cache_clear()
-        assert functions(text, (), ("times",), native=True)["times"](4) == 4 * factor
+        load_functions.cache_clear()
+        assert load_functions(text, (), ("times",), native=True)["times"](4) == 4 * factor
     assert len([*(tmp_path / "programs").iterdir()]) == 2

@@ -16,8 +16,15 @@ import numpy as np
 import pytest
 
 from envgraph.env import Tabular, explore
-from envgraph.env.compiled import CompiledVectorEnv, NotCompiled, Program, enumerated, export, program_of
-from envgraph.env.compiled._costs import CompiledCosts
+from envgraph.env.compiled import (
+    CompiledProgram,
+    CompiledVectorEnv,
+    NotCompiled,
+    enumerate_states,
+    export_package,
+    program_of,
+)
+from envgraph.env.compiled._compiled_costs import CompiledCosts
 from envgraph.errors import LIMITS, EnvgraphError, EvaluationError, RuleError
 from tests.profile import NIGHTLY
 from tests.unit.env import test_sight, test_together, test_truncation
@@ -33,7 +40,7 @@ from tests.unit.env.corners import (
     units,
     values,
 )
-from tests.unit.env.side_by_side import Family, assert_equal_tables, family_of, step_beside
+from tests.unit.env.side_by_side import Family, assert_equal_tables, compare_random_steps, family_of
 
 CORNERS = (
     domains.CORNERS
@@ -65,12 +72,12 @@ def family(corner: str) -> Family:
 
 def steps(family: Family) -> None:
     """Compare rewards, ends, observations, states, masks and errors of random steps."""
-    step_beside(family, STEPS // len(family.engines), native=False)
+    compare_random_steps(family, STEPS // len(family.engines), native=False)
 
 
 def steps_by_numba(family: Family) -> None:
     """Compare the same of a program that numba has compiled, but for masks, which it would have to compile."""
-    step_beside(family, 4 * STEPS // len(family.engines), native=True)
+    compare_random_steps(family, 4 * STEPS // len(family.engines), native=True)
 
 
 def table(family: Family, *, native: bool = False) -> None:
@@ -84,13 +91,11 @@ def table(family: Family, *, native: bool = False) -> None:
         few.setitem(LIMITS, "all outcomes", 20 * LIMIT)
         few.setattr(CompiledCosts, "told", 20 * LIMIT)
         for number, engine in enumerate(family.engines):
-            found = tried(partial(enumerated, program, number, limit=LIMIT))
+            found = table_or_error(partial(enumerate_states, program, number, limit=LIMIT))
             known = partial(explore, engine, family.behaviour, family.keys, limit=LIMIT, outcomes=20 * LIMIT)
-            wanted = tried(lambda: known().tabular)  # noqa: B023
+            wanted = table_or_error(lambda: known().tabular)  # noqa: B023
             if isinstance(wanted, Exception) or isinstance(found, Exception):
-                assert isinstance(wanted, Exception) or isinstance(found, NotCompiled), (
-                    "there is space for less"
-                )
+                assert isinstance(wanted, Exception) or isinstance(found, NotCompiled), "there is space for less"
                 assert isinstance(found, Exception)
             else:
                 assert_equal_tables(found, wanted)
@@ -123,12 +128,10 @@ def threads_by_numba(family: Family) -> None:
 def package(family: Family) -> None:
     """Compare what an exported package does where there is no envgraph, and no numba."""
     program, members = family.program, range(len(family.engines))
-    options = [
-        {"streams": one, "observation": other} for one in ("shared", "each") for other in ("index", "multi")
-    ]
+    options = [{"streams": one, "observation": other} for one in ("shared", "each") for other in ("index", "multi")]
     with TemporaryDirectory() as folder, pytest.MonkeyPatch.context() as elsewhere:
         name = f"corner_{len(sys.modules)}"
-        export(program, Path(folder) / name, name="Corner", members=[f"E{n}" for n in members], limit=9)
+        export_package(program, Path(folder) / name, name="Corner", members=[f"E{n}" for n in members], limit=9)
         elsewhere.syspath_prepend(folder)
         for missing in ("envgraph", "numba"):
             elsewhere.setitem(sys.modules, missing, None)
@@ -137,13 +140,13 @@ def package(family: Family) -> None:
         assert not module._program().NATIVE
     for (results, error), each in zip(found, options, strict=True):
         wanted, live_error = stepped(vector(program, **each), program, 20)
-        if error and program.layout.renumbered:  # the space for new objects does not grow in a package
+        if error and program.layout.reuses_numbers:  # the space for new objects does not grow in a package
             wanted, live_error = wanted[: len(results)], live_error or error
         assert shown(results) == shown(wanted)
         assert (error is None) == (live_error is None)
 
 
-def tried(function: Callable[[], Tabular]) -> Tabular | Exception:
+def table_or_error(function: Callable[[], Tabular]) -> Tabular | Exception:
     """Return a table, or the error in its place."""
     try:
         return function()
@@ -151,12 +154,12 @@ def tried(function: Callable[[], Tabular]) -> Tabular | Exception:
         return error
 
 
-def vector(program: Program, **options: Any) -> CompiledVectorEnv:
+def vector(program: CompiledProgram, **options: Any) -> CompiledVectorEnv:
     """Return seven environments of the members in turn."""
     return CompiledVectorEnv(program, 7, max_episode_steps=9, **options)
 
 
-def stepped(many: Any, program: Program, rounds: int) -> tuple[list[Any], Exception | None]:
+def stepped(many: Any, program: CompiledProgram, rounds: int) -> tuple[list[Any], Exception | None]:
     """Return all results of a reset and some rounds of random actions, and the error that ended them."""
     actions, found = np.random.default_rng(0), list[Any]()
     try:
@@ -218,7 +221,7 @@ MATRIX = [(corner, way) for corner in CORNERS for way in WAYS if NIGHTLY or corn
 
 
 @pytest.mark.parametrize(("corner", "way"), MATRIX)
-def test_it_does_what_the_live_engine_does(corner: str, way: str) -> None:
+def test_compiled_construct_behaves_like_the_live_engine(corner: str, way: str) -> None:
     if "numba" in way:
         pytest.importorskip("numba")
     WAYS[way](family(corner))
@@ -237,7 +240,7 @@ REFUSED = (
 
 
 @pytest.mark.parametrize("construct", REFUSED)
-def test_what_is_not_compiled_is_named_with_its_place(construct: str) -> None:
+def test_constructs_that_are_not_compiled_are_reported_with_their_span(construct: str) -> None:
     """The place is what stands between [[ and ]]."""
     corner = REFUSED[construct]
     texts = {name: getattr(corner, name) for name in ("rules", "behaviour", "query")}

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from envgraph.env import EnvgraphEnv, EnvgraphLiveEnv, Simulator, TooManyStates, explore
-from envgraph.env.compiled import Batch, CompiledVectorEnv, NotCompiled, enumerated, program_of
+from envgraph.env.compiled import CompiledBatch, CompiledVectorEnv, NotCompiled, enumerate_states, program_of
 from envgraph.errors import EvaluationError
 from tests.unit.env.corners.creation import BORN, DROP, LOOK, MADE, SIZES
 from tests.unit.env.corners.yard import Yard
@@ -22,21 +22,19 @@ BOXES = "pattern big(b : Box) { Box.size(b, 4); }\npattern boxes(b : Box) { Box(
 BEARS = "action born = born() reward 1\naction grow = grow() reward 0.5\non find big(_) terminate success\n"
 
 
-@pytest.mark.parametrize(
-    "actions", ["", "action gone = gone()\n", "action gone = gone()\naction nest = nested()\n"]
-)
-def test_a_table_of_states_with_new_objects_is_that_of_the_live_engine(actions: str) -> None:
+@pytest.mark.parametrize("actions", ["", "action gone = gone()\n", "action gone = gone()\naction nest = nested()\n"])
+def test_compiled_table_with_created_objects_equals_that_of_the_live_engine(actions: str) -> None:
     rules = BOUNDED.replace("n < 4", "n < 3") if "nest" in actions else BOUNDED
     corner = Yard(rules, actions + BEARS + "observe count find boxes(_) up to 9", BOXES)
     engine, behaviour = corner.opened()
-    found = enumerated(program_of(engine.copy(), behaviour, native=False, spare=1))
+    found = enumerate_states(program_of(engine.copy(), behaviour, native=False, spare=1))
     wanted = explore(engine, behaviour).tabular
     assert found.n_states == wanted.n_states > 20
     for name in ("next_state", "probability", "reward", "terminated", "observation", "allowed"):
         assert np.array_equal(getattr(found, name), getattr(wanted, name))
 
 
-def test_states_that_differ_by_ids_alone_are_one() -> None:
+def test_states_that_differ_only_in_object_ids_are_equal() -> None:
     rules = BOUNDED.replace("size = n", "size = 3").replace("check b.size < 4", "check b.size > 9")
     body = "action born = 0.7: born() reward 1 else reward -1\naction gone = gone()\n"
     body += "observe count find boxes(_) up to 9"
@@ -49,13 +47,13 @@ def test_states_that_differ_by_ids_alone_are_one() -> None:
         assert row.step(action)[:3] == live.step(action)[:3]
 
 
-def test_where_objects_have_no_bound_there_are_too_many_states() -> None:
+def test_unbounded_object_creation_raises_too_many_states() -> None:
     engine, behaviour = Yard(BORN, "action born = born()\nobserve adam.kind").opened()
     program = program_of(engine, behaviour, native=False, spare=2)
     with pytest.raises(TooManyStates, match="let their patterns limit the number"):
         explore(engine, behaviour, limit=20)
     with pytest.raises(TooManyStates):
-        enumerated(program, limit=20)
+        enumerate_states(program, limit=20)
 
 
 CROWD = """
@@ -64,31 +62,31 @@ rule many { lhs { y : Yard; } forall { lhs { s : Spot; m : Man; }
 """
 
 
-def test_more_new_objects_in_a_step_than_there_is_space_for_are_an_error() -> None:
+def test_step_that_creates_more_objects_than_fit_into_a_state_is_an_error() -> None:
     engine, behaviour = Yard(CROWD, "action many = many()\nobserve adam.kind").opened()
-    batch = Batch(program_of(engine, behaviour, native=False, spare=5), [0])
+    batch = CompiledBatch(program_of(engine, behaviour, native=False, spare=5), [0])
     batch.reset(np.ones(1, dtype=np.bool_))
     with pytest.raises(EvaluationError, match="too many objects in one step"):
-        batch.step(np.zeros(1, dtype=np.int64), again=False)
+        batch.step(np.zeros(1, dtype=np.int64), resets_ended=False)
 
 
-def test_the_space_grows_with_what_rules_create() -> None:
+def test_space_of_a_state_grows_when_rules_create_objects() -> None:
     rules = MADE + DROP + BORN + "rule grow { lhs { b : Box; } modify { set b.size += 1; } }\n"
     body = "action born = born() reward 1\naction grow = grow()\naction make(m : Man) = make(m, _)\n"
     body += "action drop = drop()\non find size(_, n) reward n * 0.5\nlimit 120 steps\n" + LOOK
     engine, behaviour = Yard(rules, body, SIZES).opened()
     program = step_side_by_side(mutants(engine, behaviour, 3), behaviour, 100, native=False, spare=2)
-    batch = Batch(program, [0, 2, 0])
+    batch = CompiledBatch(program, [0, 2, 0])
     batch.seed([np.random.default_rng(number) for number in range(3)])
     batch.reset(np.ones(3, dtype=np.bool_))
     for _ in range(40):
-        batch.step(np.zeros(3, dtype=np.int64), again=False)
+        batch.step(np.zeros(3, dtype=np.int64), resets_ended=False)
     assert program.spare == 2
     assert batch.program.spare == 128
     assert batch.steps.tolist() == [40, 40, 40]
 
 
-def test_a_vector_goes_on_where_its_space_has_grown() -> None:
+def test_vector_episodes_continue_after_the_space_of_states_has_grown() -> None:
     body = "action born = born() reward 1\naction rest = born() else reward 0\nlimit 120 steps\n" + LOOK
     engine, behaviour = Yard(BORN, body, SIZES).opened()
     many = CompiledVectorEnv(program_of(engine, behaviour, native=False, spare=2), 2, max_episode_steps=30)
@@ -97,26 +95,24 @@ def test_a_vector_goes_on_where_its_space_has_grown() -> None:
     assert [step[-1]["step"].tolist() for step in found[-4:]] == [[29, 29], [30, 30], [0, 0], [1, 1]]
 
 
-def test_what_goes_leaves_its_space_to_what_comes() -> None:
-    corner = Yard(
-        MADE + DROP, "action make = make(adam, _) else reward -1\naction drop = drop()\nobserve adam.kind"
-    )
+def test_created_objects_reuse_the_space_of_deleted_objects() -> None:
+    corner = Yard(MADE + DROP, "action make = make(adam, _) else reward -1\naction drop = drop()\nobserve adam.kind")
     engine, behaviour = corner.opened()
-    batch = Batch(program_of(engine, behaviour, native=False, spare=2), [0])
+    batch = CompiledBatch(program_of(engine, behaviour, native=False, spare=2), [0])
     batch.seed([np.random.default_rng(0)])
     batch.reset(np.ones(1, dtype=np.bool_))
     drop, make = np.ones(1, dtype=np.int64), np.zeros(1, dtype=np.int64)
     for _ in range(8):
-        batch.step(drop, again=False)
+        batch.step(drop, resets_ended=False)
     states = set()
     for _ in range(6):
-        batch.step(make, again=False)
-        batch.step(drop, again=False)
+        batch.step(make, resets_ended=False)
+        batch.step(drop, resets_ended=False)
         states.add(tuple(batch.states[0].tolist()))
     assert len(states) == 1
 
 
-def test_new_objects_without_a_key_have_none_that_other_members_know() -> None:
+def test_creating_objects_without_a_key_is_not_compiled_if_members_differ() -> None:
     engine, behaviour = Yard(BORN, "action born = born()\nobserve b.size in 0..5 for b : Box").opened()
     step_side_by_side([engine], behaviour, 20, native=False)
     other = engine.copy()

@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from envgraph.env.compiled import CompiledVectorEnv, Program, export
+from envgraph.env.compiled import CompiledProgram, CompiledVectorEnv, export_package
 from envgraph.errors import InvalidArgument
 from tests.unit.env.corners.yard import Yard
 from tests.unit.env.side_by_side import family_of
@@ -86,12 +86,12 @@ MEN = Yard(RULES, TURNS, "pattern hungry(m : Man) { Man.hunger(m, 0); }", head="
 
 
 @cache
-def program() -> Program:
+def program() -> CompiledProgram:
     """Return a program of three members, in which men take turns: numba compiles it in a second."""
     return family_of(MEN).program
 
 
-def wanted(made: Program) -> list[Any]:
+def wanted(made: CompiledProgram) -> list[Any]:
     """What the script finds, of the environments of envgraph."""
     found: list[Any] = []
     for streams in ("shared", "each"):
@@ -113,11 +113,11 @@ def wanted(made: Program) -> list[Any]:
 
 
 @pytest.mark.parametrize("runs", ["python", "numba"])
-def test_a_package_steps_where_there_is_no_envgraph(tmp_path: Path, runs: str) -> None:
+def test_exported_package_steps_without_envgraph(tmp_path: Path, runs: str) -> None:
     if runs == "numba":
         pytest.importorskip("numba")
     made = program()
-    export(made, tmp_path / "halls", name="Men", members=["E1", "E2", "E3"], limit=100)
+    export_package(made, tmp_path / "halls", name="Men", members=["E1", "E2", "E3"], limit=100)
     ran = subprocess.run(
         [sys.executable, "-c", STEPPING, runs], cwd=tmp_path, capture_output=True, text=True, check=False
     )
@@ -129,36 +129,30 @@ def test_a_package_steps_where_there_is_no_envgraph(tmp_path: Path, runs: str) -
     assert all(np.array_equal(one, other) for one, other in zip(found, expected, strict=True))
 
 
-@pytest.mark.parametrize(
-    ("home", "switched_off", "kept"), [("home", "0", 1), ("file", "0", 0), ("home", "1", 0)]
-)
-def test_package_runs_without_a_place_for_machine_code(
+@pytest.mark.parametrize(("home", "switched_off", "kept"), [("home", "0", 1), ("file", "0", 0), ("home", "1", 0)])
+def test_exported_package_runs_without_a_writable_cache_for_machine_code(
     tmp_path: Path, home: str, switched_off: str, kept: int
 ) -> None:
     """A package that cannot be written, of a user who has no home, and with numba switched off."""
     pytest.importorskip("numba")
-    export(program(), tmp_path / "halls", name="W", members=["E1", "E2", "E3"], limit=100)
+    export_package(program(), tmp_path / "halls", name="W", members=["E1", "E2", "E3"], limit=100)
     (tmp_path / "file").write_text("")
     (tmp_path / "halls").chmod(0o500)
     script = "import halls; halls.Environments(2).reset(seed=0); print(halls._program().NATIVE)"
     places = {"HOME": str(tmp_path / home), "PYTHONDONTWRITEBYTECODE": "1", "NUMBA_DISABLE_JIT": switched_off}
-    usual = {
-        name: value for name, value in os.environ.items() if name not in ("ENVGRAPH_CACHE", "XDG_CACHE_HOME")
-    }
+    usual = {name: value for name, value in os.environ.items() if name not in ("ENVGRAPH_CACHE", "XDG_CACHE_HOME")}
     for _ in range(1 + kept):
         command = [sys.executable, "-c", script]
-        ran = subprocess.run(
-            command, cwd=tmp_path, env=usual | places, capture_output=True, text=True, check=False
-        )
+        ran = subprocess.run(command, cwd=tmp_path, env=usual | places, capture_output=True, text=True, check=False)
         assert (ran.stdout, ran.stderr) == (f"{switched_off == '0'}\n", "")
     assert len([*tmp_path.glob("home/.cache/envgraph/programs/*")]) == kept
 
 
-def test_what_cannot_be_a_package_is_refused(tmp_path: Path) -> None:
+def test_export_refuses_folders_that_cannot_become_a_package(tmp_path: Path) -> None:
     made = program()
     given: dict[str, Any] = {"name": "Men", "members": ["E1", "E2", "E3"], "limit": None}
     with pytest.raises(InvalidArgument, match="`my-halls` cannot be imported"):
-        export(made, tmp_path / "my-halls", **given)
-    export(made, tmp_path / "halls", **given)
+        export_package(made, tmp_path / "my-halls", **given)
+    export_package(made, tmp_path / "halls", **given)
     with pytest.raises(InvalidArgument, match="exists already"):
-        export(made, tmp_path / "halls", **given)
+        export_package(made, tmp_path / "halls", **given)

@@ -11,17 +11,17 @@ import pytest
 
 from envgraph.env import Behaviour, KeyIndex, TooManyStates, explore, indexed_classes
 from envgraph.env.compiled import (
-    Batch,
+    CompiledBatch,
+    CompiledProgram,
     NotCompiled,
     Plans,
-    Program,
-    Tables,
-    enumerated,
-    explored,
+    TableBuilder,
+    enumerate_states,
+    explore_fast,
     has_numba,
     program_of,
 )
-from envgraph.env.compiled._costs import CompiledCosts
+from envgraph.env.compiled._compiled_costs import CompiledCosts
 from envgraph.errors import LIMITS, EvaluationError
 from envgraph.rewrite import Engine
 from tests.profile import NIGHTLY
@@ -36,13 +36,13 @@ MODELS = {
 
 
 @pytest.mark.parametrize("name", MODELS)
-def test_the_table_is_that_of_the_live_engine(name: str) -> None:
+def test_compiled_table_equals_that_of_the_live_engine(name: str) -> None:
     family = family_of(Corner(partial(opened, *files(MODELS[name]))))
     for number, engine in enumerate(family.copies()):
         wanted = explore(engine, family.behaviour, family.keys).tabular
-        assert_equal_tables(enumerated(family.program, number), wanted)
+        assert_equal_tables(enumerate_states(family.program, number), wanted)
         if NIGHTLY and has_numba():
-            assert_equal_tables(enumerated(family.native, number), wanted)
+            assert_equal_tables(enumerate_states(family.native, number), wanted)
 
 
 def die(directory: Path) -> tuple[Engine, Behaviour]:
@@ -67,105 +67,99 @@ def die(directory: Path) -> tuple[Engine, Behaviour]:
     return opened(directory / "die.model", directory / "die.environment")
 
 
-def test_one_state_may_have_more_outcomes_than_there_is_space_for(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_outcome_buffer_grows_for_a_state_with_many_outcomes(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     engine, behaviour = die(tmp_path)
     wanted = explore(engine, behaviour).tabular
     assert wanted.probability.shape == (2, 2, 10)
     monkeypatch.setattr(CompiledCosts, "first", 12)
-    assert_equal_tables(enumerated(program_of(engine, behaviour, native=False)), wanted)
+    assert_equal_tables(enumerate_states(program_of(engine, behaviour, native=False)), wanted)
 
 
-def test_outcomes_are_bounded_like_states_and_told(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_enumeration_limits_outcomes_and_reports_progress(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     engine, behaviour = die(tmp_path)
     program, told = program_of(engine, behaviour, native=False), list[tuple[int, int]]()
     monkeypatch.setattr(CompiledCosts, "told", 10)
     monkeypatch.setitem(LIMITS, "all outcomes", 40)
     wanted = explore(engine, behaviour, outcomes=40).tabular
-    assert_equal_tables(enumerated(program, progress=lambda *counts: told.append(counts)), wanted)
+    assert_equal_tables(enumerate_states(program, progress=lambda *counts: told.append(counts)), wanted)
     assert told == [(2, 20)]
     monkeypatch.setitem(LIMITS, "all outcomes", 39)
     with pytest.raises(TooManyStates, match="more than 39 outcomes of actions in its states"):
-        enumerated(program)
+        enumerate_states(program)
     with pytest.raises(TooManyStates, match="more than 39 outcomes"):
         explore(engine, behaviour, outcomes=39)
 
 
-def test_too_many_outcomes_of_one_action_are_too_many_for_a_table(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_too_many_outcomes_of_one_action_raise_too_many_states(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     engine, behaviour = die(tmp_path)
     monkeypatch.setitem(LIMITS, "outcomes", 9)
     with pytest.raises(TooManyStates, match="action `roll` has more than 9 outcomes in one state"):
-        enumerated(program_of(engine, behaviour, native=False))
+        enumerate_states(program_of(engine, behaviour, native=False))
     with pytest.raises(TooManyStates, match="action `roll` has more than 9 outcomes in one state"):
         explore(engine, behaviour)
 
 
-def test_a_table_with_too_much_room_is_not_made(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_table_with_too_many_entries_is_refused(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     engine, behaviour = die(tmp_path)
     program = program_of(engine, behaviour, native=False)
     monkeypatch.setitem(LIMITS, "table entries", 40)
-    assert_equal_tables(enumerated(program), explore(engine, behaviour).tabular)
+    assert_equal_tables(enumerate_states(program), explore(engine, behaviour).tabular)
     monkeypatch.setitem(LIMITS, "table entries", 39)
     message = "is too large: 2 states, 2 actions, up to 10 outcomes of an action"
     with pytest.raises(TooManyStates, match=message):
-        enumerated(program)
+        enumerate_states(program)
     with pytest.raises(TooManyStates, match=message):
         explore(engine, behaviour)
 
 
-def test_few_states_of_many_outcomes_are_left_to_the_program(
+def test_few_states_with_many_outcomes_are_enumerated_by_the_compiled_program(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     pytest.importorskip("numba")
     engine, behaviour = die(tmp_path)
     wanted, visited = explore(engine, behaviour).tabular, list[int]()
 
-    def counted(*arguments: object, **options: object) -> Program:
+    def counted(*arguments: object, **options: object) -> CompiledProgram:
         visited.append(1)
         return program_of(*arguments, **options, native=False)  # type: ignore[arg-type]
 
     monkeypatch.setattr("envgraph.env.compiled._enumeration.program_of", counted)
     for outcomes, programs in ((40, 0), (39, 1)):
         monkeypatch.setattr(CompiledCosts, "few_outcomes", outcomes)
-        assert_equal_tables(explored(engine, behaviour).tabular, wanted)
+        assert_equal_tables(explore_fast(engine, behaviour).tabular, wanted)
         assert len(visited) == programs
 
 
 @pytest.mark.parametrize("name", MODELS)
-def test_pictures_of_states_that_a_program_visits_are_those_of_the_live_engine(
-    name: str, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_pictures_of_compiled_states_equal_those_of_the_live_engine(name: str, monkeypatch: pytest.MonkeyPatch) -> None:
     pytest.importorskip("numba")
     engine, behaviour = opened(*files(MODELS[name]))
     wanted = explore(engine, behaviour, pictures=True)
     monkeypatch.setattr(CompiledCosts, "few_outcomes", 1)
     in_python = Mock(side_effect=partial(program_of, native=False))
     monkeypatch.setattr("envgraph.env.compiled._enumeration.program_of", in_python)
-    found = explored(engine, behaviour, pictures=True)
+    found = explore_fast(engine, behaviour, pictures=True)
     in_python.assert_called_once()
     assert_equal_tables(found.tabular, wanted.tabular)
     assert found.pictures == wanted.pictures and len(set(found.pictures)) > 1
 
 
-def test_tables_of_many_models_of_one_engine_are_made_by_one_program(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_one_compiled_program_enumerates_many_models_of_an_engine(monkeypatch: pytest.MonkeyPatch) -> None:
     pytest.importorskip("numba")
     monkeypatch.setattr(CompiledCosts, "live_outcomes", 0)
     written = []
 
-    def counted(*arguments: object, **options: object) -> Program:
+    def counted(*arguments: object, **options: object) -> CompiledProgram:
         written.append(arguments)
         return program_of(*arguments, **options, native=False)  # type: ignore[arg-type]
 
-    monkeypatch.setattr("envgraph.env.compiled._program.program_of", counted)
+    monkeypatch.setattr("envgraph.env.compiled._compiled_program.program_of", counted)
     engine, behaviour = opened(*files(MODELS["burning_forest"]))
-    tables, rng = Tables(behaviour), np.random.default_rng(0)
+    tables, rng = TableBuilder(behaviour), np.random.default_rng(0)
     rules = [name for name in engine.rules if "retypings" in name]
     for number in range(12):
-        keys = KeyIndex.of(engine.model, indexed_classes(behaviour, engine.model.metamodel))
-        assert_equal_tables(tables.table(engine, keys), explore(engine, behaviour, keys).tabular)
+        keys = KeyIndex.of_model(engine.model, indexed_classes(behaviour, engine.model.metamodel))
+        assert_equal_tables(tables.build(engine, keys), explore(engine, behaviour, keys).tabular)
         engine.model.commit()
         for _ in range(3):
             name = rules[int(rng.integers(len(rules)))]
@@ -175,7 +169,7 @@ def test_tables_of_many_models_of_one_engine_are_made_by_one_program(monkeypatch
     assert 1 <= len(written) < 4
 
 
-def test_what_a_program_has_no_space_for_is_visited_by_the_live_engine(
+def test_states_with_ints_beyond_32_bits_are_enumerated_by_the_live_engine(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     pytest.importorskip("numba")
@@ -198,24 +192,22 @@ def test_what_a_program_has_no_space_for_is_visited_by_the_live_engine(
     wanted = explore(engine, behaviour).tabular
     assert wanted.n_states == 10
     with pytest.raises(NotCompiled, match="32 bits"):
-        enumerated(program_of(engine, behaviour, native=False))
+        enumerate_states(program_of(engine, behaviour, native=False))
     with pytest.raises(NotCompiled, match="32 bits"):
         Plans(behaviour).plan(engine)
     monkeypatch.setattr(CompiledCosts, "few_states", 3)
     in_python = Mock(side_effect=partial(program_of, native=False))
     monkeypatch.setattr("envgraph.env.compiled._enumeration.program_of", in_python)
-    assert_equal_tables(explored(engine, behaviour).tabular, wanted)
+    assert_equal_tables(explore_fast(engine, behaviour).tabular, wanted)
     in_python.assert_called_once()
-    batch = Batch(program_of(engine, behaviour, native=False), [0])
+    batch = CompiledBatch(program_of(engine, behaviour, native=False), [0])
     batch.reset(np.ones(1, dtype=np.bool_))
-    with pytest.raises(
-        EvaluationError, match=r"an int has more than 32 bits[\s\S]*hint: .*`engine=\"live\"`"
-    ):
+    with pytest.raises(EvaluationError, match=r"an int has more than 32 bits[\s\S]*hint: .*`engine=\"live\"`"):
         for _ in range(9):
-            batch.step(np.zeros(1, dtype=np.int64), again=False)
+            batch.step(np.zeros(1, dtype=np.int64), resets_ended=False)
 
 
-def test_an_object_without_an_index_that_a_step_leads_to_is_named(tmp_path: Path) -> None:
+def test_step_to_an_observed_object_without_an_index_names_the_object(tmp_path: Path) -> None:
     texts = {
         "walk.metamodel": """
             metamodel walk
@@ -241,16 +233,16 @@ def test_an_object_without_an_index_that_a_step_leads_to_is_named(tmp_path: Path
     engine, behaviour = opened(tmp_path / "walk.model", tmp_path / "walk.environment")
     other = engine.copy()
     other.model["b"].delete("spo")
-    keys = KeyIndex.of(other.model, indexed_classes(behaviour, other.model.metamodel))
+    keys = KeyIndex.of_model(other.model, indexed_classes(behaviour, other.model.metamodel))
     with pytest.raises(EvaluationError, match="has no index among `Spot`"):
-        enumerated(program_of(engine, behaviour, keys=keys, native=False))
+        enumerate_states(program_of(engine, behaviour, keys=keys, native=False))
 
 
-def test_zero_is_one_value_whatever_its_sign() -> None:
+def test_zero_and_negative_zero_are_the_same_state() -> None:
     turn = "rule turn { lhs { i : Item; check i.id == 1; } modify { set i.weight = i.weight * -1.0; } }"
     zero = "rule zero { lhs { i : Item; check i.id == 1; } modify { set i.weight = 0.0; } }"
     actions = "action turn = turn()\naction zero = zero()\nobserve adam.kind"
     engine, behaviour = Yard(f"{turn}\n{zero}", actions).opened()
-    table = enumerated(program_of(engine, behaviour, native=False))
+    table = enumerate_states(program_of(engine, behaviour, native=False))
     assert_equal_tables(table, explore(engine, behaviour).tabular)
     assert table.n_states == 3

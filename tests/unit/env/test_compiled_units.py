@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 
 from envgraph.env import explore
-from envgraph.env.compiled import enumerated, program_of
+from envgraph.env.compiled import enumerate_states, program_of
 from tests.unit.env.corners.units import QUERY, RULES
 from tests.unit.env.corners.yard import Yard
 from tests.unit.env.side_by_side import EXTRA, mutants, opened, step_side_by_side
@@ -29,13 +29,13 @@ def sokoban(folder: Path) -> tuple[Path, Path]:
     return folder / "small.model", environment
 
 
-def test_sokoban_of_one_unit_does_what_the_live_one_does(tmp_path: Path) -> None:
+def test_compiled_sokoban_with_a_unit_steps_like_the_live_engine(tmp_path: Path) -> None:
     engine, behaviour = opened(*sokoban(tmp_path))
     program = step_side_by_side(mutants(engine, behaviour, 3), behaviour, 100, native=False)
     assert program.action_names == ("go(west)", "go(south)", "go(east)", "go(north)")
 
 
-def test_a_table_of_a_program_with_units_is_that_of_the_live_engine() -> None:
+def test_compiled_table_with_units_equals_that_of_the_live_engine() -> None:
     behaviour = """
     action any = any() reward 1 else reward -1
     action go(s : Spot) = 0.5: attempt(i1, s)
@@ -44,7 +44,7 @@ def test_a_table_of_a_program_with_units_is_that_of_the_live_engine() -> None:
     """
     units = "unit any { light | dark; } unit attempt(i : Item, s : Spot) { try { go(i, s); } else { any; } }"
     engine, found = Yard(RULES + units, behaviour, QUERY, head="i1 : Item").opened()
-    mine, other = enumerated(program_of(engine, found, native=False)), explore(engine, found).tabular
+    mine, other = enumerate_states(program_of(engine, found, native=False)), explore(engine, found).tabular
     for name in ("probability", "next_state", "reward", "allowed"):
         np.testing.assert_array_equal(getattr(mine, name), getattr(other, name))
     assert mine.n_states > 50

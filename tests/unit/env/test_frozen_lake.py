@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 from gymnasium.envs.toy_text.frozen_lake import MAPS
 
-from envgraph.env import EnvgraphEnv, Explored, explore, frozen_lake
+from envgraph.env import EnvgraphEnv, ExploredEnvironment, explore, frozen_lake_arguments
 from envgraph.errors import InvalidArgument
 from envgraph.lang import TextFiles, load_workspace
 
@@ -59,7 +59,7 @@ ENDS = """
 """
 
 
-def lake(actions: str, more: str = "", rows: list[str] | None = None, ends: str = ENDS) -> Explored:
+def lake(actions: str, more: str = "", rows: list[str] | None = None, ends: str = ENDS) -> ExploredEnvironment:
     shown = "\n".join(" " * 12 + row for row in rows or MAPS["4x4"])
     model = f'''
     import "lake.metamodel"
@@ -93,8 +93,8 @@ def lake(actions: str, more: str = "", rows: list[str] | None = None, ends: str 
 
 
 @pytest.mark.parametrize("name", ["4x4", "8x8"])
-def test_a_lake_gives_the_map_that_it_was_made_of(name: str) -> None:
-    found = frozen_lake(lake(SURE, rows=MAPS[name], more="each step reward -0.5"), 60)
+def test_exported_lake_has_the_map_and_rewards_of_its_source(name: str) -> None:
+    found = frozen_lake_arguments(lake(SURE, rows=MAPS[name], more="each step reward -0.5"), 60)
     assert found == {
         "desc": MAPS[name],
         "is_slippery": False,
@@ -104,15 +104,15 @@ def test_a_lake_gives_the_map_that_it_was_made_of(name: str) -> None:
     }
 
 
-def test_a_slippery_lake_says_how_slippery() -> None:
-    found = frozen_lake(lake(SLIPPERY), None)
+def test_exported_slippery_lake_has_its_success_rate() -> None:
+    found = frozen_lake_arguments(lake(SLIPPERY), None)
     assert (found["is_slippery"], found["success_rate"]) == (True, 0.8)
     assert found["desc"] == MAPS["4x4"]
 
 
-def test_what_is_written_steps_as_the_environment_does() -> None:
+def test_exported_frozen_lake_steps_like_the_environment() -> None:
     explored = lake(SURE)
-    arguments = json.loads(json.dumps(frozen_lake(explored, None)))
+    arguments = json.loads(json.dumps(frozen_lake_arguments(explored, None)))
     ours, theirs = EnvgraphEnv(explored.tabular), gymnasium.make("FrozenLake-v1", **arguments)
     actions = np.random.default_rng(0)
     for seed in range(30):
@@ -134,10 +134,10 @@ def test_what_is_written_steps_as_the_environment_does() -> None:
         (lambda: lake(SURE.replace("west(walker)", "west(walker) else reward -1.0", 1)), "`down` at column 0, row 0"),
         (lambda: lake(SURE, more="on find onStart(walker) reward -0.5"), "`down` at column 0, row 0 leads to"),
         (lambda: lake(SLIPPERY.replace("0.8: west", "0.7: west")), "`left` at column"),
-        (lambda: Explored(lake(SURE).tabular, ()), "it has no pictures"),
+        (lambda: ExploredEnvironment(lake(SURE).tabular, ()), "it has no pictures"),
     ],
     ids=["five", "more", "crossed", "bump", "reward", "chance", "undrawn"],
 )  # fmt: skip
-def test_what_frozen_lake_has_not_is_refused(explored: object, told: str) -> None:
+def test_environments_that_are_no_frozen_lake_are_refused(explored: object, told: str) -> None:
     with pytest.raises(InvalidArgument, match=f"this environment is not a map of FrozenLake: {told}"):
-        frozen_lake(explored(), None)  # type: ignore[operator]
+        frozen_lake_arguments(explored(), None)  # type: ignore[operator]

@@ -16,8 +16,8 @@ from gymnasium.error import ResetNeeded
 from gymnasium.utils.env_checker import check_env
 from numpy.typing import NDArray
 
-from envgraph.env import EnvgraphEnv, EnvgraphLiveEnv, Explored, Simulator, explore, register
-from envgraph.env.registration import register_entry_point
+from envgraph.env import EnvgraphEnv, EnvgraphLiveEnv, ExploredEnvironment, Simulator, explore, register
+from envgraph.env.registration import register_bundled
 from envgraph.errors import InvalidArgument
 from tests.unit.env import forest
 from tests.unit.env.coins import loaded
@@ -51,7 +51,7 @@ IDS = {
 
 @pytest.mark.parametrize("observation", ["index", "multi"])
 @pytest.mark.parametrize("name", IDS)
-def test_gymnasiums_checker_finds_nothing(name: str, observation: str) -> None:
+def test_environments_with_pictures_pass_the_gymnasium_checker(name: str, observation: str) -> None:
     for mode in ("ansi", "rgb_array"):
         check_env(gymnasium.make(IDS[name], render_mode=mode, observation=observation).unwrapped)
 
@@ -76,7 +76,7 @@ def test_the_limit_can_be_overridden() -> None:
     assert [env.step(0)[3] for _ in range(3)] == [False, False, True]
 
 
-def test_info_tells_state_step_and_success() -> None:
+def test_info_contains_state_step_and_success() -> None:
     env = EnvgraphEnv(explore(forest.engine(["SG"]), forest.behaviour()).tabular)
     _, info = env.reset()
     assert info == {"state": 0, "step": 0, "success": False, "is_success": False}
@@ -119,7 +119,7 @@ def test_actions_and_states_are_checked() -> None:
     assert env.reset(options={"state": np.int64(7)})[1]["state"] == 7
 
 
-def test_options_of_a_reset_that_mean_nothing_are_refused() -> None:
+def test_unknown_reset_options_are_refused() -> None:
     env, live = EnvgraphEnv(TARGET.tabular), make("live")
     with pytest.raises(
         InvalidArgument, match="unknown reset option `variant`: this environment cannot switch variants"
@@ -127,13 +127,11 @@ def test_options_of_a_reset_that_mean_nothing_are_refused() -> None:
         env.reset(options={"variant": 2})
     with pytest.raises(InvalidArgument, match="unknown reset option `stat`: the options are `state`"):
         env.reset(options={"stat": 2})
-    with pytest.raises(
-        InvalidArgument, match="unknown reset option `state`: this environment has no reset options"
-    ):
+    with pytest.raises(InvalidArgument, match="unknown reset option `state`: this environment has no reset options"):
         live.reset(options={"state": 2})
 
 
-def test_components_are_those_of_the_index() -> None:
+def test_multi_observation_components_equal_the_decoded_index() -> None:
     index = EnvgraphEnv(TARGET.tabular)
     parts = EnvgraphEnv(TARGET.tabular, observation="multi")
     assert parts.observation_space == gymnasium.spaces.MultiDiscrete([64, 2])
@@ -161,7 +159,9 @@ def test_a_seed_decides_the_episode() -> None:
 
 
 @pytest.mark.parametrize("copied", [copy.deepcopy, lambda env: pickle.loads(pickle.dumps(env))])
-def test_a_copy_goes_on_by_itself(copied: Callable[[EnvgraphEnv], EnvgraphEnv]) -> None:
+def test_copied_environment_continues_the_episode_like_the_original(
+    copied: Callable[[EnvgraphEnv], EnvgraphEnv],
+) -> None:
     env = EnvgraphEnv(explore(*loaded(RANDOM)).tabular)
     env.reset(seed=2)
     env.step(1)
@@ -185,7 +185,7 @@ def test_pixels_have_the_size_of_the_grid() -> None:
     assert (picture.shape, picture.dtype) == ((160, 160, 3), np.uint8)
 
 
-def test_rendering_without_a_mode_gives_nothing_and_without_pictures_is_refused(
+def test_render_returns_none_without_a_mode_and_invalid_render_modes_are_refused(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
     env = EnvgraphEnv(TARGET.tabular)
@@ -210,9 +210,9 @@ def test_a_live_environment_without_a_drawing_cannot_render() -> None:
     assert EnvgraphLiveEnv(simulator).reset()[0] == 0
 
 
-def test_registering_again_changes_nothing_and_another_thing_is_refused() -> None:
+def test_registering_again_changes_nothing_and_a_conflicting_name_is_refused() -> None:
     before = dict(gymnasium.registry)
-    register_entry_point()
+    register_bundled()
     for name in IDS:
         register(f"Test-{name}", entry_point="tests.unit.env.test_gymnasium:make", limit=200, name=name)
     assert gymnasium.registry == before
@@ -232,6 +232,6 @@ def test_importing_the_package_registers_the_bundled_environment() -> None:
     assert json.loads(out.stdout) == [200, "envgraph.search:make_environment", False]
 
 
-def test_the_example_of_an_explored_environment() -> None:
-    assert isinstance(TARGET, Explored)
+def test_explored_environment_has_a_picture_of_each_state() -> None:
+    assert isinstance(TARGET, ExploredEnvironment)
     assert len(TARGET.pictures) == TARGET.tabular.n_states == 124

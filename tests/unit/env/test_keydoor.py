@@ -8,7 +8,7 @@ import pytest
 from envgraph.env import Action, Behaviour, Branch, Domain, RuleCall, Simulator, Tabular, explore
 from envgraph.lang import TextFiles, bundled_domain, load_workspace
 from envgraph.match import Matcher, ViewMatcher
-from envgraph.pattern import Constant, LeftSide, Modification, Node, Parameter, Rule, Set, Variable
+from envgraph.pattern import Constant, LeftSide, Modification, Parameter, Rule, RuleNode, SetAction, Variable
 from envgraph.rewrite import Engine
 from tests.oracle.naive._naive import NaiveMatcher
 
@@ -106,7 +106,7 @@ TWO_KEYS = ["#####", "#rrR#", "##RX#", "#####"]
 
 
 @pytest.mark.parametrize("rows", MAZES)
-def test_every_transition_is_that_of_the_maze(rows: list[str]) -> None:
+def test_every_transition_equals_that_of_a_maze_in_python(rows: list[str]) -> None:
     table = explore(*loaded(rows)).tabular
     table.check()
     assert table.deterministic
@@ -115,7 +115,7 @@ def test_every_transition_is_that_of_the_maze(rows: list[str]) -> None:
     assert_same(table, Maze(rows))
 
 
-def test_equal_keys_are_different_objects() -> None:
+def test_two_door_keys_with_equal_attributes_are_distinct_objects() -> None:
     # With two keys in hand, opening a door draws one of them: two outcomes, which differ by identity.
     table = explore(*loaded(TWO_KEYS)).tabular
     assert table.next_state.shape[2] == 2
@@ -124,7 +124,7 @@ def test_equal_keys_are_different_objects() -> None:
 
 
 @pytest.mark.parametrize("matcher", [ViewMatcher, NaiveMatcher])
-def test_an_argument_of_a_superclass_matches_only_where_it_is_the_right_object(
+def test_superclass_argument_matches_only_an_object_of_the_parameter_class(
     matcher: type[Matcher],
 ) -> None:
     engine, _ = loaded(MAZES[0])
@@ -132,8 +132,8 @@ def test_an_argument_of_a_superclass_matches_only_where_it_is_the_right_object(
     swing = Rule(
         "swing",
         (Parameter("door", "Door"),),
-        LeftSide((Node("door", "Door"),)),
-        right=Modification((Set(Variable("door"), "open", "=", Constant(True)),)),
+        LeftSide((RuleNode("door", "Door"),)),
+        right=Modification((SetAction(Variable("door"), "open", "=", Constant(True)),)),
     )
     other.add(swing)
     push = Action(
@@ -153,7 +153,7 @@ def test_an_argument_of_a_superclass_matches_only_where_it_is_the_right_object(
 
 
 @pytest.mark.parametrize("unit", [False, True])
-def test_what_an_episode_applies_is_recorded(unit: bool) -> None:
+def test_trace_records_the_applications_of_an_episode(unit: bool) -> None:
     texts = {file.name: file.read_text() for file in FILES.glob("*.*")}
     if unit:
         texts["keydoor.environment"] = texts["keydoor.environment"].replace("= walk(", "= go(")
@@ -163,7 +163,7 @@ def test_what_an_episode_applies_is_recorded(unit: bool) -> None:
     simulator, start = Simulator(engine, workspace.behaviour()), engine.commit()
     with engine.recording() as trace:
         for _ in range(60):
-            simulator.act(int(rng.integers(len(simulator.action_names))), rng.random())
+            simulator.step_with(int(rng.integers(len(simulator.action_names))), rng.random())
     after = engine.model.state_hash()
     engine.checkout(start, discard=True)
     engine.replay(trace)

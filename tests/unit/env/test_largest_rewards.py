@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from envgraph.env import Behaviour, Simulator, Tabular, explore
-from envgraph.env.compiled import Batch, enumerated, program_of
+from envgraph.env.compiled import CompiledBatch, enumerate_states, program_of
 from envgraph.errors import EvaluationError, InvalidArgument
 from envgraph.lang import load_workspace
 from envgraph.rewrite import Engine
@@ -38,7 +38,7 @@ LARGE = {
 
 
 @pytest.mark.parametrize("clause", LARGE)
-def test_engines_agree_where_a_number_is_too_large(clause: str, tmp_path: Path) -> None:
+def test_all_engines_report_the_same_error_for_too_large_numbers(clause: str, tmp_path: Path) -> None:
     engine, behaviour = written(tmp_path, clause.replace("<", "", 1).replace(">", "", 1))
     said = []
     with pytest.raises(EvaluationError) as caught:
@@ -50,12 +50,12 @@ def test_engines_agree_where_a_number_is_too_large(clause: str, tmp_path: Path) 
         explore(engine.copy(), behaviour)
     said.append(str(caught.value))
     with pytest.raises(EvaluationError) as caught:
-        enumerated(program_of(engine, behaviour, native=False))
+        enumerate_states(program_of(engine, behaviour, native=False))
     said.append(str(caught.value))
     with pytest.raises(EvaluationError) as caught:
-        batch = Batch(program_of(engine, behaviour, native=False), [0])
+        batch = CompiledBatch(program_of(engine, behaviour, native=False), [0])
         batch.reset(np.ones(1, dtype=np.bool_))
-        batch.step(np.zeros(1, dtype=np.int64), again=False)
+        batch.step(np.zeros(1, dtype=np.int64), resets_ended=False)
     said.append(str(caught.value))
     assert said == [said[0]] * 4
     assert f"{LARGE[clause]}, but must be from -1e+100 to 1e+100" in said[0]
@@ -67,19 +67,17 @@ def test_the_largest_rewards_are_paid(tmp_path: Path) -> None:
     engine, behaviour = written(
         tmp_path, "action go = go(a) reward w.h\neach step reward -1e100 + 1.0\non find each(x) reward w.h"
     )
-    paid = enumerated(program_of(engine, behaviour, native=False)).reward
+    paid = enumerate_states(program_of(engine, behaviour, native=False)).reward
     assert paid.max() == 2e100 and np.array_equal(paid, explore(engine, behaviour).tabular.reward)
 
 
-def test_tables_have_no_larger_rewards() -> None:
+def test_tables_refuse_rewards_outside_the_range() -> None:
     def paying(reward: float) -> Tabular:
         return table([[[(1.0, 0, reward, 0)]]])
 
     paying(-2e100).check()  # of two clauses
     for reward in (1e111, -1e308, np.inf, np.nan):
-        with pytest.raises(
-            InvalidArgument, match=r"`reward` has values outside of the range from -1e\+110 to 1e\+110"
-        ):
+        with pytest.raises(InvalidArgument, match=r"`reward` has values outside of the range from -1e\+110 to 1e\+110"):
             paying(reward).check()
 
 

@@ -57,38 +57,36 @@ def warned(environment: str, parameters: str = A) -> list[str]:
         ("other(a)", []),  # rules are injective: `loss` is another coin
     ],
 )
-def test_a_rule_that_may_take_away_what_is_observed(action: str, rules: list[str]) -> None:
+def test_rules_that_may_delete_an_observed_object_are_reported(action: str, rules: list[str]) -> None:
     assert warned(f"action go = {action}\nobserve a.side") == [f"a.side: {rule}" for rule in rules]
 
 
-def test_an_object_that_is_no_longer_of_the_class_is_lost() -> None:
+def test_retyping_an_observed_object_is_reported_like_deletion() -> None:
     penny = "hand : Hand, a : Penny"
     assert warned("action go = wear(a)\nobserve a.side", penny) == ["a.side: rule `wear`"]
     assert warned("action go = wear(a)\non neg find up(a) terminate failure\nobserve a.side", penny) == []
-    assert error_of("action go = wear(a)\nobserve a.side", penny).message.startswith(
-        "rule `wear` has retyped `a`"
-    )
+    assert error_of("action go = wear(a)\nobserve a.side", penny).message.startswith("rule `wear` has retyped `a`")
     ends = "action go = wear(a)\non neg find up(a) terminate failure\nobserve a.side"
     engine, behaviour = loaded(ends, penny, TEXTS)
     assert explore(engine, behaviour).tabular.terminated.ravel().tolist() == [2, 0]
 
 
-def test_another_parameter_is_another_object() -> None:
+def test_only_rules_that_delete_the_observed_parameter_are_reported() -> None:
     two = f"{A}, b : Coin"
     assert warned("action go = lose(b)\nobserve a.side", two) == []
     assert warned("action go = melt(b, a)\nobserve a.side", two) == []
     assert warned("action go = melt(a, b)\nobserve a.side", two) == ["a.side: rule `melt`"]
 
 
-def test_objects_that_actions_count_through_may_be_any() -> None:
+def test_action_that_deletes_any_object_of_the_observed_class_is_reported() -> None:
     assert warned("action go(coin : Coin) = lose(coin)\nobserve a.side") == ["a.side: rule `lose`"]
 
 
-def test_one_warning_for_all_that_is_observed_of_an_object() -> None:
+def test_one_warning_covers_all_observations_of_an_object() -> None:
     assert warned("action go = lose(a)\nobserve a.side\nobserve a.value in 0..3") == ["a.side: rule `lose`"]
 
 
-def test_what_has_a_value_without_the_object_needs_no_warning() -> None:
+def test_observations_defined_without_the_object_give_no_warning() -> None:
     asked = "observe find up(a)\nobserve count find held(_, a) up to 1\nobserve a.over among Coin or none"
     assert warned(f"action go = lose(a)\non find up(a) reward a.value\n{asked}") == []
 
@@ -109,7 +107,7 @@ def test_what_has_a_value_without_the_object_needs_no_warning() -> None:
         ("action go = nothing()\non reset apply lose(a)", ["a.side: rule `lose`"]),
     ],
 )
-def test_an_end_in_the_same_step_makes_up_for_the_loss(clauses: str, warned_of: list[str]) -> None:
+def test_termination_in_the_step_of_the_deletion_avoids_the_warning(clauses: str, warned_of: list[str]) -> None:
     assert warned(f"{clauses}\nobserve a.side") == warned_of
 
 
@@ -127,11 +125,11 @@ def test_an_end_in_the_same_step_makes_up_for_the_loss(clauses: str, warned_of: 
         ("action go(coin : Coin) = turnOver(coin) reward coin.value\naction gone = lose(a)", []),
     ],
 )
-def test_rewards_that_read_from_an_object_that_is_gone(clauses: str, warned_of: list[str]) -> None:
+def test_rewards_that_read_a_deletable_object_are_reported(clauses: str, warned_of: list[str]) -> None:
     assert warned(clauses) == warned_of
 
 
-def test_an_agent_that_takes_itself_away() -> None:
+def test_action_that_deletes_its_own_agent_is_reported() -> None:
     block = "agent me : Coin {{ action go = {}\n each step reward me.value * 1.0\n observe me.side }}"
     assert warned(block.format("lose(me)"), "") == ["me: rule `lose`"]
     assert warned(block.format("other(me)"), "") == []  # others have no turn any more
@@ -198,7 +196,7 @@ def test_the_error_names_the_rule_and_the_clause(clauses: str, message: str, cla
     assert "^^^" in str(error)
 
 
-def test_an_object_that_a_python_rule_deletes() -> None:
+def test_observing_an_object_deleted_by_a_python_rule_is_an_error() -> None:
     engine, behaviour = loaded(
         "action go = take(a)\nobserve a.side",
         A,
@@ -210,13 +208,11 @@ def test_an_object_that_a_python_rule_deletes() -> None:
     def take(coin) -> None:  # type: ignore[no-untyped-def]
         coin.delete()
 
-    with pytest.raises(
-        EvaluationError, match="`a` no longer exists after `take`, but this observation reads it"
-    ):
+    with pytest.raises(EvaluationError, match="`a` no longer exists after `take`, but this observation reads it"):
         explore(engine, behaviour)
 
 
-def test_the_last_state_of_an_episode_is_observed_without_the_object() -> None:
+def test_terminal_state_is_observed_without_the_deleted_object() -> None:
     clauses = (
         "action stay = nothing()\naction go = lose(a)\non neg find up(a) terminate failure\n"
         "observe a.value in 1..2\nobserve a.over among Coin or none"
@@ -228,7 +224,7 @@ def test_the_last_state_of_an_episode_is_observed_without_the_object() -> None:
     assert tabular.terminated[0].ravel().tolist() == [0, 2]
 
 
-def test_an_argument_that_begins_at_an_object_that_is_gone_has_no_match() -> None:
+def test_argument_path_from_a_deleted_object_has_no_match() -> None:
     engine, behaviour = loaded("action go = lose(a)\naction on = lose(a.over) reward 1 else reward -1", A)
     live, rng = Simulator(engine, behaviour), np.random.default_rng(0)
     live.reset(rng)

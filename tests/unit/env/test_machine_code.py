@@ -9,7 +9,7 @@ from typing import Any
 
 import pytest
 
-from envgraph.env.compiled import functions, has_numba
+from envgraph.env.compiled import has_numba, load_functions
 
 numba = pytest.importorskip("numba")
 CompileResult = pytest.importorskip("numba.core.compiler").CompileResult
@@ -34,8 +34,8 @@ def cache(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
 
 def loaded(text: str = TEXT) -> bool:
     """Run a program; return True if its machine code came from the cache."""
-    functions.cache_clear()
-    times = functions(text, (), ("times",), native=True)["times"]
+    load_functions.cache_clear()
+    times = load_functions(text, (), ("times",), native=True)["times"]
     assert times(4) == 12
     return sum(times.stats.cache_hits.values()) == 1
 
@@ -77,9 +77,7 @@ def test_machine_code_of_another_numba_is_compiled_anew(cache: Path, monkeypatch
     assert loaded()
 
 
-def test_cache_directory_of_numba_is_used(
-    cache: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_cache_directory_of_numba_is_used(cache: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(numba.config, "CACHE_DIR", str(tmp_path / "numba"))
     assert not loaded()
     assert loaded()
@@ -90,4 +88,4 @@ def test_programs_run_in_python_where_numba_is_switched_off(monkeypatch: pytest.
     assert has_numba()
     monkeypatch.setenv("NUMBA_DISABLE_JIT", "1")
     assert not has_numba()
-    assert functions(TEXT, (), ("times",), native=has_numba())["times"](4) == 12
+    assert load_functions(TEXT, (), ("times",), native=has_numba())["times"](4) == 12

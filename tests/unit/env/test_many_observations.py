@@ -56,7 +56,7 @@ def domain(tmp_path: Path) -> str:
 
 
 @pytest.mark.parametrize("observation", ["multi", "flat", "dict", "image", "graph"])
-def test_an_observation_that_needs_no_number_has_none(domain: str, observation: str) -> None:
+def test_observations_without_a_number_work_beyond_the_index_limit(domain: str, observation: str) -> None:
     seen: dict[str, list[Any]] = {}
     for engine in ("compiled", "live"):
         env = envgraph.make(domain=domain, observation=observation, engine=engine)
@@ -68,7 +68,7 @@ def test_an_observation_that_needs_no_number_has_none(domain: str, observation: 
         assert last.shape == (LAMPS,) and np.flatnonzero(last).tolist() == [3, 69]
 
 
-def test_many_environments_at_once_do_as_well(domain: str) -> None:
+def test_vector_observations_work_beyond_the_index_limit(domain: str) -> None:
     envs = envgraph.make_vec(domain=domain, num_envs=2, observation="multi")
     envs.reset(seed=0)
     seen = envs.step(np.array([69, 0]))[0]
@@ -76,14 +76,12 @@ def test_many_environments_at_once_do_as_well(domain: str) -> None:
 
 
 @pytest.mark.parametrize("engine", ["compiled", "live", None])
-def test_an_index_is_refused_with_what_to_choose(domain: str, engine: Any) -> None:
-    with pytest.raises(
-        EnvgraphError, match=r"1.18e\+21 observations cannot be numbered: the maximum"
-    ) as caught:
+def test_index_observation_beyond_the_limit_is_refused_with_alternatives(domain: str, engine: Any) -> None:
+    with pytest.raises(EnvgraphError, match=r"1.18e\+21 observations cannot be numbered: the maximum") as caught:
         envgraph.make(domain=domain, engine=engine)
     assert 'use `observation="flat"`, "multi", "dict", "image" or "graph"' in str(caught.value)
 
 
-def test_a_table_is_refused(domain: str) -> None:
+def test_table_with_too_many_observations_is_refused(domain: str) -> None:
     with pytest.raises(EnvgraphError, match="observations, but a table can have at most 9,223,372"):
         envgraph.make(domain=domain, engine="table", observation="flat")

@@ -7,7 +7,7 @@ import pytest
 from gymnasium.vector import AutoresetMode, SyncVectorEnv
 
 from envgraph.env import EnvgraphEnv, EnvgraphLiveEnv, EnvgraphVectorEnv, Simulator, explore
-from envgraph.env.compiled import CompiledEnv, CompiledVectorEnv, enumerated, has_numba, program_of
+from envgraph.env.compiled import CompiledEnv, CompiledVectorEnv, enumerate_states, has_numba, program_of
 from tests.profile import AT_NIGHT
 from tests.unit.env.coins import RULES, loaded
 
@@ -27,7 +27,7 @@ unit some(coin : Coin) { turn; turnOver(coin); }
 """
 
 
-def test_an_action_is_allowed_where_one_of_its_branches_does_something() -> None:
+def test_mask_allows_an_action_if_one_of_its_branches_is_applicable() -> None:
     env = EnvgraphEnv(explore(*loaded(MIXED)).tabular, action_masks=True)
     assert env.action_names == (*(f"{name}({coin})" for name in ("over", "back") for coin in "abc"), *NAMES)
     _, info = env.reset()
@@ -41,7 +41,7 @@ def test_an_action_is_allowed_where_one_of_its_branches_does_something() -> None
     assert env.action_masks().all(), "the episode is over"
 
 
-def test_where_no_action_does_anything_all_are_allowed() -> None:
+def test_mask_allows_all_actions_if_none_is_applicable() -> None:
     env = EnvgraphLiveEnv(Simulator(*loaded("action over(coin : Coin) = turnOver(coin)")))
     env.reset()
     assert env.action_masks().tolist() == [True, True, False]
@@ -51,23 +51,23 @@ def test_where_no_action_does_anything_all_are_allowed() -> None:
     assert env.action_masks().tolist() == [True, True, True]
 
 
-def test_a_unit_is_allowed_if_it_can_succeed_and_asking_changes_nothing() -> None:
+def test_mask_allows_units_that_can_succeed_and_leaves_the_state_unchanged() -> None:
     engine, behaviour = loaded(
         "action late = late(hand)\naction some(coin : Coin) = some(coin)",
         texts={"coins.rules": RULES + UNITS},
     )
     simulator = Simulator(engine, behaviour)
     before = simulator.state_key()
-    assert simulator.allowed().tolist() == [False, True, True, False], "b is turned first, or a"
+    assert simulator.action_mask().tolist() == [False, True, True, False], "b is turned first, or a"
     assert simulator.state_key() == before
 
 
-def test_what_cannot_be_computed_is_for_the_step_to_tell() -> None:
+def test_mask_allows_actions_whose_arguments_cannot_be_computed() -> None:
     clauses = "action burst = spend(hand, 1 / hand.moves)\naction wait = nothing()"
     spend = "lhs { check hand.moves < much; } modify { set hand.moves = much; }"
     rules = f"{RULES}\nrule spend(hand : Hand, much : int) {{ {spend} }}"
     engine, behaviour = loaded(clauses, texts={"coins.rules": rules})
-    assert Simulator(engine, behaviour).allowed().all()
+    assert Simulator(engine, behaviour).action_mask().all()
     env = CompiledEnv(program_of(engine, behaviour, native=False))
     env.reset(seed=0)
     assert env.action_masks().all()
@@ -75,9 +75,12 @@ def test_what_cannot_be_computed_is_for_the_step_to_tell() -> None:
     assert env.action_masks().all()
 
 
-def test_a_compiled_program_finds_the_same_masks_in_all_states() -> None:
+def test_compiled_masks_equal_live_masks_in_all_states() -> None:
     engine, behaviour = loaded(MIXED)
-    mine, other = explore(engine, behaviour).tabular, enumerated(program_of(engine, behaviour, native=False))
+    mine, other = (
+        explore(engine, behaviour).tabular,
+        enumerate_states(program_of(engine, behaviour, native=False)),
+    )
     assert mine.allowed is not None and other.allowed is not None
     assert mine.allowed.tolist() == other.allowed.tolist()
     assert 0.2 < mine.allowed.mean() < 1.0
@@ -90,7 +93,7 @@ def test_a_compiled_program_finds_the_same_masks_in_all_states() -> None:
         pytest.param(AutoresetMode.NEXT_STEP, has_numba(), marks=AT_NIGHT),
     ],
 )
-def test_vectors_have_the_masks_of_single_environments(mode: AutoresetMode, native: bool) -> None:
+def test_masks_of_vectors_equal_masks_of_single_environments(mode: AutoresetMode, native: bool) -> None:
     engine, behaviour = loaded(MIXED)
     program, table = program_of(engine, behaviour, native=native), explore(engine, behaviour).tabular
     shared = {"num_envs": 3, "autoreset_mode": mode, "action_masks": True}
@@ -132,32 +135,30 @@ observe hand.moves in 0..3
 """
 
 
-def test_agents_that_act_together_can_each_do_their_own_in_the_state_before() -> None:
+def test_masks_of_simultaneous_agents_refer_to_the_state_before_the_step() -> None:
     engine, behaviour = loaded(PAIR)
     simulator = Simulator(engine, behaviour)
     simulator.reset(np.random.default_rng(0))
-    names, together = simulator.action_names, simulator.together
+    names, together = simulator.action_names, simulator.joint_stepper
     assert together is not None
-    assert [simulator.allowed_to(number).tolist() for number in range(3)] == [
+    assert [simulator.agent_action_mask(number).tolist() for number in range(3)] == [
         [True, False, True],
         [True, False, True],
         [False, False, True],
     ], "nothing is held, and c shows tails"
-    allowed = {name for name, can in zip(names, simulator.allowed(), strict=True) if can}
+    allowed = {name for name, can in zip(names, simulator.action_mask(), strict=True) if can}
     assert allowed == {f"a: {a}, b: {b}, c: lose" for a in ("turn", "lose") for b in ("turn", "lose")}
-    simulator.act(together.number([0, 2, 0]), 0.5)
-    assert [simulator.allowed_to(number).sum() for number in range(3)] == [1, 3, 1], "b is gone: all is one"
+    simulator.step_with(together.joint_action([0, 2, 0]), 0.5)
+    assert [simulator.agent_action_mask(number).sum() for number in range(3)] == [1, 3, 1], "b is gone: all is one"
 
 
-def test_masks_of_agents_that_act_together_are_the_same_everywhere() -> None:
+def test_masks_of_simultaneous_agents_agree_between_table_program_and_live() -> None:
     table = explore(*loaded(PAIR)).tabular
-    assert 0.0 < table.masks.mean() < 0.5
+    assert 0.0 < table.action_masks.mean() < 0.5
     program = program_of(*loaded(PAIR), native=False)
-    assert np.array_equal(enumerated(program).masks, table.masks)
+    assert np.array_equal(enumerate_states(program).action_masks, table.action_masks)
     assert (
-        table.masks[(table.next_state == np.arange(table.n_states)[:, None, None]).all((1, 2))]
-        .any(axis=1)
-        .all()
+        table.action_masks[(table.next_state == np.arange(table.n_states)[:, None, None]).all((1, 2))].any(axis=1).all()
     )
     live, compiled = EnvgraphLiveEnv(Simulator(*loaded(PAIR))), CompiledEnv(program)
     single, rng = EnvgraphEnv(table), np.random.default_rng(3)

@@ -33,7 +33,7 @@ def table(*forward: int) -> Tabular:
     following = np.repeat(np.arange(count, dtype=np.int32)[:, None, None], 7, axis=1)
     following[:, FORWARD, 0] = forward
     level = MiniGridLevel(Street(), "goal")
-    reward, _ = level._step(level._first, FORWARD)
+    reward, _ = level._step(level._start_state, FORWARD)
     return Tabular(
         following,
         np.ones((count, 7, 1)),
@@ -56,5 +56,5 @@ def table(*forward: int) -> Tabular:
         ((1, 2, 0), "action 2 leads to another state"),  # the first cell once more, as a third state
     ],
 )
-def test_each_state_of_a_table_is_one_of_the_level(forward: tuple[int, ...], found: str | None) -> None:
+def test_table_that_differs_from_the_minigrid_level_is_reported(forward: tuple[int, ...], found: str | None) -> None:
     assert next(MiniGridLevel(Street(), "goal").differences(table(*forward)), None) == found

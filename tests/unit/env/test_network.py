@@ -23,22 +23,22 @@ def loaded() -> tuple[Engine, Behaviour]:
     return workspace.engine(), workspace.behaviour()
 
 
-def test_as_many_actions_as_routers_in_the_order_of_their_names() -> None:
+def test_there_is_one_send_action_per_router_in_name_order() -> None:
     simulator = Simulator(*loaded())
     assert simulator.action_names == tuple(f"send({city})" for city in CITIES)
     assert simulator.observation_shape == (5, 5, 18)
 
 
-def test_a_reset_draws_two_different_ends() -> None:
+def test_reset_samples_two_different_routers_as_source_and_destination() -> None:
     simulator = Simulator(*loaded())
     seen = []
-    for probability in simulator.starts():
+    for probability in simulator.reset_outcomes():
         assert probability == pytest.approx(1 / 20)
         seen.append(simulator.observe())
     assert sorted(seen) == [a + 5 * b for b in range(5) for a in range(5) if a != b]
 
 
-def test_outcomes_of_a_hop() -> None:
+def test_hop_has_the_expected_outcomes_and_probabilities() -> None:
     # At Amsterdam, for Lisbon. A hop to Geneva takes 8.2; afterwards one of nine links fails with probability 0.02 ...
     simulator = Simulator(*loaded())
     found: dict[tuple[float, int], list[float]] = defaultdict(list)
@@ -72,7 +72,7 @@ def test_links_that_are_down_carry_nothing_and_recover() -> None:
     assert [round(p, 9) for p, _, _ in outcomes] == [0.02, *[round(0.1 / 9, 9)] * 9, 0.88]
 
 
-def test_too_many_states_to_enumerate_but_not_to_step() -> None:
+def test_network_can_be_stepped_but_has_too_many_states_to_enumerate() -> None:
     engine, behaviour = loaded()
     with pytest.raises(EvaluationError, match="which need no table"):
         explore(engine, behaviour, limit=500)

@@ -12,18 +12,18 @@ import pytest
 
 from envgraph.env import Behaviour, EnvgraphLiveEnv, Simulator, TooManyStates, explore
 from envgraph.env.compiled import (
-    Batch,
-    Plan,
+    ActionPlan,
+    CompiledBatch,
+    CompiledProgram,
     Plans,
     PlanSearch,
-    Program,
-    _planning,
-    _program,
-    guided,
+    _compiled_program,
+    _plan_search,
     has_numba,
     program_of,
+    with_guide_counts,
 )
-from envgraph.env.compiled._costs import CompiledCosts
+from envgraph.env.compiled._compiled_costs import CompiledCosts
 from envgraph.errors import LIMITS
 from envgraph.pattern import PatternCall, Variable
 from envgraph.rewrite import Engine
@@ -44,9 +44,9 @@ def found(
     limit: int = 20_000,
     width: int = 500,
     native: bool = NIGHTLY,
-) -> Plan:
+) -> ActionPlan:
     """The plan of a program in Python, which is that of a compiled one (by day that costs too much for each)."""
-    with_guides, guides = guided(behaviour, outcome)
+    with_guides, guides = with_guide_counts(behaviour, outcome)
     program = program_of(engine, with_guides, native=False)
     plan = PlanSearch(program, outcome, limit, width).plan(guides)
     if native and has_numba():
@@ -55,7 +55,7 @@ def found(
     return plan
 
 
-def ends_after(engine: Engine, behaviour: Behaviour, plan: Plan) -> int:
+def success_step(engine: Engine, behaviour: Behaviour, plan: ActionPlan) -> int:
     """The step in which a plan ends an episode of a live environment in success; 0 if it does not."""
     env = EnvgraphLiveEnv(Simulator(engine, behaviour))
     env.reset(seed=0)
@@ -69,7 +69,7 @@ def ends_after(engine: Engine, behaviour: Behaviour, plan: Plan) -> int:
 @pytest.mark.parametrize(
     "name", ["keydoor/two_rooms", "hall", "network/backbone", *(["warehouse/small_hall"] if NIGHTLY else [])]
 )
-def test_a_plan_is_gone_along_on_the_engine(name: str) -> None:
+def test_plan_episode_is_replayed_on_the_live_engine(name: str) -> None:
     folder, _, model = name.partition("/")
     files = BUNDLED / folder / f"{model}.model", BUNDLED / folder / f"{folder}.environment"
     small = test_agents.Hall(["..d."], [(0, 0), (3, 0)], 9, [(0, 0)])
@@ -92,21 +92,19 @@ def assert_same_as_the_table(engine: Engine, behaviour: Behaviour) -> None:
     table = explore(engine, behaviour).tabular
     for outcome in (1, 2):
         plan = found(engine, behaviour, outcome)
-        assert plan.exact
+        assert plan.is_exact
         assert plan.steps == shortest_plan(table, outcome)
         assert plan.states <= table.n_states
         assert len(plan.actions) == (plan.steps if isfinite(plan.steps) else 0)
 
 
-@pytest.mark.parametrize(
-    "rows", [*test_keydoor.MAZES, test_keydoor.TWO_KEYS, ["####", "#.#X"], ["####", "#.RX"]]
-)
-def test_mazes_with_and_without_a_way(rows: list[str]) -> None:
+@pytest.mark.parametrize("rows", [*test_keydoor.MAZES, test_keydoor.TWO_KEYS, ["####", "#.#X"], ["####", "#.RX"]])
+def test_plans_of_solvable_and_unsolvable_mazes_equal_those_of_the_table(rows: list[str]) -> None:
     assert_same_as_the_table(*test_keydoor.loaded(rows))
 
 
 @pytest.mark.parametrize("battery", [2, 5])
-def test_robots_with_and_without_the_power(battery: int) -> None:
+def test_plans_of_robots_with_any_battery_equal_those_of_the_table(battery: int) -> None:
     hall = test_agents.Hall(["..d."], [(0, 0), (3, 0)], battery, [(0, 0), (3, 0)])
     assert_same_as_the_table(*test_agents.opened(hall.text()))
 
@@ -118,36 +116,34 @@ def test_robots_with_and_without_the_power(battery: int) -> None:
         "action wait = nothing() on reset apply turn() on neg find up(_) terminate success",
     ],
 )
-def test_chance_and_starts(clauses: str) -> None:
+def test_plans_with_chance_and_several_starts_equal_those_of_the_table(clauses: str) -> None:
     assert_same_as_the_table(*loaded(clauses, "hand : Hand"))
 
 
-@pytest.mark.parametrize(
-    ("limit", "width"), [(20_000, 500), pytest.param(50, 500, marks=AT_NIGHT), (50, 20), (1, 20)]
-)
-def test_plans_end_episodes_of_the_live_engine(limit: int, width: int) -> None:
+@pytest.mark.parametrize(("limit", "width"), [(20_000, 500), pytest.param(50, 500, marks=AT_NIGHT), (50, 20), (1, 20)])
+def test_executing_a_plan_terminates_the_live_episode(limit: int, width: int) -> None:
     engine, behaviour = opened(SOKOBAN / "small.model", SOKOBAN / "sokoban.environment")
     shortest = found(engine, behaviour)
     plan = found(engine, behaviour, limit=limit, width=width, native=True)
-    assert shortest.exact and shortest.steps == 14.0
-    assert plan.exact == (limit == 20_000)
+    assert shortest.is_exact and shortest.steps == 14.0
+    assert plan.is_exact == (limit == 20_000)
     assert plan.steps == len(plan.actions) >= 14
-    assert ends_after(engine, behaviour, plan) == plan.steps
+    assert success_step(engine, behaviour, plan) == plan.steps
 
 
-def test_a_beam_says_how_wide_it_was() -> None:
+def test_plan_of_a_beam_search_reports_its_width_and_limit() -> None:
     engine, behaviour = test_agents.opened(test_agents.Hall(["...d"], [(0, 0)], 12, [(0, 0), (1, 0)]).text())
     assert str(found(engine, behaviour)) == "11 steps, the fewest"
     lost = found(engine, replace(behaviour, limit=6), limit=5, width=2)
     plan = found(engine, behaviour, limit=5, width=3)
     assert (plan.steps, plan.width, plan.limit) == (15.0, 3, 5)
     assert str(plan) == "at most 15 steps, found by a beam of 3 states after the first 5"
-    assert ends_after(engine, behaviour, plan) == plan.steps
-    assert (lost.steps, lost.actions, lost.exact) == (inf, (), False)
+    assert success_step(engine, behaviour, plan) == plan.steps
+    assert (lost.steps, lost.actions, lost.is_exact) == (inf, (), False)
     assert str(lost) == f"none within {lost.states} states, by a beam of 2 after the first 5"
 
 
-def test_a_beam_that_dies_out_goes_on_with_what_it_had_left_out() -> None:
+def test_exhausted_beam_continues_with_the_states_it_dropped() -> None:
     """Who hurries has fewer coins in the way, and can do nothing any more."""
     rules = """
         rule wait(hand : Hand) {
@@ -167,44 +163,44 @@ def test_a_beam_that_dies_out_goes_on_with_what_it_had_left_out() -> None:
     engine, behaviour = loaded(clauses, "hand : Hand", {"coins.rules": coins.RULES + rules})
     assert found(engine, behaviour).steps == 5.0
     plan = found(engine, behaviour, limit=1, width=1)
-    assert (plan.steps, plan.exact) == (5.0, False)
-    assert ends_after(engine, behaviour, plan) == 5
+    assert (plan.steps, plan.is_exact) == (5.0, False)
+    assert success_step(engine, behaviour, plan) == 5
 
 
-def test_python_gives_a_search_up_whose_few_states_have_many_outcomes() -> None:
+def test_plan_search_in_python_stops_at_its_outcome_limit() -> None:
     engine, behaviour = opened(SOKOBAN / "small.model", SOKOBAN / "sokoban.environment")
     program = program_of(engine, behaviour, native=False)
     search = PlanSearch(program)
     plan = search.plan(0)
     search = PlanSearch(program)
-    search.outcomes = len(program.action_names) * plan.states  # of each action in a state there is one
+    search.max_outcomes = len(program.action_names) * plan.states  # of each action in a state there is one
     assert search.plan(0) == plan
     search = PlanSearch(program)
-    search.outcomes = 40
+    search.max_outcomes = 40
     with pytest.raises(TooManyStates, match="more than 40 outcomes"):
         search.plan(0)
 
 
-def test_a_search_that_pauses_goes_on(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_plan_search_with_pauses_finds_the_same_plan(monkeypatch: pytest.MonkeyPatch) -> None:
     engine, behaviour = opened(SOKOBAN / "small.model", SOKOBAN / "sokoban.environment")
     whole = found(engine, behaviour)
     monkeypatch.setattr(CompiledCosts, "told", 7)
     assert found(engine, behaviour) == whole
 
 
-def test_guides_are_what_stands_in_the_way() -> None:
+def test_guide_observation_counts_the_matches_that_prevent_success() -> None:
     engine, behaviour = test_agents.opened(HALL.text())
-    with_guides, guides = guided(behaviour)
+    with_guides, guides = with_guide_counts(behaviour)
     assert guides == 1
-    batch = Batch(program_of(engine, with_guides, native=False), [0])
+    batch = CompiledBatch(program_of(engine, with_guides, native=False), [0])
     batch.reset(np.ones(1, dtype=np.bool_))
-    assert batch.components[0, 0] == Simulator(engine, behaviour).in_the_way(1)() == 2
-    assert guided(behaviour, 2)[1] == 0
-    named, one = guided(behaviour, 2, PatternCall("pending", (Variable("_"),)))
+    assert batch.components[0, 0] == Simulator(engine, behaviour).obstacle_counter(1)() == 2
+    assert with_guide_counts(behaviour, 2)[1] == 0
+    named, one = with_guide_counts(behaviour, 2, PatternCall("pending", (Variable("_"),)))
     assert one == 1 and len(named.agents[0].observations) == len(behaviour.agents[0].observations) + 1
 
 
-def test_where_there_are_several_blocks_guides_stand_behind_the_number_of_the_block() -> None:
+def test_guide_component_follows_the_block_number_with_several_agent_blocks() -> None:
     engine, behaviour = loaded(
         """
         agent coin : Coin { action flip = turnOver(coin) observe coin.side }
@@ -212,21 +208,21 @@ def test_where_there_are_several_blocks_guides_stand_behind_the_number_of_the_bl
         on neg find up(_) terminate success
         """
     )
-    with_guides, _ = guided(behaviour)
-    batch = Batch(program_of(engine, with_guides, native=False), [0])
+    with_guides, _ = with_guide_counts(behaviour)
+    batch = CompiledBatch(program_of(engine, with_guides, native=False), [0])
     batch.reset(np.ones(1, dtype=np.bool_))
-    assert batch.components[0, :2].tolist() == [0, Simulator(engine, behaviour).in_the_way(1)()]
+    assert batch.components[0, :2].tolist() == [0, Simulator(engine, behaviour).obstacle_counter(1)()]
     assert_same_as_the_table(engine, behaviour)
 
 
-def test_plans_of_many_models_of_one_engine_are_found_by_one_program(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_one_compiled_program_plans_for_many_models_of_an_engine(monkeypatch: pytest.MonkeyPatch) -> None:
     written = []
 
-    def counted(*arguments: Any, **options: Any) -> Program:
+    def counted(*arguments: Any, **options: Any) -> CompiledProgram:
         written.append(arguments)
         return program_of(*arguments, **options, native=NIGHTLY and has_numba())
 
-    monkeypatch.setattr(_program, "program_of", counted)
+    monkeypatch.setattr(_compiled_program, "program_of", counted)
     monkeypatch.setattr(CompiledCosts, "searches_of_python", 6)
     engine, behaviour = opened(
         BUNDLED / "burning_forest/running_4x4.model", BUNDLED / "burning_forest/burning_forest.environment"
@@ -235,7 +231,7 @@ def test_plans_of_many_models_of_one_engine_are_found_by_one_program(monkeypatch
     rules = [name for name in engine.rules if "retypings" in name]
     for number in range(12):
         plan = plans.plan(engine)
-        assert (plan.steps, plan.exact) == (shortest_plan(explore(engine, behaviour).tabular), True)
+        assert (plan.steps, plan.is_exact) == (shortest_plan(explore(engine, behaviour).tabular), True)
         engine.model.commit()
         for _ in range(3):
             name = rules[int(rng.integers(len(rules)))]
@@ -245,7 +241,7 @@ def test_plans_of_many_models_of_one_engine_are_found_by_one_program(monkeypatch
     assert len(written) < 4
 
 
-def test_a_large_model_is_left_to_the_compiled_program_with_the_same_plan(
+def test_compiled_program_finds_the_same_plan_for_a_large_model(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
     monkeypatch.setattr(CompiledCosts, "few_states", 10)
@@ -253,47 +249,49 @@ def test_a_large_model_is_left_to_the_compiled_program_with_the_same_plan(
     assert Plans(behaviour).plan(engine) == found(engine, behaviour)
 
 
-def test_a_guide_is_a_pattern_of_the_domain(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_pattern_of_the_domain_can_guide_the_plan_search(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(CompiledCosts, "few_states", 100_000)
     engine, behaviour = opened(SOKOBAN / "small.model", SOKOBAN / "sokoban.environment")
-    assert guided(behaviour, guide=PatternCall("left", (Variable("_"),)))[0] == guided(behaviour)[0]
+    assert (
+        with_guide_counts(behaviour, guide=PatternCall("left", (Variable("_"),)))[0] == with_guide_counts(behaviour)[0]
+    )
     assert Plans(behaviour, guide="stored").plan(engine).steps == 14.0
 
 
 @pytest.mark.parametrize("shortest", [True, False])
-def test_a_search_is_given_up_after_so_many_states(monkeypatch: pytest.MonkeyPatch, shortest: bool) -> None:
+def test_plan_search_stops_at_the_state_limit(monkeypatch: pytest.MonkeyPatch, shortest: bool) -> None:
     monkeypatch.setitem(LIMITS, "planned states", 100)
     monkeypatch.setattr(CompiledCosts, "few_states", 10)
-    monkeypatch.setattr(_program, "has_numba", lambda: False)
+    monkeypatch.setattr(_compiled_program, "has_numba", lambda: False)
     engine, behaviour = opened(SOKOBAN / "small.model", SOKOBAN / "sokoban.environment")
     plan = Plans(behaviour, shortest=shortest).plan(engine)
-    assert (plan.steps, plan.exact) == (inf, False)
+    assert (plan.steps, plan.is_exact) == (inf, False)
     assert 100 < plan.states < 200
 
 
 @pytest.mark.parametrize("narrow", [(50, 20), (1, 1)])
-def test_where_any_plan_will_do_a_narrow_beam_comes_first(
+def test_search_for_any_plan_tries_a_narrow_beam_first(
     monkeypatch: pytest.MonkeyPatch, narrow: tuple[int, int]
 ) -> None:
     """And where that finds none, the answer is that of the whole search."""
-    monkeypatch.setattr(_planning, "NARROW", narrow)
-    monkeypatch.setattr(_program, "has_numba", lambda: False)
+    monkeypatch.setattr(_plan_search, "NARROW_BEAM", narrow)
+    monkeypatch.setattr(_compiled_program, "has_numba", lambda: False)
     engine, behaviour = opened(SOKOBAN / "small.model", SOKOBAN / "sokoban.environment")
     plan = Plans(behaviour, shortest=False).plan(engine)
     beam = found(engine, behaviour, limit=narrow[0], width=narrow[1])
     assert plan == (beam if isfinite(beam.steps) else found(engine, behaviour))
-    assert ends_after(engine, behaviour, plan) == plan.steps >= 14
+    assert success_step(engine, behaviour, plan) == plan.steps >= 14
 
 
-def test_models_of_other_objects_have_programs_of_their_own(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_models_with_different_objects_get_separate_programs(monkeypatch: pytest.MonkeyPatch) -> None:
     """Each is written once, whichever model comes next."""
-    written, program_of = [], _program.program_of
+    written, program_of = [], _compiled_program.program_of
 
-    def counted(*arguments: Any, **options: Any) -> Program:
+    def counted(*arguments: Any, **options: Any) -> CompiledProgram:
         written.append(options["keys"])
         return program_of(*arguments, **options)
 
-    monkeypatch.setattr(_program, "program_of", counted)
+    monkeypatch.setattr(_compiled_program, "program_of", counted)
     halls = [test_agents.Hall(["..d"], [(0, 0)], 9, [(0, 0), (1, 0)][:count]) for count in (1, 2)]
     engines = [test_agents.opened(hall.text()) for hall in halls]
     plans = Plans(engines[0][1])
@@ -302,7 +300,7 @@ def test_models_of_other_objects_have_programs_of_their_own(monkeypatch: pytest.
     assert len(written) == 2 and written[0] != written[1]
 
 
-def test_actions_of_other_blocks_are_tried_once_and_the_plan_is_the_same(
+def test_search_tries_actions_of_other_blocks_once_and_finds_the_same_plan(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
     engine, behaviour = loaded(
@@ -318,10 +316,8 @@ def test_actions_of_other_blocks_are_tried_once_and_the_plan_is_the_same(
         """
     )
     program = program_of(engine, behaviour, native=False)
-    tried = _planning.different_actions(program)
-    assert (
-        len(program.action_names) == 5**4 and len(tried) == 2**3 * 4
-    )  # a coin flips, a hand adds, rests or does not
+    tried = _plan_search.distinct_actions(program)
+    assert len(program.action_names) == 5**4 and len(tried) == 2**3 * 4  # a coin flips, a hand adds, rests or does not
     names = [program.action_names[number] for number in tried]
     assert names[:2] == [
         "a: wait, b: wait, c: wait, player 0: wait",
@@ -329,5 +325,5 @@ def test_actions_of_other_blocks_are_tried_once_and_the_plan_is_the_same(
     ]
     assert_same_as_the_table(engine, behaviour)
     plan = found(engine, behaviour)
-    monkeypatch.setattr(_planning, "different_actions", lambda *_: np.arange(5**4))
+    monkeypatch.setattr(_plan_search, "distinct_actions", lambda *_: np.arange(5**4))
     assert found(engine, behaviour) == plan and plan.steps == 1

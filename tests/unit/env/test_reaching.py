@@ -22,15 +22,13 @@ def assert_same_as_the_table(engine: Engine, behaviour: Behaviour) -> None:
     assert snapshot(engine.model) == before
 
 
-@pytest.mark.parametrize(
-    "rows", [*test_keydoor.MAZES, test_keydoor.TWO_KEYS, ["####", "#.#X"], ["####", "#.RX"]]
-)
-def test_mazes_with_and_without_a_way(rows: list[str]) -> None:
+@pytest.mark.parametrize("rows", [*test_keydoor.MAZES, test_keydoor.TWO_KEYS, ["####", "#.#X"], ["####", "#.RX"]])
+def test_reachable_ends_of_solvable_and_unsolvable_mazes_equal_the_table(rows: list[str]) -> None:
     assert_same_as_the_table(*test_keydoor.loaded(rows))
 
 
 @pytest.mark.parametrize("battery", [2, 3, 5])
-def test_robots_with_and_without_the_power(battery: int) -> None:
+def test_reachable_ends_of_robots_with_any_battery_equal_the_table(battery: int) -> None:
     hall = test_agents.Hall(["..d."], [(0, 0), (3, 0)], battery, [(0, 0), (3, 0)])
     assert_same_as_the_table(*test_agents.opened(hall.text()))
 
@@ -45,7 +43,7 @@ def test_robots_with_and_without_the_power(battery: int) -> None:
         "action wait = nothing() on reset apply lose(one)",
     ],
 )
-def test_chance_and_starts(clauses: str) -> None:
+def test_reachable_ends_with_chance_and_several_starts_equal_the_table(clauses: str) -> None:
     parameters = "hand : Hand, table : Table, one : Coin" if "(one)" in clauses else "hand : Hand"
     texts = None if "(one)" not in clauses else {"coins.model": ONE}
     assert_same_as_the_table(*loaded(clauses, parameters, texts))
@@ -57,7 +55,7 @@ model one : coins { table : Table { hand = hand : Hand {}  coins = [one : Coin {
 """
 
 
-def test_a_search_for_too_long_says_no_and_leaves_no_trace() -> None:
+def test_search_beyond_its_limit_returns_false_and_leaves_the_model_unchanged() -> None:
     hall = test_agents.Hall(["....d"], [(0, 0)], 20, [(0, 0)])
     engine, behaviour = test_agents.opened(hall.text())
     before = snapshot(engine.model)
@@ -65,7 +63,7 @@ def test_a_search_for_too_long_says_no_and_leaves_no_trace() -> None:
     assert snapshot(engine.model) == before
 
 
-def test_what_goes_wrong_in_a_rule_is_told_and_taken_back() -> None:
+def test_rule_error_during_the_search_is_raised_and_rolled_back() -> None:
     text = "action stack(one : Coin, other : Coin) = stack(one, other) on neg find up(_) terminate success"
     engine, behaviour = loaded(text)
     before = snapshot(engine.model)

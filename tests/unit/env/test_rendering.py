@@ -18,12 +18,12 @@ from envgraph.draw import (
     INK,
     LINE_COLOUR,
     PAPER,
-    colour_text,
     contrast,
+    format_colour,
     ink_on,
     parse_colour,
 )
-from envgraph.draw._diagram import (
+from envgraph.draw._diagram_data import (
     MARK,
 )
 from envgraph.env import (
@@ -42,8 +42,8 @@ from envgraph.env import (
     scene_svg,
     scene_text,
 )
-from envgraph.env.scene._font import write
-from envgraph.env.scene._layout import STYLE, between, graph_layout, label_place
+from envgraph.env.scene._font import text_pixels
+from envgraph.env.scene._graph_layout import STYLE, label_position, layout_graph, point_between
 from envgraph.env.scene._text import (
     scene_title,
 )
@@ -64,9 +64,7 @@ def at(variable: str) -> Navigation:
 
 def net() -> Model:
     node = Class("City", features=(Attribute("name", Scalar.STRING),), key=("name",))
-    road = Class(
-        "Road", features=(Reference("start", "City"), Reference("end", "City"), Attribute("km", Scalar.INT))
-    )
+    road = Class("Road", features=(Reference("start", "City"), Reference("end", "City"), Attribute("km", Scalar.INT)))
     bus = Class("Bus", features=(Reference("at", "City"), Reference("towards", "City")))
     ferry = Class("Ferry", features=(Reference("at", "City", 0),), glyph=Glyph("~", "#0000ff"))
     model = Model(Metamodel("roads", (node, road, bus, ferry)))
@@ -102,11 +100,11 @@ def markup(model: Model, draw: Draw, cell: int = 32) -> str:
 # --- grids
 
 
-def test_a_grid_in_letters() -> None:
+def test_grid_is_drawn_as_text() -> None:
     assert text(forest.model(ROWS), DRAW) == "(F) V  B\n W  R  G"
 
 
-def test_the_truck_is_found_by_name_or_as_the_parameter_it_is() -> None:
+def test_token_object_is_found_by_name_or_by_parameter() -> None:
     model = forest.model(ROWS)
     model.graph.set_object_name(model.graph.find_object("truck") or 0, "engine")
     with pytest.raises(ResolutionError, match="the model has no object `truck`"):
@@ -146,10 +144,7 @@ def test_cells_have_the_colours_of_their_glyphs() -> None:
     picture = pixels(forest.model(ROWS), DRAW)
     assert (picture.shape, picture.dtype) == ((64, 96, 3), np.uint8)
     corners = [[colour(picture, x + 0.15, y + 0.15) for x in range(3)] for y in range(2)]
-    wanted = [
-        [next(g.colour for g in forest.GLYPHS.values() if g.letter == letter) for letter in row]
-        for row in ROWS
-    ]
+    wanted = [[next(g.colour for g in forest.GLYPHS.values() if g.letter == letter) for letter in row] for row in ROWS]
     assert corners == wanted
 
 
@@ -163,13 +158,13 @@ def test_a_token_is_a_disc_with_a_light_ring() -> None:
     assert (without[:, 32:] == picture[:, 32:]).all()
 
 
-def test_a_letter_can_be_read() -> None:
+def test_letter_of_a_cell_has_the_pixels_of_the_font() -> None:
     picture = pixels(forest.model(["RS"], start=(1, 0)), DRAW, cell=16).astype(int).sum(axis=2)[:, :16]
     # The dark pixels inside the cell are those of the letter, in the middle.
     ink = picture[2:14, 2:14] < 500
     rows, columns = np.nonzero(ink)
     cropped = ink[rows.min() : rows.max() + 1, columns.min() : columns.max() + 1]
-    assert (cropped == write("R")).all()
+    assert (cropped == text_pixels("R")).all()
 
 
 @pytest.mark.parametrize("cell", [1, 2, 7, 8, 11, 12, 16, 32, 33, 64, 100])
@@ -208,7 +203,7 @@ def test_a_class_without_a_glyph_shows_its_initial() -> None:
 # --- graphs
 
 
-def test_a_graph_in_words() -> None:
+def test_graph_is_drawn_as_text() -> None:
     # Objects with two references to cities are edges, unless they are tokens; nodes stand in the order of their key.
     assert text(net(), NET_DRAW).splitlines() == [
         " Bern  -> Rome",
@@ -242,7 +237,7 @@ def test_a_graph_shows_nodes_on_a_circle_with_tokens() -> None:
     assert {"#a5d8ff", "#1c3d6e", "#0000ff", "#ffffff"} <= colours
 
 
-def test_a_graph_without_nodes_or_with_one() -> None:
+def test_graph_with_zero_or_one_node_can_be_drawn() -> None:
     model = Model(net().metamodel)
     draw = DrawGraph("City", "name")
     assert text(model, draw) == ""
@@ -265,7 +260,7 @@ def test_svg_has_a_shape_for_every_cell_and_token() -> None:
     assert fills == ["#b0b0b0", "#94d82d", "#e8590c", "#4dabf7", "#d0d0d0", "#2f9e44"]
 
 
-def test_letters_stand_in_the_middle_of_their_cells_in_every_viewer() -> None:
+def test_svg_letters_are_centred_in_their_cells() -> None:
     root = ElementTree.fromstring(markup(forest.model(ROWS), DRAW))
     assert "dominant-baseline" not in root.attrib
     letters = [part for part in root if part.tag.endswith("text")]
@@ -299,13 +294,13 @@ def lines() -> GraphScene:
     return GraphScene(("one", "two", "three"), (Glyph("N", "#a5d8ff"),) * 3, tuple(LINES), (), ("N",) * 3)
 
 
-def test_text_says_what_a_node_is_where_they_differ() -> None:
+def test_text_shows_the_kinds_of_nodes_only_if_they_differ() -> None:
     scene = GraphScene(("a", "bc"), (Glyph("N", "#a5d8ff"),) * 2, (Edge(0, 1),), (), ("Hub", "Hub, down"))
     assert scene_text(scene) == " a   Hub       -> bc\n bc  Hub, down"
     assert scene_text(replace(scene, kinds=("Hub", "Hub"))) == " a   -> bc\n bc"
 
 
-def test_what_looks_alike_has_one_line_in_the_legend() -> None:
+def test_kinds_that_look_alike_share_a_line_in_the_legend() -> None:
     marks = tuple(Mark(name, "$", "#e8590c", (x, 0), kind) for x, (name, kind) in enumerate(BOXES))
     keys = legend([GridScene(2, 1, (Glyph("."),), b"\0\0", marks, ("Floor",))])
     assert [key.kind for key in keys] == ["Floor", "Floor, box; Goal, box"]
@@ -315,16 +310,16 @@ BOXES = (("one", "Floor, box"), ("two", "Goal, box"))
 
 
 def test_edges_between_the_same_nodes_lie_apart_and_loops_beside_their_node() -> None:
-    layout = graph_layout(lines(), 0.2)
+    layout = layout_graph(lines(), 0.2)
     assert len(layout.edges) == len(LINES)
-    middles = [line[len(line) // 2] if len(line) > 2 else between(*line, 0.5) for _, line in layout.edges]
+    middles = [line[len(line) // 2] if len(line) > 2 else point_between(*line, 0.5) for _, line in layout.edges]
     assert all(dist(one, other) > 0.2 for one, other in combinations(middles, 2))
     for edge, line in layout.edges:
         for end, node in ((line[0], edge.source), (line[-1], edge.target)):
             assert STYLE.node_radius < dist(end, layout.nodes[node]) < STYLE.node_radius + 0.2
         assert all(dist(point, node) > STYLE.node_radius for point in line for node in layout.nodes)
         assert all(0 <= x <= layout.width and 0 <= y <= layout.height for x, y in line)
-    places = [label_place(line) for edge, line in layout.edges if edge.label]
+    places = [label_position(line) for edge, line in layout.edges if edge.label]
     assert all(dist(one, other) > 0.2 for one, other in combinations(places, 2))
 
 
@@ -332,9 +327,7 @@ def test_loops_and_edges_side_by_side_are_drawn() -> None:
     root = ElementTree.fromstring(scene_svg(lines()))
     assert sum(element.tag.endswith("}g") for element in root) == len(LINES)
     texts = [element for element in root if element.tag.endswith("text")]
-    assert [one.text for one in texts if one.get("aria-hidden")] == list(
-        "abcdefg"
-    )  # white, below the letters
+    assert [one.text for one in texts if one.get("aria-hidden")] == list("abcdefg")  # white, below the letters
     assert [one.text for one in texts if not one.get("aria-hidden")][:7] == list("abcdefg")
     assert "paint-order" not in scene_svg(lines())
     with_loop, without = scene_rgb(lines()), scene_rgb(replace(lines(), edges=(*LINES[:-3], LINES[-1])))
@@ -344,8 +337,8 @@ def test_loops_and_edges_side_by_side_are_drawn() -> None:
 # --- the font
 
 
-def test_letters_look_as_they_are_drawn() -> None:
-    lines = ["".join(".#"[int(pixel)] for pixel in row) for row in write("R.")]
+def test_font_letters_have_the_expected_pixels() -> None:
+    lines = ["".join(".#"[int(pixel)] for pixel in row) for row in text_pixels("R.")]
     assert lines == [
         "####.......",
         "#...#......",
@@ -359,18 +352,18 @@ def test_letters_look_as_they_are_drawn() -> None:
 
 def test_letters_differ_and_unknown_ones_are_boxes() -> None:
     letters = string.digits + string.ascii_letters + string.punctuation
-    shapes = {write(letter).tobytes() for letter in letters}
+    shapes = {text_pixels(letter).tobytes() for letter in letters}
     assert len(shapes) == len(letters)
-    assert all(write(letter).any() for letter in letters)
-    assert write("é").tobytes() == write("語").tobytes()
-    assert write("é").tobytes() not in shapes
-    assert not write(" ").any()
-    assert write("").shape == (7, 0)
+    assert all(text_pixels(letter).any() for letter in letters)
+    assert text_pixels("é").tobytes() == text_pixels("語").tobytes()
+    assert text_pixels("é").tobytes() not in shapes
+    assert not text_pixels(" ").any()
+    assert text_pixels("").shape == (7, 0)
 
 
 def test_letters_are_scaled_by_repeating_pixels() -> None:
-    assert (write("ab", 3)[::3, ::3] == write("ab")).all()
-    assert write("ab", 3).shape == (21, 33)
+    assert (text_pixels("ab", 3)[::3, ::3] == text_pixels("ab")).all()
+    assert text_pixels("ab", 3).shape == (21, 33)
 
 
 # --- what attributes show
@@ -406,7 +399,7 @@ def test_tokens_have_the_colours_and_states_of_their_attributes() -> None:
     assert scene_of(model, draw).marks[0].colour == "#0b7285"  # no colour of that name: one by its place
 
 
-def test_a_cell_shows_what_its_attributes_say_by_itself() -> None:
+def test_cell_gets_a_token_only_if_its_attributes_have_something_to_show() -> None:
     model, draw = maze()
     model.node(model.graph.find_object("gate") or 0).colour = None
     assert [mark.name for mark in scene_of(model, draw).marks] == ["k, green"]
@@ -414,7 +407,7 @@ def test_a_cell_shows_what_its_attributes_say_by_itself() -> None:
     assert [mark.name for mark in scene_of(model, draw).marks] == ["gate, open", "k, green"]
 
 
-def test_the_legend_has_what_is_drawn_once() -> None:
+def test_legend_lists_each_drawn_kind_once() -> None:
     model, draw = maze()
     assert [(key.kind, key.glyph.letter, key.shape) for key in legend([scene_of(model, draw)] * 2)] == [
         ("Cell", ".", "tile"),
@@ -438,16 +431,14 @@ def test_an_enum_has_a_letter_for_each_literal() -> None:
     assert scene_of(model, draw).marks == (Mark("hero, west", "<", "#1971c2", (0, 0), "Hero, west"),)
 
 
-def test_an_int_with_a_glyph_is_its_own_letter() -> None:
+def test_int_attribute_with_a_glyph_is_drawn_as_its_digit() -> None:
     severity = Attribute("severity", Scalar.INT, annotations=(Annotation("glyph"),))
     cell = Class("Cell", features=(Attribute("x", Scalar.INT), Attribute("y", Scalar.INT)), glyph=Glyph("."))
     patient = Class("Patient", features=(severity, Reference("at", "Cell")), glyph=Glyph("p", "#1971c2"))
     model = Model(Metamodel("ward", (cell, patient)))
     one = model.create("Patient", object_name="ann", at=model.create("Cell"), severity=3)
     draw = DrawGrid("Cell", "x", "y", (Token("patient", at("patient"), "Patient"),))
-    assert scene_of(model, draw).marks == (
-        Mark("ann, severity 3", "3", "#1971c2", (0, 0), "Patient, severity 3"),
-    )
+    assert scene_of(model, draw).marks == (Mark("ann, severity 3", "3", "#1971c2", (0, 0), "Patient, severity 3"),)
     shown = {}
     for value in (0, 9, 10, -1):
         one.severity = value
@@ -455,7 +446,7 @@ def test_an_int_with_a_glyph_is_its_own_letter() -> None:
     assert shown == {0: "(0)", 9: "(9)", 10: "(+)", -1: "(-)"}
 
 
-def test_tokens_that_are_nowhere_are_drawn_in_a_row_of_their_own_which_always_is_there() -> None:
+def test_tokens_without_a_place_are_drawn_in_a_reserved_row() -> None:
     model, draw = net(), NET_DRAW
     (aside,) = scene_of(model, draw).aside or ()
     assert (aside.name, aside.letter) == ("f3", "~") and "f3 nowhere" in scene_title(scene_of(model, draw))
@@ -471,7 +462,7 @@ def test_tokens_that_are_nowhere_are_drawn_in_a_row_of_their_own_which_always_is
     assert scene_of(forest.model(ROWS), DRAW).aside is None
 
 
-def test_edges_show_a_label_and_whether_they_are_as_usual() -> None:
+def test_edges_show_their_label_and_attributes_that_differ_from_the_default() -> None:
     up = Attribute("up", Scalar.BOOL, True, annotations=(Annotation("glyph", ("x", "#c92a2a")),))
     ends = (Reference("start", "City"), Reference("end", "City"))
     link = Class("Link", features=(*ends, Attribute("km", Scalar.FLOAT), up))
@@ -495,14 +486,14 @@ def colour_pixels(model: Model, draw: DrawGraph, wanted: str) -> int:
     return int((picture == [int(wanted[at : at + 2], 16) for at in (1, 3, 5)]).all(axis=1).sum())
 
 
-def test_labels_of_neighbours_do_not_meet() -> None:
+def test_labels_of_neighbouring_nodes_do_not_overlap() -> None:
     city = Class("City", features=(Attribute("name", Scalar.STRING),))
     model = Model(Metamodel("roads", (city,)))
     for number in range(7):
         model.create("City", name=f"Llanfairpwllgwyngyll {number} and on")
     scene = scene_of(model, DrawGraph("City", "name"))
     assert isinstance(scene, GraphScene)
-    layout = graph_layout(scene, 0.2)
+    layout = layout_graph(scene, 0.2)
     boxes = [(x, y, len(name) * 0.2) for (x, y), name in zip(layout.labels, layout.names, strict=True)]
     for (x, y, width), (u, v, other) in combinations(boxes, 2):
         assert abs(x - u) > (width + other) / 2 or abs(y - v) > 0.3
@@ -512,40 +503,35 @@ def test_labels_of_neighbours_do_not_meet() -> None:
 # --- who can read it
 
 
-def test_pictures_say_what_they_show_and_where_tokens_are() -> None:
+def test_svg_title_describes_the_picture_and_the_places_of_tokens() -> None:
     root = ElementTree.fromstring(markup(forest.model(ROWS), DRAW))
     title = "a grid of 3 by 2 cells; truck at column 0, row 0"
     assert (root.get("role"), root.get("aria-label"), root[0].text) == ("img", title, title)
-    assert scene_title(scene_of(net(), NET_DRAW)).startswith(
-        "a graph of 3 nodes and 4 edges; bus at Rome; f1 "
-    )
+    assert scene_title(scene_of(net(), NET_DRAW)).startswith("a graph of 3 nodes and 4 edges; bus at Rome; f1 ")
 
 
 @pytest.mark.parametrize("strength", [0.3, 0.62, 1.0])
 def test_text_can_be_read_on_every_colour(strength: float) -> None:
     greys = [(float(part),) * 3 for part in range(256)]
     mixed = [
-        (float(r), float(g), float(b))
-        for r in range(0, 256, 51)
-        for g in range(0, 256, 51)
-        for b in (0, 128, 255)
+        (float(r), float(g), float(b)) for r in range(0, 256, 51) for g in range(0, 256, 51) for b in (0, 128, 255)
     ]
     for background in (*greys, *mixed):
-        ink = parse_colour(colour_text(ink_on(background, strength)))
+        ink = parse_colour(format_colour(ink_on(background, strength)))
         assert contrast(background, ink) >= 4.5
 
 
 def test_lines_and_marks_can_be_seen_on_paper() -> None:
-    for line in (LINE_COLOUR, MARK, colour_text(INK)):
+    for line in (LINE_COLOUR, MARK, format_colour(INK)):
         assert contrast(PAPER, parse_colour(line)) >= 4.5
 
 
-def test_a_graph_of_one_node_is_as_large_as_one_of_two() -> None:
+def test_picture_of_a_graph_with_one_node_is_as_large_as_with_two() -> None:
     sizes = []
     for count in (1, 2):
         labels, glyphs = ("r",) * count, (Glyph("", "#a5d8ff"),) * count
-        layout = graph_layout(GraphScene(labels, glyphs, (), ()), 0.2)
+        layout = layout_graph(GraphScene(labels, glyphs, (), ()), 0.2)
         sizes.append((layout.width, layout.height))
     assert sizes[0] == sizes[1]
-    (node,) = graph_layout(GraphScene(("r",), (Glyph("", "#a5d8ff"),), (), ()), 0.2).nodes
+    (node,) = layout_graph(GraphScene(("r",), (Glyph("", "#a5d8ff"),), (), ()), 0.2).nodes
     assert node == (sizes[0][0] / 2, sizes[0][1] / 2)

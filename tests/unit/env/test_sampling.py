@@ -11,7 +11,7 @@ import pytest
 from hypothesis import given, strategies as st
 
 from envgraph.env import EnvgraphEnv, EnvgraphLiveEnv, Simulator, explore
-from envgraph.env._sampling import Draw, cumulative
+from envgraph.env._random_choices import UniformDraw, cumulative_sums
 from tests.unit.env import forest
 from tests.unit.env.coins import loaded
 
@@ -29,8 +29,8 @@ observe coin.side for coin : Coin
 """
 
 
-def test_probabilities_are_the_lengths_of_stretches() -> None:
-    assert [Draw(u).choose([0.2, 0.3]) for u in (0.0, 0.19, 0.2, 0.49, 0.5, 0.999)] == [
+def test_draw_divides_the_unit_interval_by_probabilities() -> None:
+    assert [UniformDraw(u).choose([0.2, 0.3]) for u in (0.0, 0.19, 0.2, 0.49, 0.5, 0.999)] == [
         0,
         0,
         1,
@@ -38,30 +38,30 @@ def test_probabilities_are_the_lengths_of_stretches() -> None:
         None,
         None,
     ]
-    assert [Draw(u).pick(4) for u in (0.0, 0.24, 0.25, 0.75, 0.9999999)] == [0, 0, 1, 3, 3]
+    assert [UniformDraw(u).pick(4) for u in (0.0, 0.24, 0.25, 0.75, 0.9999999)] == [0, 0, 1, 3, 3]
 
 
 def test_rounding_never_makes_a_certain_choice_uncertain() -> None:
     tenths = [0.1] * 10  # they add up to a little less than 1
     assert reduce(add, tenths) < 1.0  # not sum(), which compensates from Python 3.12 on
-    assert Draw(1.0 - 2**-53).choose(tenths) == 9
+    assert UniformDraw(1.0 - 2**-53).choose(tenths) == 9
 
 
 @given(st.lists(st.floats(0.0, 1.0), min_size=1, max_size=6), st.floats(0.0, 1.0, exclude_max=True))
 def test_the_rest_of_a_draw_stays_in_the_unit_interval(weights: Sequence[float], uniform: float) -> None:
     total = sum(weights)
     probabilities = [weight / total for weight in weights] if total > 1.0 else list(weights)
-    draw = Draw(uniform)
+    draw = UniformDraw(uniform)
     position = draw.choose(probabilities)
-    assert 0.0 <= draw.rest < 1.0
+    assert 0.0 <= draw.remainder < 1.0
     assert position is None or probabilities[position] > 0.0
     assert 0 <= draw.pick(3) < 3
-    assert 0.0 <= draw.rest < 1.0
+    assert 0.0 <= draw.remainder < 1.0
 
 
-def test_impossible_outcomes_are_never_found() -> None:
+def test_outcomes_of_probability_zero_are_never_sampled() -> None:
     rows = np.array([[0.0, 0.5, 0.5, 0.0], [0.1, 0.0, 0.9, 0.0], [1.0, 0.0, 0.0, 0.0]])
-    sums = cumulative(rows)
+    sums = cumulative_sums(rows)
     for row, line in zip(rows, sums, strict=True):
         for uniform in np.linspace(0.0, 1.0 - 2**-53, 1001):
             place = int(np.searchsorted(line, uniform, side="right"))
@@ -93,7 +93,7 @@ def test_live_and_tabular_environments_do_the_same_for_the_same_seed(name: str) 
     assert episodes > 10
 
 
-def test_outcomes_of_a_table_are_those_of_many_live_steps() -> None:
+def test_probabilities_of_a_table_equal_frequencies_of_live_steps() -> None:
     engine, behaviour = loaded(TURNING)
     table = explore(engine, behaviour).tabular
     table.check()

@@ -12,11 +12,11 @@ from envgraph.env.schedules import (
     Band,
     Buffer,
     InOrder,
-    Kept,
+    MemberAssignment,
     Outcomes,
     Replay,
+    ReplayBuffer,
     Schedule,
-    Seats,
     Shuffled,
     Sifter,
     Sifting,
@@ -33,16 +33,14 @@ def outcomes(members: np.ndarray, success: np.ndarray | float, score: np.ndarray
     return Outcomes(members, shares, 10.0 * shares, np.full(len(members), 5), score)
 
 
-def drawn(schedule: Schedule, rng: np.random.Generator, members: int, count: int = 4000) -> np.ndarray:
+def member_frequencies(schedule: Schedule, rng: np.random.Generator, members: int, count: int = 4000) -> np.ndarray:
     """How often each member is given, on average."""
     return np.bincount(schedule.ask(count, rng).members, minlength=members) / count
 
 
 @pytest.mark.parametrize("name", SCHEDULES)
 @pytest.mark.parametrize(("members", "count"), [(1, 3), (6, 1), (6, 20), (40, 7)])
-def test_each_gives_as_many_members_as_are_asked_for_and_the_same_again(
-    name: str, members: int, count: int
-) -> None:
+def test_schedules_return_the_requested_number_of_members_reproducibly(name: str, members: int, count: int) -> None:
     def run() -> list[list[int]]:
         schedule, rng, found = named_schedule(name, members), np.random.default_rng(5), []
         for _ in range(30):
@@ -57,7 +55,7 @@ def test_each_gives_as_many_members_as_are_asked_for_and_the_same_again(
     assert {one for row in found for one in row} == {*range(members)}, "all of them at some time"
 
 
-def test_an_order_goes_on_by_the_steps_that_it_is_told_of() -> None:
+def test_in_order_schedule_advances_by_the_reported_steps() -> None:
     schedule, rng, found = InOrder([10, 5]), np.random.default_rng(0), []
     for _ in range(4):
         found.append(schedule.ask(2, rng).members.tolist())
@@ -67,27 +65,27 @@ def test_an_order_goes_on_by_the_steps_that_it_is_told_of() -> None:
         InOrder([0])
 
 
-def test_each_comes_once_before_one_comes_again() -> None:
+def test_shuffled_schedule_returns_each_member_once_before_repeating_any() -> None:
     schedule, rng = Shuffled(np.arange(20)), np.random.default_rng(0)
     assert sorted(one for _ in range(5) for one in schedule.ask(4, rng).members.tolist()) == [*range(20)]
 
 
 def test_a_full_buffer_keeps_the_highest_scores() -> None:
-    kept = Kept(Buffer(), 3)
-    kept.put(np.array([1, 2, 3]), np.array([0.1, 0.2, 0.3]), 1)
-    kept.put(np.array([4, 5]), np.array([0.05, 0.25]), 2)
-    kept.put(np.array([3]), np.array([0.01]), 3)
-    kept.put(np.array([6]), np.array([0.02]), 4)
+    kept = ReplayBuffer(Buffer(), 3)
+    kept.update(np.array([1, 2, 3]), np.array([0.1, 0.2, 0.3]), 1)
+    kept.update(np.array([4, 5]), np.array([0.05, 0.25]), 2)
+    kept.update(np.array([3]), np.array([0.01]), 3)
+    kept.update(np.array([6]), np.array([0.02]), 4)
     assert sorted(kept._place) == [2, 5, 6]
 
 
-def test_replay_goes_by_rank_and_by_age() -> None:
-    kept = Kept(Buffer(temperature=0.5, staleness=0.25), 3)
-    kept.put(np.array([1, 2, 3]), np.array([0.5, 0.9, 0.1]), 4)
+def test_replay_probabilities_combine_rank_and_staleness() -> None:
+    kept = ReplayBuffer(Buffer(temperature=0.5, staleness=0.25), 3)
+    kept.update(np.array([1, 2, 3]), np.array([0.5, 0.9, 0.1]), 4)
     kept._stamps[:] = [1, 2, 3]
     by_rank = np.array([2.0**-2, 1.0, 3.0**-2])
     expected = 0.75 * by_rank / by_rank.sum() + 0.25 * np.array([4, 3, 2]) / 9
-    assert np.allclose(kept.chances(5), expected)
+    assert np.allclose(kept.probabilities(5), expected)
 
 
 def test_robust_replay_does_not_learn_on_fresh_members() -> None:
@@ -102,7 +100,7 @@ def test_robust_replay_does_not_learn_on_fresh_members() -> None:
     assert kinds == {False, True}
 
 
-def test_what_was_replayed_is_edited_and_scored_next() -> None:
+def test_replayed_members_are_edited_and_scored_next() -> None:
     edited = list[list[int]]()
 
     def edit(members: np.ndarray, rng: np.random.Generator) -> np.ndarray:
@@ -120,17 +118,17 @@ def test_what_was_replayed_is_edited_and_scored_next() -> None:
     assert max(max(one) for one in learned) >= 200, "children of children"
 
 
-def test_a_score_that_is_told_wins_over_the_one_of_returns() -> None:
+def test_reported_scores_override_scores_from_returns() -> None:
     rng = np.random.default_rng(0)
     by_return, by_score = (Replay(np.arange(3), Buffer(staleness=0.0)) for _ in range(2))
     for success in (np.array([1.0, 1.0, 0.5]), np.array([1.0, 0.0, 0.5])):  # member 1 was better before
         by_return.tell(outcomes(np.arange(3), success))
         by_score.tell(outcomes(np.arange(3), success, np.array([0.0, 1.0, 2.0])))
-    assert drawn(by_return, rng, 3).argmax() == 1
-    assert drawn(by_score, rng, 3).argmax() == 2
+    assert member_frequencies(by_return, rng, 3).argmax() == 1
+    assert member_frequencies(by_score, rng, 3).argmax() == 2
 
 
-def test_candidates_are_played_and_the_best_make_their_share() -> None:
+def test_candidates_are_played_and_the_best_fill_their_share_of_a_batch() -> None:
     how = Sifting(episodes=4, every=100, candidates=20, best=2)
     schedule, rng = Sifter(np.arange(20), how), np.random.default_rng(0)
     played, found = 0, []
@@ -147,12 +145,12 @@ def test_candidates_are_played_and_the_best_make_their_share() -> None:
     assert len({one for row in found[:25] for one in row}) <= 2
 
 
-def test_weights_are_those_of_their_definitions() -> None:
+def test_weights_of_members_follow_their_definitions() -> None:
     weighed: list[Any] = []
     schedule = Weighted(3, lambda known: weighed.append(known) or learnability(known))
     for success in (np.array([0.0, 0.5, 1.0]), np.array([1.0, 0.5, 1.0])):
         schedule.tell(outcomes(np.arange(3), success))
-    schedule.chances()
+    schedule.probabilities()
     (known,) = weighed
     assert known.fast.tolist() == [0.2, 0.5, 1.0]
     assert np.allclose(learning_progress(known), [0.15, 0.0, 0.0])
@@ -161,16 +159,16 @@ def test_weights_are_those_of_their_definitions() -> None:
     assert Band(0.6, 0.7)(known).tolist() == [0.0, 1.0, 0.0], "the nearest"
 
 
-def test_each_member_comes_first_once_and_then_by_its_weight() -> None:
+def test_weighted_schedule_returns_each_member_once_and_then_by_weight() -> None:
     schedule, rng = Weighted(4, learnability, uniform=0.4), np.random.default_rng(0)
     first = schedule.ask(4, rng).members
     assert sorted(first.tolist()) == [0, 1, 2, 3]
-    assert np.allclose(schedule.chances(), 0.25), "nothing is known"
+    assert np.allclose(schedule.probabilities(), 0.25), "nothing is known"
     schedule.tell(outcomes(first, np.where(first == 2, 0.5, 1.0)))
-    assert np.allclose(schedule.chances(), [0.1, 0.1, 0.7, 0.1])
+    assert np.allclose(schedule.probabilities(), [0.1, 0.1, 0.7, 0.1])
 
 
-class Stubborn:
+class FixedSchedule:
     """Gives what it is made with."""
 
     def __init__(self, members: list[int]) -> None:
@@ -184,14 +182,14 @@ class Stubborn:
 
 
 @pytest.mark.parametrize("members", [[3], [-1], [0, 1]])
-def test_what_is_no_member_is_refused(members: list[int]) -> None:
+def test_schedule_that_returns_invalid_members_is_refused(members: list[int]) -> None:
     with pytest.raises(InvalidArgument, match="must return 1 numbers below 3"):
-        Seats(Stubborn(members), 1, 3).begin(np.array([True]))
+        MemberAssignment(FixedSchedule(members), 1, 3).begin_episodes(np.array([True]))
 
 
-def test_names_are_suggested() -> None:
+def test_unknown_schedule_name_suggests_a_similar_name() -> None:
     with pytest.raises(InvalidArgument, match="is 'plr', which is not a schedule"):
-        Seats("plr", 1, 3)  # type: ignore[arg-type]
+        MemberAssignment("plr", 1, 3)  # type: ignore[arg-type]
     with pytest.raises(InvalidArgument, match="unknown schedule `prl`") as caught:
         named_schedule("prl", 3)
     assert caught.value.hint == "did you mean `plr`?"

@@ -6,7 +6,7 @@ import pytest
 
 from envgraph.behaviour import Behaviour
 from envgraph.env import Simulator, explore, model_view
-from envgraph.env.compiled import enumerated, program_of
+from envgraph.env.compiled import enumerate_states, program_of
 from envgraph.errors import InvalidArgument
 from envgraph.rewrite import Engine
 from tests.unit.env.coins import QUERY, RULES, loaded
@@ -39,12 +39,12 @@ rule toss(hand : Hand) { lhs { table : Table -hand-> hand; } modify { delete han
 UNSEEN = 2
 
 
-def hands() -> tuple[Engine, Behaviour]:
+def load_partially_observed_coins() -> tuple[Engine, Behaviour]:
     texts = {"coins.query": QUERY + HEAVIER, "coins.rules": RULES + MORE}
     return loaded(ACTIONS + HELD, texts=texts)
 
 
-def seen(simulator: Simulator) -> list[int]:
+def observed_components(simulator: Simulator) -> list[int]:
     index, found = simulator.observe(), []
     for size in simulator.observation_shape:
         index, value = divmod(index, size)
@@ -52,50 +52,52 @@ def seen(simulator: Simulator) -> list[int]:
     return found
 
 
-def do(simulator: Simulator, name: str) -> list[int]:
-    simulator.act(simulator.action_names.index(name), 0.5)
-    return seen(simulator)
+def act_and_observe(simulator: Simulator, name: str) -> list[int]:
+    simulator.step_with(simulator.action_names.index(name), 0.5)
+    return observed_components(simulator)
 
 
-def test_what_is_out_of_sight_has_a_value_of_its_own() -> None:
-    simulator = Simulator(*hands())
+def test_hidden_components_have_a_separate_value() -> None:
+    simulator = Simulator(*load_partially_observed_coins())
     assert simulator.observation_shape == (3, 3, 3, 5, 5, 5, 5, 5, 5, 5)
-    assert seen(simulator) == [2, 2, 2, 4, 4, 4, 4, 4, 4, 4]
-    assert do(simulator, "take(c)") == [2, 2, 1, 4, 4, 3, 4, 4, 4, 0], "c shows tails, and lies on no coin"
-    assert do(simulator, "stack(c, a)") == [2, 2, 1, 4, 4, 0, 4, 4, 3, 0], "4 is more than 1"
-    assert do(simulator, "lose(a)") == [0, 2, 1, 3, 4, 3, 0, 4, 4, 0], "a is gone: 0 or none, whoever looks"
+    assert observed_components(simulator) == [2, 2, 2, 4, 4, 4, 4, 4, 4, 4]
+    assert act_and_observe(simulator, "take(c)") == [2, 2, 1, 4, 4, 3, 4, 4, 4, 0], "c shows tails, and lies on no coin"
+    assert act_and_observe(simulator, "stack(c, a)") == [2, 2, 1, 4, 4, 0, 4, 4, 3, 0], "4 is more than 1"
+    assert act_and_observe(simulator, "lose(a)") == [0, 2, 1, 3, 4, 3, 0, 4, 4, 0], (
+        "a is gone: 0 or none, whoever looks"
+    )
 
 
-def test_tables_and_compiled_programs_see_the_same() -> None:
-    engine, behaviour = hands()
+def test_tables_and_compiled_programs_observe_hidden_components_alike() -> None:
+    engine, behaviour = load_partially_observed_coins()
     table = explore(engine, behaviour).tabular
     assert len(set(table.observation.tolist())) < table.n_states / 4, "many states look alike"
-    compiled = enumerated(program_of(engine, behaviour, native=False))
+    compiled = enumerate_states(program_of(engine, behaviour, native=False))
     assert compiled.observation.tolist() == table.observation.tolist()
 
 
-CORNERS = {"what is seen now and then": Corner(hands, members=1)}
+CORNERS = {"what is seen now and then": Corner(load_partially_observed_coins, members=1)}
 
 
-def test_an_object_that_a_member_lacks_is_not_out_of_sight() -> None:
-    engine, behaviour = hands()
+def test_object_missing_from_a_member_is_not_reported_as_hidden() -> None:
+    engine, behaviour = load_partially_observed_coins()
     other = engine.copy()
     (lost,) = (one for one in other.model.nodes("Coin") if one.name == "b")
     other.apply("lose", coin=lost)
     keys = family_keys([engine, other], behaviour)
-    assert seen(Simulator(other, behaviour, keys))[:3] == [2, 0, 2]
+    assert observed_components(Simulator(other, behaviour, keys))[:3] == [2, 0, 2]
     step_side_by_side([engine, other], behaviour, 60, native=False)
 
 
-def test_who_is_gone_sees_nothing() -> None:
+def test_deleted_agent_observes_all_components_as_hidden() -> None:
     clauses = "agent me : Hand { action bye = toss(me)\nobserve coin.side for coin : Coin if find held(me, coin) }\n"
     engine, behaviour = loaded(clauses, "table : Table", texts={"coins.rules": RULES + TOSS})
     simulator = Simulator(engine, behaviour)
-    assert seen(simulator) == [UNSEEN] * 3
-    assert do(simulator, "bye") == [UNSEEN] * 3
+    assert observed_components(simulator) == [UNSEEN] * 3
+    assert act_and_observe(simulator, "bye") == [UNSEEN] * 3
 
 
-def test_an_image_would_show_what_is_out_of_sight() -> None:
-    engine, behaviour = hands()
+def test_model_view_is_refused_if_components_are_hidden_from_agents() -> None:
+    engine, behaviour = load_partially_observed_coins()
     with pytest.raises(InvalidArgument, match="hides a part of it from its agents"):
         model_view("graph", behaviour, [engine.model])

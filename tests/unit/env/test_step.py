@@ -8,16 +8,16 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from envgraph.env import KeyIndex, Outcome, Simulator, explore, indexed_classes
+from envgraph.env import KeyIndex, Simulator, StepOutcome, explore, indexed_classes
 from envgraph.errors import EvaluationError, InvalidArgument, ResolutionError, RuleError
 from tests.unit.env.coins import QUERY, loaded, sides, simulator, table
 
 
-def outcomes(environment: str, action: int = 0) -> list[tuple[float, str, Outcome]]:
+def outcomes(environment: str, action: int = 0) -> list[tuple[float, str, StepOutcome]]:
     """Probability, coins that show heads afterwards, and outcome."""
     coins = simulator(environment)
     return [
-        (round(p, 12), sides(coins.engine), Outcome(reward, end, coins.observe()))
+        (round(p, 12), sides(coins.engine), StepOutcome(reward, end, coins.observe()))
         for p, reward, end in coins.outcomes(action)
     ]
 
@@ -33,21 +33,21 @@ def rewards(environment: str, action: int = 0) -> dict[float, float]:
 # --- (a) the action
 
 
-def test_one_of_the_matches_is_drawn_uniformly_in_the_order_of_creation() -> None:
+def test_matches_are_equally_likely_and_listed_in_creation_order() -> None:
     # b was created before a: turning b leaves a.
     assert [(p, up) for p, up, _ in outcomes("action turn = turn()")] == [(0.5, "a"), (0.5, "b")]
 
 
-def test_branches_share_the_probability_and_the_rest_does_nothing() -> None:
+def test_matches_share_the_probability_of_a_branch_and_the_rest_does_nothing() -> None:
     found = outcomes("action turn = 0.5: turn()")
     assert [(p, up) for p, up, _ in found] == [(0.25, "a"), (0.25, "b"), (0.5, "ab")]
 
 
-def test_a_rule_without_a_match_leaves_the_state() -> None:
+def test_rule_without_a_match_leaves_the_state_unchanged() -> None:
     assert [(p, up) for p, up, _ in outcomes("action drop = drop(hand)")] == [(1.0, "ab")]
 
 
-def test_probabilities_are_those_of_the_state() -> None:
+def test_probability_expressions_are_evaluated_in_the_current_state() -> None:
     text = "action toss(coin : Coin) = (coin.value / 8.0): turnOver(coin) | 0.25: count(hand, coin.value)"
     assert [(p, up) for p, up, _ in outcomes(text, 1)] == [(0.25, "a"), (0.25, "ab"), (0.5, "ab")]
     moved = simulator("action move = (0.75 - hand.moves / 4.0): count(hand, 2) reward 1 else reward -1")
@@ -56,7 +56,7 @@ def test_probabilities_are_those_of_the_state() -> None:
     assert [p for p, _, _ in moved.outcomes(0)] == [0.25, 0.75]
 
 
-def test_a_probability_of_an_object_that_is_gone_is_0() -> None:
+def test_probability_read_from_a_deleted_object_is_zero() -> None:
     text = "action wait = nothing()\naction take(coin : Coin) = (coin.value / 4.0): turnOver(coin) | 0.5: lose(coin)"
     coins = simulator(text)
     take = coins.action_names.index("take(a)")
@@ -77,7 +77,7 @@ def test_a_probability_of_an_object_that_is_gone_is_0() -> None:
         ("(coin.value / 2.0)", "the probabilities add up to 1.5, which is above 1, where `coin` is", "0.5"),
     ],
 )
-def test_what_is_no_probability_in_a_state_is_an_error(chance: str, message: str, place: str) -> None:
+def test_invalid_probability_in_a_state_is_an_error(chance: str, message: str, place: str) -> None:
     coins = simulator(f"action toss(coin : Coin) = {chance}: turnOver(coin) | 0.5: nothing()")
     with pytest.raises(EvaluationError) as caught:
         list(coins.outcomes(1))
@@ -92,7 +92,7 @@ def test_reward_counts_when_a_rule_was_applied_and_else_reward_when_none_matched
     }
 
 
-def test_nothing_is_a_rule_that_always_applies_and_a_missing_probability_is_none() -> None:
+def test_nothing_always_applies_and_missing_probability_applies_no_rule() -> None:
     assert rewards("action wait = nothing() reward 2 else reward -3") == {2.0: 1.0}
     assert rewards("action wait = 0.4: nothing() reward 2 else reward -3") == {2.0: 0.4, -3.0: 0.6}
 
@@ -110,7 +110,7 @@ def test_a_created_object_can_be_an_output() -> None:
     assert rewards("action mint = mint(table, coin) reward coin.value") == {8.0: 1.0}
 
 
-def test_a_match_that_cannot_be_applied_is_an_error_and_leaves_the_state() -> None:
+def test_match_that_cannot_be_applied_is_an_error_and_leaves_the_model_unchanged() -> None:
     # A coin is over one other at most.
     coins = simulator("action stack(one : Coin, other : Coin) = stack(one, other)")
     rng = np.random.default_rng(0)
@@ -141,7 +141,7 @@ def test_a_deleted_parameter_matches_nothing_any_more() -> None:
 # --- parameters of actions
 
 
-def test_actions_count_through_enums_ranges_and_objects_by_key() -> None:
+def test_actions_enumerate_enums_ranges_and_objects_by_key() -> None:
     names = simulator(
         "action a(side : Side) = nothing()\naction b(n : -1..1) = count(hand, n)\naction c(coin : Coin) = lose(coin)\n"
         "action d(side : Side, n : 0..1) = nothing()"
@@ -152,7 +152,7 @@ def test_actions_count_through_enums_ranges_and_objects_by_key() -> None:
     )
 
 
-def test_an_action_about_an_object_that_this_member_lacks_does_nothing() -> None:
+def test_action_on_an_object_missing_from_the_member_does_nothing() -> None:
     engine, behaviour = loaded("action lose(coin : Coin) = lose(coin) reward 1 else reward -1")
     keys = KeyIndex({"Coin": (("a",), ("b",), ("bb",), ("c",))})
     coins = Simulator(engine, behaviour, keys)
@@ -165,7 +165,7 @@ def test_an_action_about_an_object_that_this_member_lacks_does_nothing() -> None
     ]
 
 
-def test_an_object_that_is_created_during_the_episode_can_be_meant_by_its_key() -> None:
+def test_action_can_use_an_object_created_during_the_episode_by_its_key() -> None:
     engine, behaviour = loaded("action mint = mint(table, _)\naction lose(coin : Coin) = lose(coin) reward 1")
     coins = Simulator(engine, behaviour, KeyIndex({"Coin": (("a",), ("b",), ("c",), ("new",))}))
     rng = np.random.default_rng(0)
@@ -179,9 +179,7 @@ def test_rewards_and_arguments_may_call_functions_of_python() -> None:
         action move = count(hand, next(hand.moves)) reward priced(hand.moves)
         on find worth(_, value) reward priced(value)
         """
-    engine, behaviour = loaded(
-        environment, texts={"coins.query": QUERY.replace("pattern up", declared + "pattern up")}
-    )
+    engine, behaviour = loaded(environment, texts={"coins.query": QUERY.replace("pattern up", declared + "pattern up")})
     engine.function("priced", lambda value: value / 4)
     engine.function("next", lambda moves: moves + 2)
     coins = Simulator(engine, behaviour)
@@ -193,7 +191,7 @@ def test_rewards_and_arguments_may_call_functions_of_python() -> None:
 # --- (b) each step
 
 
-def test_each_step_applies_after_the_action_and_multiplies_the_outcomes() -> None:
+def test_each_step_clauses_apply_after_the_action_and_multiply_the_outcomes() -> None:
     found = outcomes("action turn = turn()\neach step apply 0.5: turn() | 0.25: drop(hand)")
     # Two ways to turn one coin, then the other may be turned as well; dropping has no match.
     assert [(p, up) for p, up, _ in found] == [
@@ -245,7 +243,7 @@ def test_applies_run_after_all_clauses_have_been_matched() -> None:
     assert [(up, o.reward) for _, up, o in outcomes(text)] == [("", 12.0)]
 
 
-def test_an_apply_whose_match_has_gone_is_left_out() -> None:
+def test_apply_is_skipped_if_its_match_no_longer_holds() -> None:
     # Both clauses match b and a; the first turns the coins over, so the second finds them turned already.
     text = "action wait = nothing()\non find up(x) apply turnOver(x)\non find up(y) apply lose(y)"
     coins = simulator(text)
@@ -256,12 +254,12 @@ def test_an_apply_whose_match_has_gone_is_left_out() -> None:
         assert len(other.engine.model.nodes("Coin")) == 1
 
 
-def test_an_apply_may_choose_among_matches() -> None:
+def test_apply_samples_among_the_matches_of_its_rule() -> None:
     found = outcomes("action wait = nothing()\non find any(hand) apply turn()")
     assert [(p, up) for p, up, _ in found] == [(0.5, "a"), (0.5, "b")]
 
 
-def test_each_match_has_a_chance_of_its_own() -> None:
+def test_apply_probability_is_sampled_for_each_match_independently() -> None:
     text = "action wait = nothing()\non find up(coin) reward 1 apply 0.1: turnOver(coin) | 0.3: nothing()"
     found: dict[str, float] = defaultdict(float)
     for probability, up, outcome in outcomes(text):
@@ -275,13 +273,13 @@ def test_each_match_has_a_chance_of_its_own() -> None:
     }
 
 
-def test_nothing_is_drawn_for_a_match_that_has_gone() -> None:
+def test_no_outcome_is_sampled_for_a_match_that_no_longer_holds() -> None:
     # Of the two pairs, (b, a) and (a, b), the second is gone when the first was turned over.
     text = "action wait = nothing()\non find pair(x, y) apply 0.25: turnOver(x)"
     assert [(p, up) for p, up, _ in outcomes(text)] == [(0.25, "a"), (0.1875, "b"), (0.5625, "ab")]
 
 
-def test_the_observation_is_made_after_the_applies() -> None:
+def test_observation_is_computed_after_all_applications() -> None:
     text = "action wait = nothing()\non find any(hand) apply count(hand, 2)\nobserve hand.moves in 0..3"
     assert [o.observation for _, _, o in outcomes(text)] == [2]
 
@@ -289,10 +287,10 @@ def test_the_observation_is_made_after_the_applies() -> None:
 # --- reset
 
 
-def test_a_reset_draws_one_of_the_matches_and_asks_no_clause() -> None:
+def test_reset_samples_one_match_and_evaluates_no_find_clause() -> None:
     text = "action wait = nothing()\non reset apply turn()\non reset apply turn()\non find up(_) terminate failure"
     coins = simulator(text)
-    assert [(p, sides(coins.engine)) for p in coins.starts()] == [(0.5, ""), (0.5, "")]
+    assert [(p, sides(coins.engine)) for p in coins.reset_outcomes()] == [(0.5, ""), (0.5, "")]
     drawn = table(text)
     assert drawn.start_probability.tolist() == [1.0]
     tabular = table("action wait = nothing()\non reset apply turn()\nobserve count find up(_) up to 3")
@@ -300,11 +298,9 @@ def test_a_reset_draws_one_of_the_matches_and_asks_no_clause() -> None:
     assert tabular.observation.tolist() == [1, 1]
 
 
-def test_a_reset_draws_a_branch() -> None:
-    coins = simulator(
-        "action wait = nothing()\non reset apply 0.5: turn() | (table.hand.moves + 0.25): drop(hand)"
-    )
-    assert [(p, sides(coins.engine)) for p in coins.starts()] == [
+def test_reset_samples_a_branch_by_probability() -> None:
+    coins = simulator("action wait = nothing()\non reset apply 0.5: turn() | (table.hand.moves + 0.25): drop(hand)")
+    assert [(p, sides(coins.engine)) for p in coins.reset_outcomes()] == [
         (0.25, "a"),
         (0.25, "b"),
         (0.25, "ab"),
@@ -312,9 +308,9 @@ def test_a_reset_draws_a_branch() -> None:
     ]
 
 
-def test_a_reset_without_a_match_starts_at_the_model() -> None:
+def test_reset_without_a_match_starts_from_the_initial_model() -> None:
     coins = simulator("action wait = nothing()\non reset apply drop(hand)")
-    assert [(p, sides(coins.engine)) for p in coins.starts()] == [(1.0, "ab")]
+    assert [(p, sides(coins.engine)) for p in coins.reset_outcomes()] == [(1.0, "ab")]
 
 
 # --- (f) observations
@@ -343,7 +339,7 @@ def test_counts_and_ranges_are_clipped() -> None:
     assert coins.step(0, rng).observation == 1 + 2 * 1
 
 
-def test_components_of_objects_that_this_member_lacks_are_padded() -> None:
+def test_components_of_objects_missing_from_the_member_are_padded() -> None:
     text = (
         "action wait = nothing()\nobserve coin.side for coin : Coin\n"
         "observe coin.over among Coin or none for coin : Coin"
@@ -356,18 +352,16 @@ def test_components_of_objects_that_this_member_lacks_are_padded() -> None:
     assert list(np.unravel_index(index, coins.observation_shape, order="F")) == [0, 0, 0, 1, 4, 4, 4, 4]
 
 
-def test_observations_may_be_more_than_a_table_can_number() -> None:
+def test_simulator_allows_more_observations_than_a_table_can_number() -> None:
     text = "action wait = nothing()\nobserve hand.moves in 0..20\nobserve coin.value in 0..1000000 for coin : Coin"
     coins = simulator(text)
     assert coins.n_observations == 21 * 1000001**3 > 2**63
     engine, behaviour = loaded(text)
-    with pytest.raises(
-        EvaluationError, match=r"2.10e\+19 observations, but a table can have at most 9,223,372,"
-    ):
+    with pytest.raises(EvaluationError, match=r"2.10e\+19 observations, but a table can have at most 9,223,372,"):
         explore(engine, behaviour)
 
 
-def test_observing_nowhere_is_an_error_that_names_the_remedy() -> None:
+def test_observing_an_empty_reference_without_none_is_an_error_with_a_hint() -> None:
     coins = simulator("action wait = nothing()\nobserve hand.holds among Coin")
     with pytest.raises(EvaluationError, match="or none") as caught:
         coins.reset(np.random.default_rng(0))
@@ -376,13 +370,13 @@ def test_observing_nowhere_is_an_error_that_names_the_remedy() -> None:
 
 
 @pytest.mark.parametrize("path", ["hand.holds.value in 0..3", "hand.holds.side"])
-def test_observing_beyond_what_is_missing_names_the_object_that_misses_it(path: str) -> None:
+def test_observing_through_an_empty_reference_names_the_object_that_has_it(path: str) -> None:
     coins = simulator(f"action wait = nothing()\nobserve {path}")
     with pytest.raises(EvaluationError, match="`hand` has no `holds`"):
         coins.reset(np.random.default_rng(0))
 
 
-def test_a_reward_or_an_argument_without_a_value_is_shown_where_it_stands() -> None:
+def test_reward_without_a_value_is_reported_with_its_span() -> None:
     coins = simulator("action wait = nothing() reward 1 / hand.moves\nobserve find worth(_, 8)")
     coins.reset(np.random.default_rng(0))
     with pytest.raises(EvaluationError, match="a reward has no value: division by zero") as caught:
@@ -391,7 +385,7 @@ def test_a_reward_or_an_argument_without_a_value_is_shown_where_it_stands() -> N
     assert caught.value.hint == "write `hand.moves != 0 ? .. : ..` around it"
 
 
-def test_an_object_without_an_index_is_an_error() -> None:
+def test_observing_an_object_without_an_index_is_an_error() -> None:
     coins = simulator(
         "action mint = mint(table, _)\naction grab = grab(hand, hand.holds, _)\n"
         "on find worth(coin, 8) apply grab(hand, coin, _)\nobserve hand.holds among Coin or none"
@@ -415,7 +409,7 @@ def test_stepping_before_a_reset_or_with_an_unknown_action_is_refused() -> None:
         coins.step(1, rng)
 
 
-def test_closing_goes_back_to_the_initial_state() -> None:
+def test_closing_restores_the_initial_state() -> None:
     coins = simulator("action lose(coin : Coin) = lose(coin)")
     before = coins.engine.model.state_hash()
     rng = np.random.default_rng(0)
@@ -437,7 +431,7 @@ def test_two_simulators_share_an_engine_and_its_helper_patterns() -> None:
     assert not any("Coins" in name for name in engine.patterns)
 
 
-def test_behaviours_of_one_name_do_not_mix_up_their_questions() -> None:
+def test_behaviours_with_the_same_name_keep_separate_clauses() -> None:
     engine, one = loaded("action wait = nothing()\non find up(_) reward 1")
     _, other = loaded("action wait = nothing()\non find down(_) reward 2")
     first, second = Simulator(engine, one), Simulator(engine, other)
@@ -456,17 +450,17 @@ def test_a_parameter_without_an_object_is_reported() -> None:
     assert Simulator(engine, behaviour).action_names == ("wait",)
 
 
-def test_errors_of_a_behaviour_stop_the_simulator() -> None:
+def test_simulator_refuses_an_invalid_behaviour() -> None:
     engine, behaviour = loaded("action wait = nothing()\non find up(_) reward 1")
     broken = replace(behaviour, actions=(behaviour.actions[0], behaviour.actions[0]))
     with pytest.raises(ResolutionError, match="defined twice"):
         Simulator(engine, broken)
 
 
-def test_a_family_index_is_wider_than_that_of_a_member() -> None:
+def test_key_index_of_a_family_contains_the_keys_of_all_members() -> None:
     engine, behaviour = loaded("action lose(coin : Coin) = lose(coin)")
     metamodel = engine.model.metamodel
-    one = KeyIndex.of(engine.model, indexed_classes(behaviour, metamodel))
+    one = KeyIndex.of_model(engine.model, indexed_classes(behaviour, metamodel))
     engine.model["a"].name = "z"
-    other = KeyIndex.of(engine.model, indexed_classes(behaviour, metamodel))
+    other = KeyIndex.of_model(engine.model, indexed_classes(behaviour, metamodel))
     assert one.merge(other, metamodel).keys == {"Coin": (("a",), ("b",), ("c",), ("z",))}

@@ -10,7 +10,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from envgraph.env import Explored, explore, read_explored, write_explored
+from envgraph.env import ExploredEnvironment, explore, read_explored, write_explored
 from envgraph.errors import LIMITS, InvalidArgument
 from tests.unit.env import forest
 from tests.unit.env.coins import loaded
@@ -36,18 +36,18 @@ KINDS = {
 }
 
 
-def written(explored: Explored) -> bytes:
+def written(explored: ExploredEnvironment) -> bytes:
     file = io.BytesIO()
     write_explored(explored, file)
     return file.getvalue()
 
 
-def read(data: bytes, directory: Path) -> Explored:
+def read(data: bytes, directory: Path) -> ExploredEnvironment:
     (directory / "table.npz").write_bytes(data)
     return read_explored(directory / "table.npz")
 
 
-def same(one: Explored, other: Explored) -> bool:
+def same(one: ExploredEnvironment, other: ExploredEnvironment) -> bool:
     for field in fields(one.tabular):
         mine, theirs = getattr(one.tabular, field.name), getattr(other.tabular, field.name)
         if isinstance(mine, np.ndarray):
@@ -59,7 +59,7 @@ def same(one: Explored, other: Explored) -> bool:
 
 
 @pytest.mark.parametrize("kind", KINDS)
-def test_what_is_read_is_what_was_written(kind: str, tmp_path: Path) -> None:
+def test_table_file_restores_the_explored_environment(kind: str, tmp_path: Path) -> None:
     explored = KINDS[kind]()
     assert same(read(written(explored), tmp_path), explored)
     assert bool(explored.pictures) == (kind != "agents") != bool(explored.tabular.agent_names)
@@ -84,7 +84,7 @@ def test_a_damaged_file_is_refused_or_reads_as_before(tmp_path: Path) -> None:
     assert refused > 150
 
 
-def test_nothing_in_a_file_is_run(tmp_path: Path) -> None:
+def test_table_file_with_pickled_objects_is_refused(tmp_path: Path) -> None:
     np.savez(tmp_path / "table.npz", facts=np.array([print], dtype=object))
     with pytest.raises(InvalidArgument, match="is not a readable table of states"):
         read_explored(tmp_path / "table.npz")
@@ -97,6 +97,6 @@ def test_a_file_that_unpacks_to_gigabytes_is_refused(tmp_path: Path, monkeypatch
         read_explored(tmp_path / "bomb.npz")
 
 
-def test_a_file_that_is_not_there(tmp_path: Path) -> None:
+def test_missing_table_file_is_reported(tmp_path: Path) -> None:
     with pytest.raises(InvalidArgument, match="No such file"):
         read_explored(tmp_path / "table.npz")

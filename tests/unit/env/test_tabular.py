@@ -62,6 +62,6 @@ def test_a_table_with_one_outcome_an_action_is_deterministic() -> None:
         ({"action_names": ("flip", "spin")}, "one name for each action"),
     ],
 )
-def test_check_names_what_is_wrong(change: dict[str, object], message: str) -> None:
+def test_check_reports_invalid_arrays(change: dict[str, object], message: str) -> None:
     with pytest.raises(InvalidArgument, match=message):
         replace(coin(), **change).check()  # type: ignore[arg-type]

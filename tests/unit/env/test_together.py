@@ -9,14 +9,22 @@ import numpy as np
 import pytest
 
 from envgraph.env import EnvgraphEnv, EnvgraphLiveEnv, EnvgraphVectorEnv, KeyIndex, Simulator, explore
-from envgraph.env.compiled import CompiledVectorEnv, PlanSearch, enumerated, guided, program_of
+from envgraph.env.compiled import (
+    CompiledVectorEnv,
+    PlanSearch,
+    enumerate_states,
+    program_of,
+    with_guide_counts,
+)
 from envgraph.errors import EvaluationError, LoadError, ResolutionError
 from tests.unit.env.coins import loaded, sides, simulator
 from tests.unit.env.side_by_side import Corner
 from tests.unit.env.test_agents import HALLS, Hall, State, opened
 
 
-def joint(hall: Hall, state: State, actions: tuple[int, ...]) -> list[tuple[State, list[float], float, int]]:
+def simultaneous_outcomes(
+    hall: Hall, state: State, actions: tuple[int, ...]
+) -> list[tuple[State, list[float], float, int]]:
     """The equally likely outcomes of a step of all robots: state, reward of each, of all, end."""
     found: list[tuple[State, list[float]]] = [(state, [])]
     for robot, action in enumerate(actions):
@@ -30,13 +38,11 @@ def joint(hall: Hall, state: State, actions: tuple[int, ...]) -> list[tuple[Stat
         empty, done = [battery == 0 for battery in after.battery], all(after.shipped)
         own = [reward - 2.0 * flat for reward, flat in zip(rewards, empty, strict=True)]
         shared = -0.01 + 10.0 * done
-        result.append(
-            (after, [one + shared for one in own], sum(own) + shared, 2 if any(empty) else int(done))
-        )
+        result.append((after, [one + shared for one in own], sum(own) + shared, 2 if any(empty) else int(done)))
     return result
 
 
-def all_seen(hall: Hall, state: State) -> int:
+def observation_of_all_robots(hall: Hall, state: State) -> int:
     """Place, load and battery of each robot, then all places, as one number."""
     cells, parcels = len(hall.cells), len(state.parcels)
     parts = []
@@ -53,7 +59,7 @@ def all_seen(hall: Hall, state: State) -> int:
 
 
 @pytest.mark.parametrize("hall", HALLS[1:], ids=lambda hall: "/".join(hall.rows))
-def test_every_transition_is_that_of_the_warehouse(hall: Hall) -> None:
+def test_every_simultaneous_transition_equals_that_of_a_warehouse_in_python(hall: Hall) -> None:
     tabular = explore(*opened(hall.text(), together=True)).tabular
     tabular.check()
     assert tabular.turn is None and tabular.n_actions == 7**hall.count
@@ -62,11 +68,11 @@ def test_every_transition_is_that_of_the_warehouse(hall: Hall) -> None:
     queue = [start]
     for number in queue:
         state, over = seen[number]
-        assert tabular.observation[number] == all_seen(hall, state)
+        assert tabular.observation[number] == observation_of_all_robots(hall, state)
         for place, digits in enumerate(product(range(7), repeat=hall.count) if not over else ()):
             actions = digits[::-1]  # that of the first robot varies fastest
             merged: dict[tuple[State, float, int], int] = {}
-            expected = joint(hall, state, actions)
+            expected = simultaneous_outcomes(hall, state, actions)
             for after, _, reward, ended in expected:
                 key = after, round(reward, 9), ended
                 merged[key] = merged.get(key, 0) + 1
@@ -83,25 +89,27 @@ def test_every_transition_is_that_of_the_warehouse(hall: Hall) -> None:
     assert len(seen) == tabular.n_states
 
 
-def test_each_robot_gets_its_own_reward_and_what_is_shared() -> None:
+def test_each_robot_gets_its_own_reward_and_the_shared_reward() -> None:
     hall = HALLS[1]
     live = Simulator(*opened(hall.text(), together=True))
-    assert live.together is not None and live.players == ("a", "b") and live.agent_names == ()
+    assert live.joint_stepper is not None and live.all_agent_names == ("a", "b") and live.agent_names == ()
     rng, state = np.random.default_rng(4), hall.start
     live.reset(rng)
     for _ in range(200):
         actions = tuple(rng.integers(7, size=2).tolist())
-        found = live.step(live.together.number(actions), rng)
-        ((state, each, total, ended),) = joint(hall, state, actions)  # no two parcels in one cell: no chance
-        assert live.together.rewards == pytest.approx(tuple(each))
+        found = live.step(live.joint_stepper.joint_action(actions), rng)
+        ((state, each, total, ended),) = simultaneous_outcomes(
+            hall, state, actions
+        )  # no two parcels in one cell: no chance
+        assert live.joint_stepper.rewards == pytest.approx(tuple(each))
         assert (found.reward, found.terminated) == (pytest.approx(total), ended)
-        assert found.observation == all_seen(hall, state)
+        assert found.observation == observation_of_all_robots(hall, state)
         if ended:
             live.reset(rng)
             state = hall.start
 
 
-def test_one_agent_together_with_itself_is_one_that_takes_turns() -> None:
+def test_single_simultaneous_agent_equals_an_agent_that_takes_turns() -> None:
     hall = HALLS[2]
     turns, same = explore(*opened(hall.text())).tabular, explore(*opened(hall.text(), together=True)).tabular
     for name in ("next_state", "probability", "reward", "terminated", "observation", "start_states"):
@@ -109,7 +117,7 @@ def test_one_agent_together_with_itself_is_one_that_takes_turns() -> None:
     assert same.action_names[4:] == ("a: lift", "a: ship", "a: wait")
 
 
-def test_the_table_and_the_live_engine_do_the_same() -> None:
+def test_table_and_live_environment_step_alike() -> None:
     hall = HALLS[0]
     rows = EnvgraphEnv(explore(*opened(hall.text(), together=True)).tabular, observation="multi")
     live = EnvgraphLiveEnv(Simulator(*opened(hall.text(), together=True)), observation="multi")
@@ -141,33 +149,33 @@ COINS = """
 def steps(text: str, *actions: tuple[int, ...]) -> list[tuple[float, ...]]:
     """The rewards of the coins, step by step."""
     live = simulator(text)
-    assert live.together is not None
+    assert live.joint_stepper is not None
     rng = np.random.default_rng(0)
     live.reset(rng)
     found = []
     for chosen in actions:
-        live.step(live.together.number(chosen), rng)
-        found.append(live.together.rewards)
+        live.step(live.joint_stepper.joint_action(chosen), rng)
+        found.append(live.joint_stepper.rewards)
     return found
 
 
-def test_agents_move_in_the_order_of_their_keys_each_on_what_the_ones_before_left() -> None:
+def test_simultaneous_actions_are_applied_in_key_order_to_the_updated_model() -> None:
     # All three grab: each takes the hand from the one before. Then c has it already.
     assert steps(COINS, (1, 1, 1), (0, 0, 1)) == [(1.0, 2.0, 4.0), (0.0, 0.0, -1.0)]
 
 
-def test_clauses_are_asked_once_after_all_have_moved() -> None:
+def test_shared_clauses_are_evaluated_once_after_all_agents_have_acted() -> None:
     text = COINS + "\non find held(hand, other) reward other.value * 10.0"
     assert steps(text, (1, 1, 1)) == [(41.0, 42.0, 44.0)]
 
 
-def test_a_clause_of_a_block_is_for_each_of_its_agents() -> None:
+def test_clauses_of_an_agent_block_are_evaluated_for_each_of_its_agents() -> None:
     text = COINS.replace("observe", "on find held(hand, coin) reward 100.0 apply drop(hand)\nobserve")
     text = text.replace("on find", "each step reward coin.value * 0.5\non find")
     assert steps(text, (0, 1, 0), (0, 0, 0)) == [(0.5, 103.0, 2.0), (0.5, 1.0, 2.0)]
 
 
-def test_one_that_is_gone_takes_no_part_from_the_next_step_on() -> None:
+def test_deleted_agent_neither_acts_nor_is_rewarded_from_the_next_step() -> None:
     text = COINS.replace("observe", "each step reward 0.5\nobserve") + "\neach step reward 1.0"
     assert steps(text, (2, 0, 0), (0, 0, 0), (2, 2, 2), (0, 0, 0)) == [
         (1.5, 1.5, 1.5),
@@ -177,9 +185,9 @@ def test_one_that_is_gone_takes_no_part_from_the_next_step_on() -> None:
     ]
 
 
-def test_the_reward_of_all_counts_what_is_shared_once() -> None:
+def test_total_reward_counts_shared_rewards_once() -> None:
     live = simulator(COINS + "\neach step reward 100.0")
-    assert live.together is not None
+    assert live.joint_stepper is not None
     rewards = {name: reward for name, reward in zip(live.action_names, all_rewards(live), strict=True)}
     assert rewards["a: hold, b: hold, c: wait"] == 103.0
     assert rewards["a: wait, b: wait, c: wait"] == 100.0
@@ -189,7 +197,7 @@ def all_rewards(live: Simulator) -> list[float]:
     return [reward for action in range(27) for _, reward, _ in live.outcomes(action)]
 
 
-def test_with_nobody_left_what_is_shared_goes_on() -> None:
+def test_shared_clauses_continue_when_all_agents_are_deleted() -> None:
     live = simulator(COINS + "\neach step reward 7.0")
     rng = np.random.default_rng(0)
     live.reset(rng)
@@ -198,7 +206,7 @@ def test_with_nobody_left_what_is_shared_goes_on() -> None:
     assert sides(live.engine) == "ab"
 
 
-def test_agents_of_two_blocks_and_chance_are_enumerated_as_they_are_drawn() -> None:
+def test_table_of_two_agent_blocks_with_chance_steps_like_the_live_environment() -> None:
     text = """
         agents together
         agent coin : Coin {
@@ -258,26 +266,22 @@ A_COIN = "hand : Hand, a : Coin"
 CORNERS = {
     "agents together, some of which go": Corner(partial(loaded, BUSY, A_COIN), members=1),
     "agents together": Corner(partial(loaded, SAFE, A_COIN), members=1),
-    "agents together, and a reward of all": Corner(
-        partial(loaded, COINS + "each step reward 7.0"), members=1
-    ),
+    "agents together, and a reward of all": Corner(partial(loaded, COINS + "each step reward 7.0"), members=1),
     "agents by turns, some of which go": Corner(
         partial(loaded, BUSY.replace("agents together", ""), A_COIN), members=1
     ),
     **{
-        f"robots together in {'/'.join(hall.rows)}": Corner(
-            partial(opened, hall.text(), together=True), members=2
-        )
+        f"robots together in {'/'.join(hall.rows)}": Corner(partial(opened, hall.text(), together=True), members=2)
         for hall in HALLS
     },
 }
 
 
-def test_a_program_names_actions_and_components_and_lists_all_states() -> None:
+def test_compiled_program_has_the_names_and_states_of_the_live_table() -> None:
     text = COINS.replace("lose(coin)", "0.5: turnOver(coin)")
     wanted = explore(*loaded(text)).tabular
     program = program_of(*loaded(text), native=False)
-    found = enumerated(program)
+    found = enumerate_states(program)
     assert found.agent_names == program.agent_names(0) == () and found.turn is None
     for name in ("action_names", "observation_names", "observation_shape"):
         assert getattr(found, name) == getattr(wanted, name), name
@@ -285,7 +289,7 @@ def test_a_program_names_actions_and_components_and_lists_all_states() -> None:
         assert np.array_equal(getattr(found, name), getattr(wanted, name)), name
 
 
-def test_many_at_once_do_what_the_table_does() -> None:
+def test_compiled_vector_environment_steps_like_the_table() -> None:
     tabular = explore(*opened(HALLS[2].text(), together=True)).tabular
     program = program_of(*opened(HALLS[2].text(), together=True), native=False)
     rows = EnvgraphVectorEnv([tabular], 3, observation="dict")
@@ -300,10 +304,10 @@ def test_many_at_once_do_what_the_table_does() -> None:
         assert "agent" not in told and "agent" not in info
 
 
-def test_a_plan_of_all_agents_is_found_and_leads_to_the_end() -> None:
+def test_plan_of_simultaneous_agents_terminates_the_episode() -> None:
     text = COINS.replace("lose(coin)", "turnOver(coin)") + "on neg find up(_) terminate success"
     engine, behaviour = loaded(text)
-    made, guides = guided(behaviour)
+    made, guides = with_guide_counts(behaviour)
     program = program_of(engine, made, native=False)
     assert guides == 1
     assert program.observation_names == ("a side", "b side", "c side", "count up(_)")
@@ -318,18 +322,18 @@ def test_a_plan_of_all_agents_is_found_and_leads_to_the_end() -> None:
 # --- what is refused
 
 
-def test_members_of_a_family_have_the_same_agents() -> None:
+def test_member_that_lacks_an_agent_of_the_family_is_refused() -> None:
     engine, behaviour = loaded(COINS)
-    keys = KeyIndex.of(engine.model, ["Coin"])
+    keys = KeyIndex.of_model(engine.model, ["Coin"])
     engine.model.nodes("Coin")[0].delete()
     for make in (Simulator, program_of):
         with pytest.raises(ResolutionError, match="this one has no `Coin` b"):
             make(engine, behaviour, keys=keys)
 
 
-def test_too_many_joint_actions_are_refused_where_they_are_one_number() -> None:
+def test_too_many_action_combinations_are_refused_when_they_are_numbered() -> None:
     live = simulator(COINS.replace("action wait", "action count(n : 0..99) = count(hand, n)\naction wait"))
-    assert live.together is not None and live.together.n_actions == 103**3
+    assert live.joint_stepper is not None and live.joint_stepper.n_actions == 103**3
     with pytest.raises(EvaluationError, match="1,092,727 joint actions of all agents"):
         live.action_names  # noqa: B018
     with pytest.raises(EvaluationError, match="1,092,727 joint actions of all agents"):
@@ -355,6 +359,6 @@ def test_too_many_joint_actions_are_refused_where_they_are_one_number() -> None:
         ),
     ],
 )
-def test_what_makes_no_sense_is_said(text: str, told: str) -> None:
+def test_invalid_clauses_of_simultaneous_agents_are_reported(text: str, told: str) -> None:
     with pytest.raises(LoadError, match=told):
         loaded(text)

@@ -11,7 +11,7 @@ from gymnasium.vector import AutoresetMode
 
 from envgraph.behaviour import Behaviour
 from envgraph.env import EnvgraphEnv, EnvgraphLiveEnv, EnvgraphVectorEnv, Simulator, explore
-from envgraph.env.compiled import CompiledEnv, CompiledVectorEnv, enumerated, program_of
+from envgraph.env.compiled import CompiledEnv, CompiledVectorEnv, enumerate_states, program_of
 from envgraph.rewrite import Engine
 from envgraph.solve import certify, value_iteration
 from envgraph.solve.learning import Backend, TrainingSettings, train_curriculum
@@ -50,7 +50,7 @@ def test_a_truncated_step_is_over_but_not_terminated() -> None:
             env.step(WAIT)
 
 
-def test_what_terminates_wins_in_any_order() -> None:
+def test_termination_overrides_truncation_in_any_order_of_clauses() -> None:
     for first, second in (("truncate", "terminate failure"), ("terminate failure", "truncate")):
         engine, behaviour = clock(f"action wait = nothing()\non find up(_) {first}\non find up(_) {second}")
         program = program_of(engine, behaviour, native=False)
@@ -59,7 +59,7 @@ def test_what_terminates_wins_in_any_order() -> None:
             assert env.step(0)[2:4] == (True, False)
 
 
-def test_tables_say_what_is_truncated_and_go_no_further() -> None:
+def test_tables_mark_truncated_steps_and_absorb_after_them() -> None:
     engine, behaviour = clock()
     table = explore(engine, behaviour).tabular
     table.check()
@@ -67,7 +67,7 @@ def test_tables_say_what_is_truncated_and_go_no_further() -> None:
     assert set(np.unique(table.terminated).tolist()) == {-1, 0, 1}
     after = np.unique(table.next_state[table.terminated == -1])
     assert (table.next_state[after] == after[:, None, None]).all(), "a truncated episode is over"
-    compiled = enumerated(program_of(engine, behaviour, native=False))
+    compiled = enumerate_states(program_of(engine, behaviour, native=False))
     assert compiled.terminated.tolist() == table.terminated.tolist()
 
 
@@ -75,7 +75,7 @@ CORNERS = {"episodes that a behaviour truncates": Corner(clock)}
 
 
 @pytest.mark.parametrize("mode", AutoresetMode)
-def test_vector_environments_agree(mode: AutoresetMode) -> None:
+def test_table_and_compiled_vector_environments_truncate_alike(mode: AutoresetMode) -> None:
     engine, behaviour = clock()
     table = EnvgraphVectorEnv([explore(engine, behaviour).tabular], 4, autoreset_mode=mode)
     program = CompiledVectorEnv(program_of(engine, behaviour, native=False), 4, autoreset_mode=mode)
@@ -97,7 +97,7 @@ def test_vector_environments_agree(mode: AutoresetMode) -> None:
     assert truncations > 3
 
 
-def test_a_truncated_episode_has_its_return_and_no_success() -> None:
+def test_truncated_episode_counts_in_the_return_but_not_as_success() -> None:
     engine, behaviour = clock(CLOCK.replace("terminate success", "reward 5.0 terminate success"))
     table = explore(engine, behaviour).tabular
     known = certify(table, np.full(table.n_states, WAIT), limit=100)
@@ -127,9 +127,7 @@ def test_learners_bootstrap_where_an_episode_is_truncated(
     if backend == "numba" and not find_spec("numba"):
         pytest.skip("numba is not installed")
     table = explore(*clock(LOOP)).tabular
-    settings = TrainingSettings(
-        agent=agent, discount=0.5, learning_rate=0.5, steps_per_environment=200, checkpoint=200
-    )
+    settings = TrainingSettings(agent=agent, discount=0.5, learning_rate=0.5, steps_per_environment=200, checkpoint=200)
     learnt = train_curriculum([table], settings, np.random.default_rng(1), backend=backend)
     assert learnt.q[0, 0] == pytest.approx(2.0), "1 + 0.5 + 0.25 + .., though each episode has one step"
     assert value_iteration(table, discount=0.5).values[table.start_states[0]] == 1.0, "what an episode pays"

@@ -40,7 +40,7 @@ def outcomes(tabular: Tabular, state: int = 0, action: int = 0) -> dict[int, flo
     return found
 
 
-def test_a_unit_is_an_action_with_its_steps_in_order() -> None:
+def test_unit_as_an_action_runs_its_steps_in_order() -> None:
     tabular = table("action swap(coin : Coin) = exchange(hand, coin, value) reward value else reward -1")
     assert tabular.action_names == ("swap(a)", "swap(b)", "swap(c)")
     assert tabular.n_states == 4 and tabular.deterministic
@@ -50,14 +50,14 @@ def test_a_unit_is_an_action_with_its_steps_in_order() -> None:
     assert tabular.reward[held].ravel().tolist() == [1.0, 2.0, 4.0]
 
 
-def test_a_unit_that_fails_leaves_the_state_as_it_is() -> None:
+def test_failing_unit_leaves_the_state_unchanged() -> None:
     tabular = table("action late = late(hand) reward 1 else reward -1")
     assert tabular.n_states == 1
     assert tabular.reward.ravel().tolist() == [-1.0] * tabular.reward.size
     assert set(tabular.next_state.ravel().tolist()) == {0}
 
 
-def test_choices_of_a_unit_are_chances() -> None:
+def test_choices_in_a_unit_become_outcome_probabilities() -> None:
     start = 4 + 8 * 3
     assert outcomes(table("action x = one()")) == {start + 1: 0.5, start + 2: 0.5}
     assert outcomes(table("action x = either()")) == pytest.approx({start + 1: 0.75, start + 2: 0.25})
@@ -68,7 +68,7 @@ def test_choices_of_a_unit_are_chances() -> None:
     }  # fmt: skip
 
 
-def test_units_are_effects_too() -> None:
+def test_units_can_be_applied_by_reset_each_step_and_find_clauses() -> None:
     tabular = table(
         "action wait = nothing()\non reset apply one()\neach step apply every()\non neg find up(_) reward 1"
     )
@@ -79,9 +79,7 @@ def test_units_are_effects_too() -> None:
         "action grab(coin : Coin) = grab(hand, coin, _)\non find held(hand, coin) reward 1 apply both(hand, coin)"
     )
     assert outcomes(tabular, action=0) == {5 + 8 * 3: 1.0}
-    assert outcomes(tabular, action=2) == {
-        4 + 8 * 2: 1.0
-    }  # tails already: the unit fails, and takes the drop back
+    assert outcomes(tabular, action=2) == {4 + 8 * 2: 1.0}  # tails already: the unit fails, and takes the drop back
 
 
 @pytest.mark.parametrize(
@@ -91,7 +89,7 @@ def test_units_are_effects_too() -> None:
         "action x = either()\naction y(coin : Coin) = 0.7: exchange(hand, coin, _) | 0.2: one()",
     ],
 )
-def test_a_table_and_a_live_engine_do_the_same(clauses: str) -> None:
+def test_table_and_live_environment_step_alike(clauses: str) -> None:
     rows = EnvgraphEnv(table(clauses))
     live = EnvgraphLiveEnv(Simulator(*loaded(f"{clauses}\n{SEES}", texts=TEXTS)))
     rng = np.random.default_rng(3)
@@ -101,7 +99,7 @@ def test_a_table_and_a_live_engine_do_the_same(clauses: str) -> None:
         assert rows.step(action)[:3] == live.step(action)[:3]
 
 
-def test_a_unit_draws_among_matches_in_the_order_in_which_a_rule_does() -> None:
+def test_unit_samples_matches_in_the_same_order_as_a_rule() -> None:
     def episode(call: str) -> list[object]:
         clauses = f"action x = {call}\naction y(coin : Coin) = turnBack(coin)\n{SEES}"
         engine, behaviour = loaded(clauses, texts=TEXTS)
@@ -112,24 +110,22 @@ def test_a_unit_draws_among_matches_in_the_order_in_which_a_rule_does() -> None:
     assert episode("one()") == episode("turn()")
 
 
-def test_a_unit_that_the_model_refuses_is_an_error_that_leaves_the_model_as_it_was() -> None:
+def test_unit_that_the_model_refuses_is_an_error_and_is_rolled_back() -> None:
     engine, behaviour = loaded("action x(a : Coin, b : Coin, c : Coin) = bad(a, b, c)", texts=TEXTS)
     before = engine.model.state_hash()
     with pytest.raises(RuleError, match="targets of `over` already"):
         explore(engine, behaviour)
-    assert engine.model.state_hash() == before and not engine.model.graph.history.depth
+    assert engine.model.state_hash() == before and not engine.model.graph.history.savepoint_depth
     engine.model.check_integrity()
 
 
-def test_too_many_ways_through_a_unit_are_told(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_unit_with_too_many_outcomes_is_reported(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setitem(LIMITS, "outcomes", 3)
-    with pytest.raises(
-        EvaluationError, match=r"`x` has more than 3 outcomes in one state[\s\S]*write `all r;`"
-    ):
+    with pytest.raises(EvaluationError, match=r"`x` has more than 3 outcomes in one state[\s\S]*write `all r;`"):
         table("action x = some()")
 
 
-def test_units_are_called_with_their_parameters() -> None:
+def test_unit_call_with_missing_arguments_is_refused() -> None:
     with pytest.raises(LoadError, match="unit `both` takes 2 arguments, not 1") as found:
         table("action x = both(hand)")
     assert "write `both(hand, coin)`" in str(found.value)

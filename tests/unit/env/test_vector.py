@@ -29,7 +29,7 @@ observe coin.side for coin : Coin
 """
 
 
-def test_it_steps_like_single_environments_and_resets_in_the_next_step() -> None:
+def test_vector_steps_like_single_environments_and_resets_in_the_next_step() -> None:
     many = EnvgraphVectorEnv(TABLES, num_envs=9, max_episode_steps=7)
     single = [EnvgraphEnv(TABLES[i % 6]) for i in range(9)]
     assert many.observation_space == spaces.MultiDiscrete([128] * 9)
@@ -53,9 +53,7 @@ def test_it_steps_like_single_environments_and_resets_in_the_next_step() -> None
                 expected = (int(index), reward, terminated, steps[i] >= 7)
             found = (int(observations[i]), rewards[i], terminations[i], truncations[i])
             assert found == expected
-            assert tuple(infos[name][i] for name in ("state", "step", "success", "is_success")) == tuple(
-                info.values()
-            )
+            assert tuple(infos[name][i] for name in ("state", "step", "success", "is_success")) == tuple(info.values())
             done[i] = expected[2] or expected[3]
     assert infos["_state"].all()
 
@@ -74,7 +72,7 @@ def test_starts_and_outcomes_are_drawn_with_their_probabilities() -> None:
     assert (infos["success"] == terminations).all()
 
 
-def test_a_seed_decides_everything() -> None:
+def test_seed_determines_starts_and_steps_of_a_vector() -> None:
     table = explore(*loaded(RANDOM)).tabular
 
     def run(seed: int) -> list[list[int]]:
@@ -87,7 +85,7 @@ def test_a_seed_decides_everything() -> None:
     assert run(1) != run(2)
 
 
-def test_components_and_pictures() -> None:
+def test_vector_returns_component_observations_and_rendered_frames() -> None:
     pictures = [member.pictures for member in FAMILY]
     many = EnvgraphVectorEnv(TABLES, pictures=pictures, render_mode="rgb_array", observation="multi")
     assert many.num_envs == 6
@@ -120,7 +118,7 @@ def test_wrong_arguments_are_refused() -> None:
 
 @pytest.mark.parametrize("observation", ["index", "multi", "flat", "dict"])
 @pytest.mark.parametrize("mode", AutoresetMode)
-def test_every_autoreset_mode_is_gymnasiums(mode: AutoresetMode, observation: str) -> None:
+def test_every_autoreset_mode_behaves_like_a_gymnasium_vector(mode: AutoresetMode, observation: str) -> None:
     """Step by step the same as Gymnasium's own vector of the single environments, infos included."""
 
     def single(table: int) -> gymnasium.Env[object, object]:
@@ -166,7 +164,7 @@ def same(one: object, other: object) -> bool:
     return mine.dtype == others.dtype and np.array_equal(mine, others, equal_nan=mine.dtype.kind == "f")
 
 
-def test_resets_take_options_that_they_know() -> None:
+def test_invalid_reset_options_and_autoreset_modes_are_refused() -> None:
     many = EnvgraphVectorEnv(TABLES[:2])
     with pytest.raises(ResetNeeded, match="must reset all environments"):
         many.reset(options={"reset_mask": np.array([True, False])})
@@ -176,13 +174,11 @@ def test_resets_take_options_that_they_know() -> None:
             many.reset(options={"reset_mask": mask})
     with pytest.raises(InvalidArgument, match="unknown reset option `state`: the options are `reset_mask`"):
         many.reset(options={"state": 3})
-    with pytest.raises(
-        InvalidArgument, match="unknown autoreset mode 'never'; the modes are `Disabled`, `NextStep`"
-    ):
+    with pytest.raises(InvalidArgument, match="unknown autoreset mode 'never'; the modes are `Disabled`, `NextStep`"):
         EnvgraphVectorEnv(TABLES, autoreset_mode="never")
 
 
-class Told(Shuffled):
+class RecordingSchedule(Shuffled):
     """Remembers what it has given and what it was told."""
 
     def __init__(self, members: int) -> None:
@@ -201,8 +197,8 @@ class Told(Shuffled):
 
 
 @pytest.mark.parametrize("mode", AutoresetMode)
-def test_each_episode_is_of_the_member_that_the_schedule_gives(mode: AutoresetMode) -> None:
-    schedule = Told(6)
+def test_each_episode_uses_the_member_that_the_schedule_returns(mode: AutoresetMode) -> None:
+    schedule = RecordingSchedule(6)
     many = EnvgraphVectorEnv(TABLES, 4, max_episode_steps=9, autoreset_mode=mode, schedule=schedule)
     _, infos = many.reset(seed=1)
     rng, done, totals, told = np.random.default_rng(2), np.zeros(4, np.bool_), np.zeros(4), []
@@ -217,25 +213,24 @@ def test_each_episode_is_of_the_member_that_the_schedule_gives(mode: AutoresetMo
         done = ended | late
         last = infos.get("final_info", infos)
         told += [
-            (int(member[i]), float(last["success"][i]), totals[i], int(last["step"][i]))
-            for i in np.flatnonzero(done)
+            (int(member[i]), float(last["success"][i]), totals[i], int(last["step"][i])) for i in np.flatnonzero(done)
         ]
         if done.any() and mode is AutoresetMode.DISABLED:
             _, infos = many.reset(options={"reset_mask": done.copy()})
-            infos |= {name: getattr(many._seats, name) for name in ("member", "learn")}
-            infos["state"] = many._state - many._first[many._which]
+            infos |= {name: getattr(many._scheduled_members, name) for name in ("member", "learn")}
+            infos["state"] = many._state - many._first[many._member_numbers]
     assert schedule.told == told
     assert len(told) >= 20
     assert schedule.given[: len(told)].count(0) >= 3
 
 
 @pytest.mark.parametrize("mode", [AutoresetMode.NEXT_STEP, AutoresetMode.SAME_STEP])
-def test_compiled_environments_do_the_same_on_a_schedule(mode: AutoresetMode) -> None:
+def test_compiled_vector_with_a_schedule_steps_like_tables(mode: AutoresetMode) -> None:
     engines = [forest.engine(rows) for rows in forest.published_maps()]
     program = program_of(engines[0], forest.behaviour(), engines, native=False)
-    tables = EnvgraphVectorEnv(TABLES[1:4], 3, max_episode_steps=8, autoreset_mode=mode, schedule=Told(3))
+    tables = EnvgraphVectorEnv(TABLES[1:4], 3, max_episode_steps=8, autoreset_mode=mode, schedule=RecordingSchedule(3))
     compiled = CompiledVectorEnv(
-        program, 3, members=[1, 2, 3], max_episode_steps=8, autoreset_mode=mode, schedule=Told(3)
+        program, 3, members=[1, 2, 3], max_episode_steps=8, autoreset_mode=mode, schedule=RecordingSchedule(3)
     )
     rng = np.random.default_rng(3)
     mine, other = tables.reset(seed=5), compiled.reset(seed=5)
@@ -245,17 +240,15 @@ def test_compiled_environments_do_the_same_on_a_schedule(mode: AutoresetMode) ->
             assert np.array_equal(mine[-1][name], other[-1][name])
         actions = rng.integers(4, size=3)
         mine, other = tables.step(actions), compiled.step(actions)
-    assert isinstance(tables.schedule, Told)
-    assert isinstance(compiled.schedule, Told)
+    assert isinstance(tables.schedule, RecordingSchedule)
+    assert isinstance(compiled.schedule, RecordingSchedule)
     assert tables.schedule.told == compiled.schedule.told
     assert len(tables.schedule.told) > 9
 
 
-def test_a_schedule_leaves_what_happens_in_an_episode_as_it_is() -> None:
+def test_schedule_does_not_change_the_steps_of_an_episode() -> None:
     plain = EnvgraphVectorEnv(TABLES[:1], 5, max_episode_steps=6)
-    scheduled = EnvgraphVectorEnv(
-        TABLES[:1], 5, max_episode_steps=6, schedule=Shuffled(np.zeros(1, np.int64))
-    )
+    scheduled = EnvgraphVectorEnv(TABLES[:1], 5, max_episode_steps=6, schedule=Shuffled(np.zeros(1, np.int64)))
     assert np.array_equal(plain.reset(seed=3)[0], scheduled.reset(seed=3)[0])
     rng = np.random.default_rng(0)
     for _ in range(20):

@@ -48,7 +48,7 @@ def maze(model: str | None = None) -> tuple[Engine, Any]:
     return workspace.engine(model or workspace.models[0].model.name), workspace.behaviour()
 
 
-def test_flat_is_one_hot_and_a_dictionary_has_names() -> None:
+def test_flat_observation_is_one_hot_and_dict_observation_has_names() -> None:
     engine, behaviour = loaded(SEEN)
     table = explore(engine, behaviour).tabular
     assert table.observation_names == NAMES
@@ -68,7 +68,7 @@ def test_flat_is_one_hot_and_a_dictionary_has_names() -> None:
 
 
 @pytest.mark.parametrize("kind", PLAIN)
-def test_it_is_the_same_from_tables_programs_and_the_live_engine(kind: ObservationKind) -> None:
+def test_observations_agree_between_tables_programs_and_the_live_engine(kind: ObservationKind) -> None:
     engine, behaviour = loaded(SEEN)
     program = program_of(engine, behaviour, native=False)
     table = explore(engine, behaviour).tabular
@@ -109,7 +109,7 @@ def test_an_image_has_a_plane_for_each_class_and_each_clause() -> None:
     assert view.channels == (*channels, "count holds(hero, _)", "door open")
     assert view.space == spaces.Box(0, 255, (5, 7, 10), np.uint8)
     simulator = Simulator(engine, behaviour)
-    planes = dict(zip(view.channels, np.moveaxis(view.of(simulator), -1, 0), strict=True))
+    planes = dict(zip(view.channels, np.moveaxis(view.observe(simulator), -1, 0), strict=True))
     door = engine.model.nodes("Door")[0]
     assert np.argwhere(planes["Hero"]).tolist() == np.argwhere(planes["hero at"]).tolist() == [[1, 1]]
     assert (planes["Wall"][[0, -1]] == 255).all()
@@ -121,7 +121,7 @@ def test_an_image_has_a_plane_for_each_class_and_each_clause() -> None:
         key = engine.model.nodes("Key")[0]
         key.cell = None
         engine.model.nodes("Hero")[0].inventory.append(key)
-    planes = dict(zip(view.channels, np.moveaxis(view.of(simulator), -1, 0), strict=True))
+    planes = dict(zip(view.channels, np.moveaxis(view.observe(simulator), -1, 0), strict=True))
     assert planes["door open"][door.y, door.x] == 255
     assert (planes["count holds(hero, _)"] == 127).all()
     assert not planes["Key"].any()
@@ -133,7 +133,7 @@ def test_an_image_has_the_size_of_the_largest_member() -> None:
         large.model.create("Wall", x=9, y=3)
     view = ImageView(behaviour, [small.model, large.model])
     assert view.space.shape == (5, 10, 10)
-    image = view.of(Simulator(small, behaviour))
+    image = view.observe(Simulator(small, behaviour))
     assert not image[:, 7:].any()
     assert image in view.space
     with pytest.raises(InvalidArgument, match="has no image, because it draws no grid; write `draw grid"):
@@ -143,7 +143,7 @@ def test_an_image_has_the_size_of_the_largest_member() -> None:
 def test_a_graph_has_the_objects_and_links_of_the_model() -> None:
     engine, behaviour = maze()
     view, model = GraphView(behaviour, engine.model.metamodel), engine.model
-    graph = view.of(Simulator(engine, behaviour))
+    graph = view.observe(Simulator(engine, behaviour))
     assert graph in view.space
     columns = dict(zip(view.features, graph.nodes.T, strict=True))
     assert columns["Door"].sum() == 1
@@ -177,7 +177,9 @@ def test_images_and_graphs_are_the_same_from_programs_and_the_live_engine(kind: 
         both = many.step(np.full(2, action % len(program.action_names)))[0]
 
 
-def test_graphs_for_pytorch_say_what_they_need(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_pytorch_graph_without_torch_geometric_names_the_missing_extra(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
     monkeypatch.setitem(sys.modules, "torch_geometric.data", None)
     with pytest.raises(InvalidArgument, match=r"pip install .envgraph\[pyg\]"):
         torch_graph(spaces.GraphInstance(np.zeros((0, 1)), None, None))

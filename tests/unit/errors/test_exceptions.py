@@ -19,18 +19,19 @@ from envgraph.errors import (
     TypeMismatch,
 )
 
-PROBLEMS = (Diagnostic("a", "first"), Diagnostic("b", "second", Source("f", "text").span(0, 4), "mend it"))
+PROBLEMS = (
+    Diagnostic("a", "first"),
+    Diagnostic("b", "second", Source("f", "text").span_between(0, 4), "mend it"),
+)
 
 
 def test_all_exceptions_have_one_root():
-    exceptions = [
-        item for item in vars(errors).values() if isinstance(item, type) and issubclass(item, Exception)
-    ]
+    exceptions = [item for item in vars(errors).values() if isinstance(item, type) and issubclass(item, Exception)]
     assert len(exceptions) == 11
     assert all(issubclass(item, EnvgraphError) for item in exceptions)
 
 
-def test_wrong_arguments_are_value_errors_too():
+def test_invalid_argument_is_a_value_error():
     assert issubclass(InvalidArgument, ValueError)
 
 
@@ -42,17 +43,15 @@ def test_diagnostics_are_shown_together():
 
 
 def test_a_rule_error_has_a_line_for_each_detail():
-    error = RuleError(
-        "`t` cannot go", rule="drop", reason="dangling", details=["`a` -r-> `t`", "`b` -r-> `t`"]
-    )
+    error = RuleError("`t` cannot go", rule="drop", reason="dangling", details=["`a` -r-> `t`", "`b` -r-> `t`"])
     assert str(error) == "`t` cannot go\n  `a` -r-> `t`\n  `b` -r-> `t`"
     assert (error.rule, error.reason, error.details) == ("drop", "dangling", ("`a` -r-> `t`", "`b` -r-> `t`"))
 
 
-PLACE = Source("f.rules", "rule r { 1 / 0 }").span(9, 14)
+PLACE = Source("f.rules", "rule r { 1 / 0 }").span_between(9, 14)
 
 
-def test_an_error_of_a_rule_that_was_read_shows_the_place_like_a_diagnostic():
+def test_a_rule_error_with_a_span_is_shown_like_a_diagnostic():
     rule = RuleError("no room", rule="r", reason="full", details=["one", "two"], span=PLACE, hint="make room")
     assert str(rule).splitlines() == [
         "f.rules:1:10: no room",
@@ -69,13 +68,13 @@ def test_an_error_of_a_rule_that_was_read_shows_the_place_like_a_diagnostic():
     assert [one.code for one in value.diagnostics] == ["no-value"]
 
 
-def test_an_error_without_a_place_is_its_message_and_what_to_do():
+def test_an_error_without_a_span_shows_its_message_and_hint():
     assert str(EvaluationError("too large", hint="take less")) == "too large\nhint: take less"
     assert (EvaluationError("too large").diagnostics, RuleError("no", reason="full").diagnostics) == ((), ())
 
 
 @pytest.mark.parametrize("again", [lambda e: pickle.loads(pickle.dumps(e)), copy.copy])
-def test_errors_survive_the_way_from_a_worker_process(again):
+def test_errors_are_pickled_and_copied_unchanged(again):
     for error in (LoadError(PROBLEMS), ResolutionError(PROBLEMS)):
         copied = again(error)
         assert type(copied) is type(error)
@@ -95,7 +94,7 @@ def test_errors_survive_the_way_from_a_worker_process(again):
 
 
 @pytest.mark.parametrize("kind", [InvalidArgument, TypeMismatch])
-def test_a_hint_follows_the_message_and_is_there_as_data(kind: type[EnvgraphError]) -> None:
+def test_a_hint_follows_the_message_and_is_an_attribute(kind: type[EnvgraphError]) -> None:
     error = pickle.loads(pickle.dumps(kind("unknown class `Bxo`", "did you mean `Box`?")))
     assert str(error) == "unknown class `Bxo`; did you mean `Box`?"
     assert (error.message, error.hint) == ("unknown class `Bxo`", "did you mean `Box`?")

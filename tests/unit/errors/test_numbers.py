@@ -8,7 +8,7 @@ from pathlib import Path
 
 import pytest
 
-from envgraph.errors import LIMITS, InvalidArgument, limit, parse_float, parse_int, parse_within
+from envgraph.errors import LIMITS, InvalidArgument, parse_float, parse_int, parse_int_within, scaled_limit
 
 LONG = "9" * 5000
 ROOT = Path(__file__).parents[3]
@@ -51,7 +51,7 @@ ROOT = Path(__file__).parents[3]
         ("", None, None),
     ],
 )
-def test_numbers_are_ascii_digits_that_fit_64_bits(text: str, whole: int | None, real: float | None) -> None:
+def test_only_ascii_numbers_within_64_bits_are_parsed(text: str, whole: int | None, real: float | None) -> None:
     assert (parse_int(text), parse_float(text)) == (whole, real)
 
 
@@ -69,18 +69,18 @@ def test_a_number_out_of_its_range_is_named_with_the_range(
 ) -> None:
     monkeypatch.setitem(LIMITS, "width", 100)
     with pytest.raises(InvalidArgument) as caught:
-        parse_within(text, 1, "width")
+        parse_int_within(text, 1, "width")
     assert caught.value.message == message
     assert ("ENVGRAPH_LIMITS=10" in str(caught.value.hint)) == raisable
 
 
-def test_limits_are_raised_a_million_times_at_most(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_limits_can_be_raised_at_most_by_a_factor_of_a_million(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setenv("ENVGRAPH_LIMITS", "1e6")
-    assert limit("rounds") == 1_000_000_000 and parse_within("1000000000", 1, "rounds") == 1_000_000_000
+    assert scaled_limit("rounds") == 1_000_000_000 and parse_int_within("1000000000", 1, "rounds") == 1_000_000_000
     for wrong in ("1000001", "1e18", "1e400", LONG, "1_0", "inf", ""):
         monkeypatch.setenv("ENVGRAPH_LIMITS", wrong)
         with pytest.raises(InvalidArgument, match="ENVGRAPH_LIMITS is `") as caught:
-            limit("rounds")
+            scaled_limit("rounds")
         assert caught.value.hint == "set it to a number such as 10, or unset it"
 
 
@@ -128,7 +128,5 @@ def test_only_documented_limits_are_raised() -> None:
             if isinstance(node, ast.Subscript) and ast.unparse(node.value) == "LIMITS":
                 kept |= {ast.literal_eval(node.slice)} if isinstance(node.slice, ast.Constant) else set()
             elif isinstance(node, ast.Call) and ast.unparse(node.func) == "limit" and node.args:
-                raised |= (
-                    {ast.literal_eval(node.args[0])} if isinstance(node.args[0], ast.Constant) else set()
-                )
+                raised |= {ast.literal_eval(node.args[0])} if isinstance(node.args[0], ast.Constant) else set()
     assert raised <= ROWS.keys() and kept - ROWS.keys() == LIMITS.keys() - ROWS.keys()

@@ -68,7 +68,7 @@ def test_file_of_another_user_is_not_read(tmp_path: Path, monkeypatch: pytest.Mo
     assert read_cached(tmp_path / "a", KEY) is None
 
 
-def test_only_this_user_can_read_what_is_written(tmp_path: Path) -> None:
+def test_cache_files_are_readable_only_by_their_user(tmp_path: Path) -> None:
     path = tmp_path / "cache" / "programs" / "file"
     write_cached(path, KEY, CONTENT)
     found = [stat.S_IMODE(one.stat().st_mode) for one in (path, path.parent, path.parent.parent)]
@@ -79,9 +79,7 @@ def test_only_this_user_can_read_what_is_written(tmp_path: Path) -> None:
 def test_file_that_cannot_be_written_leaves_nothing(tmp_path: Path, name: str) -> None:
     (tmp_path / "file").write_text("")
     soft, hard = resource.getrlimit(resource.RLIMIT_FSIZE)
-    resource.setrlimit(
-        resource.RLIMIT_FSIZE, (len(CONTENT) // 2, hard)
-    )  # as a full disk, which ends a write early
+    resource.setrlimit(resource.RLIMIT_FSIZE, (len(CONTENT) // 2, hard))  # as a full disk, which ends a write early
     try:
         write_cached(tmp_path / name, KEY, CONTENT)
     finally:

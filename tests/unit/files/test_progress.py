@@ -9,8 +9,8 @@ from pathlib import Path
 import pytest
 
 from envgraph.cli._output import progress_bar
-from envgraph.files import counting, telling
-from envgraph.search import Domain, evolve
+from envgraph.files import report_counting, report_progress
+from envgraph.search import Domain, generate_from_domain
 
 Captured = pytest.CaptureFixture[str]
 
@@ -23,10 +23,8 @@ def clock(monkeypatch: pytest.MonkeyPatch) -> Iterator[list[float]]:
     yield now
 
 
-def test_a_pipe_gets_a_line_after_five_seconds_and_then_ever_fewer(
-    clock: list[float], capsys: Captured
-) -> None:
-    with counting("states of A") as told:
+def test_progress_in_a_pipe_is_printed_at_doubling_intervals(clock: list[float], capsys: Captured) -> None:
+    with report_counting("states of A") as told:
         for second in range(100):
             clock[0] = 1000.0 + second
             told(1000 * second, 0)
@@ -39,11 +37,11 @@ def test_a_pipe_gets_a_line_after_five_seconds_and_then_ever_fewer(
     ]
 
 
-def test_work_inside_of_work_is_told_behind_it_and_by_its_clock(clock: list[float], capsys: Captured) -> None:
+def test_progress_of_nested_work_is_printed_on_the_line_of_the_outer_work(clock: list[float], capsys: Captured) -> None:
     with progress_bar("environments", 6) as advance:
         for done in range(6):
             advance(done, f"E{done + 1}")
-            with counting("states of A") as told:
+            with report_counting("states of A") as told:
                 clock[0] += 4
                 told(400, 1_500)
     assert capsys.readouterr().err.splitlines() == [
@@ -52,13 +50,13 @@ def test_work_inside_of_work_is_told_behind_it_and_by_its_clock(clock: list[floa
     ]
 
 
-def test_what_is_counted_again_under_one_text_has_a_number(clock: list[float], capsys: Captured) -> None:
-    with telling() as tell:
+def test_repeated_counts_with_the_same_text_are_numbered(clock: list[float], capsys: Captured) -> None:
+    with report_progress() as tell:
         for generation in (0, 1):
             if generation:
                 tell("generations: 1 of 9")
             for count in (3, 4):
-                with counting("states of A") as told:
+                with report_counting("states of A") as told:
                     clock[0] = 2 * clock[0] + 5.0
                     told(count, 0)
     said = [line.rpartition(" (")[0] for line in capsys.readouterr().err.splitlines()]
@@ -70,17 +68,17 @@ def test_what_is_counted_again_under_one_text_has_a_number(clock: list[float], c
     ]
 
 
-def test_a_terminal_has_one_line_that_is_gone_at_the_end(
+def test_progress_on_a_terminal_is_one_line_that_is_cleared_at_the_end(
     monkeypatch: pytest.MonkeyPatch, capsys: Captured
 ) -> None:
     monkeypatch.setattr("sys.stderr.isatty", lambda: True, raising=False)
-    with telling() as tell, counting("states\x1b of A") as told:
+    with report_progress() as tell, report_counting("states\x1b of A") as told:
         tell("E1")
         told(100, 0)
     assert capsys.readouterr().err == "\rE1\x1b[K\rE1; states\\x1b of A: 100\x1b[K\r\x1b[K"
 
 
-def test_a_search_tells_of_the_states_that_it_visits_for_measures(
+def test_evolution_prints_the_number_of_states_visited_for_measures(
     tmp_path: Path, capsys: Captured, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setenv("ENVGRAPH_CACHE", "off")
@@ -89,5 +87,5 @@ def test_a_search_tells_of_the_states_that_it_visits_for_measures(
         "burning_forest/paper.toml", overrides=["search.generations=0", "measures.plan.kind=shortest_plan"]
     )
     with progress_bar("generations", 0):
-        evolve(domain, tmp_path / "run.sqlite")
+        generate_from_domain(domain, tmp_path / "run.sqlite")
     assert capsys.readouterr().err.startswith("states of BurningForest: 2 (0:00:10)\n")

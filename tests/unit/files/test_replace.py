@@ -12,7 +12,7 @@ from pathlib import Path
 
 import pytest
 
-from envgraph.files import replace_file, replacing
+from envgraph.files import replace_file, replacement_draft
 
 PACKAGE = Path(__file__).parents[3] / "envgraph"
 
@@ -30,7 +30,7 @@ def test_text_is_written_as_utf_8_with_its_own_line_ends(tmp_path: Path) -> None
 def test_an_exception_leaves_the_old_content(tmp_path: Path) -> None:
     path = tmp_path / "a.txt"
     path.write_text("old")
-    with pytest.raises(KeyboardInterrupt), replacing(path) as draft:
+    with pytest.raises(KeyboardInterrupt), replacement_draft(path) as draft:
         draft.write_text("half")
         assert path.read_text() == "old"
         raise KeyboardInterrupt
@@ -61,9 +61,7 @@ def test_a_draft_of_a_killed_process_is_removed_by_the_next_writer(tmp_path: Pat
         "with replacing(Path(sys.argv[1])) as draft:\n"
         "    draft.write_text('half'); print(flush=True); sys.stdin.read()"
     )
-    writer = subprocess.Popen(
-        [sys.executable, "-c", code, path], stdin=subprocess.PIPE, stdout=subprocess.PIPE
-    )
+    writer = subprocess.Popen([sys.executable, "-c", code, path], stdin=subprocess.PIPE, stdout=subprocess.PIPE)
     assert writer.stdout is not None and writer.stdin is not None
     writer.stdout.readline()
     replace_file(path, "second")  # the first one is still at it: its draft stays
@@ -79,18 +77,18 @@ def test_a_draft_of_a_killed_process_is_removed_by_the_next_writer(tmp_path: Pat
 
 
 @pytest.mark.parametrize("overwrite", [True, False])
-def test_the_new_name_is_on_the_disk(
+def test_the_file_and_its_directory_are_synced_to_the_disk(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, overwrite: bool
 ) -> None:
     synced: list[int] = []
     monkeypatch.setattr(os, "fsync", lambda file: synced.append(os.fstat(file).st_ino))
-    with replacing(tmp_path / "a.txt", overwrite=overwrite) as draft:
+    with replacement_draft(tmp_path / "a.txt", overwrite=overwrite) as draft:
         draft.write_text("x")
         number = draft.stat().st_ino
     assert synced == [number, tmp_path.stat().st_ino]
 
 
-def test_permissions_stay_and_new_files_get_the_usual_ones(tmp_path: Path) -> None:
+def test_permissions_are_kept_and_new_files_get_the_default_permissions(tmp_path: Path) -> None:
     usual, script = tmp_path / "usual", tmp_path / "script"
     usual.write_text("")
     script.write_text("")
@@ -101,7 +99,7 @@ def test_permissions_stay_and_new_files_get_the_usual_ones(tmp_path: Path) -> No
     assert (tmp_path / "new").stat().st_mode == usual.stat().st_mode
 
 
-def test_a_link_stays_a_link(tmp_path: Path) -> None:
+def test_a_symbolic_link_is_kept_and_its_target_replaced(tmp_path: Path) -> None:
     (tmp_path / "real.txt").write_text("old")
     (tmp_path / "link.txt").symlink_to("real.txt")
     replace_file(tmp_path / "link.txt", "new")
@@ -109,7 +107,7 @@ def test_a_link_stays_a_link(tmp_path: Path) -> None:
     assert (tmp_path / "real.txt").read_text() == "new"
 
 
-def test_what_is_no_regular_file_is_written_to(tmp_path: Path) -> None:
+def test_a_pipe_is_written_to_and_not_replaced(tmp_path: Path) -> None:
     pipe = tmp_path / "pipe"
     os.mkfifo(pipe)
     found: list[str] = []
@@ -126,21 +124,21 @@ def test_what_is_no_regular_file_is_written_to(tmp_path: Path) -> None:
     assert info.value.filename == str(tmp_path)
 
 
-def test_what_is_not_to_be_overwritten_is_not(tmp_path: Path) -> None:
+def test_an_existing_file_is_not_overwritten_without_overwrite(tmp_path: Path) -> None:
     path = tmp_path / "a.txt"
-    with replacing(path, overwrite=False) as draft:
+    with replacement_draft(path, overwrite=False) as draft:
         draft.write_text("mine")
-    with pytest.raises(FileExistsError), replacing(path, overwrite=False):
+    with pytest.raises(FileExistsError), replacement_draft(path, overwrite=False):
         pass
     other = tmp_path / "b.txt"
-    with pytest.raises(FileExistsError) as info, replacing(other, overwrite=False):
+    with pytest.raises(FileExistsError) as info, replacement_draft(other, overwrite=False):
         other.write_text("of somebody faster")
     assert info.value.filename == str(other)
     assert other.read_text() == "of somebody faster"
     assert entries(tmp_path) == ["a.txt", "b.txt"]
 
 
-def test_a_draft_that_cannot_be_made_is_told_by_the_name_of_the_file(
+def test_a_draft_that_cannot_be_created_is_an_error_with_the_name_of_the_file(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     def refuse(path: Path, flags: int, mode: int = 0) -> int:
@@ -153,7 +151,7 @@ def test_a_draft_that_cannot_be_made_is_told_by_the_name_of_the_file(
 
 
 @pytest.mark.parametrize("name", ["a.txt", "[a]*.txt", "ä b"])
-def test_drafts_of_other_files_stay(tmp_path: Path, name: str) -> None:
+def test_drafts_of_other_files_are_not_removed(tmp_path: Path, name: str) -> None:
     for other in (".other.draft-00000000", f".{name}.draft-0000000", f".{name}.draft-00000000x"):
         (tmp_path / other).write_text("")
     (tmp_path / f".{name}.draft-0123abcd").write_text("")
@@ -161,22 +159,20 @@ def test_drafts_of_other_files_stay(tmp_path: Path, name: str) -> None:
     assert len(entries(tmp_path)) == 4
 
 
-def test_no_module_writes_a_file_but_as_a_draft() -> None:
+def test_modules_write_files_only_as_drafts() -> None:
     calls = [
         (module, node)
         for module in PACKAGE.rglob("*.py")
         for node in ast.walk(ast.parse(module.read_text(encoding="utf-8")))
         if isinstance(node, ast.Call)
     ]
-    writing = [(module, ast.unparse(call)) for module, call in calls if writes(call)]
+    writing = [(module, ast.unparse(call)) for module, call in calls if overwrites_file(call)]
     assert len(writing) > 3
-    strangers = [
-        (module, call) for module, call in writing if "devnull" not in call and not call.startswith("draft.")
-    ]
+    strangers = [(module, call) for module, call in writing if "devnull" not in call and not call.startswith("draft.")]
     assert not strangers
 
 
-def writes(call: ast.Call) -> bool:
+def overwrites_file(call: ast.Call) -> bool:
     """Return True for a call that may destroy what was there, such as `p.write_text(..)` or `open(p, "w")`."""
     name = call.func.attr if isinstance(call.func, ast.Attribute) else getattr(call.func, "id", "")
     modes = [arg.value for arg in call.args if isinstance(arg, ast.Constant)]

@@ -30,14 +30,14 @@ def test_missing_values_are_violations():
     assert violation.message == "`t00` has no value of `x`"
 
 
-def test_objects_without_a_container_are_no_violation():
+def test_objects_without_a_container_conform():
     model, (ann,) = people("ann")
     model.create("Dog")
     model.create("Animal", owner=ann)
     assert check_conformance(model) == []
 
 
-def test_violations_come_class_by_class_then_by_object():
+def test_violations_are_ordered_by_class_then_by_object():
     model = forest(2)
     model.create("FireTruck")
     for name in ("t11", "t00"):

@@ -36,7 +36,7 @@ def recorded(model: Model) -> Recorder:
     return recorder
 
 
-def test_creation_is_a_class_and_its_values():
+def test_creating_an_object_notifies_its_class_and_values():
     model = Model(FOREST)
     recorder = recorded(model)
     model.graph.new("RoadTile")
@@ -48,7 +48,7 @@ def test_creation_is_a_class_and_its_values():
     ]
 
 
-def test_setting_a_value_is_a_removal_and_an_insertion():
+def test_setting_a_value_notifies_a_removal_and_an_insertion():
     model = forest()
     recorder, x = recorded(model), feature(model, "Tile", "x")
     model["t00"].x = 4
@@ -67,7 +67,7 @@ def test_a_link_of_an_opposite_pair_is_one_fact_of_the_first_reference():
     assert recorder.take() == [("-", LinkFact(right, 1, 2)), ("+", LinkFact(right, 1, 2))]
 
 
-def test_setting_a_reference_tells_of_every_link_that_changes():
+def test_setting_a_reference_notifies_every_changed_link():
     model = forest()
     recorder, right = recorded(model), feature(model, "Tile", "right")
     model["t00"].right = model["t22"]
@@ -85,7 +85,7 @@ def test_a_symmetric_link_is_one_fact_from_the_lower_id():
     assert recorder.take() == [("+", LinkFact(friends, ann.id, ben.id))]
 
 
-def test_moving_is_a_removal_and_an_insertion():
+def test_moving_an_object_notifies_a_removal_and_an_insertion():
     model, (ann, ben) = people("ann", "ben")
     dog = model.create("Dog", owner=ann)
     recorder, animals = recorded(model), feature(model, "Person", "animals")
@@ -96,7 +96,7 @@ def test_moving_is_a_removal_and_an_insertion():
     ]
 
 
-def test_retyping_changes_class_and_values():
+def test_retyping_notifies_changes_of_classes_and_values():
     model = forest()
     recorder, collected = recorded(model), feature(model, "WaterTile", "collected")
     model["t00"].retype("WaterTile")
@@ -111,7 +111,7 @@ def test_retyping_changes_class_and_values():
     ]
 
 
-def test_deletion_goes_from_links_over_values_to_classes():
+def test_deletion_notifies_links_then_values_then_classes():
     model = forest(1)
     recorder = recorded(model)
     model["forest"].delete()
@@ -119,7 +119,7 @@ def test_deletion_goes_from_links_over_values_to_classes():
     assert kinds == [LinkFact, LinkFact, LinkFact, ClassFact, ValueFact, ValueFact, ClassFact, ClassFact]
 
 
-def test_refused_writes_are_not_told():
+def test_refused_writes_are_not_notified():
     model = forest()
     recorder = recorded(model)
     with pytest.raises(RuleError):
@@ -127,7 +127,7 @@ def test_refused_writes_are_not_told():
     assert recorder.take() == []
 
 
-def test_rollback_and_checkout_are_told_as_a_whole():
+def test_rollback_and_checkout_are_notified_as_a_whole():
     model = forest()
     version = model.commit()
     recorder = recorded(model)
@@ -147,7 +147,7 @@ def test_rollback_and_checkout_are_told_as_a_whole():
     assert recorder.take() == ["restored"]
 
 
-def test_loading_is_told_at_its_end():
+def test_loading_is_notified_at_its_end():
     model = Model(FOREST)
     recorder = recorded(model)
     shadow = Shadow(model)

@@ -20,7 +20,7 @@ def test_handles_are_equal_by_model_and_id():
     assert model["t00"] != 1
 
 
-def test_no_handle_to_what_is_not_there():
+def test_handles_to_missing_objects_are_refused():
     with pytest.raises(InvalidArgument, match="`square` has no object 99"):
         forest().node(99)
 
@@ -49,7 +49,7 @@ def test_iterating_over_a_model_gives_handles():
     assert seen == ["<Forest#0 forest>", "<RoadTile#1 t00 y=0 x=0>", "<FireTruck#2 truck>"]
 
 
-def test_features_read_and_write():
+def test_features_can_be_read_and_written_by_handles():
     model = forest()
     tile = model["t00"]
     tile.x = 7
@@ -71,7 +71,7 @@ def test_unknown_features_are_attribute_errors_with_a_hint():
         tile["colour"] = 1
 
 
-def test_names_of_the_handle_itself_hide_features_but_not_items():
+def test_handle_attributes_hide_features_except_for_item_access():
     _, (ann,) = people("ann")
     ann["id"] = 12
     assert (ann.id, ann["id"]) == (0, 12)
@@ -156,7 +156,7 @@ def test_writing_while_iterating_over_a_many_reference_is_safe():
     assert ann.likes == []
 
 
-def test_a_reference_can_be_set_to_what_it_yields():
+def test_a_reference_can_be_set_to_its_own_targets():
     _, (ann, *others) = people("ann", "b", "c", "d")
     ann.likes = others
     ann.likes = (other for other in ann.likes if other != others[0])
@@ -180,7 +180,7 @@ def test_creation_works_while_loading():
     assert len(model) == 3
 
 
-def test_classes_can_be_asked_for():
+def test_is_a_includes_superclasses():
     tile = forest()["t00"]
     assert tile.is_a("State")
     assert not tile.is_a("Agent")
@@ -236,7 +236,7 @@ def _people() -> tuple[Model, Node, list[Node]]:
     return model, model.create("Team"), [model.create("Person") for _ in range(50)]
 
 
-def test_a_target_is_inserted_where_a_list_would_have_it():
+def test_targets_are_inserted_at_list_positions():
     model, team, people = _people()
     for reference in ("members", "likes"):
         expected = []
@@ -259,7 +259,7 @@ def test_a_target_is_inserted_where_a_list_would_have_it():
     model.check_integrity()
 
 
-def test_what_is_appended_or_inserted_leaves_what_had_it():
+def test_adding_a_target_unlinks_its_previous_source():
     model, team, people = _people()
     other, inner = model.create("Team"), model.create("Team")
     team.members = people[:3]
@@ -275,7 +275,7 @@ def test_what_is_appended_or_inserted_leaves_what_had_it():
     model.check_integrity()
 
 
-def test_a_full_reference_refuses_what_is_appended_and_nothing_has_moved():
+def test_appending_to_a_full_reference_is_refused_without_changes():
     model, team, people = _people()
     other = model.create("Team")
     team.members, other.members = people[:40], people[40:]
@@ -287,7 +287,7 @@ def test_a_full_reference_refuses_what_is_appended_and_nothing_has_moved():
     model.check_integrity()
 
 
-def test_targets_that_stay_are_in_the_order_that_was_assigned():
+def test_retained_targets_get_the_assigned_order():
     model = forest()
     wood = model.nodes("Forest")[0]
     tiles = [model.create("RoadTile") for _ in range(40)]

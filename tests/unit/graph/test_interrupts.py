@@ -6,11 +6,11 @@ from collections.abc import Iterator
 
 import pytest
 
-from envgraph.graph import guarded
+from envgraph.graph import guarded_contextmanager
 from tests.unit.graph.domain import forest
 
 
-@guarded
+@guarded_contextmanager
 def counted(events: list[str]) -> Iterator[int]:
     """Notes what happens."""
     try:
@@ -24,14 +24,14 @@ def counted(events: list[str]) -> Iterator[int]:
         events.append("end")
 
 
-def test_a_block_begins_and_ends():
+def test_guarded_blocks_run_to_their_end():
     events: list[str] = []
     with counted(events) as number:
         assert number == 1
     assert events == ["begin", "good", "end"]
 
 
-def test_an_exception_passes_as_it_is():
+def test_exceptions_pass_through_guarded_blocks_unchanged():
     events: list[str] = []
 
     def fail() -> None:
@@ -74,7 +74,7 @@ def test_ctrl_c_at_the_end_of_a_block_waits_for_the_end_of_the_transaction(fails
 
     with pytest.raises(KeyboardInterrupt):
         interrupted_in("__exit__", change)
-    assert not model.graph.history.depth
+    assert not model.graph.history.savepoint_depth
     assert tile.x == (0 if fails else 1)
     assert signal.getsignal(signal.SIGINT) is signal.default_int_handler
     model.check_integrity()
@@ -89,10 +89,10 @@ def test_ctrl_c_inside_a_block_takes_effect_at_once():
         signal.raise_signal(signal.SIGINT)
         tile.x = 2
     assert tile.x == 0
-    assert not model.graph.history.depth
+    assert not model.graph.history.savepoint_depth
 
 
-def test_a_handler_of_somebody_else_stays():
+def test_other_signal_handlers_are_not_replaced():
     def other(*_: object) -> None:
         pass
 
@@ -104,7 +104,7 @@ def test_a_handler_of_somebody_else_stays():
         signal.signal(signal.SIGINT, before)
 
 
-def test_a_change_of_class_is_finished_after_a_second_interruption(monkeypatch):
+def test_retyping_is_completed_after_a_second_interruption(monkeypatch):
     model = forest()
     tile = model["t00"]
     tile.x = 7
@@ -122,7 +122,7 @@ def test_a_change_of_class_is_finished_after_a_second_interruption(monkeypatch):
         return replaced
 
     monkeypatch.setattr(extent, "take", interrupted(extent.take, after=True))
-    monkeypatch.setattr(model.graph.history, "_repair", interrupted(model.graph.history._repair, after=False))
+    monkeypatch.setattr(model.graph.history, "_repair", interrupted(model.graph.history._repair_all, after=False))
     with pytest.raises(KeyboardInterrupt):
         tile.retype("BurningTile")
     model.check_integrity()

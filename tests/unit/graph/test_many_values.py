@@ -9,8 +9,8 @@ import pytest
 
 from envgraph.errors import EnvgraphError, InvalidArgument, RuleError, TypeMismatch
 from envgraph.graph import (
+    IsomorphismClasses,
     Model,
-    Shapes,
     ValueList,
     check_conformance,
     from_networkx,
@@ -34,7 +34,7 @@ def model() -> Model:
     return Model(LIBRARY)
 
 
-def test_a_handle_has_a_live_list(model: Model) -> None:
+def test_multi_valued_attributes_are_live_lists(model: Model) -> None:
     book = model.create("Book", tags=["a", "b"], marks=(1, 1.0, 2.5), genres=["novel"])
     assert isinstance(book.tags, ValueList)
     assert (book.tags, book.marks, list(book.genres)) == (["a", "b"], [1.0, 1.0, 2.5], ["novel"])
@@ -70,7 +70,7 @@ def test_a_handle_has_a_live_list(model: Model) -> None:
         (lambda book: setattr(book, "marks", [2**70, None]), TypeMismatch, "takes float, not None"),
     ],
 )
-def test_what_is_refused_changes_nothing(
+def test_refused_values_change_nothing(
     model: Model, change: Callable[..., object], error: type[EnvgraphError], message: str
 ) -> None:
     book = model.create("Book", tags=["x"])
@@ -80,11 +80,9 @@ def test_what_is_refused_changes_nothing(
     assert model_to_json(model) == before
 
 
-def test_an_upper_bound_holds_always_and_a_lower_one_is_conformance(model: Model) -> None:
+def test_upper_bounds_are_enforced_and_lower_bounds_are_conformance(model: Model) -> None:
     book = model.create("Book")
-    assert [str(one) for one in check_conformance(model)] == [
-        "`Book#0` has no value of `genres`, which needs 1..2"
-    ]
+    assert [str(one) for one in check_conformance(model)] == ["`Book#0` has no value of `genres`, which needs 1..2"]
     book.genres = ["poem", "novel"]
     assert not check_conformance(model)
     narrow = Metamodel("m", [Class("A", features=(Attribute("n", Scalar.INT, lower=0, upper=2),))])
@@ -107,7 +105,7 @@ class _Ear:
         self.heard.append(("restored", None))
 
 
-def test_listeners_hear_of_each_value_that_comes_or_goes(model: Model) -> None:
+def test_listeners_are_notified_of_each_inserted_and_deleted_value(model: Model) -> None:
     book = model.create("Book", tags=["a", "b"], marks=[1.0])
     ear = _Ear()
     Notified(model, ear)
@@ -120,7 +118,7 @@ def test_listeners_hear_of_each_value_that_comes_or_goes(model: Model) -> None:
     assert ear.heard[2:] == [("-", "b"), ("-", "c"), ("-", 1.0)]
 
 
-def test_rollback_and_versions_restore_order_and_repetitions(model: Model) -> None:
+def test_rollback_and_versions_restore_order_and_duplicates(model: Model) -> None:
     book = model.create("Book", tags=["a", "b"], marks=[1.0, 2.0, 1.0])
     version = model.commit()
     before = model_to_json(model)
@@ -140,13 +138,13 @@ def test_rollback_and_versions_restore_order_and_repetitions(model: Model) -> No
     model.check_integrity()
 
 
-def test_hashes_do_not_count_the_order_but_repetitions(model: Model) -> None:
+def test_hashes_ignore_the_order_of_values_but_not_duplicates(model: Model) -> None:
     def hashes(**features: object) -> tuple[int, int, int]:
         one = Model(LIBRARY)
         one.create("Book", **features)
-        return one.state_hash(), one.canonical_hash(), shapes.number(one.graph.store)
+        return one.state_hash(), one.canonical_hash(), shapes.class_number(one.graph.store)
 
-    shapes = Shapes()
+    shapes = IsomorphismClasses()
     assert hashes(tags=["a", "b"]) == hashes(tags=["b", "a"])
     assert hashes(marks=[1, 2, 2]) == hashes(marks=[2, 1, 2])
     different = [hashes(), hashes(tags=["a"]), hashes(marks=[1, 2]), hashes(marks=[1, 2, 2])]
@@ -171,13 +169,13 @@ def test_json_and_networkx_keep_lists(model: Model) -> None:
         ({"marks": [None]}, r"marks\[0\]`: `Book.marks` takes float, not None"),
     ],
 )
-def test_json_says_which_value_is_wrong(features: object, message: str) -> None:
+def test_json_errors_name_the_wrong_value(features: object, message: str) -> None:
     data = {"format": "envgraph-model-1", "objects": [{"id": 0, "class": "Book", "features": features}]}
     with pytest.raises(EnvgraphError, match=message):
         model_from_json(data, LIBRARY)
 
 
-def test_an_edit_at_a_position_tells_of_one_value_and_journals_no_copy(model: Model) -> None:
+def test_edits_at_a_position_notify_one_value_and_journal_no_copy(model: Model) -> None:
     book = model.create("Book", tags=[f"t{n}" for n in range(100)], marks=[n % 3 for n in range(100)])
     ear = _Ear()
     Notified(model, ear)
@@ -188,9 +186,7 @@ def test_an_edit_at_a_position_tells_of_one_value_and_journals_no_copy(model: Mo
     book.tags[1] = "b"
     assert ear.heard == [("+", "a"), ("+", "z"), ("-", "t49"), ("-", "t0"), ("+", "b")]
     assert book.tags[:2] == ["a", "b"] and book.tags[-1] == "z" and len(book.tags) == 101
-    assert all(
-        len(str(part)) < 2000 for part in model.graph.store.journal[1::4] + model.graph.store.journal[2::4]
-    )
+    assert all(len(str(part)) < 2000 for part in model.graph.store.journal[1::4] + model.graph.store.journal[2::4])
     model.check_integrity()
     ear.heard.clear()
     book.marks.insert(0, 2.0)  # which moves before the 0.0 among those that patterns see

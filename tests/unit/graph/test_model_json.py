@@ -21,7 +21,7 @@ def document(*objects, **more):
     return {"format": "envgraph-model-1", "objects": list(objects), **more}
 
 
-def test_the_format_is_this():
+def test_models_are_written_in_the_documented_json_format():
     model = forest(1)
     model["t00"].retype("WaterTile")
     model["t00"].y = None
@@ -45,14 +45,12 @@ def test_the_format_is_this():
 
 def test_opposite_pairs_are_written_once():
     model = forest(2)
-    features = {
-        entry["name"]: entry["features"] for entry in model_to_json(model)["objects"] if "name" in entry
-    }
+    features = {entry["name"]: entry["features"] for entry in model_to_json(model)["objects"] if "name" in entry}
     assert features["t00"] == {"x": 0, "y": 0, "right": 2, "down": 3}
     assert features["t11"] == {"x": 1, "y": 1}
 
 
-def test_reading_restores_everything():
+def test_reading_restores_ids_orders_and_hash():
     model = forest()
     model["t00"].delete("spo")
     model["t20"].retype("BurningTile")
@@ -67,7 +65,7 @@ def test_reading_restores_everything():
     again.check_integrity()
 
 
-def test_orders_that_reading_would_not_give_are_written():
+def test_orders_are_written_only_where_reading_would_differ():
     model, (ann, ben, eve) = people("ann", "ben", "eve")
     ben.likes.append(ann)
     eve.likes.append(ann)
@@ -79,9 +77,7 @@ def test_orders_that_reading_would_not_give_are_written():
     assert snapshot(model_from_json(data, PEOPLE)) == snapshot(model)
 
 
-@pytest.mark.parametrize(
-    "duplicate", [Model.copy, copy.copy, copy.deepcopy, lambda m: pickle.loads(pickle.dumps(m))]
-)
+@pytest.mark.parametrize("duplicate", [Model.copy, copy.copy, copy.deepcopy, lambda m: pickle.loads(pickle.dumps(m))])
 def test_a_copy_is_another_model_in_the_same_state(duplicate):
     model = forest()
     model["t00"].delete("spo")
@@ -94,7 +90,7 @@ def test_a_copy_is_another_model_in_the_same_state(duplicate):
     assert again.version is None
 
 
-def test_infinite_floats_survive():
+def test_infinite_floats_are_written_and_read():
     model, (ann, ben) = people("ann", "ben")
     ann.height, ben.height = float("inf"), float("-inf")
     data = json.loads(json.dumps(model_to_json(model), allow_nan=False))
@@ -102,14 +98,14 @@ def test_infinite_floats_survive():
     assert (again["ann"].height, again["ben"].height) == (float("inf"), float("-inf"))
 
 
-def test_what_is_missing_has_defaults():
+def test_missing_json_keys_have_defaults():
     model = model_from_json(document(PERSON), PEOPLE)
     assert model.name == "model"
     assert model.node(0).nick == "?"
     assert model.graph.new("Stone") == 1
 
 
-def test_both_ends_of_an_opposite_may_be_given():
+def test_both_ends_of_an_opposite_may_be_written():
     group = {"id": 1, "class": "Group", "features": {"members": [0]}}
     model = model_from_json(document({**PERSON, "features": {"groups": [1]}}, group), PEOPLE)
     assert model.node(1).members == [model.node(0)]
@@ -180,9 +176,7 @@ DOG = {"id": 1, "class": "Dog"}
         ),
         (
             document({**PERSON, "features": {"spouse": 1}}, DOG),
-            [
-                "`objects[0].features.spouse`: `Person.spouse` leads to `Person`, but `Dog#1` is of class `Dog`"
-            ],
+            ["`objects[0].features.spouse`: `Person.spouse` leads to `Person`, but `Dog#1` is of class `Dog`"],
         ),
         (
             document({**PERSON, "features": {"spouse": [0, 1]}}, {"id": 1, "class": "Person"}),
@@ -259,19 +253,19 @@ def test_text_that_is_not_json_is_a_diagnostic(text, expected):
     assert expected in str(caught.value)
 
 
-def test_nan_is_no_value():
+def test_nan_is_refused():
     with pytest.raises(LoadError, match="takes float, not nan"):
         model_from_json(json.dumps(document({**PERSON, "features": {"height": float("nan")}})), PEOPLE)
 
 
-def test_models_are_copied_before_anything_has_read_json() -> None:
+def test_models_can_be_copied_before_the_json_module_is_imported() -> None:
     code = (
         "import sys, copy, pickle\n"
         "from envgraph.graph import Model\n"
         "from envgraph.metamodel import Attribute, Class, Metamodel, Scalar\n"
         "model = Model(Metamodel('m', [Class('A', features=(Attribute('x', Scalar.INT),))]))\n"
         "one = model.create('A', x=1)\n"
-        "assert 'envgraph.graph.interchange._json' not in sys.modules\n"
+        "assert 'envgraph.graph.interchange._model_json' not in sys.modules\n"
         "others = [model.copy(), copy.copy(model), copy.deepcopy(model), pickle.loads(pickle.dumps(model))]\n"
         "one.x = 2\n"
         "print(*[other.node(one.id).x for other in others])\n"

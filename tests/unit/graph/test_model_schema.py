@@ -19,7 +19,7 @@ VALIDATOR = Draft202012Validator(model_schema())
 PERSON = {"id": 0, "class": "Person"}
 
 
-def test_the_schema_is_a_schema() -> None:
+def test_the_model_schema_is_a_valid_json_schema() -> None:
     Draft202012Validator.check_schema(model_schema())
     file = Path(envgraph.__file__).parent / "graph" / "interchange" / "model.schema.json"
     assert json.loads(file.read_text("utf-8")) == model_schema()
@@ -54,7 +54,7 @@ def test_named_objects_and_orders_are_valid() -> None:
         {"0": PERSON},
     ],
 )
-def test_what_the_schema_refuses_is_refused_on_reading(objects: object) -> None:
+def test_models_that_violate_the_schema_are_refused_on_reading(objects: object) -> None:
     data = {"format": "envgraph-model-1", "objects": objects}
     assert not VALIDATOR.is_valid(data)
     with pytest.raises(LoadError):

@@ -40,7 +40,7 @@ def test_networkx_algorithms_apply():
     assert len(path) == 5
 
 
-def test_there_and_back_is_the_same_model():
+def test_networkx_round_trips_restore_the_model():
     model = forest()
     model["t00"].x = None
     again = from_networkx(to_networkx(model), FOREST)
@@ -50,9 +50,7 @@ def test_there_and_back_is_the_same_model():
 
 
 def test_labels_of_any_kind_are_numbered_in_their_order():
-    made = graph(
-        ("a", {"class": "Person", "nick": "A"}), ("b", {"class": "Person"}), edges=[("a", "b", "likes")]
-    )
+    made = graph(("a", {"class": "Person", "nick": "A"}), ("b", {"class": "Person"}), edges=[("a", "b", "likes")])
     model = from_networkx(made, PEOPLE)
     assert model.node(0).nick == "A"
     assert model.node(0).likes == [model.node(1)]
@@ -91,7 +89,7 @@ def test_labels_of_any_kind_are_numbered_in_their_order():
         ),
     ],
 )  # fmt: skip
-def test_what_does_not_fit_is_refused(made, error, text):
+def test_networkx_graphs_that_violate_the_metamodel_are_refused(made, error, text):
     with pytest.raises(error) as caught:
         from_networkx(made, PEOPLE)
     assert text in str(caught.value)

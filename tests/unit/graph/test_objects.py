@@ -17,7 +17,7 @@ def test_ids_count_up_from_zero_and_are_not_used_again():
     assert [model.graph.alive(id) for id in (-1, 0, 1, 2, 3)] == [False, True, False, True, False]
 
 
-def test_fresh_objects_have_default_values():
+def test_created_objects_have_default_values():
     _, (ann,) = people("ann")
     assert (ann.height, ann.nick, ann.mood, ann.adult) == (1.0, "?", "sad", False)
     assert type(ann.height) is float
@@ -51,9 +51,7 @@ def test_failed_creation_leaves_nothing_behind():
 
 def test_extent_lists_subclasses_class_by_class():
     model = Model(FOREST)
-    water, road, forest_, fire = (
-        model.graph.new(c) for c in ("WaterTile", "RoadTile", "Forest", "BurningTile")
-    )
+    water, road, forest_, fire = (model.graph.new(c) for c in ("WaterTile", "RoadTile", "Forest", "BurningTile"))
     assert list(model.graph.extent("Tile")) == [road, fire, water]
     assert list(model.graph.extent("State")) == [road, fire, water]
     assert list(model.graph.extent("RoadTile")) == list(model.graph.exact_extent("RoadTile")) == [road]
@@ -69,7 +67,7 @@ def test_removal_moves_the_last_object_into_the_gap():
     assert list(model.graph.extent("RoadTile")) == [a, d, c]
 
 
-def test_names_are_unique_and_free_again_after_deletion():
+def test_names_are_unique_and_reusable_after_deletion():
     model, (ann,) = people("ann")
     with pytest.raises(InvalidArgument, match="has an object `ann` already"):
         model.graph.new("Person", "ann")
@@ -78,7 +76,7 @@ def test_names_are_unique_and_free_again_after_deletion():
     assert model.graph.new("Person", "ann") == model.graph.find_object("ann") == 1
 
 
-def test_renaming():
+def test_objects_can_be_renamed():
     model, (ann, ben) = people("ann", "ben")
     ann.object_name = "eve"
     assert model["eve"] == ann
@@ -121,7 +119,7 @@ def test_link_from_the_container_does_not_dangle():
     model.check_integrity()
 
 
-def test_spo_deletion_takes_the_links_along():
+def test_spo_deletion_deletes_dangling_links():
     model = forest()
     model["t11"].delete(semantics="spo")
     assert model["t01"].right is None
@@ -130,7 +128,7 @@ def test_spo_deletion_takes_the_links_along():
     model.check_integrity()
 
 
-def test_contents_go_with_their_container_and_links_inside_do_not_dangle():
+def test_contents_are_deleted_with_their_container_and_inner_links_do_not_dangle():
     model = forest()
     model["forest"].delete()
     assert len(model) == 0
@@ -161,7 +159,7 @@ def test_link_of_a_contained_object_to_its_container_by_another_reference_dangle
     assert len(model) == 0
 
 
-def test_deep_containment_goes_as_a_whole():
+def test_deep_containment_trees_are_deleted_completely():
     model = Model(PEOPLE)
     groups = [model.create("Group") for _ in range(5)]
     for outer, inner in pairwise(groups):
@@ -195,7 +193,7 @@ def test_a_link_to_itself_is_left_dangling_like_any_other():
     assert not model.nodes()
 
 
-def test_deleting_what_is_not_there_is_an_error():
+def test_deleting_a_missing_object_is_an_error():
     model, (ann,) = people("ann")
     ann.delete()
     for id in (ann.id, 77, -1):
@@ -273,18 +271,18 @@ def test_retyping_to_the_same_class_changes_nothing():
 
 
 @pytest.mark.parametrize("cls", ["Tile", "Forrest"])
-def test_retyping_to_what_cannot_be_instantiated_is_refused(cls):
+def test_retyping_to_abstract_or_unknown_classes_is_refused(cls):
     model = forest()
     with pytest.raises(TypeMismatch):
         model["t00"].retype(cls)
 
 
-def test_retyping_what_is_not_there_is_an_error():
+def test_retyping_a_missing_object_is_an_error():
     with pytest.raises(InvalidArgument, match="has no object"):
         forest().graph.retype(40, "RoadTile")
 
 
-def test_given_ids_must_be_new():
+def test_given_ids_in_use_are_refused():
     model = Model(FOREST)
     assert model.graph.new_at(200, "RoadTile") == 200
     assert model.graph.new_at(7, "RoadTile") == 7

@@ -41,13 +41,13 @@ def test_a_pair_of_opposites_is_drawn_once():
     assert ends(model, references=["right", "left"]) == ("arrow", "arrow")
 
 
-def test_one_of_a_pair_can_be_asked_for():
+def test_one_reference_of_an_opposite_pair_can_be_drawn():
     model = forest(2)
     assert links(model, references=["Tile.left"]) == ["n2 left n1", "n4 left n3"]
     assert ends(model, references=["left"]) == ("none", "arrow")
 
 
-def test_a_containment_has_a_diamond_and_leads():
+def test_containment_lines_have_diamonds_and_start_at_the_container():
     model, (ann,) = people("ann")
     rex = model.create("Dog", object_name="rex", owner=ann)
     group = model.create("Group", parts=[model.create("Group")])
@@ -124,18 +124,23 @@ def test_nodes_of_another_model_and_deleted_ones_are_refused():
 def test_highlighted_objects_are_marked_with_the_names_they_have():
     model = forest(2)
     first, second = model["t00"], model["t11"]
-    assert [node.marks for node in model.picture(highlight=first).nodes] == [None, (), None, None, None, None]
-    marked = model.picture(
-        highlight=[{"here": first, "n": 3, "to": second}, {"end": second, "to": second}, second]
-    )
-    assert {node.title: node.marks for node in marked.nodes if node.marks} == {
+    assert [node.highlight_names for node in model.picture(highlight=first).nodes] == [
+        None,
+        (),
+        None,
+        None,
+        None,
+        None,
+    ]
+    marked = model.picture(highlight=[{"here": first, "n": 3, "to": second}, {"end": second, "to": second}, second])
+    assert {node.title: node.highlight_names for node in marked.nodes if node.highlight_names} == {
         "t00 : RoadTile": ("here",),
         "t11 : RoadTile": ("to", "end"),
     }
     assert 'penwidth="3"' in marked.to_dot() and "<i>here</i><br/><b>t00 : RoadTile</b>" in marked.to_dot()
 
 
-def test_around_draws_what_is_near():
+def test_around_draws_objects_within_the_distance():
     model = forest(3)
     assert titles(model, around=model["t00"], references=["right", "down"]) == [
         "t00 : RoadTile", "t10 : RoadTile", "t01 : RoadTile",
@@ -159,7 +164,7 @@ def test_a_large_model_is_drawn_in_part_with_a_note():
     assert (titles(model, limit=0), Model(PEOPLE).picture().note) == ([], "no objects")
 
 
-def test_the_limit_keeps_what_is_highlighted_and_what_is_near():
+def test_the_limit_prefers_highlighted_objects_and_their_neighbours():
     model = forest(10)
     ways = ["right", "left", "down", "up"]
     assert titles(model, highlight=model["t55"], limit=5, references=ways) == [
@@ -190,7 +195,7 @@ def test_the_layout_is_in_layers_unless_an_object_has_many_links():
     assert forest(4).picture(references=["right"]).layout == forest(4).picture(layout="dot").layout == "dot"
 
 
-def test_a_container_of_many_keeps_its_distance():
+def test_containers_of_many_objects_are_placed_apart():
     model = forest(6)
     assert model.to_dot().count('len="3.0"') == 37
     assert "len=" not in model.to_dot(layout="dot") + model.to_dot(references=["states"])
@@ -205,7 +210,7 @@ def test_a_glyph_gives_the_colour():
     assert 'fillcolor="#343a40", fontcolor="#ffffff"' in model.to_dot()
 
 
-def test_names_may_have_any_letters():
+def test_names_in_pictures_may_have_any_characters():
     model = Model(Metamodel("m", [Class("A", features=(Attribute("s", Scalar.STRING),))]), 'say "hi"\n')
     model.create("A", object_name="<a>&\n\0" + "x" * 100, s="\ud800")
     (node,) = model.picture().nodes
@@ -232,7 +237,7 @@ def test_a_model_can_be_shown_in_a_notebook(monkeypatch):
     assert model.to_svg().count("<rect") == 1 + 11  # the paper, and a box for each object
 
 
-def test_a_link_to_what_is_not_drawn_is_left_out():
+def test_links_to_objects_that_are_not_drawn_are_omitted():
     metamodel = Metamodel("m", [Class("A", features=(Reference("to", "A", 0, None),))])
     model = Model(metamodel)
     first = model.create("A")

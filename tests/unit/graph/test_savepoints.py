@@ -35,7 +35,7 @@ def test_savepoints_nest():
     assert snapshot(model) == states[0]
 
 
-def test_released_changes_go_with_the_outer_savepoint():
+def test_released_changes_are_undone_with_the_outer_savepoint():
     model = forest()
     before = snapshot(model)
     outer = model.graph.history.savepoint()
@@ -60,15 +60,15 @@ def test_closing_out_of_order_is_an_error(close):
     with pytest.raises(TransactionError, match="another model"):
         getattr(forest().graph.history, close)(outer)
     getattr(model.graph.history, close)(outer)
-    assert not model.graph.history.depth
+    assert not model.graph.history.savepoint_depth
 
 
 def test_a_transaction_keeps_its_changes():
     model = forest()
     with model.transaction():
-        assert model.graph.history.depth
+        assert model.graph.history.savepoint_depth
         model["t00"].x = 5
-    assert not model.graph.history.depth
+    assert not model.graph.history.savepoint_depth
     assert model["t00"].x == 5
 
 
@@ -93,7 +93,7 @@ def test_a_refused_write_leaves_the_model_as_it_was():
     assert snapshot(model) == before
 
 
-def test_nothing_is_recorded_while_nobody_can_go_back():
+def test_nothing_is_journalled_without_savepoints_or_versions():
     model = forest()
     assert model.graph.store.journal == []
     savepoint = model.graph.history.savepoint()
@@ -103,7 +103,7 @@ def test_nothing_is_recorded_while_nobody_can_go_back():
     assert model.graph.store.journal == []
 
 
-def test_loading_is_refused_where_it_could_not_be_undone():
+def test_loading_is_refused_with_open_savepoints_or_versions():
     model = forest()
     savepoint = model.graph.history.savepoint()
     with pytest.raises(TransactionError, match="cannot load inside a transaction"), model.loading():
@@ -130,7 +130,7 @@ def test_savepoints_and_versions_are_refused_while_loading():
     assert len(model) == 2
 
 
-def test_loading_ends_with_an_exception_too():
+def test_loading_ends_after_an_exception():
     model = Model(FOREST)
     with pytest.raises(KeyError), model.loading():
         raise KeyError
@@ -138,7 +138,7 @@ def test_loading_ends_with_an_exception_too():
         pass
 
 
-def test_a_transaction_that_ends_badly_takes_savepoints_inside_it_along():
+def test_a_failed_transaction_closes_inner_savepoints():
     model = forest()
     before = snapshot(model)
     with pytest.raises(KeyboardInterrupt), model.transaction():
@@ -151,7 +151,7 @@ def test_a_transaction_that_ends_badly_takes_savepoints_inside_it_along():
         model["t00"].x = 5
         model.graph.history.savepoint()
     assert snapshot(model) == before
-    assert not model.graph.history.depth
+    assert not model.graph.history.savepoint_depth
 
 
 @pytest.mark.parametrize("opened", [0, 1])
@@ -170,4 +170,4 @@ def test_ctrl_c_while_a_transaction_begins_or_ends_leaves_none_open(opened, monk
     with pytest.raises(KeyboardInterrupt), model.transaction():
         model["t00"].x = 5
     assert snapshot(model) == before
-    assert not model.graph.history.depth
+    assert not model.graph.history.savepoint_depth

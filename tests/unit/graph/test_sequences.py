@@ -3,7 +3,7 @@
 import pytest
 
 from envgraph.errors import RuleError
-from envgraph.graph import SET, IndexedSet
+from envgraph.graph import ASSIGNED, IndexedSet
 from tests.facts import Notified
 from tests.unit.graph.domain import forest
 
@@ -16,7 +16,7 @@ def test_a_removal_moves_the_last_element_into_the_gap():
     assert items.where("d") == 1
 
 
-def test_putting_back_is_exact():
+def test_undoing_a_removal_restores_the_order():
     for letter in "abcd":
         items = IndexedSet("abcd")
         items.put(letter, items.take(letter))
@@ -24,12 +24,12 @@ def test_putting_back_is_exact():
         assert items.position == {"a": 0, "b": 1, "c": 2, "d": 3}
 
 
-def test_what_follows_the_model_is_rolled_back_with_it():
+def test_data_of_followers_is_rolled_back_with_the_model():
     model = forest()
     index: dict[str, int | None] = {"burning": 0}
 
     def count(number):
-        model.graph.store.record(index, "burning", index["burning"], SET)
+        model.graph.store.record_change(index, "burning", index["burning"], ASSIGNED)
         index["burning"] = number
 
     root = model.commit()
@@ -47,7 +47,7 @@ def test_what_follows_the_model_is_rolled_back_with_it():
     assert index == {"burning": 1}
 
 
-def test_a_target_that_moves_changes_no_fact():
+def test_moving_a_target_notifies_no_fact():
     model = forest()
     heard = []
 

@@ -34,7 +34,7 @@ def scramble(model: Model, random: Random) -> None:
 
 
 @pytest.mark.parametrize("seed", range(15))
-def test_what_is_shelved_comes_back_exactly_and_more_than_once(seed: int) -> None:
+def test_shelved_changes_can_be_redone_exactly_and_repeatedly(seed: int) -> None:
     random, model = Random(seed), chain(40)
     states, shelves = [snapshot(model)], []
     for _ in range(4):
@@ -42,12 +42,12 @@ def test_what_is_shelved_comes_back_exactly_and_more_than_once(seed: int) -> Non
         scramble(model, random)
         states.append(snapshot(model))
         shelves.append((savepoint, model.graph.store.next_id))
-    kept = [model.graph.history.shelve(savepoint) for savepoint, _ in reversed(shelves)][::-1]
-    assert snapshot(model) == states[0] and not model.graph.history.depth
+    kept = [model.graph.history.undo_to(savepoint) for savepoint, _ in reversed(shelves)][::-1]
+    assert snapshot(model) == states[0] and not model.graph.history.savepoint_depth
     for depth in (4, 2, 3):
         marks = []
         for shelf, state in zip(kept[:depth], states[1:], strict=False):
-            marks.append(model.graph.history.resume(shelf))
+            marks.append(model.graph.history.redo(shelf))
             assert snapshot(model) == state
         assert model.graph.store.next_id == shelves[depth - 1][1]
         model.check_integrity()
@@ -55,7 +55,7 @@ def test_what_is_shelved_comes_back_exactly_and_more_than_once(seed: int) -> Non
             model.graph.history.rollback(marks.pop())
             assert snapshot(model) == states[len(marks)]
     for shelf in kept:
-        model.graph.history.release(model.graph.history.resume(shelf))
+        model.graph.history.release(model.graph.history.redo(shelf))
     assert snapshot(model) == states[4]
 
 
@@ -63,21 +63,21 @@ def test_only_the_innermost_savepoint_can_be_shelved() -> None:
     model = Model(METAMODEL)
     outer, inner = model.graph.history.savepoint(), model.graph.history.savepoint()
     with pytest.raises(TransactionError):
-        model.graph.history.shelve(outer)
+        model.graph.history.undo_to(outer)
     model.graph.history.rollback(inner)
-    model.graph.history.shelve(outer)
+    model.graph.history.undo_to(outer)
     with pytest.raises(TransactionError):
-        model.graph.history.shelve(outer)
+        model.graph.history.undo_to(outer)
 
 
-def test_a_version_can_be_made_of_what_is_resumed() -> None:
+def test_resumed_changes_can_be_committed() -> None:
     model = chain(3)
     start = model.commit()
     savepoint = model.graph.history.savepoint()
     model.node(0).n = 7
-    shelf = model.graph.history.shelve(savepoint)
+    shelf = model.graph.history.undo_to(savepoint)
     assert model.version is start
-    model.graph.history.release(model.graph.history.resume(shelf))
+    model.graph.history.release(model.graph.history.redo(shelf))
     later = model.commit()
     model.checkout(start)
     assert model.node(0).n == 0

@@ -43,7 +43,7 @@ def test_checkout_moves_between_branches():
         model.check_integrity()
 
 
-def test_siblings_can_use_the_same_ids():
+def test_sibling_versions_can_use_the_same_ids():
     model = forest()
     root = model.commit()
     first = model.create("RoadTile", x=1).id
@@ -89,7 +89,7 @@ def test_versions_are_numbered():
     assert repr(versions[1]) == "<Version 2 of square>"
 
 
-def test_uncommitted_changes_are_not_lost_by_accident():
+def test_checkout_refuses_to_discard_uncommitted_changes():
     model = forest()
     root = model.commit()
     later = burn(model, "t00")
@@ -109,7 +109,7 @@ def test_versions_belong_to_one_model():
         forest().checkout(None)
 
 
-def test_versions_wait_for_the_end_of_the_transaction():
+def test_commit_and_checkout_are_refused_inside_a_transaction():
     model = forest()
     version = model.commit()
     with model.transaction():
@@ -126,7 +126,7 @@ def test_a_version_keeps_its_model_alive():
     assert len(version.model) == 11
 
 
-def test_versions_that_nobody_holds_are_freed():
+def test_unused_versions_are_freed():
     model = forest()
     root = model.commit()
     for _ in range(10):
@@ -137,7 +137,7 @@ def test_versions_that_nobody_holds_are_freed():
     assert len(vertices(model)) == 1
 
 
-def test_a_chain_of_versions_that_nobody_holds_is_one_step():
+def test_chains_of_unused_versions_are_merged():
     model = forest()
     root = model.commit()
     before = snapshot(model)
@@ -153,7 +153,7 @@ def test_a_chain_of_versions_that_nobody_holds_is_one_step():
     assert snapshot(model) == after
 
 
-def test_versions_dropped_off_the_path_leave_the_rest_reachable():
+def test_freeing_versions_keeps_other_versions_reachable():
     model = forest()
     root = model.commit()
     chain = [burn(model, name) for name in ("t00", "t10", "t20", "t01")]
@@ -173,7 +173,7 @@ def test_versions_dropped_off_the_path_leave_the_rest_reachable():
     assert other.number == 7
 
 
-def test_forks_stay_while_both_branches_are_held():
+def test_forks_are_kept_while_both_branches_are_in_use():
     model = forest()
     root = model.commit()
     fork = burn(model, "t00")
@@ -192,7 +192,7 @@ def test_forks_stay_while_both_branches_are_held():
     assert len(vertices(model)) == 1
 
 
-def test_without_versions_nothing_is_recorded_any_more():
+def test_journalling_stops_when_all_versions_are_freed():
     model = forest()
     version = model.commit()
     model["t00"].x = 9
@@ -210,7 +210,7 @@ def test_without_versions_nothing_is_recorded_any_more():
     assert model["t00"].x == 10
 
 
-def test_a_version_can_be_asked_for_again_after_its_handle_is_gone():
+def test_the_current_version_can_be_requested_again_after_its_release():
     model = forest()
     root = model.commit()
     number = burn(model, "t00").number
@@ -222,7 +222,7 @@ def test_a_version_can_be_asked_for_again_after_its_handle_is_gone():
     assert model["t00"].cls == "BurningTile"
 
 
-def test_long_runs_do_not_grow_the_tree_or_the_paths():
+def test_long_runs_keep_the_version_tree_and_segments_small():
     # A genetic algorithm in small: six versions, the first one pinned, the others replaced all the time.
     model = forest()
     pinned = model.commit()
@@ -242,7 +242,7 @@ def test_long_runs_do_not_grow_the_tree_or_the_paths():
     assert all(model[name].cls == "RoadTile" for name in names)
 
 
-def test_a_long_walk_away_from_a_held_version_stays_short():
+def test_segments_from_a_version_in_use_stay_short():
     model = forest()
     root = model.commit()
     before = snapshot(model)
@@ -269,7 +269,7 @@ def test_dropping_a_model_frees_its_versions():
     assert sum(type(item).__name__ == "Vertex" for item in gc.get_objects()) <= before - 2
 
 
-def test_a_state_that_two_branches_share_is_kept_though_nobody_holds_it():
+def test_unused_fork_states_are_kept():
     model = forest()
     shared = model.commit()
     first = burn(model, "t00")

@@ -15,24 +15,24 @@ from envgraph.metamodel import Annotation
 from envgraph.pattern import (
     Alap,
     Binary,
-    Block,
     Body,
-    Call,
     Check,
-    Choice,
     Constant,
     DeleteNode,
-    Edge,
     LeftSide,
     Modification,
     Navigation,
-    Node,
     Parameter,
     PathConstraint,
-    Retype,
+    RetypeAction,
     Rule as RuleData,
-    Set,
+    RuleBlock,
+    RuleEdge,
+    RuleNode,
+    SetAction,
     TypeConstraint,
+    UnitCall,
+    UnitChoice,
     Variable,
 )
 from tests.unit.rewrite.graphs import chain, engine
@@ -40,7 +40,7 @@ from tests.unit.rewrite.graphs import chain, engine
 X = Variable("x")
 
 
-def only(text: str, language: str = "rules") -> object:
+def single_definition(text: str, language: str = "rules") -> object:
     (found,) = from_text(text, language)
     return found
 
@@ -48,7 +48,7 @@ def only(text: str, language: str = "rules") -> object:
 # --- equal to a file
 
 
-def test_a_rule_of_texts_is_the_rule_of_a_file() -> None:
+def test_a_rule_built_from_texts_equals_the_rule_read_from_a_file() -> None:
     made = Rule(
         "step",
         "in n : int, out m : int",
@@ -70,17 +70,17 @@ def test_a_rule_of_texts_is_the_rule_of_a_file() -> None:
         modify { retype b : Special; set a.n += 1; }
     }
     """
-    assert made == only(text)
+    assert made == single_definition(text)
     assert isinstance(made, RuleData) and (made.semantics, made.homomorphic) == ("spo", (("a", "b"),))
 
 
-def test_conditions_that_are_a_text_of_their_own_belong_to_the_rule() -> None:
+def test_conditions_in_the_blocks_argument_restrict_the_matches() -> None:
     made = engine("", model=chain(4))
     made.add(
         Rule("last", lhs="a : Item -next-> b : Item", blocks="not { b -next-> _; }", modify=""),
         Rule(
             "inner",
-            lhs=[Node("a", "Item"), Node("b", "Item"), Edge("a", "next", "b")],
+            lhs=[RuleNode("a", "Item"), RuleNode("b", "Item"), RuleEdge("a", "next", "b")],
             blocks="require { not { not { b -next-> _; } } }",
             modify="",
         ),
@@ -96,31 +96,33 @@ def test_conditions_that_are_a_text_of_their_own_belong_to_the_rule() -> None:
     assert made.matches("last") != ends and made.count("last") == 1
 
 
-def test_a_rule_of_data_is_the_rule_of_its_text() -> None:
+def test_a_rule_built_from_data_equals_the_rule_built_from_texts() -> None:
     made = Rule(
         "step",
         [Parameter("n", "int", "in")],
-        [Edge("a", "next", "b"), Node("a", "Item"), Check(Binary("==", Navigation(X, "n"), Variable("n")))],
-        blocks=[Block("not", LeftSide((), (Edge("b", "next", "_"),)))],
-        modify=[DeleteNode(Variable("b")), Set(Variable("a"), "n", "=", Constant(1))],
+        [
+            RuleEdge("a", "next", "b"),
+            RuleNode("a", "Item"),
+            Check(Binary("==", Navigation(X, "n"), Variable("n"))),
+        ],
+        blocks=[RuleBlock("not", LeftSide((), (RuleEdge("b", "next", "_"),)))],
+        modify=[DeleteNode(Variable("b")), SetAction(Variable("a"), "n", "=", Constant(1))],
         weight=2.0,
         priority=1,
         injective=False,
     )
-    assert made == only(to_text(made))
+    assert made == single_definition(to_text(made))
     assert [one.name for one in made.annotations] == ["weight", "priority", "match"]
     assert [node.name for node in made.left.nodes] == ["a", "b"], "an arrow mentions its ends"
 
 
-def test_texts_and_data_may_be_mixed() -> None:
-    mixed = Rule("r", lhs="x : Item", modify=Retype(X, "Special"))
-    assert mixed == Rule("r", lhs=Node("x", "Item"), modify="retype x : Special")
+def test_a_rule_can_be_built_from_texts_and_data_together() -> None:
+    mixed = Rule("r", lhs="x : Item", modify=RetypeAction(X, "Special"))
+    assert mixed == Rule("r", lhs=RuleNode("x", "Item"), modify="retype x : Special")
     assert mixed == Rule(
-        "r", lhs=LeftSide((Node("x", "Item"),)), modify=Modification((Retype(X, "Special"),))
+        "r", lhs=LeftSide((RuleNode("x", "Item"),)), modify=Modification((RetypeAction(X, "Special"),))
     )
-    assert Rule("r", lhs="x : Item", rhs="x : Special") == Rule(
-        "r", lhs="x : Item", rhs=[Node("x", "Special")]
-    )
+    assert Rule("r", lhs="x : Item", rhs="x : Special") == Rule("r", lhs="x : Item", rhs=[RuleNode("x", "Special")])
 
 
 def test_a_pattern_has_one_body_or_several() -> None:
@@ -129,25 +131,25 @@ def test_a_pattern_has_one_body_or_several() -> None:
     a, b = Variable("a"), Variable("b")
     bodies = [Body((PathConstraint("Item", ("next",), *ends),)) for ends in ((a, b), (b, a))]
     data = Pattern("near", [Parameter("a", "Item"), Parameter("b", "Item")], bodies)
-    assert only(text, "query") == texts == data
+    assert single_definition(text, "query") == texts == data
     constraints = [TypeConstraint("Item", a), PathConstraint("Item", ("next",), a, b)]
-    one = Pattern(
-        "p", "a, b", constraints, private=True, strategy="search", annotations="@Constraint(key = a)"
-    )
-    assert one == only(
+    one = Pattern("p", "a, b", constraints, private=True, strategy="search", annotations="@Constraint(key = a)")
+    assert one == single_definition(
         "@Constraint(key = a) private search pattern p(a, b) { Item(a); Item.next(a, b); }", "query"
     )
 
 
-def test_a_unit_is_a_sequence_of_texts_and_steps() -> None:
+def test_a_unit_can_be_built_from_a_text_or_from_steps() -> None:
     text = "@priority(3) unit u(x : Item) { a(x); alap { b; } c | d; }"
-    steps = ["a(x)", Alap(Call("b")), Choice((Call("c"), Call("d")))]
-    assert only(text) == Unit("u", "x : Item", "a(x); alap { b; } c | d", priority=3)
-    assert only(text) == Unit("u", "x : Item", steps, annotations=[Annotation("priority", (3,))], priority=3)
+    steps = ["a(x)", Alap(UnitCall("b")), UnitChoice((UnitCall("c"), UnitCall("d")))]
+    assert single_definition(text) == Unit("u", "x : Item", "a(x); alap { b; } c | d", priority=3)
+    assert single_definition(text) == Unit(
+        "u", "x : Item", steps, annotations=[Annotation("priority", (3,))], priority=3
+    )
     assert Unit("u", body="a; alap { b; }").body.steps[1] == Alap(Unit("u", body="b").body)
 
 
-def test_they_run_like_the_rules_of_a_file() -> None:
+def test_constructed_patterns_rules_and_units_run_in_an_engine() -> None:
     made = engine("", model=chain(3))
     made.add(
         Pattern("last", "x : Item", "Item(x); neg Item.next(x, _)"),
@@ -160,7 +162,7 @@ def test_they_run_like_the_rules_of_a_file() -> None:
 # --- mistakes
 
 
-def test_mistakes_of_all_texts_are_told_together_each_with_its_place() -> None:
+def test_syntax_errors_of_all_texts_are_reported_together_with_positions() -> None:
     with pytest.raises(LoadError) as caught:
         Rule("r", "x Item", "x : Item;\n  y : ;", modify="set x.n == 2")
     assert str(caught.value) == (
@@ -179,7 +181,7 @@ def test_mistakes_of_all_texts_are_told_together_each_with_its_place() -> None:
     )
 
 
-def test_what_names_mean_is_told_with_the_place_too() -> None:
+def test_unknown_names_in_texts_are_reported_with_positions() -> None:
     made = engine("", model=chain(1))
     with pytest.raises(ResolutionError) as caught:
         made.add(Rule("r", lhs="x : Item;\ny : Itme"), Unit("u", body="r;\nq"))
@@ -251,43 +253,37 @@ def test_a_separator_between_statements_may_not_be_left_out() -> None:
         ("modify", "create y : Item { n = 1", "missing `}`"),
     ],
 )
-def test_a_part_cannot_be_more_than_a_part(part: str, text: str, message: str) -> None:
+def test_a_text_with_more_than_its_argument_allows_is_refused(part: str, text: str, message: str) -> None:
     with pytest.raises(LoadError) as caught:
         Rule("r", **{part: text})
     assert [one.message for one in caught.value.diagnostics] == [message]
     assert all(one.span and one.span.source.text == text for one in caught.value.diagnostics)
 
 
-def test_several_bodies_are_several_texts() -> None:
+def test_several_bodies_in_one_text_are_refused() -> None:
     with pytest.raises(LoadError, match="hint: remove the braces; give several bodies as a list of texts"):
         Pattern("p", "x : Item", "{ Item(x); } or { Item(x); }")
 
 
-def test_what_is_neither_text_nor_data_is_refused() -> None:
-    with pytest.raises(
-        InvalidArgument, match="`lhs` of `r` takes a text or nodes, edges and constraints, not 3"
-    ):
-        Rule("r", lhs=[Node("x"), 3])  # type: ignore[list-item]
+def test_arguments_of_wrong_types_are_refused() -> None:
+    with pytest.raises(InvalidArgument, match="`lhs` of `r` takes a text or nodes, edges and constraints, not 3"):
+        Rule("r", lhs=[RuleNode("x"), 3])  # type: ignore[list-item]
     with pytest.raises(InvalidArgument, match="`modify` of `r` takes a text or actions, not Node"):
-        Rule("r", modify=[Node("x")])  # type: ignore[list-item]
+        Rule("r", modify=[RuleNode("x")])  # type: ignore[list-item]
     with pytest.raises(InvalidArgument, match=r"`r` has both `rhs` .* and `modify` .*: keep one"):
         Rule("r", rhs="", modify="")
     with pytest.raises(InvalidArgument, match="`body` of `p` takes a text or constraints, or several texts"):
         Pattern("p", "a", [])
     with pytest.raises(InvalidArgument, match="`body` of `u` takes a text or steps, not None"):
         Unit("u", body=None)  # type: ignore[arg-type]
-    with pytest.raises(
-        InvalidArgument, match="the name of a rule must be a string that is not empty, not None"
-    ):
+    with pytest.raises(InvalidArgument, match="the name of a rule must be a string that is not empty, not None"):
         Rule(None)  # type: ignore[arg-type]
-    with pytest.raises(
-        InvalidArgument, match="`a b` is not a name; a name consists of letters, digits and `_`"
-    ):
+    with pytest.raises(InvalidArgument, match="`a b` is not a name; a name consists of letters, digits and `_`"):
         Rule("a b")
     assert to_text(Rule("rule")).startswith("rule rule {"), "a word of the language is a name like any other"
 
 
-def test_a_whole_text_is_read_and_its_imports_are_not_followed() -> None:
+def test_from_text_reads_definitions_and_ignores_imports() -> None:
     rule, unit = from_text('package p\nimport "a.query"\nrule r { lhs { x : Item; } }\nunit u { r; }')
     assert (rule.qualified_name, unit.qualified_name) == ("p.r", "p.u")
     with pytest.raises(LoadError, match=r"mine\.rules:1:8: unexpected"):
@@ -308,12 +304,12 @@ def test_a_whole_text_is_read_and_its_imports_are_not_followed() -> None:
         ),
     ],
 )
-def test_a_text_in_another_language_needs_no_name_of_a_file(text: str, language: str, hint: str) -> None:
+def test_a_text_in_the_wrong_language_gets_a_hint(text: str, language: str, hint: str) -> None:
     with pytest.raises(LoadError) as raised:
         from_text(text, language)
     (problem,) = raised.value.diagnostics
     assert problem.hint == hint
 
 
-def test_the_constructors_are_at_the_top() -> None:
+def test_constructors_are_exported_by_the_top_package() -> None:
     assert envgraph.Rule is Rule and {"Pattern", "Rule", "Unit"} <= set(envgraph.__all__)

@@ -10,10 +10,7 @@ from envgraph.metamodel import Metamodel, Reference, metamodel_to_ecore
 from tests.reading import parse_ecore
 
 URI = "http://www.eclipse.org/emf/2002/Ecore"
-SPACES = (
-    'xmlns:xmi="http://www.omg.org/XMI" xmlns:xsi="http://www.w3.org/2001/XMLSchema-instance"'
-    f' xmlns:ecore="{URI}"'
-)
+SPACES = f'xmlns:xmi="http://www.omg.org/XMI" xmlns:xsi="http://www.w3.org/2001/XMLSchema-instance" xmlns:ecore="{URI}"'
 
 
 def package(body: str, name: str = "m", uri: str = "http://m") -> str:
@@ -44,15 +41,13 @@ def targets(metamodel: Metamodel, name: str) -> dict[str, str]:
 # --- classes of Ecore ---
 
 TRACES = package(
-    cls(
-        "Trace", feature("EReference", "links", f"ecore:EClass {URI}#//EObject", attributes='upperBound="-1"')
-    )
+    cls("Trace", feature("EReference", "links", f"ecore:EClass {URI}#//EObject", attributes='upperBound="-1"'))
     + cls("Rule", attributes=f'eSuperTypes="{URI}#//ENamedElement"')
     + cls("Note")
 )
 
 
-def test_a_class_of_ecore_is_a_class_of_the_metamodel_and_every_class_is_an_object() -> None:
+def test_referenced_ecore_classes_are_added_and_every_class_extends_eobject() -> None:
     found = parse_ecore(Source("m.ecore", TRACES))
     assert [one.uri for one in found.packages] == ["http://m", URI]
     assert targets(found, "Trace") == {"links": "EObject"}
@@ -60,7 +55,7 @@ def test_a_class_of_ecore_is_a_class_of_the_metamodel_and_every_class_is_an_obje
     assert all(found.is_a(one, "EObject") for one in found.classes)
 
 
-def test_an_object_of_any_class_may_be_named() -> None:
+def test_a_reference_to_eobject_can_hold_objects_of_any_class() -> None:
     model = (
         f'<xmi:XMI {SPACES} xmlns:m="http://m"><m:Trace links="/1 /2 /0"/><m:Rule name="r"><eAnnotations source="s">'
         '<details key="k" value="v"/></eAnnotations></m:Rule><m:Note/></xmi:XMI>'
@@ -72,7 +67,7 @@ def test_an_object_of_any_class_may_be_named() -> None:
     assert trace.links[0].eAnnotations[0].details[0].value == "v"
 
 
-def test_ecore_is_named_and_not_written() -> None:
+def test_ecore_classes_are_written_as_references_to_the_uri_of_ecore() -> None:
     found = parse_ecore(Source("m.ecore", TRACES))
     text = metamodel_to_ecore(found)
     assert text.count("<eClassifiers") == 3 and f'eSuperTypes="{URI}#//ENamedElement"' in text
@@ -81,7 +76,7 @@ def test_ecore_is_named_and_not_written() -> None:
     assert (again.class_list, again.packages) == (found.class_list, found.packages)
 
 
-def test_where_only_data_types_are_named_there_is_no_class_of_ecore() -> None:
+def test_ecore_classes_are_not_added_if_only_ecore_data_types_are_used() -> None:
     found = read(
         cls(
             "A",
@@ -92,7 +87,7 @@ def test_where_only_data_types_are_named_there_is_no_class_of_ecore() -> None:
     assert list(found.classes) == ["A"] and found.supertypes("A") == ("A",)
 
 
-def test_a_file_with_the_uri_of_ecore_counts() -> None:
+def test_a_loaded_file_with_the_uri_of_ecore_defines_the_classes_of_ecore() -> None:
     own = package(cls("EObject") + cls("EThing"), "ecore", URI)
     other = package(cls("A", attributes=f'eSuperTypes="{URI}#//EThing"'))
     files = TextFiles({"m.ecore": other, "Ecore.ecore": own})
@@ -103,7 +98,7 @@ def test_a_file_with_the_uri_of_ecore_counts() -> None:
 
 
 @pytest.mark.parametrize("start", ["platform:/plugin/", "../../", "platform:/resource/"])
-def test_ecore_is_known_by_the_path_of_its_plugin(start: str) -> None:
+def test_ecore_can_be_referenced_by_the_path_of_its_eclipse_plugin(start: str) -> None:
     path = f"{start}org.eclipse.emf.ecore/model/Ecore.ecore"
     found = read(
         cls(
@@ -118,7 +113,7 @@ def test_ecore_is_known_by_the_path_of_its_plugin(start: str) -> None:
 # --- features ---
 
 
-def test_what_a_file_can_say_is_kept() -> None:
+def test_volatile_features_are_kept_and_feature_maps_are_left_out() -> None:
     string = f"ecore:EDataType {URI}#//EString"
     found = read(
         cls(
@@ -141,7 +136,7 @@ def test_what_a_file_can_say_is_kept() -> None:
         )
     )
     assert (list(found.features("A")), list(found.features("B"))) == (["volatile", "b"], ["a"])
-    assert found.left_out("A", "mixed") == "it is a feature map, and was left out of the metamodel"
+    assert found.left_out_reason("A", "mixed") == "it is a feature map, and was left out of the metamodel"
 
 
 # --- generic types ---
@@ -173,7 +168,7 @@ def test_arguments_are_left_out() -> None:
     assert targets(found, "B") == {"content": "EObject"}
 
 
-def test_a_parameter_is_its_first_bound() -> None:
+def test_a_type_parameter_is_replaced_by_its_first_bound() -> None:
     parameters = (
         '<eTypeParameters name="T"><eBounds eClassifier="#//A"/><eBounds eClassifier="#//Box"/></eTypeParameters>'
         '<eTypeParameters name="U"><eBounds eTypeParameter="#//B/T"/></eTypeParameters><eTypeParameters name="V"/>'
@@ -187,10 +182,8 @@ def test_a_parameter_is_its_first_bound() -> None:
     assert targets(found, "B") == {"t": "A", "u": "A", "v": "string", "n": "int"}
 
 
-def test_what_is_erased_is_told() -> None:
-    text = package(
-        BOX + cls("A", feature("EReference", "box", inside=generic("#//Box", "<eTypeArguments/>")))
-    )
+def test_left_out_type_parameters_and_arguments_are_reported() -> None:
+    text = package(BOX + cls("A", feature("EReference", "box", inside=generic("#//Box", "<eTypeArguments/>"))))
     found = load_workspace(["m.ecore"], files=TextFiles({"m.ecore": text})).diagnostics
     assert [one.message for one in found if one.code == "generic-type"] == [
         "`Box` is read without its type parameters",
@@ -199,7 +192,7 @@ def test_what_is_erased_is_told() -> None:
     ]
 
 
-def test_parameters_that_bound_each_other_are_a_mistake() -> None:
+def test_type_parameters_that_bound_each_other_are_an_error() -> None:
     parameters = "".join(
         f'<eTypeParameters name="{one}"><eBounds eTypeParameter="#//B/{other}"/></eTypeParameters>'
         for one, other in ("TU", "UT")
@@ -222,7 +215,7 @@ pattern named(element : ENamedElement, name : java String) {{ ENamedElement.name
 """
 
 
-def test_a_metamodel_is_a_model_of_ecore() -> None:
+def test_an_ecore_file_can_be_queried_as_a_model_of_ecore() -> None:
     model = package(
         cls("A", feature("EReference", "b", "#//B") + feature("EReference", "b2", "#//sub/C"))
         + cls("B", feature("EReference", "self", "#//B"))
@@ -236,12 +229,10 @@ def test_a_metamodel_is_a_model_of_ecore() -> None:
     assert engine.count("named") == 8
 
 
-def test_of_elements_of_one_name_the_second_has_a_number() -> None:
+def test_references_number_elements_with_the_same_name() -> None:
     operation = '<eOperations name="get"><eParameters name="{}" eType="#//A"/></eOperations>'
     body = cls("A", operation.format("x") + operation.format("y"))
-    metamodel = package(
-        cls("Use", feature("EReference", "of", f"{URI}#//EParameter", attributes='upperBound="-1"'))
-    )
+    metamodel = package(cls("Use", feature("EReference", "of", f"{URI}#//EParameter", attributes='upperBound="-1"')))
     model = f'<m:Use {SPACES} xmlns:m="http://m" of="a.ecore#//A/get/x a.ecore#//A/get.1/y"/>'
     files = TextFiles({"m.ecore": metamodel, "a.ecore": package(body, "a", "a"), "a.use": model})
     found = load_workspace(["m.ecore", "a.use"], files=files)

@@ -29,11 +29,9 @@ def reference(name: str, type_: str, more: str = "", inside: str = "") -> str:
     return f'{start} eType="ecore:EClass {type_}">{inside}</eStructuralFeatures>'
 
 
-def said(**details: str) -> str:
+def extended_metadata(**details: str) -> str:
     inside = "".join(f'<details key="{key}" value="{value}"/>' for key, value in details.items())
-    return (
-        f'<eAnnotations source="http:///org/eclipse/emf/ecore/util/ExtendedMetaData">{inside}</eAnnotations>'
-    )
+    return f'<eAnnotations source="http:///org/eclipse/emf/ecore/util/ExtendedMetaData">{inside}</eAnnotations>'
 
 
 def cls(name: str, *inside: str, more: str = "") -> str:
@@ -50,44 +48,47 @@ MAP = 'upperBound="-1" unique="false"'
 ORDERS = package(
     cls(
         "DocumentRoot",
-        said(name="", kind="mixed"),
-        attribute("mixed", "EFeatureMapEntry", MAP, said(kind="elementWildcard", name=":mixed")),
+        extended_metadata(name="", kind="mixed"),
+        attribute("mixed", "EFeatureMapEntry", MAP, extended_metadata(kind="elementWildcard", name=":mixed")),
         reference(
             "order",
             "#//Order",
             'upperBound="-2" containment="true" volatile="true" transient="true" derived="true"',
-            said(kind="element", name="purchase-order", namespace="##targetNamespace"),
+            extended_metadata(kind="element", name="purchase-order", namespace="##targetNamespace"),
         ),
-        reference("event", "#//Step", MEMBER, said(kind="element", name="event", affiliation="step")),
+        reference("event", "#//Step", MEMBER, extended_metadata(kind="element", name="event", affiliation="step")),
         reference(
-            "start", "#//Start", MEMBER, said(kind="element", name="start-event", affiliation="#event")
+            "start",
+            "#//Start",
+            MEMBER,
+            extended_metadata(kind="element", name="start-event", affiliation="#event"),
         ),
     ),
     cls(
         "Order",
-        said(name="tOrder", kind="elementOnly"),
-        attribute("number", "EInt", "", said(kind="attribute", name="no")),
-        attribute("remark", "EString", "", said(kind="element", name="comment")),
-        attribute("group", "EFeatureMapEntry", MAP, said(kind="group", name="group:0")),
-        reference("priority", "#//Item", MEMBER, said(kind="element", name="fast", group="#group:0")),
-        reference("standard", "#//Item", MEMBER, said(kind="element", name="slow", group="#group:0")),
-        reference("step", "#//Step", MANY, said(kind="element", name="step")),
-        reference("text", "#//Text", MANY, said(kind="element", name="text")),
+        extended_metadata(name="tOrder", kind="elementOnly"),
+        attribute("number", "EInt", "", extended_metadata(kind="attribute", name="no")),
+        attribute("remark", "EString", "", extended_metadata(kind="element", name="comment")),
+        attribute("group", "EFeatureMapEntry", MAP, extended_metadata(kind="group", name="group:0")),
+        reference("priority", "#//Item", MEMBER, extended_metadata(kind="element", name="fast", group="#group:0")),
+        reference("standard", "#//Item", MEMBER, extended_metadata(kind="element", name="slow", group="#group:0")),
+        reference("step", "#//Step", MANY, extended_metadata(kind="element", name="step")),
+        reference("text", "#//Text", MANY, extended_metadata(kind="element", name="text")),
     ),
-    cls("Item", attribute("id", "EString", 'iD="true"', said(kind="attribute", name="key"))),
+    cls("Item", attribute("id", "EString", 'iD="true"', extended_metadata(kind="attribute", name="key"))),
     cls("Step", attribute("name")),
-    cls("Start", said(name="tStart"), more='eSuperTypes="#//Step"'),
+    cls("Start", extended_metadata(name="tStart"), more='eSuperTypes="#//Step"'),
     cls(
         "Text",
-        said(name="tText", kind="simple"),
-        attribute("value", "EString", "", said(kind="simple", name=":0")),
-        attribute("lang", "EString", "", said(kind="attribute", name="lang")),
+        extended_metadata(name="tText", kind="simple"),
+        attribute("value", "EString", "", extended_metadata(kind="simple", name=":0")),
+        attribute("lang", "EString", "", extended_metadata(kind="attribute", name="lang")),
     ),
     cls(
         "Mixed",
-        said(name="tMixed", kind="mixed"),
-        attribute("mixed", "EFeatureMapEntry", MAP, said(kind="elementWildcard", name=":mixed")),
-        reference("bold", "#//Step", MEMBER, said(kind="element", name="b")),
+        extended_metadata(name="tMixed", kind="mixed"),
+        attribute("mixed", "EFeatureMapEntry", MAP, extended_metadata(kind="elementWildcard", name=":mixed")),
+        reference("bold", "#//Step", MEMBER, extended_metadata(kind="element", name="b")),
     ),
 )
 
@@ -100,11 +101,11 @@ def order(inside: str, attributes: str = "") -> Workspace:
     return loaded(f'<m:purchase-order xmlns:m="http://x/m" {attributes}>{inside}</m:purchase-order>')
 
 
-def again(model: Model) -> Model:
+def written_and_read(model: Model) -> Model:
     return parse_xmi(Source("again.xmi", model_to_xmi(model)), model.metamodel)
 
 
-def lost(found: Workspace) -> list[str]:
+def lost_values(found: Workspace) -> list[str]:
     return [one.message for one in found.diagnostics if one.code == "values-left-out"]
 
 
@@ -112,10 +113,10 @@ def test_a_document_root_contains_the_object_of_the_first_tag() -> None:
     model = order("<comment>soon</comment>", 'no="7"').model()
     (root,) = model.nodes("DocumentRoot")
     assert (root.order.number, root.order.remark) == (7, "soon")
-    assert again(model).canonical_hash() == model.canonical_hash()
+    assert written_and_read(model).canonical_hash() == model.canonical_hash()
 
 
-def test_prefixes_of_the_metamodel_may_stand_before_elements_and_attributes() -> None:
+def test_elements_and_attributes_can_have_the_namespace_prefix_of_the_metamodel() -> None:
     inside = '<m:fast m:key="a"/><slow xmlns="http://x/m" key="b"/>'
     (found,) = order(inside, 'm:no="7"').model().nodes("Order")
     assert (found.number, [one["id"] for one in found.priority], [one["id"] for one in found.standard]) == (
@@ -125,7 +126,7 @@ def test_prefixes_of_the_metamodel_may_stand_before_elements_and_attributes() ->
     )
 
 
-def test_elements_of_a_substitution_group_stand_in_for_another_one() -> None:
+def test_elements_of_a_substitution_group_are_read_as_values_of_its_head() -> None:
     (found,) = order('<m:event name="a"/><m:start-event name="b"/><step name="c"/>').model().nodes("Order")
     assert [(one.cls, one["name"]) for one in found.step] == [
         ("Step", "a"),
@@ -134,15 +135,13 @@ def test_elements_of_a_substitution_group_stand_in_for_another_one() -> None:
     ]
 
 
-def test_texts_are_values_where_the_class_says_so() -> None:
+def test_element_texts_are_read_as_attribute_values_of_simple_content_classes() -> None:
     (found,) = order('<text lang="en">good &amp; cheap</text>').model().nodes("Text")
     assert (found.value, found.lang) == ("good & cheap", "en")
 
 
-def test_classes_and_ids_have_their_names_in_documents() -> None:
-    document = (
-        '<m:tOrder xmlns:m="http://x/m" xmlns:xsi="http://www.w3.org/2001/XMLSchema-instance">{}</m:tOrder>'
-    )
+def test_documents_use_the_annotated_names_of_classes_and_ids() -> None:
+    document = '<m:tOrder xmlns:m="http://x/m" xmlns:xsi="http://www.w3.org/2001/XMLSchema-instance">{}</m:tOrder>'
     found = loaded(document.format('<step xsi:type="m:tStart" name="s"/><fast key="k"/>')).model()
     assert [one.cls for one in found.nodes("Order")[0].step] == ["Start"]
     assert found.nodes("Item")[0]["id"] == "k"
@@ -175,21 +174,21 @@ def test_metamodel_files_name_elements_by_annotations() -> None:
     assert found.number == 7
 
 
-def test_members_of_a_group_are_kept_and_places_among_others_are_counted() -> None:
+def test_lost_positions_among_elements_of_a_group_are_counted() -> None:
     found = order('<fast key="a"/><slow key="b"/><fast key="c"/><fast key="d"/>')
     (one,) = found.model().nodes("Order")
     assert [item["id"] for item in one.priority] == ["a", "c", "d"]
-    assert lost(found) == ["left out: 2 places of `Order.group`"]
-    assert lost(order('<fast key="a"/><fast key="c"/><slow key="b"/>')) == []
+    assert lost_values(found) == ["left out: 2 places of `Order.group`"]
+    assert lost_values(order('<fast key="a"/><fast key="c"/><slow key="b"/>')) == []
 
 
 def test_texts_between_tags_are_counted() -> None:
     found = loaded('<m:tMixed xmlns:m="http://x/m">one <b name="x"/> two</m:tMixed>')
     assert [one["name"] for one in found.model().nodes("Mixed")[0].bold] == ["x"]
-    assert lost(found) == ["left out: 2 texts of `Mixed.mixed`"]
+    assert lost_values(found) == ["left out: 2 texts of `Mixed.mixed`"]
 
 
-def test_a_derived_containment_beside_a_feature_map_is_a_member_of_it() -> None:
+def test_a_derived_containment_is_kept_if_its_class_has_a_feature_map() -> None:
     text = package(
         cls("A", attribute("group", "EFeatureMapEntry", MAP), reference("parts", "#//A", MEMBER)),
         cls("B", reference("parts", "#//A", MEMBER)),
@@ -198,7 +197,7 @@ def test_a_derived_containment_beside_a_feature_map_is_a_member_of_it() -> None:
     assert [*metamodel.features("A")] == ["parts"] and [*metamodel.features("B")] == []
 
 
-def test_substitution_groups_in_a_circle_end() -> None:
+def test_cyclic_substitution_groups_do_not_loop_forever() -> None:
     text = ORDERS.replace('key="affiliation" value="step"', 'key="affiliation" value="start-event"')
     found = loaded('<m:purchase-order xmlns:m="http://x/m"><m:event/></m:purchase-order>', text)
     assert [one.code for one in found.errors] == ["unknown-feature"]
@@ -208,9 +207,7 @@ def test_substitution_groups_in_a_circle_end() -> None:
 
 TWO = (
     f"<xmi:XMI {HEAD}>"
-    + package(
-        cls("A", reference("b", "#/1/B"), reference("c", "#//C")), cls("C"), name="one", uri="http://x/1"
-    )
+    + package(cls("A", reference("b", "#/1/B"), reference("c", "#//C")), cls("C"), name="one", uri="http://x/1")
     + package(cls("B", reference("a", "#/0/A"), more='eSuperTypes="#/0/C"'), name="two", uri="http://x/2")
     + "</xmi:XMI>"
 )
@@ -222,16 +219,14 @@ def test_a_file_may_hold_several_packages() -> None:
     assert {str(one): one.target for one in metamodel.references} == {"A.b": "B", "A.c": "C", "B.a": "A"}
     assert metamodel.supertypes("B") == ("B", "C")
     assert parse_ecore(Source("n.ecore", metamodel_to_ecore(metamodel))).class_list == metamodel.class_list
-    other = package(
-        cls("D", more='eSuperTypes="m.ecore#/1/B http://x/1#//A"'), name="other", uri="http://x/3"
-    )
+    other = package(cls("D", more='eSuperTypes="m.ecore#/1/B http://x/1#//A"'), name="other", uri="http://x/3")
     files = TextFiles({"d.ecore": other, "m.ecore": TWO})
     found = load_workspace(["d.ecore"], files=files)
     assert found.errors == () and found.metamodel is not None
     assert found.metamodel.classes["D"].supertypes == ("B", "A")
 
 
-def test_pyecore_reads_several_packages_as_the_same() -> None:
+def test_pyecore_reads_a_file_of_several_packages_alike() -> None:
     side = pytest.importorskip("tests.oracle.pyecore_side", exc_type=ImportError)
     resources = pytest.importorskip("pyecore.resources")
     found = resources.ResourceSet().get_resource(side.Text("m.ecore", TWO)).contents
@@ -241,7 +236,7 @@ def test_pyecore_reads_several_packages_as_the_same() -> None:
     assert words == side.metamodel_in_words(metamodel)
 
 
-def test_something_else_among_packages_is_named() -> None:
+def test_an_element_beside_packages_that_is_not_a_package_is_refused() -> None:
     text = TWO.replace("</xmi:XMI>", "<ecore:EClass name='X'/></xmi:XMI>")
     with pytest.raises(LoadError, match=r"not a `ecore:EClass`"):
         parse_ecore(Source("m.ecore", text))
@@ -263,16 +258,16 @@ VALUES = package(
 @pytest.mark.parametrize(
     ("text", "value"), [("TRUE", True), ("True", True), ("fAlSe", False), ("1", True), ("0", False)]
 )
-def test_truth_values_are_written_in_several_ways(text: str, value: bool) -> None:
+def test_bools_can_be_written_in_several_ways(text: str, value: bool) -> None:
     assert loaded(f'<m:A xmlns:m="http://x/m" b="{text}"/>', VALUES).model().nodes("A")[0].b is value
 
 
-def test_other_words_are_not_bools() -> None:
+def test_an_unknown_word_for_a_bool_is_an_error() -> None:
     found = loaded('<m:A xmlns:m="http://x/m" b="yes"/>', VALUES)
     assert [one.message for one in found.errors] == ["`A.b` takes a `bool`, not `yes`"]
 
 
-def test_nan_is_refused_with_the_reason_or_left_out() -> None:
+def test_nan_is_refused_with_a_reason_or_left_out_if_unresolved_is_allowed() -> None:
     texts = {"m.ecore": VALUES, "a.xmi": '<m:A xmlns:m="http://x/m" f="NaN"/>'}
     (found,) = load_workspace(["m.ecore", "a.xmi"], files=TextFiles(texts)).errors
     assert found.message == "`A.f` takes a `float`, not `NaN`" and "no query could find it" in str(found.hint)
@@ -284,16 +279,14 @@ def test_nan_is_refused_with_the_reason_or_left_out() -> None:
 def test_an_enum_without_literals_is_left_out_with_its_attributes() -> None:
     found = loaded('<m:A xmlns:m="http://x/m"/>', VALUES)
     assert found.metamodel is not None and not found.metamodel.enums
-    assert found.metamodel.left_out("A", "n") == "its enum `Nothing` has no literals, and was left out"
-    assert [one.message for one in found.diagnostics if one.code == "left-out"] == [
-        "the enum `Nothing` is left out"
-    ]
+    assert found.metamodel.left_out_reason("A", "n") == "its enum `Nothing` has no literals, and was left out"
+    assert [one.message for one in found.diagnostics if one.code == "left-out"] == ["the enum `Nothing` is left out"]
 
 
 # --- metamodels as values ---
 
 
-def test_classes_of_a_given_metamodel_are_values() -> None:
+def test_references_to_ecore_classes_can_hold_classes_of_a_loaded_metamodel() -> None:
     texts = {
         "a.ecore": package(
             cls("P", reference("of", f"{ECORE}#//EClass"), reference("type", f"{ECORE}#//EClassifier")),
@@ -312,7 +305,7 @@ def test_classes_of_a_given_metamodel_are_values() -> None:
     model.check_integrity()
 
 
-def test_only_named_types_of_ecore_become_objects() -> None:
+def test_only_referenced_types_of_ecore_become_objects() -> None:
     texts = {"a.xmi": package(cls("A", attribute("n", "EInt"), reference("o", f"{ECORE}#//EObject")))}
     query = f'import "{ECORE}"\npattern types(c : EClassifier, n : string) {{ EClassifier.name(c, n); }}'
     found = load_workspace(["a.xmi", "q.vql"], files=TextFiles(texts | {"q.vql": query}))
@@ -320,7 +313,7 @@ def test_only_named_types_of_ecore_become_objects() -> None:
     assert {one["name"] for one in found.model().nodes("EClassifier")} == {"A", "EInt", "EObject"}
 
 
-def test_paths_of_the_workspace_lead_to_other_files(tmp_path: Path) -> None:
+def test_platform_resource_paths_are_resolved_to_other_files(tmp_path: Path) -> None:
     metamodel = package(cls("A", attribute("name"), reference("to", "#//A")))
     texts = {
         "proj/models/m.ecore": metamodel,
@@ -351,14 +344,14 @@ CONTRADICTION = """<m:R xmlns:m="http://x/m">
 </m:R>"""
 
 
-def test_opposites_that_contradict_each_other_are_a_mistake_with_both_places() -> None:
+def test_contradicting_opposite_references_are_an_error_with_both_positions() -> None:
     (found,) = loaded(CONTRADICTION, PAIRS).errors
     assert found.span is not None and found.span.text == "//@all.2"
     assert [note.span.text for note in found.notes] == ["all"] and "a.xmi:2:4" in str(found.notes[0].span)
     assert "--allow-unresolved" in str(found.hint)
 
 
-def test_the_first_of_contradicting_opposites_can_be_kept() -> None:
+def test_allow_unresolved_keeps_the_first_of_contradicting_opposite_references() -> None:
     texts = TextFiles({"m.ecore": PAIRS, "a.xmi": CONTRADICTION})
     found = load_workspace(["m.ecore", "a.xmi"], files=texts, allow_unresolved=True)
     assert [(one.code, one.hint) for one in found.diagnostics if one.code != "conformance"] == [
@@ -401,7 +394,7 @@ def test_a_process_of_the_camunda_modeler_is_read() -> None:
         14.0,
         "Ended",
     )
-    assert lost(found) == [
+    assert lost_values(found) == [
         "left out: 1 attribute `modeler:executionPlatform` of other tools",
         "left out: 1 attribute `modeler:executionPlatformVersion` of other tools",
         "left out: 1 text of `Documentation.mixed`",
@@ -413,7 +406,7 @@ def test_a_process_of_the_signavio_editor_is_read() -> None:
     found = diagram("category.bpmn")
     (group,) = found.model().nodes("Group")
     assert group.categoryValueRef["value"] == "group with label"
-    assert lost(found) == ["left out: 2 values of `ExtensionElements.any`"]
+    assert lost_values(found) == ["left out: 2 values of `ExtensionElements.any`"]
     (style,) = found.model().nodes("BPMNLabelStyle")
     assert (style.font["name"], style.font.size, found.model().nodes("BPMNLabel")[0].labelStyle) == (
         "Arial",
@@ -423,11 +416,11 @@ def test_a_process_of_the_signavio_editor_is_read() -> None:
 
 
 @pytest.mark.parametrize("name", ["i18n.bpmn", "category.bpmn"])
-def test_what_is_read_of_documents_is_written_so_that_pyecore_reads_it(name: str) -> None:
+def test_pyecore_reads_written_documents_alike(name: str) -> None:
     side = pytest.importorskip("tests.oracle.pyecore_side", exc_type=ImportError)
     model = diagram(name).model()
     model.check_integrity()
-    assert again(model).canonical_hash() == model.canonical_hash()
+    assert written_and_read(model).canonical_hash() == model.canonical_hash()
     known = side.read_package(metamodel_to_ecore(model.metamodel))
     roots = side.read_objects(model_to_xmi(model), known)
     assert side.objects_in_words(roots, model.metamodel) == side.model_in_words(model)

@@ -68,7 +68,7 @@ def names_in_pyecore(directory: Path, texts: dict[str, str], feature: str) -> li
         ('<parts name="a"/><parts href="d/f.xmi#/"/><parts href="c.xmi#/"/>', ["a", "deep", "child"]),
     ],
 )
-def test_children_of_other_files_keep_their_place_in_the_text(
+def test_children_from_other_files_keep_their_order_among_children(
     tmp_path: Path, inside: str, expected: list[str]
 ) -> None:
     main, child, deep = part("root", inside), part("child", '<parts name="grand"/>'), part("deep")
@@ -79,7 +79,7 @@ def test_children_of_other_files_keep_their_place_in_the_text(
     assert names_in_pyecore(tmp_path, files, "parts") == expected
 
 
-def test_places_count_what_other_files_contain(tmp_path: Path) -> None:
+def test_positional_paths_count_children_from_other_files(tmp_path: Path) -> None:
     inside = '<parts name="a"/><parts href="c.xmi#/"/><parts name="b"/>'
     main = part("root", inside, 'likes="//@parts.2 //@parts.1 //@parts.1/@parts.0 //@parts.0"')
     child = part("child", '<parts name="grand"/>')
@@ -91,7 +91,7 @@ def test_places_count_what_other_files_contain(tmp_path: Path) -> None:
     assert names(again, "likes") == ["b", "child", "grand", "a"]
 
 
-def test_an_href_may_lead_through_another_one() -> None:
+def test_a_path_in_an_href_can_pass_through_another_href() -> None:
     main = part("root", '<parts href="b.xmi#//@parts.1/@parts.0"/><parts name="z"/>', 'likes="//@parts.0"')
     others = {
         "b": part("b", '<parts name="y"/><parts href="c.xmi#/"/>'),
@@ -106,14 +106,12 @@ def test_an_href_may_lead_through_another_one() -> None:
     assert names(found.model(), "likes") == ["d", "y"]
 
 
-def test_hrefs_in_a_circle_name_no_object() -> None:
+def test_cyclic_hrefs_are_an_error() -> None:
     main = part("root", '<parts href="b.xmi#//@parts.0"/>')
     found = workspace(main, b=part("b", '<parts href="main.xmi#//@parts.0"/>'))
     assert {one.code for one in found.errors} == {"unknown-object"}
     chain = "".join(f'<parts href="#//@parts.{place + 1}"/>' for place in range(5_000))
-    assert "unknown-object" in {
-        one.code for one in workspace(part("root", chain + '<parts name="z"/>')).errors
-    }
+    assert "unknown-object" in {one.code for one in workspace(part("root", chain + '<parts name="z"/>')).errors}
 
 
 def test_attributes_and_hrefs_of_one_reference_keep_their_order() -> None:
@@ -189,7 +187,7 @@ def test_a_path_may_continue_after_keys() -> None:
         "//@products[needs='']",
     ],
 )
-def test_keys_that_no_object_has_are_a_mistake_that_says_so(fragment: str) -> None:
+def test_keys_without_an_object_are_an_error_with_a_hint(fragment: str) -> None:
     with pytest.raises(LoadError) as caught:
         needs(fragment)
     (found,) = caught.value.diagnostics

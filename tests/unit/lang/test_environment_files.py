@@ -54,20 +54,20 @@ def behaviour(clauses: str) -> Behaviour:
     return only
 
 
-def once(rule: str | None, *arguments: Expression) -> tuple[Branch, ...]:
+def application_of(rule: str | None, *arguments: Expression) -> tuple[Branch, ...]:
     return (Branch(1.0, RuleCall(rule, arguments)),)
 
 
 @pytest.mark.parametrize(
     ("text", "data"),
     [
-        ("action go = r(x)", Action("go", once("r", x))),
-        ("action wait = nothing()", Action("wait", once(None))),
+        ("action go = r(x)", Action("go", application_of("r", x))),
+        ("action wait = nothing()", Action("wait", application_of(None))),
         (
             "action go(w : Way, n : -1..3) = p.r(x, w) reward -0.5 else reward n",
             Action(
                 "go",
-                once("p.r", x, Variable("w")),
+                application_of("p.r", x, Variable("w")),
                 (("w", Domain(cls="Way")), ("n", Domain(low=-1, high=3))),
                 Constant(-0.5),
                 Variable("n"),
@@ -85,10 +85,13 @@ def once(rule: str | None, *arguments: Expression) -> tuple[Branch, ...]:
                 else_reward=Constant(-1),
             ),
         ),
-        ("action up = r() reward -latency", Action("up", once("r"), reward=Unary("-", Variable("latency")))),
+        (
+            "action up = r() reward -latency",
+            Action("up", application_of("r"), reward=Unary("-", Variable("latency"))),
+        ),
     ],
 )
-def test_an_action_becomes_its_data(text: str, data: Action) -> None:
+def test_an_action_is_parsed_to_its_data(text: str, data: Action) -> None:
     assert behaviour(text).actions == (data,)
 
 
@@ -96,7 +99,7 @@ def test_an_action_becomes_its_data(text: str, data: Action) -> None:
     ("text", "data"),
     [
         ("each step reward -0.01", EachStep(Constant(-0.01))),
-        ("each step apply r()", EachStep(apply=once("r"))),
+        ("each step apply r()", EachStep(apply=application_of("r"))),
         (
             "each step apply 0.5: r() reward 1",
             EachStep(Constant(1), (Branch(0.5, RuleCall("r")),)),
@@ -109,19 +112,17 @@ def test_an_action_becomes_its_data(text: str, data: Action) -> None:
                 PatternCall("p", (x, EnumLiteral(None, "red"))),
                 Binary("*", Navigation(a, "n"), Constant(2)),
                 "success",
-                once("r", x),
+                application_of("r", x),
             ),
         ),
         (
             "on find p(x) apply 0.1: r(x) | 0.2: nothing()",
-            OnFind(
-                PatternCall("p", (x,)), apply=(Branch(0.1, RuleCall("r", (x,))), Branch(0.2, RuleCall(None)))
-            ),
+            OnFind(PatternCall("p", (x,)), apply=(Branch(0.1, RuleCall("r", (x,))), Branch(0.2, RuleCall(None)))),
         ),
         ("on neg find p(_) reward 1", OnFind(Negation(PatternCall("p", (Variable("_"),))), Constant(1))),
     ],
 )
-def test_an_effect_becomes_its_data(text: str, data: Effect) -> None:
+def test_an_effect_is_parsed_to_its_data(text: str, data: Effect) -> None:
     assert behaviour(text).effects == (data,)
 
 
@@ -147,7 +148,7 @@ def test_an_effect_becomes_its_data(text: str, data: Effect) -> None:
         ("a.open", ObserveAttribute(Navigation(a, "open"))),
     ],
 )
-def test_an_observation_becomes_its_data(text: str, data: Observation) -> None:
+def test_an_observation_is_parsed_to_its_data(text: str, data: Observation) -> None:
     assert behaviour(f"observe {text}").observations == (data,)
 
 
@@ -174,11 +175,11 @@ def test_an_observation_becomes_its_data(text: str, data: Observation) -> None:
         ),
     ],
 )
-def test_a_drawing_becomes_its_data(text: str, data: DrawGrid | DrawGraph) -> None:
+def test_a_draw_clause_is_parsed_to_its_data(text: str, data: DrawGrid | DrawGraph) -> None:
     assert behaviour(text).draw == data
 
 
-def test_a_whole_file() -> None:
+def test_a_file_with_all_clauses_is_parsed() -> None:
     text = """
         import "q.query"
         import "r.rules"
@@ -215,7 +216,7 @@ def test_a_whole_file() -> None:
                 Agent(
                     "robot",
                     "Robot",
-                    (Action("wait", once(None)),),
+                    (Action("wait", application_of(None)),),
                     (OnFind(PatternCall("low", (robot,)), Constant(-1.0)),),
                     (ObserveObject(Navigation(robot, "at"), "Cell"),),
                 ),
@@ -226,16 +227,14 @@ def test_a_whole_file() -> None:
     )
 
 
-@pytest.mark.parametrize(
-    "name", ["action", "reward", "take", "step", "among", "up", "with", "agent", "limit"]
-)
-def test_words_of_other_places_are_names(name: str) -> None:
+@pytest.mark.parametrize("name", ["action", "reward", "take", "step", "among", "up", "with", "agent", "limit"])
+def test_keywords_are_names_where_they_are_not_expected(name: str) -> None:
     found = behaviour(f"action {name}({name} : {name}) = {name}({name}) observe {name}.{name} among {name}")
     assert found.actions[0].name == name
     assert found.observations == (ObserveObject(Navigation(Variable(name), name), name),)
 
 
-def test_a_parameter_of_an_action_counts_through_an_enum_once_the_metamodel_is_known() -> None:
+def test_the_domain_of_an_action_parameter_is_an_enum_or_class_of_the_metamodel() -> None:
     metamodel = Metamodel("m", [Class("Cell")], [EnumType("Way", ("west",))])
     text = "action a(w : Way, c : Cell, n : 0..1) = r() agent x : Cell { action b(w : Way) = r() }"
     files = TextFiles({"t.environment": f"environment E {{ {text} }}"})

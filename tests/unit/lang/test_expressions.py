@@ -78,7 +78,7 @@ def shown(expression: Expression) -> str:
         ("min(count, sum)", "min(count,sum)"),
     ],
 )
-def test_operators_bind_as_in_java(text: str, grouped: str) -> None:
+def test_operators_have_the_precedence_of_java(text: str, grouped: str) -> None:
     assert shown(expression(text)) == grouped
 
 
@@ -108,23 +108,21 @@ def test_literals_have_their_value_and_type(text: str, value: object) -> None:
     assert type(found.value) is type(value)
 
 
-def test_enum_literals_with_and_without_their_enum() -> None:
+def test_enum_literals_are_parsed_with_and_without_their_enum() -> None:
     assert expression("a == Way::west") == Binary("==", a, EnumLiteral("Way", "west"))
     assert expression("a == ::west") == Binary("==", a, EnumLiteral(None, "west"))
 
 
-def test_identity_is_equality() -> None:
+def test_triple_equals_is_parsed_as_equality() -> None:
     assert expression("a === b") == Binary("==", a, b)
 
 
-def test_a_method_of_a_string_is_the_function() -> None:
-    assert expression('a.b.startsWith("x")') == FunctionCall(
-        "startsWith", (Navigation(a, "b"), Constant("x"))
-    )
+def test_a_string_method_call_is_parsed_as_a_function_call() -> None:
+    assert expression('a.b.startsWith("x")') == FunctionCall("startsWith", (Navigation(a, "b"), Constant("x")))
     assert expression("a.length()") == FunctionCall("length", (a,))
 
 
-def test_every_name_has_its_place() -> None:
+def test_every_name_has_its_span() -> None:
     found = expression("f(a.bb, Way::west)")
     assert isinstance(found, FunctionCall)
     navigation, literal = found.arguments
@@ -144,7 +142,7 @@ def test_every_name_has_its_place() -> None:
     assert [span.text if span else None for span in spans] == texts
 
 
-def test_parentheses_belong_to_what_they_group() -> None:
+def test_the_span_of_an_expression_includes_its_parentheses() -> None:
     found = expression("d == (a + b) * (c)")
     assert isinstance(found, Binary)
     product = found.right
@@ -162,7 +160,7 @@ def test_parentheses_belong_to_what_they_group() -> None:
         ("a < b < c", "write `a < b && b < c`"),
     ],
 )
-def test_habits_of_other_languages_get_the_spelling_of_this_one(text: str, hint: str) -> None:
+def test_operators_of_other_languages_get_a_hint_with_the_right_operator(text: str, hint: str) -> None:
     assert [problem.hint for problem in read(text).diagnostics] == [hint]
 
 

@@ -21,9 +21,7 @@ def family(text: str) -> FamilySpec:
 def errors(text: str) -> list[str]:
     with pytest.raises(LoadError) as caught:
         family(text)
-    return [
-        f"{one.span.line}:{one.span.column} {one.message}" for one in caught.value.diagnostics if one.span
-    ]
+    return [f"{one.span.line}:{one.span.column} {one.message}" for one in caught.value.diagnostics if one.span]
 
 
 TABLES = ("constraints", "mutation", "search", "samples", "optimise", "curriculum", "training")
@@ -33,11 +31,9 @@ FAMILY_OF_EVERYTHING = family(
 """A family file from which no table is missing."""
 
 
-def test_the_reference_names_every_key() -> None:
+def test_the_documentation_names_every_key_of_family_files() -> None:
     pages = [Path(__file__).parents[3] / "docs/languages" / name for name in ("family.md", "problem.md")]
-    code = " ".join(
-        re.findall(r"`[^`\n]+`|^.* = .*$", "".join(page.read_text() for page in pages), re.MULTILINE)
-    )
+    code = " ".join(re.findall(r"`[^`\n]+`|^.* = .*$", "".join(page.read_text() for page in pages), re.MULTILINE))
     known = set(re.findall(r"\w+", code))
     specs = [getattr(FAMILY_OF_EVERYTHING, table) for table in TABLES]
     specs.append(FAMILY_OF_EVERYTHING.training.epsilon)
@@ -60,7 +56,7 @@ def test_the_bundled_family_has_the_settings_of_the_paper() -> None:
     assert Path(str(spec.model)).name == "target_8x8.model"
 
 
-def test_what_is_left_out_has_the_published_values() -> None:
+def test_missing_keys_have_the_published_defaults() -> None:
     spec = family(MINIMAL)
     assert spec.name == "dir"
     assert (spec.seed, spec.limit, spec.environment) == (0, None, None)
@@ -91,17 +87,13 @@ def test_paths_are_relative_to_the_file() -> None:
         ('" 1 .. 2 "', (1, 2)),
     ],
 )
-def test_bounds_of_counts_can_be_written_in_several_ways(
-    written: str, bounds: tuple[int, int | None]
-) -> None:
+def test_bounds_of_counts_can_be_written_in_several_ways(written: str, bounds: tuple[int, int | None]) -> None:
     spec = family(MINIMAL + f"[constraints]\ncount = {{ any = {written} }}\n")
     assert [(str(name), found) for name, found in spec.constraints.count] == [("any", bounds)]
 
 
-@pytest.mark.parametrize(
-    "written", ['"1-5"', "-1", "1.5", '"5..1"', "[1]", "true", '"..3"', '"99999999999..3"']
-)
-def test_other_bounds_are_refused_where_they_stand(written: str) -> None:
+@pytest.mark.parametrize("written", ['"1-5"', "-1", "1.5", '"5..1"', "[1]", "true", '"..3"', '"99999999999..3"'])
+def test_invalid_bounds_of_counts_are_refused_at_their_position(written: str) -> None:
     (error,) = errors(MINIMAL + f"[constraints]\ncount = {{ any = {written} }}\n")
     assert error.startswith("8:17 ")
 
@@ -115,7 +107,7 @@ def test_components_of_the_search_can_be_named_or_described(name: str) -> None:
     assert (spec.search.parents.kind, spec.search.parents.options) == ("tournament", {})
 
 
-def test_a_search_without_generations_needs_another_end() -> None:
+def test_a_search_without_generations_needs_another_limit() -> None:
     assert family(MINIMAL + "[search]\ngenerations = false\ntime_limit = 60\n").search.generations is None
     assert errors(MINIMAL + "[search]\ngenerations = false\n") == ["8:15 the search has no limit"]
 
@@ -147,12 +139,12 @@ def test_values_of_components_have_positions() -> None:
         ("x = 0x" + "f" * 5000, "1:5 the number is too large"),
     ],
 )
-def test_what_is_no_toml_is_refused_with_a_position(text: str, error: str) -> None:
+def test_invalid_toml_is_refused_with_a_position(text: str, error: str) -> None:
     (found,) = errors(text)
     assert found.lower().startswith(error.lower())
 
 
-def test_the_index_of_a_toml_text_finds_every_value() -> None:
+def test_every_value_of_a_toml_text_has_its_span() -> None:
     text = read_toml(
         '''
 a.b = 1 # c = 2
@@ -185,17 +177,17 @@ n = { deep.er = true, last = '' }
     assert found["rows", 0, "in", "m"] == '"a\\"b"'
     assert found["rows", 1, "n", "deep", "er"] == "true"
     assert found["rows", 1, "n", "last"] == "''"
-    assert text.key("rows", 1, "n", "deep", "er").text == "er"
-    assert text.value("t", "nothing").text == "[t . u]"
+    assert text.key_span("rows", 1, "n", "deep", "er").text == "er"
+    assert text.value_span("t", "nothing").text == "[t . u]"
 
 
-def test_a_directory_stands_for_the_family_file_in_it(tmp_path: Path) -> None:
+def test_the_path_of_a_directory_loads_its_family_file(tmp_path: Path) -> None:
     shutil.copytree(bundled_domain("burning_forest"), tmp_path / "mine")
     assert load_family(str(tmp_path / "mine")).name == "BurningForestTeaching"
     assert load_family(str(tmp_path / "mine" / "family.toml")) == load_family(str(tmp_path / "mine"))
 
 
-def test_a_file_of_the_name_of_a_domain_wins_over_the_domain(
+def test_a_local_directory_is_preferred_to_a_bundled_domain_of_its_name(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     (tmp_path / "burning_forest").mkdir()
@@ -204,14 +196,14 @@ def test_a_file_of_the_name_of_a_domain_wins_over_the_domain(
     assert load_family("burning_forest").name == "burning_forest"
 
 
-def test_a_missing_family_is_an_error_of_its_own(tmp_path: Path) -> None:
+def test_a_missing_family_file_is_reported_as_missing(tmp_path: Path) -> None:
     with pytest.raises(LoadError, match="there is no such file"):
         load_family(str(tmp_path))
     with pytest.raises(LoadError, match="there is no such file"):
         load_family(str(tmp_path / "family.toml"))
 
 
-def test_a_bundled_domain_without_a_family_is_not_said_to_be_missing() -> None:
+def test_a_bundled_domain_without_a_family_file_gets_its_own_error() -> None:
     with pytest.raises(LoadError, match=r"the bundled domain `social_media` has no `family\.toml`") as caught:
         load_family("social_media")
     hint = caught.value.diagnostics[0].hint
@@ -220,7 +212,7 @@ def test_a_bundled_domain_without_a_family_is_not_said_to_be_missing() -> None:
     assert "social_media" not in hint
 
 
-def test_components_of_the_user_are_known_when_they_are_passed() -> None:
+def test_check_family_knows_only_the_components_that_are_passed() -> None:
     spec = load_family("burning_forest/paper.toml")
     workspace = load_workspace(spec.files)
     assert check_family(spec, workspace) == []
@@ -228,7 +220,7 @@ def test_components_of_the_user_are_known_when_they_are_passed() -> None:
     assert [one.code for one in check_family(spec, workspace, mine)] == ["unknown-component"] * 4
 
 
-def test_numbers_cannot_ask_for_unbounded_work(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_numbers_above_their_limit_are_refused(monkeypatch: pytest.MonkeyPatch) -> None:
     text = "model = 'a.model'\n[search]\npopulation = 1000000000000\n[training]\nseeds = 100001\n"
     with pytest.raises(LoadError) as caught:
         load_family("f.toml", TextFiles({"f.toml": text}))

@@ -55,7 +55,7 @@ def meaning(name: str, text: str) -> object:
 
 
 @pytest.mark.parametrize("path", JUDGED, ids=lambda path: path.name)
-def test_a_formatted_file_means_the_same_and_stays_as_it_is_or_is_refused(path: Path) -> None:
+def test_formatting_keeps_the_meaning_and_is_idempotent(path: Path) -> None:
     text = path.read_text(encoding="utf-8")
     if not readable(path):
         with pytest.raises(LoadError):
@@ -87,7 +87,7 @@ COMMENTS = (
 )  # fmt: skip
 
 
-def jumbled(random: Random, language: str, text: str) -> str:
+def with_random_blanks_and_comments(random: Random, language: str, text: str) -> str:
     """The text with other blanks, and with comments between any two tokens."""
     comments, blanks = random.choice((0, 0.02, 0.1)), random.choice((0, 0.05, 0.5))
     parts, end = [], 0
@@ -103,11 +103,11 @@ def jumbled(random: Random, language: str, text: str) -> str:
 
 
 @pytest.mark.parametrize("seed", range(150 if NIGHTLY else 50))
-def test_blanks_and_comments_may_stand_anywhere(seed: int) -> None:
+def test_files_with_any_blanks_and_comments_are_formatted(seed: int) -> None:
     random = Random(seed)
     path = next(filter(readable, iter(lambda: random.choice(FILES), None)))
     language = language_of(path.name) or ""
-    text = jumbled(random, language, path.read_text(encoding="utf-8"))
+    text = with_random_blanks_and_comments(random, language, path.read_text(encoding="utf-8"))
     formatted = format_text(language, text)
     for comment in (
         "// one\n",
@@ -147,21 +147,21 @@ def test_queries_are_laid_out(text: str, expected: str) -> None:
     assert format_text("query", text) == expected
 
 
-def test_columns_of_the_author_are_kept_and_no_others_made() -> None:
+def test_aligned_columns_are_kept_and_not_introduced() -> None:
     loose = "environment E(t : T) {\n    action a = a(t)\n    action bcd = b(t)\n}\n"
     assert format_text("environment", loose) == loose
     columns = loose.replace("action a =", "action a     =")
     assert "    action a   = a(t)\n    action bcd = b(t)\n" in format_text("environment", columns)
 
 
-def test_columns_are_given_up_where_a_line_would_get_too_long() -> None:
+def test_columns_are_not_aligned_if_a_line_would_get_too_long() -> None:
     call = f"find {'p' * 60}(t)"
     text = f"environment E(t : T) {{\n    on find a(t)   reward 1\n    on {call} reward {'1' * 18}.{'0' * 20}\n}}\n"
     formatted = format_text("environment", text)
     assert "    on find a(t) reward 1\n" in formatted
 
 
-def test_letters_of_a_grid_keep_their_places() -> None:
+def test_rows_of_a_grid_keep_their_columns() -> None:
     text = 'model m : n {\n a : A { b = grid c { rows """\n      # #\n    ###\n\n    """ } }\n}\n'
     assert '            rows """\n                  # #\n                ###\n\n                """\n' in (
         format_text("model", text.replace("{ b", "{\n b").replace("{ rows", "{\nrows"))
@@ -174,16 +174,16 @@ def test_a_text_with_errors_is_refused_with_all_of_them() -> None:
     assert [one.span.line for one in caught.value.diagnostics if one.span] == [1, 2]
 
 
-def test_there_is_no_other_language() -> None:
+def test_an_unknown_language_is_refused() -> None:
     with pytest.raises(InvalidArgument, match="unknown language `python`; the languages are"):
         format_text("python", "pass")
 
 
-def test_names_do_not_have_to_mean_anything() -> None:
+def test_unknown_names_are_formatted() -> None:
     assert format_text("rules", "rule r{lhs{x:Nothing;}}") == "rule r { lhs { x : Nothing; } }\n"
 
 
 @pytest.mark.parametrize("depth", [10, 60, 97])
-def test_brackets_may_be_deep(depth: int) -> None:
+def test_deeply_nested_brackets_are_formatted(depth: int) -> None:
     text = f"pattern p(x : T) {{ check({'(' * depth}x{')' * depth}); }}"
     assert re.sub(r"\s", "", format_text("query", text)) == text.replace(" ", "")

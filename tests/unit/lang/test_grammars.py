@@ -13,8 +13,15 @@ from lark.exceptions import GrammarError
 from envgraph.errors import Source
 from envgraph.files import CACHE_VARIABLE
 from envgraph.lang import bundled_domain, data_path
-from envgraph.lang.syntax._grammar import RECOVERY, Grammar, build, grammar
-from envgraph.lang.syntax._parsing import Parsed, annotation_of, parse_tokens, span_of, tokens, trees
+from envgraph.lang.syntax._grammar import RECOVERY_RULES, Grammar, build_grammar, load_grammar
+from envgraph.lang.syntax._parser import (
+    ParseResult,
+    annotation_of,
+    parse_tokens,
+    select_tokens,
+    select_trees,
+    span_of,
+)
 from envgraph.metamodel import Annotation
 
 GRAMMAR = """
@@ -37,10 +44,10 @@ def small(tmp_path_factory: pytest.TempPathFactory) -> Grammar:
     directory = tmp_path_factory.mktemp("grammars")
     (directory / "common.lark").write_text(data_path("grammars", "common.lark").read_text())
     (directory / "small.lark").write_text(GRAMMAR)
-    return build("small", directory / "small.lark", ("statement",))
+    return build_grammar("small", directory / "small.lark", ("statement",))
 
 
-def parsed(small: Grammar, text: str) -> Parsed:
+def parsed(small: Grammar, text: str) -> ParseResult:
     return parse_tokens(small, Source("t", text))[0]
 
 
@@ -49,39 +56,33 @@ def values(small: Grammar, text: str) -> list[str]:
     result = parsed(small, text)
     assert not result.diagnostics, result.diagnostics[0]
     assert result.tree is not None
-    return [str(value) for value in trees(result.tree.children)[0].children[1:] if isinstance(value, Token)]
+    return [str(value) for value in select_trees(result.tree.children)[0].children[1:] if isinstance(value, Token)]
 
 
 def messages(small: Grammar, text: str) -> list[str]:
-    return [
-        f"{one.span.line}:{one.span.column} {one.message}"
-        for one in parsed(small, text).diagnostics
-        if one.span
-    ]
+    return [f"{one.span.line}:{one.span.column} {one.message}" for one in parsed(small, text).diagnostics if one.span]
 
 
-@pytest.mark.parametrize("language", sorted(RECOVERY))
-def test_grammars_have_no_conflicts_and_are_built_quickly(
-    language: str, monkeypatch: pytest.MonkeyPatch
-) -> None:
+@pytest.mark.parametrize("language", sorted(RECOVERY_RULES))
+def test_grammars_have_no_conflicts_and_are_built_quickly(language: str, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setenv(CACHE_VARIABLE, "off")  # what has been kept says nothing about building
     started = process_time()
     path = data_path("grammars", f"{language}.lark")
-    built = build(language, path, RECOVERY[language])  # a conflict raises
+    built = build_grammar(language, path, RECOVERY_RULES[language])  # a conflict raises
     assert process_time() - started < 2.0  # processor time; a table that explodes takes far longer
-    assert set(RECOVERY[language]) <= built.states.names  # parsing can resume after each of them
+    assert set(RECOVERY_RULES[language]) <= built.states.names  # parsing can resume after each of them
 
 
-@pytest.mark.parametrize("language", sorted(RECOVERY))
+@pytest.mark.parametrize("language", sorted(RECOVERY_RULES))
 def test_grammars_are_built_once(language: str) -> None:
-    assert grammar(language) is grammar(language)
+    assert load_grammar(language) is load_grammar(language)
 
 
 def test_conflicts_in_a_grammar_are_refused(tmp_path: Path) -> None:
     path = tmp_path / "bad.lark"
     path.write_text('start: a b\na: "y"*\nb: "y"*\n')
     with pytest.raises(GrammarError, match="conflict"):
-        build("bad", path)
+        build_grammar("bad", path)
 
 
 def test_strings_are_unquoted_and_unescaped(small: Grammar) -> None:
@@ -89,42 +90,42 @@ def test_strings_are_unquoted_and_unescaped(small: Grammar) -> None:
     assert values(small, text) == ["x", "y", 'a"b', "it's", "\n\t\\", "é", ""]
 
 
-def test_texts_of_several_lines_are_taken_as_they_are(small: Grammar) -> None:
+def test_multi_line_strings_are_not_unescaped(small: Grammar) -> None:
     assert values(small, 'let a = """one\n "two" \\n""";') == ['one\n "two" \\n']
 
 
 def test_numbers_keep_their_kind(small: Grammar) -> None:
     result = parsed(small, "let a = 1 2.5 1e3 3l 0 007;")
     assert result.tree is not None
-    kinds = [token.type for token in tokens(trees(result.tree.children)[0].children)[1:]]
+    kinds = [token.type for token in select_tokens(select_trees(result.tree.children)[0].children)[1:]]
     assert kinds == ["INT", "FLOAT", "FLOAT", "LONG", "INT", "INT"]
 
 
-def test_a_keyword_is_a_name_where_no_keyword_can_stand(small: Grammar) -> None:
+def test_a_keyword_is_a_name_where_no_keyword_is_expected(small: Grammar) -> None:
     assert values(small, "let let = less arrow;") == ["less", "arrow"]
 
 
-def test_a_keyword_wins_where_both_can_stand(small: Grammar) -> None:
+def test_a_keyword_is_preferred_to_a_name_where_both_are_expected(small: Grammar) -> None:
     result = parsed(small, "let a = in;")
     assert result.tree is not None
-    assert [tree.data for tree in trees(trees(result.tree.children)[0].children)] == ["in"]
+    assert [tree.data for tree in select_trees(select_trees(result.tree.children)[0].children)] == ["in"]
 
 
 def test_an_escaped_keyword_is_a_name(small: Grammar) -> None:
     assert values(small, "let a = ^in ^other;") == ["in", "other"]
     result = parsed(small, "let a = ^in;")
     assert result.tree is not None
-    token = tokens(trees(result.tree.children)[0].children)[1]
+    token = select_tokens(select_trees(result.tree.children)[0].children)[1]
     assert span_of(result.source, token).text == "^in"
 
 
-def test_words_may_not_touch(small: Grammar) -> None:
+def test_adjacent_words_and_numbers_need_a_blank(small: Grammar) -> None:
     assert messages(small, "leta = 1;")[0] == "1:1 unexpected `leta`"
     assert messages(small, "let a = 3steps;") == ["1:9 `3steps` is neither a number nor a name"]
     assert messages(small, "let a = 1.5x 2;") == ["1:9 `1.5x` is neither a number nor a name"]
 
 
-def test_a_long_sign_is_split_only_where_it_cannot_stand(small: Grammar) -> None:
+def test_a_long_operator_is_split_only_where_only_its_parts_fit(small: Grammar) -> None:
     assert not messages(small, "less a <-b; arrow a <- b;")
 
 
@@ -138,7 +139,7 @@ def test_doc_comments_belong_to_the_definition_that_follows(small: Grammar) -> N
     text += "/** Third. */ @x let c = 3;\n@y /** Fourth. */ let d = 4;"
     result = parsed(small, text)
     assert result.tree is not None
-    docs = [result.doc(tree) for tree in trees(result.tree.children)]
+    docs = [result.doc_comment(tree) for tree in select_trees(result.tree.children)]
     assert docs == ["First.\n\nMore.", None, "Third.", "Fourth."]
 
 
@@ -146,7 +147,7 @@ def test_annotations_become_data(small: Grammar) -> None:
     text = '@a @b() @c(1, -2.5, "s", true, name) @d(k = 1, l = {x, y}) let a = 1;'
     result = parsed(small, text)
     assert not result.diagnostics and result.tree is not None
-    found = trees(trees(result.tree.children)[0].children, "annotation")
+    found = select_trees(select_trees(result.tree.children)[0].children, "annotation")
     assert [annotation_of(result.source, tree) for tree in found] == [
         Annotation("a"),
         Annotation("b"),
@@ -178,22 +179,22 @@ def test_parsing_resumes_after_the_semicolon(small: Grammar) -> None:
     result = parsed(small, "let a = = 1; let b = 2; less less; let c = 3;")
     assert [one.message for one in result.diagnostics] == ["unexpected `=`", "unexpected `;`"]
     assert result.tree is not None
-    assert [str(tree.children[0]) for tree in trees(result.tree.children)] == ["b", "c"]
+    assert [str(tree.children[0]) for tree in select_trees(result.tree.children)] == ["b", "c"]
 
 
-def test_a_mistyped_keyword_is_read_as_the_one_meant(small: Grammar) -> None:
+def test_a_misspelled_keyword_is_parsed_as_the_keyword_meant(small: Grammar) -> None:
     result = parsed(small, "lett a = 1;\narow b <- c;")
     assert [one.hint for one in result.diagnostics] == ["did you mean `let`?", "did you mean `arrow`?"]
     assert result.tree is not None
-    assert len(trees(result.tree.children)) == 2
+    assert len(select_trees(result.tree.children)) == 2
 
 
 def test_a_missing_separator_is_reported_where_it_belongs(small: Grammar) -> None:
     assert messages(small, "arrow a <- b\narrow c <- d;") == ["1:13 missing `;`"]
 
 
-def test_names_in_what_is_given_up_are_remembered(small: Grammar) -> None:
-    assert {"a", "b"} <= parsed(small, "let a = = b;").lost
+def test_names_in_skipped_text_are_recorded(small: Grammar) -> None:
+    assert {"a", "b"} <= parsed(small, "let a = = b;").lost_names
 
 
 def test_deep_nesting_is_an_error(small: Grammar) -> None:
@@ -202,7 +203,7 @@ def test_deep_nesting_is_an_error(small: Grammar) -> None:
     ]
 
 
-def test_the_end_of_the_text_is_a_position(small: Grammar) -> None:
+def test_errors_at_the_end_of_the_text_have_a_position(small: Grammar) -> None:
     assert messages(small, "let a = 1") == ["1:10 unexpected end of the file"]
     assert messages(small, "let a = 1\n") == ["2:1 unexpected end of the file"]
 
@@ -240,11 +241,11 @@ def lark_calls(monkeypatch: pytest.MonkeyPatch) -> list[str]:
 
 def read_grammar(language: str, directory: Path = GRAMMARS) -> Grammar:
     """Return the grammar of a language, with the parser of the cache if there is one."""
-    return build(language, directory / f"{language}.lark", RECOVERY[language])
+    return build_grammar(language, directory / f"{language}.lark", RECOVERY_RULES[language])
 
 
-@pytest.mark.parametrize("language", sorted(RECOVERY))
-def test_a_parser_that_was_kept_reads_the_same(language: str, cache: Path, lark_calls: list[str]) -> None:
+@pytest.mark.parametrize("language", sorted(RECOVERY_RULES))
+def test_a_cached_parser_gives_the_same_tree_and_diagnostics(language: str, cache: Path, lark_calls: list[str]) -> None:
     source = Source(f"a.{language}", TEXTS[language])
     damaged = Source(f"a.{language}", TEXTS[language].replace("}", "", 3).replace(";", "", 1))
     first, second = read_grammar(language), read_grammar(language)
@@ -256,7 +257,7 @@ def test_a_parser_that_was_kept_reads_the_same(language: str, cache: Path, lark_
 
 
 @pytest.mark.parametrize("content", [b"", b"{", b"[1]", b'{"key": 1}', b"\xff", b"null"])
-def test_a_damaged_file_is_replaced(content: bytes, cache: Path, lark_calls: list[str]) -> None:
+def test_a_damaged_cache_file_is_replaced(content: bytes, cache: Path, lark_calls: list[str]) -> None:
     read_grammar("model")
     (cache / "grammar-model").write_bytes(content)
     read_grammar("model")
@@ -264,7 +265,7 @@ def test_a_damaged_file_is_replaced(content: bytes, cache: Path, lark_calls: lis
     assert lark_calls == ["model", "model"]
 
 
-def test_another_grammar_or_half_a_file_is_not_believed(
+def test_cache_files_that_are_outdated_or_incomplete_are_not_used(
     cache: Path, lark_calls: list[str], tmp_path: Path
 ) -> None:
     shutil.copytree(data_path("grammars"), tmp_path / "grammars")
@@ -279,7 +280,7 @@ def test_another_grammar_or_half_a_file_is_not_believed(
     assert lark_calls == ["model", "model", "model"]
 
 
-def test_tables_of_one_language_are_not_those_of_another(cache: Path, lark_calls: list[str]) -> None:
+def test_a_cache_file_of_another_language_is_not_used(cache: Path, lark_calls: list[str]) -> None:
     read_grammar("model")
     read_grammar("query")
     shutil.copy(cache / "grammar-query", cache / "grammar-model")
@@ -287,7 +288,7 @@ def test_tables_of_one_language_are_not_those_of_another(cache: Path, lark_calls
     assert lark_calls == ["model", "query", "model"]
 
 
-def test_nothing_is_kept_where_that_is_off(
+def test_nothing_is_cached_if_caching_is_off(
     cache: Path, monkeypatch: pytest.MonkeyPatch, lark_calls: list[str]
 ) -> None:
     monkeypatch.setenv("ENVGRAPH_CACHE", "off")

@@ -40,9 +40,7 @@ def size(workspace: Workspace) -> tuple[int, int, int]:
         ("\n  ...\n  .. .\n  ...\n", BOARD, 'legend "." = Floor, " " = none'),
     ],
 )
-def test_rows_of_another_length_are_found_whatever_the_letters(
-    rows: str, metamodel: str, legend: str
-) -> None:
+def test_rows_of_unequal_length_are_an_error(rows: str, metamodel: str, legend: str) -> None:
     problems = read(rows, metamodel, legend).errors
     assert [one.code for one in problems] == ["unequal-rows"]
     blanks = metamodel == BLANK or legend
@@ -58,20 +56,14 @@ def test_rows_of_another_length_are_found_whatever_the_letters(
         ("\n...\n   \n...", (9, 3, 3)),
     ],
 )
-def test_blanks_are_cells_and_the_shared_indentation_is_none(
-    rows: str, expected: tuple[int, int, int]
-) -> None:
+def test_blanks_are_cells_but_the_common_indentation_is_removed(rows: str, expected: tuple[int, int, int]) -> None:
     assert size(read(rows)) == expected
 
 
-def test_an_object_of_a_grid_is_found_by_its_place() -> None:
+def test_an_object_of_a_grid_is_found_by_its_column_and_row() -> None:
     model = read("\n ..\n ..\n", BOARD).model()
     cell = model["cell[1, 0]"]
-    assert (
-        (cell.x, cell.y) == (1, 0)
-        and model.graph.find_object("cell[1,0]") == cell.id
-        and "cell[0, 1]" in model
-    )
+    assert (cell.x, cell.y) == (1, 0) and model.graph.find_object("cell[1,0]") == cell.id and "cell[0, 1]" in model
     assert cell.object_name is None
     for other in (copy(model), pickle.loads(pickle.dumps(model))):
         assert other["cell[1,0]"].id == cell.id

@@ -20,9 +20,7 @@ values = st.recursive(
 
 
 @given(values, st.sampled_from([None, 1, "\t"]), st.booleans())
-def test_every_span_holds_the_text_of_its_value(
-    value: object, indent: int | str | None, ascii_only: bool
-) -> None:
+def test_every_span_holds_the_text_of_its_value(value: object, indent: int | str | None, ascii_only: bool) -> None:
     text = json.dumps(value, indent=indent, ensure_ascii=ascii_only)
     found, spans = parse_json(Source("a.json", text))
     assert found == value
@@ -33,27 +31,25 @@ def test_every_span_holds_the_text_of_its_value(
             part = part[step]  # type: ignore[index]
         assert json.loads(span.text) == part
         count += 1
-    assert count == size(value)
+    assert count == count_values(value)
 
 
-def size(value: object) -> int:
+def count_values(value: object) -> int:
     """How many values there are, containers included."""
     if isinstance(value, dict):
-        return 1 + sum(size(part) for part in value.values())
-    return 1 + sum(size(part) for part in value) if isinstance(value, list) else 1
+        return 1 + sum(count_values(part) for part in value.values())
+    return 1 + sum(count_values(part) for part in value) if isinstance(value, list) else 1
 
 
-@pytest.mark.parametrize(
-    ("text", "column"), [("", 1), ('{"a": }', 7), ("[1, 2", 6), ('"open', 1), ("[" * 100_000, 1)]
-)
-def test_what_is_no_json_is_refused_at_its_place(text: str, column: int) -> None:
+@pytest.mark.parametrize(("text", "column"), [("", 1), ('{"a": }', 7), ("[1, 2", 6), ('"open', 1), ("[" * 100_000, 1)])
+def test_invalid_json_is_refused_at_its_position(text: str, column: int) -> None:
     with pytest.raises(LoadError) as caught:
         parse_json(Source("a.json", text))
     (problem,) = caught.value.diagnostics
     assert problem.span is not None and problem.span.column == column
 
 
-def test_problems_of_a_model_are_at_the_value_they_are_about() -> None:
+def test_errors_of_a_json_model_have_the_span_of_the_wrong_value() -> None:
     metamodel = Metamodel("m", [Class("A", features=(Attribute("n", Scalar.INT), Reference("to", "A", 0)))])
     text = """{"format": "envgraph-model-1",
  "objects": [
@@ -66,9 +62,7 @@ def test_problems_of_a_model_are_at_the_value_they_are_about() -> None:
     assert first.span is not None and first.span.text == '"three"' and str(first.span) == "m.json:3:45"
 
 
-BOX = Metamodel(
-    "m", [Class("Box", features=(Attribute("size", Scalar.INT), Attribute("weight", Scalar.FLOAT)))]
-)
+BOX = Metamodel("m", [Class("Box", features=(Attribute("size", Scalar.INT), Attribute("weight", Scalar.FLOAT)))])
 
 
 @pytest.mark.parametrize(
@@ -79,7 +73,7 @@ BOX = Metamodel(
         ("1" * 5000, "the number is too large"),
     ],
 )
-def test_ints_beyond_64_bits_are_refused_where_they_stand(size: str, message: str) -> None:
+def test_ints_beyond_64_bits_are_refused_at_their_position(size: str, message: str) -> None:
     objects = f'[{{"id": 0, "class": "Box", "features": {{"size": {size}}}}}]'
     head = '"format": "envgraph-model-1", "name": "m", "metamodel": "m", "next_id": 1'
     with pytest.raises(LoadError) as raised:
@@ -105,7 +99,7 @@ def test_long_values_are_not_shown_at_full_length() -> None:
 
 
 @pytest.mark.parametrize("half", [r"\ud800", r"\uDFFF"])
-def test_half_a_character_is_refused_where_it_stands(half: str) -> None:
+def test_a_lone_surrogate_is_refused_at_its_position(half: str) -> None:
     with pytest.raises(LoadError) as raised:
         parse_json(Source("a.json", rf'["\\ud800 \ud83d\ude00", "{half}"]'))
     (problem,) = raised.value.diagnostics
@@ -113,11 +107,11 @@ def test_half_a_character_is_refused_where_it_stands(half: str) -> None:
     assert (problem.span.text, problem.span.column) == (half, 27)
 
 
-def test_characters_of_two_halves_are_read() -> None:
+def test_surrogate_pairs_are_read() -> None:
     value, _ = parse_json(Source("a.json", r'["\ud83d\ude00", "\\ud800"]'))
     assert value == ["\N{GRINNING FACE}", r"\ud800"]
 
 
-def test_control_characters_are_refused_in_words() -> None:
+def test_control_characters_are_refused_with_a_message() -> None:
     with pytest.raises(LoadError, match=r"a.json:1:2: not JSON: invalid control character\n"):
         parse_json(Source("a.json", '"\0"'))

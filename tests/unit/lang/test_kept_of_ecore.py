@@ -158,7 +158,7 @@ def test_defaults_of_ecore_need_no_annotation() -> None:
     assert all(not one.annotations for one in metamodel(metamodel_to_ecore(plain)).attributes)
 
 
-def test_derived_contents_that_are_written_as_attributes_stay_derived() -> None:
+def test_derived_containments_annotated_as_attributes_stay_derived() -> None:
     said = (
         '<eAnnotations source="http:///org/eclipse/emf/ecore/util/ExtendedMetaData">'
         '<details key="kind" value="attribute"/></eAnnotations>'
@@ -202,7 +202,7 @@ def test_documentation_is_written_first() -> None:
     assert written.index("documentation") < written.index("subsets")
 
 
-def test_parts_that_are_lost_are_counted() -> None:
+def test_lost_parts_of_an_ecore_file_are_counted() -> None:
     text = (
         HEAD
         + '<eClassifiers xsi:type="ecore:EEnum" name="E" xmi:id="_1"><eLiterals name="a"><eAnnotations source="s"/>'

@@ -30,7 +30,7 @@ def loaded(query: str):
     return load_workspace(["m.xmi", "q.query"], files=TextFiles(files))
 
 
-def test_the_rest_of_the_metamodel_and_of_a_model_is_used() -> None:
+def test_features_left_out_of_a_metamodel_are_warnings_and_not_errors() -> None:
     found = loaded("pattern p(b : Book) { Book.pages(b, 3); }")
     assert [(one.severity, one.code) for one in found.diagnostics if one.code == "left-out"] == [
         (Severity.WARNING, "left-out"),
@@ -47,19 +47,19 @@ def test_the_rest_of_the_metamodel_and_of_a_model_is_used() -> None:
         ("check(b.words == 3);", "it is transient, and was left out of the metamodel"),
     ],
 )
-def test_a_query_that_names_one_is_told_why(body: str, reason: str) -> None:
+def test_a_query_with_a_left_out_feature_gets_the_reason_as_a_hint(body: str, reason: str) -> None:
     found = loaded(f"pattern p(b : Book) {{ Book(b); {body} }}")
     errors = [one for one in found.diagnostics if one.severity is Severity.ERROR]
     assert [(one.code, one.hint) for one in errors] == [("unknown-feature", reason)]
 
 
-def test_another_class_may_have_no_such_feature() -> None:
+def test_a_feature_of_another_class_is_an_unknown_feature() -> None:
     found = loaded("pattern p(b : Book) { Book.word(b, _); }")
     assert [one.code for one in found.diagnostics if one.severity is Severity.ERROR] == ["unknown-feature"]
 
 
 @pytest.mark.parametrize("fragment", ["/@items.0", "/x", "@items.0"])
-def test_a_fragment_without_a_root_names_no_object(fragment: str) -> None:
+def test_a_fragment_without_a_root_is_an_unknown_object(fragment: str) -> None:
     reference = (
         '<eStructuralFeatures xsi:type="ecore:EReference" name="next" eType="#//Item"/>'
         '<eStructuralFeatures xsi:type="ecore:EReference" name="items" upperBound="-1" '

@@ -60,7 +60,7 @@ def test_the_bundled_domain_opens_by_name() -> None:
     assert len(engine.group("retypings")) == 6
 
 
-def test_a_directory_with_a_family_file_stands_for_its_model_and_environment(tmp_path: Path) -> None:
+def test_opening_a_family_directory_loads_the_model_of_its_family(tmp_path: Path) -> None:
     shutil.copytree(bundled_domain("burning_forest"), tmp_path / "mine")
     assert envgraph.open(tmp_path / "mine").model.name == "target_8x8"
     assert envgraph.open(tmp_path / "mine" / "family.toml").model.name == "target_8x8"
@@ -171,7 +171,7 @@ def test_imports_are_relative_to_their_file(tmp_path: Path, monkeypatch: pytest.
     assert not found.diagnostics
 
 
-def test_one_file_by_several_names_is_read_once(directory: Path) -> None:
+def test_a_file_with_several_paths_is_read_once(directory: Path) -> None:
     os.symlink(directory / "m.metamodel", directory / "link.metamodel")
     (directory / "b.query").write_text('import "link.metamodel"\nimport "./m.metamodel"')
     found = load_workspace(["b.query", str(directory / "m.metamodel"), "../" + directory.name + "/a.model"])
@@ -188,7 +188,7 @@ def test_metamodels_can_be_imported_by_uri() -> None:
 # --- errors ---
 
 
-def test_errors_of_all_files_come_together_in_the_order_of_reading() -> None:
+def test_errors_of_all_files_are_reported_together_in_reading_order() -> None:
     found = workspace(
         "a.model",
         "m.rules",
@@ -223,9 +223,7 @@ def test_files_that_cannot_be_read_are_diagnosed(directory: Path) -> None:
     (directory / "latin.query").write_bytes(b"package a\n// caf\xe9\n")
     (directory / "large.query").write_bytes(b" " * (50 * 1024 * 1024))
     (directory / "dir.query").mkdir()
-    found = load_workspace(
-        ["latin.query", "large.query", "dir.query", "m.qury", "nul\0l.query", "x" * 5000 + ".query"]
-    )
+    found = load_workspace(["latin.query", "large.query", "dir.query", "m.qury", "nul\0l.query", "x" * 5000 + ".query"])
     messages = [one.message for one in found.errors]
     assert messages[:3] == [
         "the byte 0xe9 is not UTF-8",
@@ -238,17 +236,15 @@ def test_files_that_cannot_be_read_are_diagnosed(directory: Path) -> None:
     assert len(messages) == 6
 
 
-def test_texts_of_objects_may_be_longer_than_those_of_queries(directory: Path) -> None:
+def test_models_and_metamodels_have_a_higher_size_limit_than_queries(directory: Path) -> None:
     for name, size in (("q.rules", 1), ("e.environment", 1), ("m.model", 16), ("n.metamodel", 16)):
         (directory / name).write_bytes(b" " * (size * 1024 * 1024 + 1))
         (error,) = load_workspace([name]).errors
         assert error.message == f"the file has more than {size} MB"
-    assert (
-        error.hint == "set the environment variable ENVGRAPH_LIMITS=10 to make every limit ten times as large"
-    )
+    assert error.hint == "set the environment variable ENVGRAPH_LIMITS=10 to make every limit ten times as large"
 
 
-def test_limits_are_raised_by_the_environment(directory: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_limits_are_raised_by_an_environment_variable(directory: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     path = directory / "q.query"
     path.write_bytes(QUERY.encode() + b" " * (1024 * 1024))
     monkeypatch.setenv("ENVGRAPH_LIMITS", "1.5")
@@ -318,7 +314,7 @@ def test_bundles_of_files_outside_the_working_directory_are_relative(
     assert sorted(bundle.texts) == ["m.metamodel", "m.query", "m.rules"]
 
 
-def test_texts_never_reach_for_the_disk() -> None:
+def test_workspaces_of_texts_do_not_read_the_disk() -> None:
     found = load_workspace(["burning_forest"], files=TextFiles({}))
     assert [one.code for one in found.errors] == ["missing-file"]
     found = load_workspace(["a.query"], files=TextFiles({"a.query": 'import "/elsewhere/m.query"'}))
@@ -361,7 +357,7 @@ def test_the_sample_domains_load(family: str) -> None:
     assert found.behaviours[0].actions or found.behaviours[0].agents
 
 
-def test_tables_and_grids_of_the_samples_hold_what_they_say() -> None:
+def test_tables_and_grids_of_the_samples_create_the_expected_objects() -> None:
     (backbone,) = load_workspace([SAMPLES / "network" / "backbone.model"]).models
     assert backbone.model is not None
     links = [(link["from"].name, link.to.name, link.latency) for link in backbone.model["net"].links]
@@ -374,7 +370,7 @@ def test_tables_and_grids_of_the_samples_hold_what_they_say() -> None:
     assert rooms.model["hero"].at.cls == "Floor"
 
 
-def test_what_is_read_again_is_what_the_engine_has() -> None:
+def test_functions_that_are_read_again_equal_those_of_the_engine() -> None:
     files = {
         "m.metamodel": "metamodel m\nclass P { string s }",
         "p.query": 'import "m.metamodel"\nfunction f(s : string) : bool;\n'
@@ -385,7 +381,7 @@ def test_what_is_read_again_is_what_the_engine_has() -> None:
     assert engine.definitions == load_workspace(["p.query"], files=TextFiles(files)).definitions
 
 
-def test_more_files_than_may_be_read_together_are_one_mistake(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_too_many_files_are_one_error(monkeypatch: pytest.MonkeyPatch) -> None:
     texts = {f"f{n}.query": f'import "f{n + 1}.query"\n' for n in range(20)} | {"f20.query": ""}
     monkeypatch.setenv("ENVGRAPH_LIMITS", "0.002")
     (problem,) = load_workspace(["f0.query"], files=TextFiles(texts)).errors

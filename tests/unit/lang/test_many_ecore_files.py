@@ -84,18 +84,18 @@ def loaded(*roots: str, **texts: str) -> Workspace:
     return load_workspace(roots, files=TextFiles(FILES | named))
 
 
-def said(workspace: Workspace) -> list[str]:
+def messages_of(workspace: Workspace) -> list[str]:
     return [f"{one.span}: {one.message}" for one in workspace.diagnostics]
 
 
-def town() -> Metamodel:
+def town_metamodel() -> Metamodel:
     metamodel = loaded("city/city.ecore").metamodel
     assert metamodel is not None
     return metamodel
 
 
-def test_files_that_name_each_other_become_one_metamodel() -> None:
-    metamodel = town()
+def test_ecore_files_that_refer_to_each_other_are_combined_into_one_metamodel() -> None:
+    metamodel = town_metamodel()
     assert [one.name for one in metamodel.class_list] == ["Street", "city::Node", "Lamp", "power::Node"]
     assert [(one.path, one.uri) for one in metamodel.packages] == [
         ("", "http://example.org/city"),
@@ -106,7 +106,7 @@ def test_files_that_name_each_other_become_one_metamodel() -> None:
     assert lamps in metamodel.references and metamodel.opposite(lamps) is metamodel.feature("Lamp", "street")
 
 
-def test_files_that_are_given_together_need_not_name_each_other() -> None:
+def test_unrelated_ecore_files_are_combined_into_one_metamodel() -> None:
     alone = package("plain", cls("Stone"))
     metamodel = loaded("plain.ecore", "city/city.ecore", plain_ecore=alone).metamodel
     assert metamodel is not None
@@ -123,7 +123,7 @@ def test_files_that_are_given_together_need_not_name_each_other() -> None:
         "../somewhere/else/power.ecore",
     ],
 )
-def test_other_files_are_found_by_uri_by_eclipse_path_and_by_name(word: str) -> None:
+def test_other_ecore_files_are_found_by_uri_eclipse_path_or_name(word: str) -> None:
     city = CITY.replace("../power/power.ecore", word)
     found = load_workspace(
         ["city/city.ecore", "power/power.ecore"], files=TextFiles({**FILES, "city/city.ecore": city})
@@ -131,15 +131,18 @@ def test_other_files_are_found_by_uri_by_eclipse_path_and_by_name(word: str) -> 
     assert found.metamodel is not None and found.metamodel.feature("Street", "lamps") is not None
 
 
-def test_a_project_of_eclipse_is_looked_for_above() -> None:
+def test_an_eclipse_project_is_searched_in_parent_directories() -> None:
     city = CITY.replace("../power/power.ecore", "platform:/resource/power/model/power.ecore")
     power = POWER.replace("../city/", "../../city/")
     files = TextFiles({"all/city/city.ecore": city, "all/power/model/power.ecore": power})
     found = load_workspace(["all/city/city.ecore"], files=files)
-    assert said(found) == [] and list(found.sources) == ["all/city/city.ecore", "all/power/model/power.ecore"]
+    assert messages_of(found) == [] and list(found.sources) == [
+        "all/city/city.ecore",
+        "all/power/model/power.ecore",
+    ]
 
 
-def test_a_missing_file_is_told_once_with_what_to_do() -> None:
+def test_a_missing_file_is_reported_once_with_a_hint() -> None:
     found = load_workspace(["city/city.ecore"], files=TextFiles({"city/city.ecore": CITY}))
     (problem,) = found.diagnostics
     assert problem.message == "`../power/power.ecore`: there is no such file"
@@ -149,7 +152,7 @@ def test_a_missing_file_is_told_once_with_what_to_do() -> None:
     assert problem.span is not None and problem.span.text == "../power/power.ecore#//Lamp"
 
 
-def test_a_missing_package_is_told_by_its_uri() -> None:
+def test_a_missing_package_is_reported_by_its_uri() -> None:
     city = CITY.replace("../power/power.ecore", "http://example.org/powr")
     found = load_workspace(["power/power.ecore"], files=TextFiles({**FILES, "city/city.ecore": city}))
     (problem, *_) = found.errors
@@ -157,7 +160,7 @@ def test_a_missing_package_is_told_by_its_uri() -> None:
     assert problem.hint == "did you mean `http://example.org/power`?"
 
 
-def test_mistakes_are_told_where_they_are() -> None:
+def test_errors_are_reported_in_the_file_that_contains_them() -> None:
     power = POWER.replace("#//Node", "#//Nodes")
     found = load_workspace(["city/city.ecore"], files=TextFiles({**FILES, "power/power.ecore": power}))
     (problem,) = found.diagnostics
@@ -166,8 +169,8 @@ def test_mistakes_are_told_where_they_are() -> None:
     assert problem.hint == "did you mean `Node`?"
 
 
-def test_the_same_package_twice_is_one_package_or_a_mistake() -> None:
-    again = metamodel_to_ecore(town())
+def test_equal_copies_of_a_package_are_merged_and_different_ones_refused() -> None:
+    again = metamodel_to_ecore(town_metamodel())
     assert loaded("city/city.ecore", "copy.ecore", copy_ecore=CITY.replace("../", "")).errors == ()
     found = loaded("city/city.ecore", "other.ecore", other_ecore=again.replace("Lamp", "Lantern"))
     (problem,) = found.errors
@@ -181,9 +184,7 @@ def test_a_metamodel_file_and_ecore_files_do_not_become_one() -> None:
     found = loaded("a.metamodel", "city/city.ecore", a_metamodel="metamodel a class Box { }")
     (problem,) = found.errors
     assert problem.message == "this is a second metamodel"
-    assert problem.hint is not None and problem.hint.endswith(
-        "load only `.ecore` files, which are combined into one"
-    )
+    assert problem.hint is not None and problem.hint.endswith("load only `.ecore` files, which are combined into one")
 
 
 # --- names ---
@@ -216,19 +217,15 @@ def test_names_are_looked_up_in_aliases_packages_and_imports(tmp_path: Path) -> 
         ("city::Node", "power::Node"),
         ("power::Node", "power::Node"),
     ]
-    rules = (
-        "rule light { lhs { n : power::Node; lamp : Lamp; } modify { set lamp.state = power::State::lit; } }"
-    )
+    rules = "rule light { lhs { n : power::Node; lamp : Lamp; } modify { set lamp.state = power::State::lit; } }"
     found = from_text(rules)
     engine.add(*found)
     assert engine.apply("light") is not None and engine.count("dark") in (0, 1)
     assert "power::Node" in to_text(*found)
 
 
-def test_a_name_of_two_packages_has_to_say_which() -> None:
-    found = loaded(
-        "city/city.ecore", "q.query", q_query="pattern p(a : Node, b : State) { Node.streets(a, _); }"
-    )
+def test_a_class_name_of_two_packages_needs_its_package() -> None:
+    found = loaded("city/city.ecore", "q.query", q_query="pattern p(a : Node, b : State) { Node.streets(a, _); }")
     first, *_ = found.errors
     assert first.message == "`Node` is in several packages"
     assert first.hint == "write `city::Node` or `power::Node`"
@@ -248,38 +245,36 @@ def test_packages_inside_of_one_file_may_share_names() -> None:
     assert again.class_list == metamodel.class_list and again.packages == metamodel.packages
 
 
-def test_packages_of_one_name_are_told_apart_by_their_prefixes() -> None:
+def test_packages_with_the_same_name_are_qualified_by_their_prefixes() -> None:
     other = package("city", cls("Node")).replace(
         'nsURI="http://example.org/city" nsPrefix="city"', 'nsURI="u" nsPrefix="old"'
     )
     metamodel = loaded("city/city.ecore", "o.ecore", o_ecore=other).metamodel
     assert metamodel is not None
-    assert sorted(metamodel.named("Node").values()) == ["city::Node", "old::Node", "power::Node"]
+    assert sorted(metamodel.full_names("Node").values()) == ["city::Node", "old::Node", "power::Node"]
 
 
 # --- models and files ---
 
 
 def test_models_of_several_namespaces_are_read_and_written() -> None:
-    metamodel = town()
+    metamodel = town_metamodel()
     model = parse_xmi(Source("town.xmi", TOWN), metamodel)
     assert [(one.id, one.cls) for one in model.nodes("Lamp")] == [(1, "Lamp"), (2, "Lamp")]
     assert [one.cls for one in model.nodes("city::Node")] == ["city::Node", "power::Node"]
     text = model_to_xmi(model)
-    assert (
-        "<city:Node " in text and "<power:Node " in text and 'xmlns:power="http://example.org/power"' in text
-    )
+    assert "<city:Node " in text and "<power:Node " in text and 'xmlns:power="http://example.org/power"' in text
     assert model_to_xmi(parse_xmi(Source("again.xmi", text), metamodel)) == text
 
 
-def test_a_class_of_another_package_is_told_where_it_is() -> None:
+def test_a_class_in_the_wrong_namespace_is_an_error() -> None:
     with pytest.raises(LoadError) as error:
-        parse_xmi(Source("t.xmi", TOWN.replace("city:Street", "power:Street")), town())
+        parse_xmi(Source("t.xmi", TOWN.replace("city:Street", "power:Street")), town_metamodel())
     assert "`Street` is not in the package `http://example.org/power`" in str(error.value)
 
 
-def test_one_file_with_subpackages_is_written() -> None:
-    metamodel = town()
+def test_a_combined_metamodel_is_written_as_one_file_with_subpackages() -> None:
+    metamodel = town_metamodel()
     again = parse_ecore(Source("town.ecore", metamodel_to_ecore(metamodel)))
     assert again.class_list == metamodel.class_list and again.enum_types == metamodel.enum_types
     assert again.packages == metamodel.packages
@@ -289,24 +284,24 @@ def test_one_file_with_subpackages_is_written() -> None:
     }
 
 
-def test_a_model_finds_all_metamodels_that_it_mentions(tmp_path: Path) -> None:
+def test_a_model_loads_all_metamodels_of_its_schema_location(tmp_path: Path) -> None:
     place = 'xsi:schemaLocation="http://example.org/city city/city.ecore http://example.org/power power/power.ecore"'
     town = TOWN.replace("xmi:version", f"{place} xmi:version")
     found = load_workspace(["town.xmi"], files=TextFiles({**FILES, "town.xmi": town}))
-    assert said(found) == [] and len(found.model().nodes()) == 5
+    assert messages_of(found) == [] and len(found.model().nodes()) == 5
 
 
-def test_derived_rules_have_names_where_classes_have_packages() -> None:
-    engine = Engine(envgraph.graph.Model(town()))
+def test_names_of_derived_rules_contain_the_package_of_the_class() -> None:
+    engine = Engine(envgraph.graph.Model(town_metamodel()))
     (group,) = from_text("derive all = operators for power::Node;")
     engine.add(group)
-    made = spelled_out(derived(group, town()).rules, town())
+    made = spelled_out(derived(group, town_metamodel()).rules, town_metamodel())
     assert made[0].name == "all_create_power_Node"
     assert "create node : power::Node;" in to_text(*made)
 
 
-def test_what_is_asked_for_in_python_is_told_with_the_packages() -> None:
-    model = parse_xmi(Source("town.xmi", TOWN), town())
+def test_ambiguous_class_names_in_python_get_a_hint_with_packages() -> None:
+    model = parse_xmi(Source("town.xmi", TOWN), town_metamodel())
     with pytest.raises(TypeMismatch, match="write `city::Node` or `power::Node`"):
         model.nodes("Node")
     with pytest.raises(ResolutionError, match="write `Street`"):
@@ -318,14 +313,14 @@ def test_what_is_asked_for_in_python_is_told_with_the_packages() -> None:
 
 
 def test_objects_keep_their_classes_in_json() -> None:
-    model = parse_xmi(Source("town.xmi", TOWN), town())
+    model = parse_xmi(Source("town.xmi", TOWN), town_metamodel())
     text = json.dumps(model_to_json(model))
     assert '"class": "power::Node"' in text
-    assert parse_model(Source("town.json", text), town()).state_hash() == model.state_hash()
+    assert parse_model(Source("town.json", text), town_metamodel()).state_hash() == model.state_hash()
 
 
-def test_views_follow_classes_of_two_packages() -> None:
-    engine = Engine(parse_xmi(Source("town.xmi", TOWN), town()))
+def test_views_are_updated_for_classes_of_two_packages() -> None:
+    engine = Engine(parse_xmi(Source("town.xmi", TOWN), town_metamodel()))
     text = "pattern dark(a : power::Node, l : Lamp) { power::Node.lamps(a, l); Lamp.state(l, power::State::dark); }"
     engine.add(*from_text(text, "query"))
     seen: list[str] = []

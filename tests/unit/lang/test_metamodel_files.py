@@ -117,9 +117,7 @@ def test_every_definition_has_the_span_of_its_name() -> None:
 
     assert [text(one) for one in (*found.class_list, *found.enum_types)] == ["A", "B", "E"]
     assert [text(one) for one in found.classes["A"].features] == ["e", "f", "g"]
-    places = [
-        (what, span.text) for item in (*found.class_list, *found.enum_types) for what, span in item.places
-    ]
+    places = [(what, span.text) for item in (*found.class_list, *found.enum_types) for what, span in item.places]
     assert places == [("extends B", "B"), ("literal 0", "a"), ("literal 1", "b")]
     first, second, _ = found.classes["A"].features
     assert [(what, span.text) for what, span in first.places] == [("type", "E"), ("default", "::b")]
@@ -130,7 +128,7 @@ def test_every_definition_has_the_span_of_its_name() -> None:
     ]
 
 
-def test_keywords_can_be_names_where_they_mean_nothing() -> None:
+def test_keywords_are_names_where_they_are_not_expected() -> None:
     found = metamodel("class uri { string opposite  int ^contains }")
     assert [one.name for one in found.classes["uri"].features] == ["opposite", "contains"]
 

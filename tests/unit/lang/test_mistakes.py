@@ -18,20 +18,20 @@ TEXTS["family.toml"] = TEXTS.pop("paper.toml")
 METAMODEL = "metamodel m class A { int i refers A[1] next contains A[0..*] parts }"
 
 
-def said(root: str, **changed: str) -> list[Diagnostic]:
+def diagnostics_of(root: str, **changed: str) -> list[Diagnostic]:
     """What is said about a file, with other texts beside it; `_` in a name stands for `.`."""
     texts = {name.replace("_", "."): text for name, text in changed.items()}
     return list(load_workspace([root], files=TextFiles(texts)).diagnostics)
 
 
-def changed(name: str, old: str, new: str) -> list[Diagnostic]:
+def diagnostics_after_change(name: str, old: str, new: str) -> list[Diagnostic]:
     """What is said about the bundled family with one stretch of one file replaced."""
     assert old in TEXTS[name]
     texts = TEXTS | {name: TEXTS[name].replace(old, new, 1)}
     return list(load_workspace(["family.toml"], files=TextFiles(texts)).diagnostics)
 
 
-def place(one: Diagnostic) -> tuple[str, str]:
+def file_and_text(one: Diagnostic) -> tuple[str, str]:
     assert one.span is not None
     return one.span.source.name, one.span.text
 
@@ -65,24 +65,28 @@ def test_a_family_without_a_name_is_called_after_its_directory(forest: Path) -> 
 
 
 def test_a_model_that_does_not_conform_is_warned_about() -> None:
-    (found,) = said(
+    (found,) = diagnostics_of(
         "a.model", a_model='import "m.metamodel" model a : m { a : A { } }', m_metamodel=METAMODEL
     )
-    assert (found.code, str(found.severity), place(found)) == ("conformance", "warning", ("a.model", "a"))
+    assert (found.code, str(found.severity), file_and_text(found)) == (
+        "conformance",
+        "warning",
+        ("a.model", "a"),
+    )
     assert "`next`, which needs 1" in found.message
 
 
-def test_the_model_of_a_family_has_to_conform() -> None:
-    (found,) = changed("target_8x8.model", "FireTruck { currentState = tile[0, 0] }", "FireTruck { }")
-    assert (found.code, str(found.severity), place(found)) == (
+def test_a_nonconforming_model_of_a_family_is_an_error() -> None:
+    (found,) = diagnostics_after_change("target_8x8.model", "FireTruck { currentState = tile[0, 0] }", "FireTruck { }")
+    assert (found.code, str(found.severity), file_and_text(found)) == (
         "conformance",
         "error",
         ("target_8x8.model", "truck"),
     )
 
 
-def test_conformance_is_not_asked_of_a_metamodel_with_errors() -> None:
-    found = said(
+def test_conformance_is_not_checked_if_the_metamodel_has_errors() -> None:
+    found = diagnostics_of(
         "a.model",
         a_model='import "m.metamodel" model a : m { a : A { } }',
         m_metamodel="metamodel m class A { refers B[1] next }",
@@ -93,7 +97,7 @@ def test_conformance_is_not_asked_of_a_metamodel_with_errors() -> None:
 # --- names
 
 
-def test_an_ambiguous_pattern_of_a_family_comes_with_the_names_to_choose_from() -> None:
+def test_an_ambiguous_pattern_of_a_family_gets_a_hint_with_all_candidates() -> None:
     texts = TEXTS | {
         "other.query": 'package other import "burning_forest.metamodel" pattern solvable(t : Tile) { Tile(t); }',
         "family.toml": 'imports = ["other.query"]\n' + TEXTS["family.toml"],
@@ -103,15 +107,17 @@ def test_an_ambiguous_pattern_of_a_family_comes_with_the_names_to_choose_from() 
     assert found.hint == "write one of `other.solvable`, `burning_forest.solvable`"
 
 
-def test_a_second_definition_is_not_an_ambiguous_name_too() -> None:
+def test_a_duplicate_definition_is_not_also_reported_as_ambiguous() -> None:
     twice = "pattern collectedWater(water : WaterTile) { WaterTile(water); }\n"
-    found = changed("burning_forest.query", "/** The truck waits", twice + twice + "/** The truck waits")
+    found = diagnostics_after_change(
+        "burning_forest.query", "/** The truck waits", twice + twice + "/** The truck waits"
+    )
     assert {one.code for one in found} == {"duplicate-definition"}
-    found = changed("family.toml", '"solvable"', '"collectedWater"')
+    found = diagnostics_after_change("family.toml", '"solvable"', '"collectedWater"')
     assert found == []
 
 
-def test_a_pattern_without_a_package_is_known_by_its_name() -> None:
+def test_a_pattern_without_a_package_does_not_make_a_name_ambiguous() -> None:
     texts = TEXTS | {
         "other.query": 'import "burning_forest.metamodel" pattern solvable(t : Tile) { Tile(t); }',
         "family.toml": 'imports = ["other.query"]\n' + TEXTS["family.toml"],
@@ -119,25 +125,25 @@ def test_a_pattern_without_a_package_is_known_by_its_name() -> None:
     assert load_workspace(["family.toml"], files=TextFiles(texts)).diagnostics == ()
 
 
-def test_a_private_pattern_that_is_a_constraint_is_used_by_the_search() -> None:
+def test_a_private_pattern_with_a_constraint_annotation_is_not_unused() -> None:
     private = "private pattern alone(t : Tile) { neg find neighbour(t, _); }\n"
     annotated = '@Constraint(key = t, severity = "error", message = "alone")\n' + private
     mark = "/** The goal can be reached"
-    assert [one.code for one in changed("burning_forest.query", mark, private + mark)] == [
+    assert [one.code for one in diagnostics_after_change("burning_forest.query", mark, private + mark)] == [
         "unused-private-pattern"
     ]
-    assert changed("burning_forest.query", mark, annotated + mark) == []
+    assert diagnostics_after_change("burning_forest.query", mark, annotated + mark) == []
 
 
 # --- words
 
 
-def test_types_have_their_article() -> None:
-    (found,) = changed(
+def test_messages_use_the_right_article_for_types() -> None:
+    (found,) = diagnostics_after_change(
         "burning_forest.environment", "observe find collectedWater(_)", "observe truck.currentState"
     )
     assert found.message.startswith("a `State`")
-    (found,) = changed(
+    (found,) = diagnostics_after_change(
         "burning_forest.query", "Tile.y(tile, 5);", "Tile.y(tile, 5); Tile.y(tile, t); Tile(t);"
     )
     assert "both an `int` and a `Tile`" in found.message
@@ -165,9 +171,9 @@ def test_types_have_their_article() -> None:
         ("burning_forest.query", "check((x == 0)", "check(" + 3000 * "(" + "x == 0" + 3000 * ")", "("),
     ],
 )
-def test_what_follows_from_a_mistake_is_not_reported(name: str, old: str, new: str, word: str) -> None:
-    (found,) = changed(name, old, new)
-    assert place(found) == (name, word)
+def test_consequences_of_an_error_are_not_reported(name: str, old: str, new: str, word: str) -> None:
+    (found,) = diagnostics_after_change(name, old, new)
+    assert file_and_text(found) == (name, word)
 
 
 # --- families
@@ -191,15 +197,15 @@ def test_what_follows_from_a_mistake_is_not_reported(name: str, old: str, new: s
         ),
     ],
 )
-def test_mistakes_in_a_family_are_reported_at_their_place(
+def test_errors_in_a_family_file_are_reported_at_their_position(
     old: str, new: str, word: str, hint: str | None
 ) -> None:
-    found = [one for one in changed("family.toml", old, new) if not one.code.startswith("unknown-")]
-    assert [place(one) for one in found] == [("family.toml", word)]
+    found = [one for one in diagnostics_after_change("family.toml", old, new) if not one.code.startswith("unknown-")]
+    assert [file_and_text(one) for one in found] == [("family.toml", word)]
     assert (hint or "") in (found[0].hint or "")
 
 
-def test_a_family_has_the_model_and_the_environment_of_its_own_files() -> None:
+def test_a_family_uses_the_model_and_environment_that_its_file_sets() -> None:
     import_both = 'imports = ["running_4x4.model", "other.environment"]\n'
     other = TEXTS["burning_forest.environment"].replace("environment BurningForest", "environment Other")
     texts = TEXTS | {"family.toml": import_both + TEXTS["family.toml"], "other.environment": other}
@@ -207,15 +213,15 @@ def test_a_family_has_the_model_and_the_environment_of_its_own_files() -> None:
     assert len(domain.initial().nodes("Tile")) == 64
     assert domain.behaviour is not None and domain.behaviour.name == "BurningForest"
     twice = TEXTS["burning_forest.environment"] + other.partition('rules"\n')[2]
-    (found,) = changed("burning_forest.environment", TEXTS["burning_forest.environment"], twice)
-    assert (found.code, place(found)) == (
+    (found,) = diagnostics_after_change("burning_forest.environment", TEXTS["burning_forest.environment"], twice)
+    assert (found.code, file_and_text(found)) == (
         "no-single-environment",
         ("family.toml", '"burning_forest.environment"'),
     )
 
 
-def test_two_metamodels_are_one_mistake() -> None:
-    found = said(
+def test_a_second_metamodel_is_one_error() -> None:
+    found = diagnostics_of(
         "a.query",
         a_query='import "m.metamodel" import "n.metamodel" pattern p(b : B) { B(b); }',
         m_metamodel="metamodel m class A",
@@ -224,7 +230,7 @@ def test_two_metamodels_are_one_mistake() -> None:
     assert [one.code for one in found] == ["two-metamodels"]
 
 
-def test_a_rule_name_that_two_packages_define_is_said_to_be_ambiguous() -> None:
+def test_a_rule_name_that_two_packages_define_is_ambiguous() -> None:
     texts = {
         "m.metamodel": METAMODEL,
         "one.rules": 'package one import "m.metamodel" rule go { lhs { a : A; } modify { set a.i = 1; } }',
@@ -232,7 +238,7 @@ def test_a_rule_name_that_two_packages_define_is_said_to_be_ambiguous() -> None:
         "e.environment": 'import "one.rules" import "two.rules" environment E { action go = go() }',
     }
     found = load_workspace(["e.environment"], files=TextFiles(texts)).errors
-    assert [(one.code, place(one), one.hint) for one in found] == [
+    assert [(one.code, file_and_text(one), one.hint) for one in found] == [
         ("ambiguous-rule", ("e.environment", "go"), "write `one.go` or `two.go`")
     ]
     texts["e.environment"] = texts["e.environment"].replace("= go()", "= one.go()")
@@ -241,25 +247,23 @@ def test_a_rule_name_that_two_packages_define_is_said_to_be_ambiguous() -> None:
 
 def test_wrong_values_and_unknown_names_of_a_family_file_are_reported_together() -> None:
     text = TEXTS["family.toml"].replace("seed = 42", "seed = -1").replace('"solvable"', '"solvble"')
-    text = text.replace("population = 6", 'population = "six"').replace(
-        'avoid = "BurningTile"', 'avoid = "Burning"'
-    )
+    text = text.replace("population = 6", 'population = "six"').replace('avoid = "BurningTile"', 'avoid = "Burning"')
     found = list(load_workspace(["family.toml"], files=TextFiles(TEXTS | {"family.toml": text})).diagnostics)
-    assert [place(one)[1] for one in found] == ["-1", '"solvble"', '"Burning"', '"six"']
+    assert [file_and_text(one)[1] for one in found] == ["-1", '"solvble"', '"Burning"', '"six"']
 
 
-def test_names_are_not_looked_up_when_a_file_is_not_known() -> None:
+def test_names_are_not_resolved_if_the_family_has_no_valid_file_paths() -> None:
     for old, new in (
         ('model = "', 'modle = "'),
         ('environment = "', 'enviroment = "'),
         ('"target_8x8.model"', "3"),
     ):
-        (one,) = changed("family.toml", old, new)[:1]
-        assert len([d for d in changed("family.toml", old, new) if d.code.startswith("unknown-")]) <= 1
+        (one,) = diagnostics_after_change("family.toml", old, new)[:1]
+        assert len([d for d in diagnostics_after_change("family.toml", old, new) if d.code.startswith("unknown-")]) <= 1
         assert one.span is not None
 
 
-def test_what_belongs_into_another_file_is_told_once_and_where_it_belongs() -> None:
+def test_definitions_in_the_wrong_kind_of_file_are_reported_once() -> None:
     pattern, rule = "pattern p(x : A) { A(x); }", "rule r { lhs { a : A; } modify { set a.i = 1; } }"
     for root, text, word, home in (
         ("x.rules", f"{pattern} {rule}", "pattern", "query"),
@@ -267,6 +271,6 @@ def test_what_belongs_into_another_file_is_told_once_and_where_it_belongs() -> N
         ("x.query", f"{pattern} unit u {{ r; }}", "unit", "rules"),
     ):
         files = {root.replace(".", "_"): f'package b import "m.metamodel" {text}', "m_metamodel": METAMODEL}
-        (one,) = said(root, **files)
-        assert place(one) == (root, word)
+        (one,) = diagnostics_of(root, **files)
+        assert file_and_text(one) == (root, word)
         assert one.hint == f"write a `{word}` in a `.{home}` file, which other files can import"

@@ -5,7 +5,7 @@ from typing import Any
 import pytest
 
 from envgraph.graph import Model
-from envgraph.lang import ModelText, TextFiles, bundled_domain, conformance, load_workspace
+from envgraph.lang import ModelText, TextFiles, bundled_domain, conformance_warnings, load_workspace
 from envgraph.metamodel import Metamodel
 from tests.reading import read_metamodel_text, read_model_text
 
@@ -126,13 +126,11 @@ def test_legends_map_letters_to_objects_with_features_or_to_none(metamodel: Meta
 
 
 def test_cells_are_named_by_column_and_row(metamodel: Metamodel) -> None:
-    found = model(
-        'a : Box { cells = grid g { column x row y rows "#.#" } }  b : Floor { right = g[2, 0] }', metamodel
-    )
+    found = model('a : Box { cells = grid g { column x row y rows "#.#" } }  b : Floor { right = g[2, 0] }', metamodel)
     assert (found["b"].right.x, found["b"].right.y) == (2, 0)
 
 
-def test_tables_create_an_object_a_line(metamodel: Metamodel) -> None:
+def test_tables_create_an_object_for_each_line(metamodel: Metamodel) -> None:
     found = model(
         'a : Box { parts = table Box (i, s, next) { b : 1, "x", c; 2, "y", none; c : 3, "z", Box { i = 4 }; } }',
         metamodel,
@@ -143,9 +141,7 @@ def test_tables_create_an_object_a_line(metamodel: Metamodel) -> None:
 
 
 def test_values_of_several_references_can_be_mixed_in_lists(metamodel: Metamodel) -> None:
-    found = model(
-        "a : Box { parts = [table Box (i) { 1; 2; }, Box { i = 3 }, [b]] } b : Box { i = 4 }", metamodel
-    )
+    found = model("a : Box { parts = [table Box (i) { 1; 2; }, Box { i = 3 }, [b]] } b : Box { i = 4 }", metamodel)
     assert [node.i for node in found["a"].parts] == [1, 2, 3, 4]
 
 
@@ -164,7 +160,7 @@ def test_indentation_and_line_ends_of_rows_do_not_count(metamodel: Metamodel) ->
     assert rows(model(plain, metamodel)) == rows(model(indented, metamodel))
 
 
-def test_loading_leaves_nothing_to_undo(metamodel: Metamodel) -> None:
+def test_a_loaded_model_can_be_committed_changed_and_checked_out(metamodel: Metamodel) -> None:
     found = model("a : Box { next = b } b : Box", metamodel)
     version = found.commit()
     found["a"].next = None
@@ -179,13 +175,11 @@ def test_without_a_metamodel_only_the_syntax_is_checked() -> None:
     assert len(file("model a : m { x : }", None).diagnostics) == 1
 
 
-def test_missing_imports_are_reported_at_their_place() -> None:
+def test_missing_imports_are_reported_at_their_position() -> None:
     files = TextFiles({"a.model": 'import "m.metamodel"\nimport "n.metamodel";'})
     found = load_workspace(["a.model"], files=files).diagnostics
     places = [
-        (one.span.text, one.span.line, one.span.column)
-        for one in found
-        if one.span and one.code == "missing-file"
+        (one.span.text, one.span.line, one.span.column) for one in found if one.span and one.code == "missing-file"
     ]
     assert places == [('"m.metamodel"', 1, 8), ('"n.metamodel"', 2, 8)]
 
@@ -196,7 +190,7 @@ def test_a_file_may_hold_several_models(metamodel: Metamodel) -> None:
 
 
 def test_conformance_is_reported_at_the_objects(metamodel: Metamodel) -> None:
-    problems = conformance(text_of("a : Box { i = none }", metamodel))
+    problems = conformance_warnings(text_of("a : Box { i = none }", metamodel))
     assert [(one.code, str(one.severity), one.span and one.span.text) for one in problems] == [
         ("conformance", "warning", "a")
     ]

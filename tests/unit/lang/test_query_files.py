@@ -13,12 +13,12 @@ from envgraph.pattern import (
     Body,
     Check,
     Closure,
+    ColumnMark,
     Comparison,
     Constant,
     Constraint,
     EnumLiteral,
     Evaluation,
-    Hash,
     Navigation,
     Negation,
     Parameter,
@@ -38,7 +38,7 @@ def read(text: str) -> Any:
     return read_definitions(text, "query")
 
 
-def sound(text: str) -> Any:
+def read_without_errors(text: str) -> Any:
     file = read(text)
     assert file.diagnostics == ()
     return file
@@ -46,7 +46,7 @@ def sound(text: str) -> Any:
 
 def constraint(text: str) -> Constraint:
     """The one constraint of a body."""
-    (only,) = sound(f"pattern p(x, y) {{ {text} }}").definitions[0].bodies[0].constraints
+    (only,) = read_without_errors(f"pattern p(x, y) {{ {text} }}").definitions[0].bodies[0].constraints
     return only
 
 
@@ -79,17 +79,17 @@ def constraint(text: str) -> Constraint:
         ("n == count Tile(_);", Comparison("==", n, Aggregate("count", TypeConstraint("Tile", anonymous)))),
         (
             "n == sum Tile.x(_, #);",
-            Comparison("==", n, Aggregate("sum", PathConstraint("Tile", ("x",), anonymous, Hash()))),
+            Comparison("==", n, Aggregate("sum", PathConstraint("Tile", ("x",), anonymous, ColumnMark()))),
         ),
         ("min find q(#) != max find q(#);", Comparison("!=", *(
-            Aggregate(function, PatternCall("q", (Hash(),))) for function in ("min", "max")
+            Aggregate(function, PatternCall("q", (ColumnMark(),))) for function in ("min", "max")
         ))),
         (
             "find q(avg find r(#), eval(1), count Tile(x));",
             PatternCall(
                 "q",
                 (
-                    Aggregate("avg", PatternCall("r", (Hash(),))),
+                    Aggregate("avg", PatternCall("r", (ColumnMark(),))),
                     Evaluation(Constant(1)),
                     Aggregate("count", TypeConstraint("Tile", x)),
                 ),
@@ -99,11 +99,11 @@ def constraint(text: str) -> Constraint:
         ("java Integer(x);", TypeConstraint("int", x)),
     ],
 )  # fmt: skip
-def test_a_construct_becomes_its_data(text: str, data: Constraint) -> None:
+def test_a_constraint_is_parsed_to_its_data(text: str, data: Constraint) -> None:
     assert constraint(text) == data
 
 
-def test_a_whole_file() -> None:
+def test_a_file_with_all_constructs_is_parsed() -> None:
     text = """
         package a.b
         import "m.metamodel"
@@ -122,7 +122,7 @@ def test_a_whole_file() -> None:
         }
         incremental pattern q() { find p(_, _, _); }
     """
-    file = sound(text)
+    file = read_without_errors(text)
     header = file.header
     assert (header.package, [one.name for one in header.patterns]) == ("a.b", ["c.d.helper"])
     assert [(one.path, one.alias) for one in header.imports] == [("m.metamodel", None), ("n.query", "other")]
@@ -138,28 +138,22 @@ def test_a_whole_file() -> None:
         private=True,
         strategy="search",
         annotations=(
-            Annotation(
-                "Constraint", (), (("key", "x"), ("key", "y"), ("severity", "error"), ("message", "no"))
-            ),
+            Annotation("Constraint", (), (("key", "x"), ("key", "y"), ("severity", "error"), ("message", "no"))),
         ),
         doc="Two lines\nof prose.",
     )
     assert (second.strategy, second.parameters, second.doc) == ("incremental", (), None)
 
 
-@pytest.mark.parametrize(
-    "name", ["from", "to", "at", "links", "step", "state", "load", "take", "pattern", "or"]
-)
-def test_words_of_other_places_are_names(name: str) -> None:
-    text = (
-        f"package {name} pattern {name}({name} : {name}) {{ {name}.{name}({name}, _); find {name}({name}); }}"
-    )
-    (pattern,) = sound(text).definitions
+@pytest.mark.parametrize("name", ["from", "to", "at", "links", "step", "state", "load", "take", "pattern", "or"])
+def test_keywords_are_names_where_they_are_not_expected(name: str) -> None:
+    text = f"package {name} pattern {name}({name} : {name}) {{ {name}.{name}({name}, _); find {name}({name}); }}"
+    (pattern,) = read_without_errors(text).definitions
     assert pattern.bodies[0].constraints[1] == PatternCall(name, (Variable(name),))
 
 
-def test_patterns_of_one_line_without_blanks() -> None:
-    (pattern,) = sound("pattern p(x:A){A.b(x,y);y!=x;check(x.c<-1);}").definitions
+def test_a_pattern_on_one_line_without_blanks_is_parsed() -> None:
+    (pattern,) = read_without_errors("pattern p(x:A){A.b(x,y);y!=x;check(x.c<-1);}").definitions
     assert len(pattern.bodies[0].constraints) == 3
 
 
@@ -177,7 +171,7 @@ def test_a_pattern_with_an_unreadable_statement_is_left_out_and_the_others_are_r
     assert len(file.diagnostics) == 2
 
 
-def test_a_class_that_is_called_as_a_data_type_of_ecore_is_a_class() -> None:
+def test_a_class_named_like_an_ecore_data_type_is_a_class() -> None:
     texts = {
         "m.metamodel": "metamodel m\nclass EDate { int day }\n",
         "a.model": 'import "m.metamodel"\nmodel a : m { one : EDate { day = 3 } }\n',

@@ -38,12 +38,12 @@ def read(name: str, text: str) -> File:
 
 
 @pytest.mark.parametrize("name", TEXTS)
-def test_the_files_of_the_example_domains_are_read_as_they_stand(name: str) -> None:
+def test_files_of_the_example_domains_are_parsed_without_diagnostics(name: str) -> None:
     assert read(name, TEXTS[name]).diagnostics == ()
 
 
 @pytest.mark.parametrize("name", TEXTS)
-def test_every_name_in_the_data_has_its_exact_place(name: str) -> None:
+def test_every_name_in_the_data_has_its_exact_span(name: str) -> None:
     checked = 0
     for text, span in places(read(name, TEXTS[name])):
         assert span is not None, text
@@ -108,20 +108,14 @@ def places(data: object) -> Iterator[tuple[str, Span | None]]:
 PIECES = [
     *"{}()[];,.:|#@?!^=<>+-*/%\\\"'\x00é",
     *("->", "<-", "::", "..", "==", "&&", "/*", "*/", "//", '"""', "1.5", "0l", "9" * 30, "x", "_"),
-    *(
-        f" {word} "
-        for word in ("find", "neg", "check", "eval", "count", "or", "pattern", "rule", "lhs", "not")
-    ),
-    *(
-        f" {word} "
-        for word in ("modify", "create", "set", "forall+", "if", "else", "on", "each", "action", "observe")
-    ),
+    *(f" {word} " for word in ("find", "neg", "check", "eval", "count", "or", "pattern", "rule", "lhs", "not")),
+    *(f" {word} " for word in ("modify", "create", "set", "forall+", "if", "else", "on", "each", "action", "observe")),
 ]
 
 
 @settings(max_examples=examples(70))
 @given(st.sampled_from(sorted(TEXTS)), st.data())
-def test_random_mistakes_give_diagnostics_and_nothing_else(name: str, data: st.DataObject) -> None:
+def test_files_with_random_edits_give_only_diagnostics_with_spans(name: str, data: st.DataObject) -> None:
     text = TEXTS[name]
     for _ in range(data.draw(st.integers(1, 5))):
         start = data.draw(st.integers(0, len(text)))

@@ -9,41 +9,41 @@ from envgraph.pattern import (
     Action,
     Alap,
     Assignment,
-    Atomic,
+    AtomicStep,
     Binary,
-    Block,
-    Call,
     Check,
-    Choice,
     Constant,
-    Create,
+    CreateAction,
     DeleteEdge,
     DeleteNode,
     Derivation,
-    Edge,
     EnumLiteral,
-    If,
+    IfStep,
     LeftSide,
-    Merge,
+    MergeAction,
     Modification,
-    Move,
+    MoveAction,
     Navigation,
     Negation,
-    Node,
     Parameter,
     PathConstraint,
     PatternCall,
-    Redirect,
+    RedirectAction,
     Repeat,
-    Retype,
+    RetypeAction,
     RightSide,
     Rule,
-    Sequence,
-    Set,
+    RuleBlock,
+    RuleEdge,
+    RuleNode,
+    SetAction,
     Step,
-    Try,
+    StepSequence,
+    TryStep,
     TypeConstraint,
     Unit,
+    UnitCall,
+    UnitChoice,
     Variable,
 )
 from tests.reading import read_definitions
@@ -78,43 +78,43 @@ def steps(text: str) -> tuple[Step, ...]:
     assert file.diagnostics == ()
     (unit,) = file.definitions
     assert isinstance(unit, Unit)
-    assert isinstance(unit.body, Sequence)
+    assert isinstance(unit.body, StepSequence)
     return unit.body.steps
 
 
-def call(name: str) -> Sequence:
-    return Sequence((Call(name),))
+def call(name: str) -> StepSequence:
+    return StepSequence((UnitCall(name),))
 
 
 # --- left sides
 
 
-def test_arrows_in_both_directions_and_chains() -> None:
+def test_arrows_in_both_directions_and_chains_are_parsed_to_edges() -> None:
     assert left("a -r-> b : T -s-> c; c <-t- a;") == LeftSide(
-        (Node("a"), Node("b", "T"), Node("c")),
-        (Edge("a", "r", "b"), Edge("b", "s", "c"), Edge("a", "t", "c")),
+        (RuleNode("a"), RuleNode("b", "T"), RuleNode("c")),
+        (RuleEdge("a", "r", "b"), RuleEdge("b", "s", "c"), RuleEdge("a", "t", "c")),
     )
 
 
-def test_closures_on_arrows() -> None:
-    assert left("a -r+-> b; a <-s*- b;").edges == (Edge("a", "r", "b", "+"), Edge("b", "s", "a", "*"))
+def test_closures_on_arrows_are_parsed() -> None:
+    assert left("a -r+-> b; a <-s*- b;").edges == (RuleEdge("a", "r", "b", "+"), RuleEdge("b", "s", "a", "*"))
 
 
 def test_a_node_is_kept_once_with_the_class_of_its_declaration() -> None:
-    assert left("a -r-> b; a -s-> b : T; b;").nodes == (Node("a"), Node("b", "T"))
+    assert left("a -r-> b; a -s-> b : T; b;").nodes == (RuleNode("a"), RuleNode("b", "T"))
 
 
-def test_a_second_declaration_is_kept_for_the_check() -> None:
-    assert left("a : T; a : U;").nodes == (Node("a", "T"), Node("a", "U"))
+def test_two_declarations_of_a_node_are_two_nodes() -> None:
+    assert left("a : T; a : U;").nodes == (RuleNode("a", "T"), RuleNode("a", "U"))
 
 
-def test_what_is_anonymous_is_no_node_of_an_arrow() -> None:
-    assert left("a -r-> _; _ : T;") == LeftSide((Node("a"), Node("_", "T")), (Edge("a", "r", "_"),))
+def test_an_anonymous_end_of_an_arrow_is_not_a_node() -> None:
+    assert left("a -r-> _; _ : T;") == LeftSide((RuleNode("a"), RuleNode("_", "T")), (RuleEdge("a", "r", "_"),))
 
 
-def test_conditions_of_queries_stand_beside_arrows() -> None:
+def test_a_left_hand_side_can_contain_query_constraints_and_arrows() -> None:
     assert left("find p(a, b); T(a); T.f(a, 1); check a.f > 1 && b; neg find q(a); a : T;") == LeftSide(
-        (Node("a", "T"),),
+        (RuleNode("a", "T"),),
         (),
         (
             PatternCall("p", (a, b)),
@@ -127,11 +127,11 @@ def test_conditions_of_queries_stand_beside_arrows() -> None:
 
 
 @pytest.mark.parametrize("name", ["from", "to", "at", "among", "create", "set", "move", "lhs", "rule", "not"])
-def test_words_of_other_places_are_names(name: str) -> None:
-    assert left(f"a -{name}-> {name} : T;").edges == (Edge("a", name, name),)
+def test_keywords_are_names_where_they_are_not_expected(name: str) -> None:
+    assert left(f"a -{name}-> {name} : T;").edges == (RuleEdge("a", name, name),)
 
 
-def test_blocks_nest() -> None:
+def test_nested_blocks_are_parsed() -> None:
     text = """rule r {
         lhs { a : T; }
         not { a -r-> b : T; require { b -r-> c; } T(b); }
@@ -140,16 +140,16 @@ def test_blocks_nest() -> None:
         optional { lhs { a -u-> x; } rhs { a; } }
     }"""
     first, second, third, fourth = rule(text).blocks
-    inner = Block("require", LeftSide((Node("b"), Node("c")), (Edge("b", "r", "c"),)))
-    assert first == Block(
+    inner = RuleBlock("require", LeftSide((RuleNode("b"), RuleNode("c")), (RuleEdge("b", "r", "c"),)))
+    assert first == RuleBlock(
         "not",
-        LeftSide((Node("a"), Node("b", "T")), (Edge("a", "r", "b"),), (TypeConstraint("T", b),)),
+        LeftSide((RuleNode("a"), RuleNode("b", "T")), (RuleEdge("a", "r", "b"),), (TypeConstraint("T", b),)),
         (inner,),
     )
     assert (second.kind, second.right) == ("forall+", Modification((DeleteNode(x),)))
     assert [block.kind for block in second.blocks] == ["not"]
     assert (third.kind, third.right) == ("forall", None)
-    assert (fourth.kind, fourth.right) == ("optional", RightSide((Node("a"),)))
+    assert (fourth.kind, fourth.right) == ("optional", RightSide((RuleNode("a"),)))
 
 
 # --- right sides
@@ -158,14 +158,14 @@ def test_blocks_nest() -> None:
 @pytest.mark.parametrize(
     ("text", "data"),
     [
-        ("create a : T;", [Create((Node("a", "T"),))]),
+        ("create a : T;", [CreateAction((RuleNode("a", "T"),))]),
         (
             "create a -r-> b : T { f = 1, g = [a, b], h = ::red, };",
             [
-                Create(
+                CreateAction(
                     (
-                        Node("a"),
-                        Node(
+                        RuleNode("a"),
+                        RuleNode(
                             "b",
                             "T",
                             (
@@ -175,43 +175,43 @@ def test_blocks_nest() -> None:
                             ),
                         ),
                     ),
-                    (Edge("a", "r", "b"),),
+                    (RuleEdge("a", "r", "b"),),
                 )
             ],
         ),
         ("delete a;", [DeleteNode(a)]),
-        ("delete a -r-> b;", [DeleteEdge(Edge("a", "r", "b"))]),
-        ("delete a <-r- b -s-> c;", [DeleteEdge(Edge("b", "r", "a")), DeleteEdge(Edge("b", "s", "c"))]),
-        ("set a.f = b.f + 1;", [Set(a, "f", "=", Binary("+", Navigation(b, "f"), Constant(1)))]),
-        ("set a.f += b; set a.f -= b;", [Set(a, "f", "+=", b), Set(a, "f", "-=", b)]),
-        ("set a.f = none; set a.f=-1;", [Set(a, "f", "=", Constant(None)), Set(a, "f", "=", Constant(-1))]),
-        ("set a.f = [b, c]; set a.f = [];", [Set(a, "f", "=", (b, c)), Set(a, "f", "=", ())]),
-        ("retype a : T;", [Retype(a, "T")]),
-        ("move a to b.r;", [Move(a, b, "r")]),
-        ("merge a <- b;", [Merge(a, b)]),
-        ("redirect a -r-> b to c;", [Redirect(Edge("a", "r", "b"), c)]),
+        ("delete a -r-> b;", [DeleteEdge(RuleEdge("a", "r", "b"))]),
+        ("delete a <-r- b -s-> c;", [DeleteEdge(RuleEdge("b", "r", "a")), DeleteEdge(RuleEdge("b", "s", "c"))]),
+        ("set a.f = b.f + 1;", [SetAction(a, "f", "=", Binary("+", Navigation(b, "f"), Constant(1)))]),
+        ("set a.f += b; set a.f -= b;", [SetAction(a, "f", "+=", b), SetAction(a, "f", "-=", b)]),
+        ("set a.f = none; set a.f=-1;", [SetAction(a, "f", "=", Constant(None)), SetAction(a, "f", "=", Constant(-1))]),
+        ("set a.f = [b, c]; set a.f = [];", [SetAction(a, "f", "=", (b, c)), SetAction(a, "f", "=", ())]),
+        ("retype a : T;", [RetypeAction(a, "T")]),
+        ("move a to b.r;", [MoveAction(a, b, "r")]),
+        ("merge a <- b;", [MergeAction(a, b)]),
+        ("redirect a -r-> b to c;", [RedirectAction(RuleEdge("a", "r", "b"), c)]),
         ("set a.to = to; move to to to.to;", [
-            Set(a, "to", "=", Variable("to")), Move(Variable("to"), Variable("to"), "to")
+            SetAction(a, "to", "=", Variable("to")), MoveAction(Variable("to"), Variable("to"), "to")
         ]),
     ],
 )  # fmt: skip
-def test_an_action_becomes_its_data(text: str, data: list[Action]) -> None:
+def test_an_action_is_parsed_to_its_data(text: str, data: list[Action]) -> None:
     assert actions(text) == tuple(data)
 
 
-def test_a_right_side_is_a_graph_with_settings() -> None:
+def test_a_right_hand_side_is_parsed_to_nodes_edges_and_actions() -> None:
     text = "rule r { lhs { a -r-> b : T; } rhs { a -r-> c : T { f = 1 }; b : U; set a.f = 2; delete x; } }"
     assert rule(text).right == RightSide(
-        (Node("a"), Node("c", "T", (Assignment("f", Constant(1)),)), Node("b", "U")),
-        (Edge("a", "r", "c"),),
-        (Set(a, "f", "=", Constant(2)), DeleteNode(x)),
+        (RuleNode("a"), RuleNode("c", "T", (Assignment("f", Constant(1)),)), RuleNode("b", "U")),
+        (RuleEdge("a", "r", "c"),),
+        (SetAction(a, "f", "=", Constant(2)), DeleteNode(x)),
     )
 
 
 # --- the header of a rule
 
 
-def test_a_rule_with_everything_above_it() -> None:
+def test_a_rule_has_its_package_doc_annotations_and_parameters() -> None:
     text = """package p.q
         /** Documented. */
         @weight(0.5) @priority(-2) @semantics(spo) @match(homomorphic) @hom(a, b) @hom(c, a, b)
@@ -239,21 +239,27 @@ def test_a_rule_without_annotations_has_the_defaults() -> None:
 @pytest.mark.parametrize(
     ("text", "data"),
     [
-        ("a; p.b(1, x); all c;", [Call("a"), Call("p.b", (Constant(1), x)), Call("c", (), True)]),
-        ("a | b(x) | c;", [Choice((Call("a"), Call("b", (x,)), Call("c")))]),
-        ("alap { a; b; }", [Alap(Sequence((Call("a"), Call("b"))))]),
-        ("repeat 1..3 { a; } repeat 2 { }", [Repeat(1, 3, call("a")), Repeat(2, 2, Sequence(()))]),
-        ("try { a; } try { a; } else { b; }", [Try(call("a")), Try(call("a"), call("b"))]),
-        ("atomic { a; }", [Atomic(call("a"))]),
+        ("a; p.b(1, x); all c;", [UnitCall("a"), UnitCall("p.b", (Constant(1), x)), UnitCall("c", (), True)]),
+        ("a | b(x) | c;", [UnitChoice((UnitCall("a"), UnitCall("b", (x,)), UnitCall("c")))]),
+        ("alap { a; b; }", [Alap(StepSequence((UnitCall("a"), UnitCall("b"))))]),
+        ("repeat 1..3 { a; } repeat 2 { }", [Repeat(1, 3, call("a")), Repeat(2, 2, StepSequence(()))]),
+        ("try { a; } try { a; } else { b; }", [TryStep(call("a")), TryStep(call("a"), call("b"))]),
+        ("atomic { a; }", [AtomicStep(call("a"))]),
         (
             "if find p(x) { a; } else if neg find q() { b; } else { c; }",
-            [If(PatternCall("p", (x,)), call("a"), If(Negation(PatternCall("q", ())), call("b"), call("c")))],
+            [
+                IfStep(
+                    PatternCall("p", (x,)),
+                    call("a"),
+                    IfStep(Negation(PatternCall("q", ())), call("b"), call("c")),
+                )
+            ],
         ),
-        ("if check x.f > 1 { a; }", [If(Check(Binary(">", Navigation(x, "f"), Constant(1))), call("a"))]),
-        ("retypings.A.B;", [Call("retypings.A.B")]),
+        ("if check x.f > 1 { a; }", [IfStep(Check(Binary(">", Navigation(x, "f"), Constant(1))), call("a"))]),
+        ("retypings.A.B;", [UnitCall("retypings.A.B")]),
     ],
 )
-def test_a_step_becomes_its_data(text: str, data: list[Step]) -> None:
+def test_a_step_is_parsed_to_its_data(text: str, data: list[Step]) -> None:
     assert steps(text) == tuple(data)
 
 
@@ -263,7 +269,7 @@ def test_units_have_parameters_weights_and_docs() -> None:
         Unit(
             "u",
             (Parameter("x", "T"), Parameter("y", "T", "out")),
-            Sequence((Call("r", (x, Variable("y"))),)),
+            StepSequence((UnitCall("r", (x, Variable("y"))),)),
             weight=3.0,
             priority=1,
             annotations=file.definitions[0].annotations,
@@ -272,7 +278,7 @@ def test_units_have_parameters_weights_and_docs() -> None:
     )
 
 
-def test_derived_groups() -> None:
+def test_derive_statements_are_parsed() -> None:
     file = read("@weight(2) derive g = retype among { A, B, C };\nderive h = operators for A;")
     assert file.diagnostics == ()
     first, second = file.definitions
@@ -289,14 +295,14 @@ def test_a_rule_with_an_unreadable_part_is_left_out_and_the_others_are_read() ->
     assert len(file.diagnostics) == 3
 
 
-def test_what_stands_before_a_missing_brace_is_read() -> None:
+def test_definitions_before_a_missing_brace_are_read() -> None:
     file = read("rule a {\n lhs { x : T; }\n modify { delete x; }\n\nrule b { lhs { } }")
     first, second = file.definitions
     assert isinstance(first, Rule) and first.right == Modification((DeleteNode(Variable("x")),))
     assert second.name == "b" and len(file.diagnostics) == 1
 
 
-def test_a_nameless_object_in_an_arrow_is_one_object_and_printed_as_it_was() -> None:
+def test_an_unnamed_object_in_an_arrow_gets_a_generated_name_that_is_not_printed() -> None:
     text = "rule a { lhs { x : T -r-> _ : T -r-> _ -s-> y; _ : T -r-> x; } not { y -r-> _ : T; } modify { } }"
     (found,) = read(text).definitions
     assert isinstance(found, Rule)
@@ -311,6 +317,6 @@ def test_a_nameless_object_in_an_arrow_is_one_object_and_printed_as_it_was() -> 
     assert read(to_text(found)).definitions == (found,)
 
 
-def test_an_object_is_not_created_without_a_name() -> None:
+def test_creating_an_object_without_a_name_is_an_error() -> None:
     file = read("rule a { lhs { x : T; } modify { create x -r-> _ : T; } }")
     assert [one.code for one in file.diagnostics] == ["anonymous-node"]

@@ -12,28 +12,28 @@ from envgraph.lang import data_path, load_workspace, open as open_files, spelled
 from envgraph.metamodel import Annotation
 from envgraph.pattern import (
     Body,
-    Call,
     Check,
-    Choice,
     Constant,
-    Create,
+    CreateAction,
     Derivation,
-    Edge,
-    If,
+    IfStep,
     LeftSide,
     Modification,
-    Node,
     Parameter,
     PathConstraint,
     Pattern,
     PatternCall,
-    Retype,
+    RetypeAction,
     Rule,
-    Sequence,
-    Set,
-    Try,
+    RuleEdge,
+    RuleNode,
+    SetAction,
+    StepSequence,
+    TryStep,
     TypeConstraint,
     Unit,
+    UnitCall,
+    UnitChoice,
     Variable,
 )
 from envgraph.rewrite import Engine, derived
@@ -78,23 +78,18 @@ def test_names_are_escaped_only_where_they_are_keywords() -> None:
     rule = Rule(
         "rule",
         (Parameter("in", "T"), Parameter("to", "in", "in")),
-        LeftSide((Node("find", "T"), Node("to")), (Edge("find", "lhs", "to"),)),
-        right=Modification((Set(Variable("to"), "to", "=", Variable("true")),)),
+        LeftSide((RuleNode("find", "T"), RuleNode("to")), (RuleEdge("find", "lhs", "to"),)),
+        right=Modification((SetAction(Variable("to"), "to", "=", Variable("true")),)),
     )
     text = to_text(rule)
     assert text == (
-        "rule rule(^in : T, in to : in) {\n"
-        "    lhs { ^find : T -lhs-> to; }\n"
-        "    modify { set to.to = ^true; }\n"
-        "}\n"
+        "rule rule(^in : T, in to : in) {\n    lhs { ^find : T -lhs-> to; }\n    modify { set to.to = ^true; }\n}\n"
     )
     assert read(text) == (rule,)
 
 
-def test_what_fields_say_is_said_by_annotations() -> None:
-    rule = Rule(
-        "r", weight=2.5, priority=-1, semantics="spo", injective=False, homomorphic=(("a", "b"), ("c", "d"))
-    )
+def test_fields_of_rules_are_written_as_annotations() -> None:
+    rule = Rule("r", weight=2.5, priority=-1, semantics="spo", injective=False, homomorphic=(("a", "b"), ("c", "d")))
     text = to_text(rule)
     assert text.startswith(
         "@weight(2.5)\n@priority(-1)\n@semantics(spo)\n@match(homomorphic)\n@hom(a, b)\n@hom(c, d)\nrule r {\n"
@@ -108,45 +103,55 @@ def test_what_fields_say_is_said_by_annotations() -> None:
     assert "@weight(1)\n" in to_text(replace(rule, weight=1.0, annotations=(Annotation("weight", (1,)),)))
 
 
-def test_arrows_are_joined_where_the_order_of_nodes_allows_it() -> None:
+def test_edges_are_written_as_chained_arrows_if_the_node_order_allows() -> None:
     left = LeftSide(
-        (Node("b", "B"), Node("a", "A"), Node("c", "C"), Node("alone", "D")),
+        (RuleNode("b", "B"), RuleNode("a", "A"), RuleNode("c", "C"), RuleNode("alone", "D")),
         (
-            Edge("a", "x", "b"),
-            Edge("a", "y", "c"),
-            Edge("b", "z", "c", "+"),
-            Edge("a", "w", "_"),
-            Edge("a", "v", "new"),
+            RuleEdge("a", "x", "b"),
+            RuleEdge("a", "y", "c"),
+            RuleEdge("b", "z", "c", "+"),
+            RuleEdge("a", "w", "_"),
+            RuleEdge("a", "v", "new"),
         ),
     )
     text = to_text(Rule("r", left=left))
     assert "    lhs { b : B <-x- a : A -y-> c : C <-z+- b; a -w-> _; alone : D; a -v-> new; }" in text
     (found,) = read(text)
-    assert found.left == replace(left, nodes=(*left.nodes, Node("new")))
+    assert found.left == replace(left, nodes=(*left.nodes, RuleNode("new")))
 
 
-def test_a_creation_of_several_chains_is_several_creations() -> None:
-    nodes, edges = (Node("a", "A"), Node("b", "B")), (Edge("a", "x", "b"), Edge("x", "y", "b"))
-    text = to_text(Rule("r", right=Modification((Create(nodes, edges), Create((), ())))))
+def test_a_creation_that_is_not_one_chain_is_written_as_several_creations() -> None:
+    nodes, edges = (
+        (RuleNode("a", "A"), RuleNode("b", "B")),
+        (RuleEdge("a", "x", "b"), RuleEdge("x", "y", "b")),
+    )
+    text = to_text(Rule("r", right=Modification((CreateAction(nodes, edges), CreateAction((), ())))))
     assert "modify { create a : A -x-> b : B <-y- x; }" in text
     apart = to_text(
-        Rule("r", right=Modification((Create(nodes, (Edge("b", "x", "_"), Edge("a", "x", "a"))),)))
+        Rule(
+            "r",
+            right=Modification((CreateAction(nodes, (RuleEdge("b", "x", "_"), RuleEdge("a", "x", "a"))),)),
+        )
     )
     assert "modify { create a : A; create b : B -x-> _; create a -x-> a; }" in apart
 
 
 def test_steps_of_units_become_blocks() -> None:
-    a, b = Call("a"), Call("b", (Constant(1),), every=True)
-    inner = If(PatternCall("p", ()), a)
-    step = Sequence(
-        (Choice((a,)), Sequence((Choice((a, b)), Try(a, b))), If(Check(Constant(True)), b, inner))
+    a, b = UnitCall("a"), UnitCall("b", (Constant(1),), every=True)
+    inner = IfStep(PatternCall("p", ()), a)
+    step = StepSequence(
+        (
+            UnitChoice((a,)),
+            StepSequence((UnitChoice((a, b)), TryStep(a, b))),
+            IfStep(Check(Constant(True)), b, inner),
+        )
     )
     text = to_text(Unit("u", (), step))
     assert text == (
         "unit u {\n    a;\n    a | all b(1);\n    try { a; } else { all b(1); }\n"
         "    if check(true) { all b(1); } else if find p() { a; }\n}\n"
     )
-    nested = replace(step.steps[2], otherwise=Sequence((inner,)))
+    nested = replace(step.steps[2], otherwise=StepSequence((inner,)))
     assert "else { if find p() { a; } }" in to_text(Unit("u", (), nested))
 
 
@@ -175,22 +180,22 @@ def test_steps_of_units_become_blocks() -> None:
         ),
         (Pattern("p", (), (Body(()),), doc="a */ b"), "its comment contains"),
         (Rule("r", weight=-1.0), "the weight is"),
-        (Unit("u", (), Choice((Sequence(()),))), "a choice has only one alternative"),
-        (Unit("u", (), Choice(())), "a choice has no alternatives"),
+        (Unit("u", (), UnitChoice((StepSequence(()),))), "a choice has only one alternative"),
+        (Unit("u", (), UnitChoice(())), "a choice has no alternatives"),
         (
             Derivation("d", "operators", ("A", "B")),
             "`d` derives operators for 2 classes, but must name one class",
         ),
     ],
 )
-def test_what_has_no_text_is_refused(definition: Rule, reason: str) -> None:
+def test_rules_that_cannot_be_written_as_text_are_refused(definition: Rule, reason: str) -> None:
     with pytest.raises(InvalidArgument) as caught:
         to_text(definition)
     assert f"`{definition.name}` cannot be written as text: " in str(caught.value)
     assert reason in str(caught.value)
 
 
-def test_a_text_has_one_language_and_one_package() -> None:
+def test_definitions_of_several_languages_or_packages_are_refused() -> None:
     with pytest.raises(InvalidArgument, match="patterns and rules cannot be written to one file"):
         to_text(Pattern("p", (), (Body(()),)), Rule("r"))
     with pytest.raises(InvalidArgument, match=r"of several packages \(`a`, none\)"):
@@ -200,8 +205,8 @@ def test_a_text_has_one_language_and_one_package() -> None:
 def test_a_rule_of_python_and_its_text_do_the_same() -> None:
     rule = Rule(
         "burn",
-        left=LeftSide((Node("tile", "RoadTile"),)),
-        right=Modification((Retype(Variable("tile"), "BurningTile"),)),
+        left=LeftSide((RuleNode("tile", "RoadTile"),)),
+        right=Modification((RetypeAction(Variable("tile"), "BurningTile"),)),
         package="burning_forest",
         weight=2.0,
     )

@@ -42,18 +42,16 @@ def expected() -> list[str]:
     return [one.format(MODEL.index('"//@members.7') + 2) for one in WRONG]
 
 
-def test_each_is_a_mistake_with_its_place() -> None:
+def test_each_unresolved_link_is_an_error_with_its_position() -> None:
     found = load_workspace(["m.ecore", "a.library"], files=FILES)
     assert [f"{one.span}: {one.message}" for one in found.errors] == expected()
     assert all("--allow-unresolved" in str(one.hint) for one in found.errors if "members" not in one.message)
 
 
-def test_where_they_are_allowed_the_rest_is_loaded() -> None:
+def test_unresolved_links_are_warnings_if_allowed() -> None:
     found = load_workspace(["m.ecore", "a.library"], files=FILES, allow_unresolved=True)
     assert not found.errors
-    told = [
-        one for one in found.diagnostics if one.code != "conformance" and one.span.source.name == "a.library"
-    ]
+    told = [one for one in found.diagnostics if one.code != "conformance" and one.span.source.name == "a.library"]
     assert [f"{one.span}: {one.message}" for one in told] == expected()
     assert {one.hint for one in told} == {"links to it are left out"}
     (book,) = found.model().nodes("Book")
@@ -61,7 +59,7 @@ def test_where_they_are_allowed_the_rest_is_loaded() -> None:
     assert found.model().nodes("Library")[0].director is None
 
 
-def test_of_very_many_a_hundred_are_shown() -> None:
+def test_at_most_a_hundred_unresolved_links_are_reported() -> None:
     members = "".join(f'<members name="{n}"/>' for n in range(5_000))
     authors = " ".join(f"_{n}" for n in range(5_000))
     books = f'<shelves><items xsi:type="lib:Book" name="b" code="1" authors="{authors}"/></shelves>'
@@ -75,7 +73,7 @@ def test_of_very_many_a_hundred_are_shown() -> None:
     assert codes.count("unknown-object") == 100 and codes.count("too-many-warnings") == 1
 
 
-def test_open_and_the_commands_take_it(
+def test_open_and_the_commands_can_allow_unresolved_links(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     monkeypatch.chdir(tmp_path)
@@ -104,14 +102,12 @@ def test_open_and_the_commands_take_it(
             assert ("links to it are left out" in err) == allowed
 
 
-def test_features_of_a_metamodel_whose_types_are_nowhere_are_left_out() -> None:
+def test_features_with_unresolved_types_are_left_out_if_allowed() -> None:
     metamodel = LIBRARY.replace(
         'eType="#//Shelf" containment', 'eType="ecore:EClass shelves.ecore#//Shelf" containment'
     )
     metamodel = metamodel.replace('name="Shelf"', 'name="Shelf" eSuperTypes="http://none#//Thing"')
-    metamodel = metamodel.replace('eOpposite="#//Library/shelves"', "").replace(
-        'eOpposite="#//Shelf/library"', ""
-    )
+    metamodel = metamodel.replace('eOpposite="#//Library/shelves"', "").replace('eOpposite="#//Shelf/library"', "")
     query = 'import "m.ecore"\npattern p(l : Library, s) {{ Library.{}(l, s); }}'
     texts = {"m.ecore": metamodel, "q.query": query.format("shelves"), "ok.query": query.format("members")}
     (first, second) = load_workspace(["m.ecore"], files=TextFiles(texts)).errors
@@ -125,21 +121,17 @@ def test_features_of_a_metamodel_whose_types_are_nowhere_are_left_out() -> None:
     assert problem.hint == "its type is in a file that does not exist"
 
 
-def test_objects_of_a_namespace_that_is_nowhere_are_left_out() -> None:
+def test_objects_of_an_unknown_namespace_are_left_out_if_allowed() -> None:
     model = (
         f'<xmi:XMI {HEAD} xmlns:p="http://profile/7"><p:Library base="_1"><shelves/></p:Library>'
         '<lib:Library xmi:id="_1" name="x"><shelves><items xsi:type="p:Book"/></shelves></lib:Library></xmi:XMI>'
     )
-    files = TextFiles(
-        {"m.ecore": LIBRARY, "a.xmi": model, "b.xmi": model.replace("profile/7", "example.org/libary")}
-    )
+    files = TextFiles({"m.ecore": LIBRARY, "a.xmi": model, "b.xmi": model.replace("profile/7", "example.org/libary")})
     (problem,) = load_workspace(["m.ecore", "a.xmi"], files=files).errors
     assert problem.message == "the metamodel `library` has no namespace `http://profile/7`"
     found = load_workspace(["m.ecore", "a.xmi"], files=files, allow_unresolved=True)
     assert not found.errors and len(found.model()) == 2
-    assert [one.hint for one in found.diagnostics if one.code == "unknown-uri"] == [
-        "objects of it are left out"
-    ]
+    assert [one.hint for one in found.diagnostics if one.code == "unknown-uri"] == ["objects of it are left out"]
     # One that is nearly right is a mistake: else a model of another version would be empty.
     near = load_workspace(["m.ecore", "b.xmi"], files=files, allow_unresolved=True).errors
     assert near[0].hint == "did you mean `http://example.org/library`?"

@@ -50,7 +50,7 @@ def test_classes_have_their_supertypes_and_docs() -> None:
     assert LIBRARY.key("Film") == ("code",)
 
 
-def test_attributes_have_types_defaults_and_say_whether_they_need_a_value() -> None:
+def test_attributes_have_types_defaults_and_optionality() -> None:
     found = {str(one): (str(one.type), one.default, one.optional) for one in LIBRARY.attributes}
     assert found["Shelf.number"] == ("int", 1, False)
     assert found["Valued.price"] == ("float", 9.5, False)
@@ -65,7 +65,7 @@ def test_enums_keep_the_numbers_of_their_literals() -> None:
     assert (state.literals, state.numbers, state.labels) == (("available", "lent", "lost"), (0, 1, 7), ())
 
 
-def test_a_literal_may_be_written_otherwise_than_it_is_called() -> None:
+def test_an_enum_literal_can_have_a_text_other_than_its_name() -> None:
     text = """<ecore:EPackage xmlns:xsi="http://www.w3.org/2001/XMLSchema-instance"
         xmlns:ecore="http://www.eclipse.org/emf/2002/Ecore" name="p" nsURI="http://p" nsPrefix="p">
       <eClassifiers xsi:type="ecore:EEnum" name="Way">
@@ -95,7 +95,7 @@ def test_a_transient_end_of_an_opposite_pair_is_kept() -> None:
     assert route is not None and not isinstance(route, Attribute) and route.opposite == "follows"
 
 
-def test_ranges_survive_ecore() -> None:
+def test_ranges_are_written_to_ecore_and_read_back() -> None:
     text = "metamodel m class A { @range(-1, 10) int size @range(0.0000001, 0.5) float share }"
     before = load_workspace(["m.metamodel"], files=TextFiles({"m.metamodel": text}))
     assert before.metamodel is not None
@@ -104,14 +104,14 @@ def test_ranges_survive_ecore() -> None:
     assert after is not None and after.class_list == before.metamodel.class_list
 
 
-def test_glyphs_keys_and_frozen_classes_survive_ecore() -> None:
+def test_glyphs_keys_and_frozen_classes_are_written_to_ecore_and_read_back() -> None:
     metamodel = envgraph.open("burning_forest").model.metamodel
     again = parse_ecore(Source("a.ecore", metamodel_to_ecore(metamodel)))
     assert again.class_list == metamodel.class_list
     assert again.classes["BurningTile"].glyph == metamodel.classes["BurningTile"].glyph
 
 
-def test_types_and_opposites_may_stand_in_tags() -> None:
+def test_types_and_opposites_can_be_given_in_tags() -> None:
     text = """<ecore:EPackage xmlns:xsi="http://www.w3.org/2001/XMLSchema-instance" xmlns:xmi="http://www.omg.org/XMI"
         xmlns:ecore="http://www.eclipse.org/emf/2002/Ecore" name="p" nsURI="http://p" nsPrefix="p">
       <eClassifiers xsi:type="ecore:EClass" name="A" xmi:id="a1">
@@ -136,7 +136,7 @@ def test_types_and_opposites_may_stand_in_tags() -> None:
 # --- models ---
 
 
-def test_objects_stand_where_they_are_contained_and_references_lead_to_them() -> None:
+def test_a_model_has_its_containment_tree_and_references() -> None:
     model = load_workspace([DATA / "library.xmi"]).model()
     root = model.nodes("Library")[0]
     assert root.director["name"] == "Cora"
@@ -151,7 +151,7 @@ def test_objects_stand_where_they_are_contained_and_references_lead_to_them() ->
     assert model.nodes("Film")[0].lentTo == student
 
 
-def test_what_is_not_mentioned_has_the_default_or_no_value() -> None:
+def test_missing_attributes_have_their_default_or_no_value() -> None:
     model = load_workspace([DATA / "library.xmi"]).model()
     emma, momo = model.nodes("Book")
     assert (emma.price, momo.price) == (12.0, 9.5)
@@ -160,16 +160,14 @@ def test_what_is_not_mentioned_has_the_default_or_no_value() -> None:
 
 
 def test_ids_become_names_and_references_use_them() -> None:
-    model = library(
-        '<members xmi:id="jane" name="Jane"/><members name="Max" friends="jane"/>', 'director="jane"'
-    )
+    model = library('<members xmi:id="jane" name="Jane"/><members name="Max" friends="jane"/>', 'director="jane"')
     assert model["jane"]["name"] == "Jane"
     assert list(model["jane"].friends) == [model.nodes("Person")[1]]
     text = model_to_xmi(model)
     assert 'director="jane"' in text and 'friends="jane"' in text and 'friends="//@members.1"' in text
 
 
-def test_a_target_that_is_named_twice_is_one() -> None:
+def test_a_target_given_twice_is_one_link() -> None:
     model = library('<members name="a" friends="/0/@members.1 //@members.1"/><members name="b"/>')
     assert [list(person.friends) for person in model.nodes("Person")] == [
         [model.nodes("Person")[1]],
@@ -177,7 +175,7 @@ def test_a_target_that_is_named_twice_is_one() -> None:
     ]
 
 
-def test_a_name_that_is_no_id_is_not_used_in_references() -> None:
+def test_an_object_name_that_is_not_a_valid_id_is_not_used_in_references() -> None:
     model = library('<members name="Jane"/><members name="Max"/>')
     jane, other = model.nodes("Person")
     jane.object_name = "//@members.1"
@@ -195,7 +193,7 @@ def test_infinity_is_written_in_several_ways(text: str) -> None:
     assert 'price="-Infinity"' in model_to_xmi(model)
 
 
-def test_values_may_stand_in_tags_and_be_nil() -> None:
+def test_attribute_values_can_be_given_in_tags_and_be_nil() -> None:
     model = library(
         '<shelves><items xsi:type="lib:Book" code="1" name="a">'
         '<subtitle>two\nlines &amp; more</subtitle><price xsi:nil="true"/></items></shelves>'
@@ -206,10 +204,8 @@ def test_values_may_stand_in_tags_and_be_nil() -> None:
     assert (again.nodes("Book")[0].subtitle, again.nodes("Book")[0].price) == ("two\nlines & more", None)
 
 
-def test_several_objects_stand_at_the_top_of_an_xmi_element() -> None:
-    model = parse_xmi(
-        Source("a.xmi", f'<xmi:XMI {HEAD}><lib:Shelf number="4"/><lib:Shelf/></xmi:XMI>'), LIBRARY
-    )
+def test_an_xmi_element_can_contain_several_root_objects() -> None:
+    model = parse_xmi(Source("a.xmi", f'<xmi:XMI {HEAD}><lib:Shelf number="4"/><lib:Shelf/></xmi:XMI>'), LIBRARY)
     assert [shelf.number for shelf in model.nodes("Shelf")] == [4, 1]
     assert len(parse_xmi(Source("b.xmi", model_to_xmi(model)), LIBRARY)) == 2
     empty = Model(LIBRARY)
@@ -238,7 +234,7 @@ def test_documents_may_name_each_other() -> None:
     assert list(ann.friends) == [ben] and len(model) == 4
 
 
-def test_mistakes_in_other_documents_are_told_where_they_stand() -> None:
+def test_errors_in_referenced_documents_are_reported_at_their_position() -> None:
     names = "".join(f'<members name="{name}" friends="{name}.xmi#/"/>' for name in "bc")
     texts = {
         "a.xmi": f'<lib:Library {HEAD} name="a">{names}</lib:Library>',
@@ -256,10 +252,8 @@ def test_mistakes_in_other_documents_are_told_where_they_stand() -> None:
     assert [str(note.span) for one in problems for note in one.notes] == ["b.xmi:2:2", "c.xmi:3:2"]
 
 
-def test_nothing_is_fetched_and_no_entity_is_expanded() -> None:
-    found = mistakes(
-        f'<lib:Library {HEAD} name="x"><director href="https://example.org/a.xmi#/"/></lib:Library>'
-    )
+def test_urls_are_not_fetched_and_entities_are_not_expanded() -> None:
+    found = mistakes(f'<lib:Library {HEAD} name="x"><director href="https://example.org/a.xmi#/"/></lib:Library>')
     assert len(found) == 1 and "it is a URL" in found[0]
     bomb = '<!DOCTYPE a [<!ENTITY b "c"><!ENTITY d SYSTEM "library.ecore">]><a>&b;&d;</a>'
     assert mistakes(bomb) == [
@@ -267,7 +261,7 @@ def test_nothing_is_fetched_and_no_entity_is_expanded() -> None:
     ]
 
 
-def test_tags_without_end_are_not_read_on() -> None:
+def test_too_deeply_nested_tags_are_refused() -> None:
     endless = "<a>" * 100_002
     for read in (
         lambda: parse_ecore(Source("a.ecore", endless)),
@@ -296,13 +290,13 @@ def test_a_deep_model_is_read_and_written() -> None:
     assert process_time() - started < 5
 
 
-def test_after_a_hundred_mistakes_the_rest_is_not_read() -> None:
+def test_reading_stops_after_a_hundred_errors() -> None:
     tags = "".join(f"<shelf{number}/>" for number in range(100_000))
     found = mistakes(f'<lib:Library {HEAD} name="x">{tags}</lib:Library>')
     assert len(found) == 101 and found[-1].endswith("too many mistakes: the rest of the file is not read")
 
 
-def test_a_name_that_means_nothing_is_one_mistake() -> None:
+def test_each_unknown_name_is_reported_once() -> None:
     tags = '<items xsi:type="lib:Bok"/>' * 300 + '<items xsi:type="lib:Book" titel="a"/>' * 300 + "<other/>"
     found = mistakes(f'<lib:Library {HEAD} name="x"><shelves>{tags}</shelves></lib:Library>')
     assert [one.partition(": ")[2] for one in found] == [
@@ -312,7 +306,7 @@ def test_a_name_that_means_nothing_is_one_mistake() -> None:
     ]
 
 
-def test_dangling_references_are_told_soon_in_a_large_file() -> None:
+def test_dangling_references_in_a_large_file_are_reported_within_the_time_limit() -> None:
     people = "".join(f'<members name="{n}" friends="p{n}"/>' for n in range(20_000))
     started = process_time()
     assert len(mistakes(f'<lib:Library {HEAD} name="x">{people}</lib:Library>')) == 101
@@ -371,7 +365,7 @@ def test_files_may_have_any_encoding_that_they_declare(tmp_path: Path, encoding:
     ],
 )
 @pytest.mark.parametrize("name", ["a.xmi", "a.ecore"])
-def test_bytes_that_are_no_text_are_told(tmp_path: Path, name: str, data: bytes, message: str) -> None:
+def test_bytes_that_do_not_fit_the_encoding_are_reported(tmp_path: Path, name: str, data: bytes, message: str) -> None:
     (tmp_path / name).write_bytes(data)
     problems = load_workspace([DATA / "library.ecore"] * (name == "a.xmi") + [tmp_path / name]).errors
     assert [f"{one.span}: {one.message}".partition(name + ":")[2] for one in problems] == [message]
@@ -415,10 +409,7 @@ def test_an_unknown_uri_is_one_mistake() -> None:
     query = 'package q\nimport "http://example.org/libary"\npattern shelf(s : Shelf) { Shelf(s); }'
     texts = TextFiles(TEXTS | {"q.vql": query})
     (problem,) = load_workspace(["library.ecore", "q.vql"], files=texts).errors
-    assert (
-        f"{problem.span}: {problem.message}"
-        == "q.vql:2:8: no metamodel has the uri `http://example.org/libary`"
-    )
+    assert f"{problem.span}: {problem.message}" == "q.vql:2:8: no metamodel has the uri `http://example.org/libary`"
     assert problem.hint == "did you mean `http://example.org/library`?"
     (problem,) = load_workspace(["q.vql"], files=texts).errors
     assert problem.hint is not None and "--metamodel" in problem.hint
@@ -433,7 +424,7 @@ def test_files_are_loaded_into_an_engine_whose_metamodel_they_import(tmp_path: P
     assert engine.count("shelf") == 2
 
 
-def test_the_same_metamodel_in_two_formats_is_one(tmp_path: Path) -> None:
+def test_the_same_metamodel_in_two_formats_is_merged(tmp_path: Path) -> None:
     metamodel = envgraph.open("burning_forest").model.metamodel
     (tmp_path / "forest.ecore").write_text(metamodel_to_ecore(metamodel))
     engine = envgraph.open(tmp_path / "forest.ecore", "burning_forest")
@@ -451,11 +442,11 @@ def test_the_same_metamodel_in_two_formats_is_one(tmp_path: Path) -> None:
         ("reachable", 7),
     ],
 )
-def test_queries_in_the_style_of_viatra_are_answered(pattern: str, count: int) -> None:
+def test_viatra_queries_have_the_expected_numbers_of_matches(pattern: str, count: int) -> None:
     engine = envgraph.open(DATA / "railway.ecore", DATA / "railway.xmi", DATA / "railway.vql")
     assert engine.count(pattern) == count
 
 
-def test_data_types_of_ecore_may_be_named_where_ecore_is_imported() -> None:
+def test_queries_that_import_ecore_can_use_its_data_types() -> None:
     engine = envgraph.open(DATA / "library.xmi", DATA / "library.vql")
     assert [match.pages for match in engine.matches("longBook")] == [474]

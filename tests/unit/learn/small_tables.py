@@ -20,9 +20,7 @@ def table(
     """The table with outcomes `rows[state][action]`; each state is its own observation unless told otherwise."""
     starts = starts or {0: 1.0}
     outcomes = max(len(choice) for row in rows for choice in row)
-    filled = np.array(
-        [[[*choice, *[(0.0, 0, 0.0, 0)] * (outcomes - len(choice))] for choice in row] for row in rows]
-    )
+    filled = np.array([[[*choice, *[(0.0, 0, 0.0, 0)] * (outcomes - len(choice))] for choice in row] for row in rows])
     seen = np.arange(len(rows)) if observation is None else np.array(observation)
     return Tabular(
         next_state=filled[..., 1].astype(np.int32),

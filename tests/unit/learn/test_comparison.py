@@ -46,7 +46,7 @@ HALF = [1.0, 0.0] * 500
 WHOLE = runs("E1-E6", HALF, "curriculum")
 
 
-def test_an_order_that_is_worse_than_its_reverse_is_said_to_be() -> None:
+def test_an_order_worse_than_its_reverse_has_the_verdict_worse() -> None:
     (one,) = compared(WHOLE, runs("reversed", [1.0] * 820 + [0.0] * 180))
     assert one.verdict == "worse" and one.p_value < 1e-10 and one.seeds == 1_000
     assert str(one) == "E1-E6 is worse than its reverse (0.50 against 0.82 over 1,000 seeds, p < 0.001)"
@@ -57,7 +57,7 @@ def test_an_order_that_is_worse_than_its_reverse_is_said_to_be() -> None:
     assert one.improvement == pytest.approx(0.5 * 0.18 + 0.5 * (0.5 * 0.82 + 0.5 * 0.18))
 
 
-def test_equal_needs_seeds_enough() -> None:
+def test_the_verdict_equal_needs_enough_seeds() -> None:
     (much,) = compared(runs("E1-E6", [1.0] * 1_000, "curriculum"), runs("randomised", [1.0] * 1_000))
     expected = "differ by at most 0.05 (1.00 against 1.00 over 1,000 seeds, p = 1)"
     assert str(much) == f"E1-E6 and domain randomisation {expected}" and much.verdict == "equal"
@@ -82,16 +82,14 @@ def test_few_seeds_show_no_difference() -> None:
 def test_more_comparisons_take_more_seeds() -> None:
     def beside_six(seeds: int) -> tuple[Comparison, ...]:
         names = ["optimistic 1", "reversed", "randomised", "uniform", "plr", "band"]
-        return compared(
-            runs("E1-E6", [0.0] * seeds, "curriculum"), *(runs(name, [1.0] * seeds) for name in names)
-        )
+        return compared(runs("E1-E6", [0.0] * seeds, "curriculum"), *(runs(name, [1.0] * seeds) for name in names))
 
     for seeds in (6, 7):
         assert all("takes at least 8 seeds (" in str(one) for one in beside_six(seeds))
     assert {one.verdict for one in beside_six(8)} == {"worse"}
 
 
-def test_where_neither_succeeds_nothing_else_is_compared() -> None:
+def test_returns_are_not_compared_if_neither_side_succeeds() -> None:
     """Standing still may cost nothing, so that its return is better than that of a way to the goal."""
     first = runs("E1-E6", [0.0] * 500, "curriculum", returns=[-1.0] * 500)
     still = runs("reversed", [0.0] * 500, returns=[0.0] * 500)
@@ -110,7 +108,7 @@ def test_p_values_are_corrected_for_all_comparisons() -> None:
     assert [one.verdict for one in found] == ["better", "undecided"]
 
 
-def test_of_several_optimistic_controls_the_best_is_compared() -> None:
+def test_only_the_best_optimistic_control_is_compared() -> None:
     """By mean success, then by mean return; what is not compared stays in the experiment."""
     given = runs("E1-E6", [0.0, 0.0, 1.0], "curriculum")
     half, full = (
@@ -124,12 +122,10 @@ def test_of_several_optimistic_controls_the_best_is_compared() -> None:
     assert [one.control for one in found] == ["optimistic 2", "reversed"]
     assert found[0].called == "direct training with optimistic values of 2"
     assert Experiment((*given, *other)).best_optimistic().runs == (*given, *other)
-    assert (
-        compared(given, runs("optimistic", [0.0] * 3))[0].called == "direct training with optimistic values"
-    )
+    assert compared(given, runs("optimistic", [0.0] * 3))[0].called == "direct training with optimistic values"
 
 
-def test_only_training_on_the_target_and_controls_with_as_many_steps_are_compared() -> None:
+def test_only_direct_training_and_controls_with_equal_steps_are_compared() -> None:
     found = compared(
         WHOLE,
         runs("E2-E6", HALF, "curriculum", steps=500),
@@ -141,7 +137,7 @@ def test_only_training_on_the_target_and_controls_with_as_many_steps_are_compare
     assert compared(runs("E6", HALF, "baseline")) == () and findings(()) == []
 
 
-def test_where_no_episode_can_end_in_success_returns_are_compared() -> None:
+def test_returns_are_compared_if_no_episode_can_succeed() -> None:
     def beside(*groups: list[RunResult]) -> Comparison:
         return compare(Experiment(tuple(run for group in groups for run in group)), can_succeed=False)[0]
 
@@ -160,31 +156,31 @@ def test_where_no_episode_can_end_in_success_returns_are_compared() -> None:
     )
 
 
-def best(*groups: list[RunResult]) -> str:
+def best_line(*groups: list[RunResult]) -> str:
     return str(best_way(Experiment(tuple(run for group in groups for run in group)), "E6"))
 
 
-def test_the_best_way_is_named_with_the_next() -> None:
+def test_the_best_and_second_best_trainings_are_named() -> None:
     others = runs("reversed", HALF), runs("backplay, 6 stages", [1.0] * 800 + [0.0] * 200)
     first = runs("E1-E6", [1.0] * 970 + [0.0] * 30, "curriculum")
-    assert best(first, *others) == (
+    assert best_line(first, *others) == (
         "Best of 3 ways to train E6 with 600 steps: the curriculum E1-E6, 97 % of 1,000 agents; "
         "next backplay in 6 stages, 80 %."
     )
-    assert best(*others, first) == best(first, *others)
-    assert best(*others) == (
+    assert best_line(*others, first) == best_line(first, *others)
+    assert best_line(*others) == (
         "Best of 2 ways to train E6 with 600 steps: backplay in 6 stages, 80 % of 1,000 agents; next its reverse, 50 %."
     )
     assert (
-        best(first)
+        best_line(first)
         == "None"
-        == best(first, runs("E5-E6", HALF, "curriculum"), runs("E1", HALF, "baseline", before=600))
+        == best_line(first, runs("E5-E6", HALF, "curriculum"), runs("E1", HALF, "baseline", before=600))
     )
 
 
-def test_ways_that_are_as_good_tie() -> None:
+def test_trainings_without_a_significant_difference_tie() -> None:
     first, other = runs("E1-E6", [1.0] * 100, "curriculum"), runs("reversed", [0.0] * 100)
-    found = best(runs("backplay", [1.0] * 99 + [0.0]), other, first)
+    found = best_line(runs("backplay", [1.0] * 99 + [0.0]), other, first)
     assert found == (
         "Best of 3 ways to train E6 with 600 steps: the curriculum E1-E6 and backplay tie, at best 100 % of "
         "100 agents; "
@@ -194,24 +190,24 @@ def test_ways_that_are_as_good_tie() -> None:
     assert way is not None and way.best == ["the curriculum E1-E6", "backplay"] and way.needs_curriculum
 
 
-def test_a_target_that_is_learned_alone_needs_no_curriculum() -> None:
+def test_a_target_learned_by_direct_training_needs_no_curriculum() -> None:
     first = runs("E1-E6", [1.0] * 100, "curriculum")
     for direct in (runs("E6", [1.0] * 100, "baseline"), runs("optimistic 4.4", [1.0] * 98 + [0.0] * 2)):
-        found = best(first, direct, runs("reversed", [0.0] * 100))
+        found = best_line(first, direct, runs("reversed", [0.0] * 100))
         assert " tie, at best 100 % of 100 agents; " in found
         assert found.endswith("next its reverse, 0 %. The target needs no curriculum with so many steps.")
-    found = best(runs("E1-E6", [0.0] * 199 + [1.0], "curriculum"), runs("E6", [0.0] * 200, "baseline"))
+    found = best_line(runs("E1-E6", [0.0] * 199 + [1.0], "curriculum"), runs("E6", [0.0] * 200, "baseline"))
     assert found == "All 2 ways to train E6 with 600 steps tie, at best 0.5 % of 200 agents."
 
 
-def test_where_every_way_fails_the_first_line_says_so() -> None:
-    found = best(runs("E1-E6", [0.0] * 8, "curriculum"), runs("E6", [0.0] * 8, "baseline"))
+def test_the_first_line_reports_that_no_training_succeeds() -> None:
+    found = best_line(runs("E1-E6", [0.0] * 8, "curriculum"), runs("E6", [0.0] * 8, "baseline"))
     assert found == "None of 2 ways to train E6 with 600 steps succeeds with any of 8 agents."
 
 
 def test_few_agents_tie_only_if_their_means_are_equal() -> None:
     first, same = runs("E1-E6", [1.0] * 3, "curriculum"), runs("backplay", [1.0] * 3)
-    assert best(first, runs("reversed", [0.0, 1.0, 1.0]), same) == (
+    assert best_line(first, runs("reversed", [0.0, 1.0, 1.0]), same) == (
         "Best of 3 ways to train E6 with 600 steps: the curriculum E1-E6 and backplay tie, at best 100 % of 3 agents; "
         "next its reverse, 66.7 %; a significant difference takes at least 7 agents."
     )

@@ -10,9 +10,9 @@ import pytest
 
 from envgraph.env import Tabular
 from envgraph.errors import InvalidArgument
-from envgraph.lang.family._family import Scheduled
+from envgraph.lang.family._family_spec import ScheduleName
 from envgraph.learn import (
-    EXACT,
+    EXACT_SCHEDULES,
     TEACHERS,
     Curriculum,
     FamilyMember,
@@ -30,16 +30,14 @@ from envgraph.learn import (
     sequences,
     train_run,
 )
-from envgraph.learn._teachers import ExactScore
+from envgraph.learn._regret import ExactScore
 from envgraph.solve import certify, optimal_episode
 from envgraph.solve.learning import Backend
 from tests.unit.learn.small_tables import random_table, table
 
 NAMES = ["E1", "E2", "E3", "E4"]
 FAMILY = [FamilyMember(name, random_table(seed, outcomes=seed)) for seed, name in enumerate(NAMES, start=1)]
-SETTINGS = TrainingSettings(
-    steps_per_environment=300, evaluation_episodes=20, limit=25, checkpoint=100, seeds=2
-)
+SETTINGS = TrainingSettings(steps_per_environment=300, evaluation_episodes=20, limit=25, checkpoint=100, seeds=2)
 BEGUN = {
     f"E4 from {states}": replace(
         FAMILY[-1].tabular,  # type: ignore[arg-type]
@@ -79,13 +77,13 @@ def test_results_do_not_depend_on_workers_or_loop(backend: Backend) -> None:
 
 
 @pytest.mark.parametrize("control", ALL, ids=lambda one: one.label)
-def test_a_control_does_not_depend_on_what_else_is_run(control: Curriculum) -> None:
+def test_results_of_a_control_do_not_depend_on_other_controls(control: Curriculum) -> None:
     together = run_experiment(FAMILY, SETTINGS, ALL, starts=BEGUN).runs
     (alone,) = run_experiment(FAMILY, SETTINGS, [control], seeds=[1], starts=BEGUN).runs
     assert alone in together and alone == train_run(FAMILY, control, SETTINGS, 1, starts=BEGUN)[0]
 
 
-def test_curricula_and_controls_draw_the_same_numbers_as_before_others_were_added() -> None:
+def test_results_of_curricula_and_controls_equal_those_of_earlier_versions() -> None:
     """The digest is that of the results before there were "backplay" and "exploring"."""
     chosen = [*sequences(NAMES, "suffixes"), *sequences(NAMES, "baselines")]
     chosen += controls(NAMES, ["reversed", "randomised", "uniform", "plr"])
@@ -94,7 +92,7 @@ def test_curricula_and_controls_draw_the_same_numbers_as_before_others_were_adde
     assert digest == "45f5748dfc27a7a95a3505c8fb4fee5376d82f16f747a25f9940f5bac0b3a0d8"
 
 
-def test_every_seed_has_another_shuffled_order_that_ends_in_the_target() -> None:
+def test_seeds_use_different_shuffled_orders_that_end_in_the_target() -> None:
     (found,) = controls(NAMES, ["shuffled"])
     others = {(*order, "E4") for order in permutations(NAMES[:3])} - {tuple(NAMES), ("E3", "E2", "E1", "E4")}
     assert len(found.orders) == len(others) == 4 and set(found.orders) == others
@@ -105,14 +103,14 @@ def test_every_seed_has_another_shuffled_order_that_ends_in_the_target() -> None
         assert run == train_run(FAMILY, alone, SETTINGS, run.seed)[0]
 
 
-def test_a_hundred_of_many_shuffled_orders_are_drawn() -> None:
+def test_a_hundred_shuffled_orders_are_sampled_for_large_families() -> None:
     names = [f"E{place}" for place in range(1, 9)]
     first, again, other = (controls(names, ["shuffled"], seed=seed)[0].orders for seed in (0, 0, 1))
     assert first == again != other and len(set(first)) == 100
     assert not {tuple(names), (*names[-2::-1], "E8")} & {*first}
 
 
-def test_backplay_begins_in_the_states_of_an_optimal_episode_last_first() -> None:
+def test_backplay_starts_in_the_states_of_an_optimal_episode_in_reverse() -> None:
     """A corridor of six cells with the goal behind the last, and a cell beside the start that nothing leads to."""
     rows = [[[(1.0, max(cell - 1, 0), 0.0, 0)], [(1.0, cell + 1, 0.0, 0)]] for cell in range(6)]
     rows[5][1] = [(1.0, 6, 1.0, 1)]
@@ -128,11 +126,9 @@ def test_backplay_begins_in_the_states_of_an_optimal_episode_last_first() -> Non
     whole, some, exploring = controls(names, ["backplay", "exploring"], starts=starts)
     assert whole.stages == (*starts[1:], "E3") and some.stages == (starts[2], starts[4], "E3")
     assert (some.label, exploring.stages) == ("backplay, 3 stages", (starts[0],))
-    assert whole.lengths(7) == [3, 4, 3, 4, 3, 4] and sum(some.lengths(7)) == 21
+    assert whole.stage_steps(7) == [3, 4, 3, 4, 3, 4] and sum(some.stage_steps(7)) == 21
     assert controls(names, ["backplay", "exploring"], starts=starts[:1]) == (exploring,)
-    assert [one.label for one in controls([*names, "E4", "E5", "E6"], ["backplay"], starts=starts)] == [
-        "backplay"
-    ]
+    assert [one.label for one in controls([*names, "E4", "E5", "E6"], ["backplay"], starts=starts)] == ["backplay"]
     family = [FamilyMember(name, corridor) for name in names]
     short = TrainingSettings(steps_per_environment=1)  # fewer steps than stages
     found = run_experiment(family, short, [whole], seeds=[0], starts=begun).runs[0]
@@ -141,7 +137,7 @@ def test_backplay_begins_in_the_states_of_an_optimal_episode_last_first() -> Non
         run_experiment(family, short, sequences(names), starts={"E4": random_table(1)})
 
 
-def test_an_episode_that_depends_on_chance_is_drawn_until_it_ends_in_success() -> None:
+def test_optimal_episodes_of_random_tables_are_sampled_until_success() -> None:
     """A step succeeds once in ten times, and else fails or stays; where only failure is possible there is none."""
     draw = [(0.1, 2, 1.0, 1), (0.5, 2, 0.0, 2), (0.4, 1, 0.0, 0)]
     chance = table([[[(0.5, 1, 0.0, 0), (0.5, 0, 0.0, 0)]], [draw], [[(1.0, 2, 0.0, 0)]]])
@@ -151,7 +147,7 @@ def test_an_episode_that_depends_on_chance_is_drawn_until_it_ends_in_success() -
     assert optimal_episode(table([[[(1.0, 1, 1.0, 2)]], [[(1.0, 1, 0.0, 0)]]])) == []
 
 
-def test_small_families_have_the_controls_that_there_is_room_for() -> None:
+def test_small_families_have_only_the_controls_that_their_size_allows() -> None:
     labels = [[one.label for one in controls(NAMES[:count])] for count in (1, 2, 3)]
     assert labels[0] == ["E1"]
     assert labels[1] == ["E2", "randomised", "randomised, renewed"]
@@ -159,7 +155,7 @@ def test_small_families_have_the_controls_that_there_is_room_for() -> None:
     assert [one.label for one in controls(NAMES, ["optimistic"])] == []
 
 
-def test_direct_training_and_optimistic_training_differ_in_the_first_values_alone() -> None:
+def test_optimistic_training_differs_from_direct_training_only_in_initial_values() -> None:
     direct, optimistic, rarely = controls(NAMES, ["direct", "optimistic"], optimism=[0.0])
     assert train_run(FAMILY, rarely, SETTINGS, 1)[1].epsilon == 0.05
     plain, zero = (train_run(FAMILY, one, SETTINGS, 1)[0] for one in (direct, optimistic))
@@ -171,18 +167,16 @@ def test_direct_training_and_optimistic_training_differ_in_the_first_values_alon
     assert np.count_nonzero(q == 5.0) >= q.size - 4
 
 
-def test_optimism_is_half_the_best_discounted_return_all_of_it_and_twice_as_much() -> None:
+def test_optimistic_values_are_half_one_and_two_times_the_optimal_return() -> None:
     """Reward 8 after three steps, the second and third of them discounted."""
     chain = table([[[(1.0, 1, 0.0, 0)]], [[(1.0, 2, 0.0, 0)]], [[(1.0, 3, 8.0, 1)]], [[(1.0, 3, 0.0, 0)]]])
     settings = TrainingSettings(discount=0.5, limit=10)
     assert optimistic_values(chain, settings) == pytest.approx((1.0, 2.0, 4.0))
     assert optimistic_values(chain, TrainingSettings(discount=0.5, limit=2)) == ()
-    assert optimistic_values(chain, TrainingSettings(discount=0.5, initial_value=1.0)) == pytest.approx(
-        (2.0, 4.0)
-    )
+    assert optimistic_values(chain, TrainingSettings(discount=0.5, initial_value=1.0)) == pytest.approx((2.0, 4.0))
 
 
-def test_an_episode_is_in_one_environment_drawn_uniformly() -> None:
+def test_each_episode_of_a_mixture_is_in_a_uniformly_sampled_environment() -> None:
     """Environments that always pay 1, 2 and 4 in episodes of one, two and three steps."""
 
     def corridor(length: int, reward: float) -> Tabular:
@@ -214,12 +208,10 @@ def test_a_mixture_expects_the_mean_of_its_environments() -> None:
     assert optimal_return(mixed, 25) == pytest.approx(np.mean([optimal_return(one, 25) for one in tables]))
 
 
-def test_stages_of_several_draw_other_numbers_than_as_many_stages() -> None:
+def test_mixed_stages_and_single_stages_use_different_random_numbers() -> None:
     twins = [FamilyMember(name, random_table(1)) for name in NAMES]
     curves = [
-        train_run(twins, Curriculum("control", "mine", stages, (1,) * len(stages)), SETTINGS, 0)[
-            0
-        ].curve.reward[0]
+        train_run(twins, Curriculum("control", "mine", stages, (1,) * len(stages)), SETTINGS, 0)[0].curve.reward[0]
         for stages in (
             (("E1", "E2"),),
             (("E2", "E1"),),
@@ -251,7 +243,7 @@ def test_stages_of_several_draw_other_numbers_than_as_many_stages() -> None:
         ),
     ],
 )
-def test_what_makes_no_control_is_refused(act: object, message: str) -> None:
+def test_invalid_controls_are_refused(act: object, message: str) -> None:
     with pytest.raises(InvalidArgument, match=message):
         act()  # type: ignore[operator]
 
@@ -283,7 +275,7 @@ def test_each_of_several_families_is_trained_with_a_seed_of_its_own() -> None:
 TAUGHT = controls(NAMES, TEACHERS)
 
 
-def test_schedules_have_the_steps_of_the_family_and_the_same_result_in_every_loop() -> None:
+def test_schedules_have_the_steps_of_the_family_and_equal_results_in_all_loops() -> None:
     found = [run_experiment(FAMILY, SETTINGS, TAUGHT, backend=one) for one in available_backends()]
     assert all(one == found[0] for one in found)
     assert {run.steps for run in found[0].runs} == {run.curve.steps[-1] for run in found[0].runs} == {1_200}
@@ -293,7 +285,7 @@ def test_schedules_have_the_steps_of_the_family_and_the_same_result_in_every_loo
     assert run_experiment(FAMILY, SETTINGS, TAUGHT[3:4]).runs[0] in found[0].runs
 
 
-def test_nothing_is_learned_where_a_schedule_only_scores() -> None:
+def test_episodes_that_a_schedule_only_scores_do_not_update_values() -> None:
     """Robust replay of three environments: the first two turns are played alone."""
     (robust,) = controls(NAMES, ["robust_plr"])
     short = replace(robust, stages=robust.stages[:1], shares=(1,))
@@ -303,28 +295,28 @@ def test_nothing_is_learned_where_a_schedule_only_scores() -> None:
     assert training.epsilon == 1.0
 
 
-def test_exact_scores_are_those_of_the_learner_as_it_explores() -> None:
+def test_exact_scores_use_the_exploring_policy_of_the_learner() -> None:
     tabulars = [one.tabular for one in FAMILY]
     q = np.random.default_rng(0).standard_normal((tabulars[0].n_observations, tabulars[0].n_actions))
-    regret, learnability = (ExactScore(kind, tabulars, SETTINGS, lambda: q) for kind in EXACT)  # type: ignore[arg-type]
+    regret, learnability = (ExactScore(kind, tabulars, SETTINGS, lambda: q) for kind in EXACT_SCHEDULES)  # type: ignore[arg-type]
     for score in (regret, learnability):
         score.epsilon = 0.3
     policy = np.full(q.shape, 0.1)
     policy[np.arange(len(q)), q.argmax(axis=1)] += 0.7
     known = certify(tabulars[2], policy[tabulars[2].observation], limit=25, discount=0.99)
-    assert regret.of(2) == pytest.approx(known.regret)
-    assert learnability.of(2) == pytest.approx(known.learnability)
+    assert regret.score_of(2) == pytest.approx(known.regret)
+    assert learnability.score_of(2) == pytest.approx(known.learnability)
 
 
-def test_a_schedule_has_a_name_and_stages_of_the_same_environments() -> None:
+def test_unknown_schedules_and_stages_of_different_environments_are_refused() -> None:
     with pytest.raises(InvalidArgument, match="unknown schedule `plrr`"):
         run_experiment(FAMILY, SETTINGS, [replace(TAUGHT[0], schedule="plrr")])
     with pytest.raises(InvalidArgument, match="stages with several environments must be the same"):
         Curriculum("control", "x", ("E1", "E2"), (1, 1), schedule="plr")
-    assert get_args(Scheduled) == TEACHERS
+    assert get_args(ScheduleName) == TEACHERS
 
 
-def test_agents_that_take_turns_may_be_others_in_each_environment_of_a_mixture() -> None:
+def test_environments_of_a_mixture_can_have_different_agents() -> None:
     """A family in which nurses are added: whose turn it is is told of by name, and the numbers of one name agree."""
 
     def of(names: tuple[str, ...], seed: int) -> Tabular:

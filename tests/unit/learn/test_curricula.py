@@ -20,14 +20,12 @@ def test_the_paper_has_five_suffixes() -> None:
     assert labels == ["E1-E6", "E2-E6", "E3-E6", "E4-E6", "E5-E6"]
 
 
-def test_a_family_of_one_is_its_own_curriculum() -> None:
+def test_a_family_with_one_member_has_one_curriculum() -> None:
     assert sequences(["E1"]) == (Curriculum("curriculum", "E1", ("E1",), (1,)),)
 
 
-def test_baselines_train_on_each_environment_for_the_budget_of_all() -> None:
-    assert sequences(NAMES, "baselines") == tuple(
-        Curriculum("baseline", name, (name,), (3,)) for name in NAMES
-    )
+def test_baselines_train_on_one_environment_with_the_budget_of_the_family() -> None:
+    assert sequences(NAMES, "baselines") == tuple(Curriculum("baseline", name, (name,), (3,)) for name in NAMES)
     assert sequences(NAMES, "direct") == (Curriculum("baseline", "E3", ("E3",), (3,)),)
 
 
@@ -43,7 +41,7 @@ def test_the_full_family_is_the_first_suffix() -> None:
         (["E1", "E1"], "full", "different names"),
     ],
 )
-def test_what_makes_no_sequence_is_refused(names: list[str], kind: str, message: str) -> None:
+def test_invalid_sequences_are_refused(names: list[str], kind: str, message: str) -> None:
     with pytest.raises(InvalidArgument, match=message):
         sequences(names, kind)  # type: ignore[arg-type]
 

@@ -31,7 +31,9 @@ from envgraph.learn._intervals import (
         (0.263, 380, (0.2212, 0.3094)),
     ],
 )
-def test_wilson_intervals(proportion: float, runs: int, interval: tuple[float, float]) -> None:
+def test_wilson_intervals_agree_with_printed_tables(
+    proportion: float, runs: int, interval: tuple[float, float]
+) -> None:
     assert wilson_interval(proportion, runs) == pytest.approx(interval, abs=2e-4)
 
 
@@ -47,7 +49,7 @@ def test_wilson_intervals(proportion: float, runs: int, interval: tuple[float, f
         ((10, 10), (0, 10), (0.6075, 1.0)),
     ],
 )
-def test_differences_of_proportions_have_the_intervals_that_newcombe_printed(
+def test_newcombe_intervals_agree_with_the_printed_tables(
     first: tuple[int, int], second: tuple[int, int], interval: tuple[float, float]
 ) -> None:
     (reached, runs), (other, others) = first, second
@@ -55,26 +57,26 @@ def test_differences_of_proportions_have_the_intervals_that_newcombe_printed(
     assert found == pytest.approx(interval, abs=6e-5)
 
 
-def test_a_bootstrap_of_two_values_has_the_three_means_of_all_its_resamples() -> None:
+def test_a_bootstrap_of_two_values_has_the_means_of_all_resamples() -> None:
     assert bootstrap_interval([0.0, 1.0], confidence=0.6) == (0.0, 1.0)  # a quarter each
     assert bootstrap_interval([0.0, 1.0], confidence=0.4) == (0.5, 0.5)
 
 
-def test_a_bootstrap_has_the_quantiles_of_all_resamples() -> None:
+def test_a_bootstrap_interval_agrees_with_the_quantiles_of_all_resamples() -> None:
     values = [0.3, 1.0, 2.5, 2.6]
     every = [fmean(one) for one in product(values, repeat=4)]
     found = bootstrap_interval(values, confidence=0.8, resamples=50_000)
     assert found == pytest.approx(np.quantile(every, [0.1, 0.9]), abs=0.02)
 
 
-def test_a_bootstrap_depends_on_its_seed_alone_and_not_on_blocks(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_bootstrap_interval_depends_only_on_its_seed(monkeypatch: pytest.MonkeyPatch) -> None:
     values, others = [1.0, 2.0, 4.0, 8.0], [3.0, 3.5, 5.0]
     first = bootstrap_interval(values, statistic=interquartile_mean)
     assert first == bootstrap_interval(values, statistic=interquartile_mean)
     assert first != bootstrap_interval(values, statistic=interquartile_mean, seed=1, resamples=20)
     low, high = bootstrap_interval(values, others, statistic=probability_of_improvement) or (1.0, 0.0)
     assert 0.0 <= low < float(probability_of_improvement(values, others)) < high <= 1.0
-    monkeypatch.setattr(_intervals, "_BLOCK", 40)
+    monkeypatch.setattr(_intervals, "_MOST_DRAWN", 40)
     assert bootstrap_interval(values, resamples=25) is not None
 
 
@@ -86,10 +88,8 @@ def test_an_interquartile_mean_leaves_out_the_outer_quarters(values: list[int]) 
     assert interquartile_mean([values, values]).tolist() == pytest.approx([fmean(middle)] * 2)
 
 
-@given(
-    st.lists(st.integers(0, 4), min_size=1, max_size=8), st.lists(st.integers(0, 4), min_size=1, max_size=8)
-)
-def test_improvement_is_the_share_of_pairs(values: list[int], others: list[int]) -> None:
+@given(st.lists(st.integers(0, 4), min_size=1, max_size=8), st.lists(st.integers(0, 4), min_size=1, max_size=8))
+def test_probability_of_improvement_is_the_share_of_better_pairs(values: list[int], others: list[int]) -> None:
     pairs = [(x > y) + (x == y) / 2 for x in values for y in others]
     assert float(probability_of_improvement(values, others)) == pytest.approx(fmean(pairs))
     shares = performance_profile(values, others)
@@ -97,7 +97,7 @@ def test_improvement_is_the_share_of_pairs(values: list[int], others: list[int])
 
 
 @pytest.mark.parametrize("confidence", [0.0, 1.0, float("nan")])
-def test_a_confidence_is_between_0_and_1(confidence: float) -> None:
+def test_a_confidence_outside_0_to_1_is_refused(confidence: float) -> None:
     with pytest.raises(InvalidArgument, match="`confidence`"):
         wilson_interval(0.5, 10, confidence)
     with pytest.raises(InvalidArgument, match="`confidence`"):
@@ -116,6 +116,6 @@ def test_a_confidence_is_between_0_and_1(confidence: float) -> None:
         lambda: performance_profile([], [1.0]),
     ],
 )
-def test_what_says_nothing_is_refused(act: Callable[[], object]) -> None:
+def test_invalid_arguments_are_refused(act: Callable[[], object]) -> None:
     with pytest.raises(InvalidArgument):
         act()

@@ -9,7 +9,7 @@ import pytest
 
 from envgraph.env import explore
 from envgraph.env.compiled import Learner, has_numba, program_of
-from envgraph.env.compiled._costs import COSTS, CompiledCosts
+from envgraph.env.compiled._compiled_costs import COSTS, CompiledCosts
 from envgraph.errors import InvalidArgument
 from envgraph.learn import (
     FamilyMember,
@@ -25,10 +25,10 @@ from envgraph.solve.learning import (
     Stage,
 )
 from envgraph.solve.learning._programs import (
-    rates_of,
+    learning_rates_of,
     train_learner,
 )
-from envgraph.solve.learning._settings import Agent, Ties
+from envgraph.solve.learning._training_settings import Agent, Ties
 from tests.profile import AT_NIGHT, NIGHTLY
 from tests.unit.env.side_by_side import BUNDLED, EXTRA, family_keys, mutants, opened
 
@@ -48,7 +48,7 @@ def keydoor_files() -> list[object]:
         (True, "expected_sarsa", "lowest"),
     ],
 )
-def test_values_of_observations_are_those_of_a_table(native: bool, agent: Agent, ties: Ties) -> None:
+def test_training_in_a_program_gives_the_values_of_training_on_tables(native: bool, agent: Agent, ties: Ties) -> None:
     if native:
         pytest.importorskip("numba")
     engine, behaviour = opened(*keydoor_files())  # type: ignore[arg-type]
@@ -64,7 +64,7 @@ def test_values_of_observations_are_those_of_a_table(native: bool, agent: Agent,
     for member in range(2):
         stage = Stage(700, settings.epsilon.start, settings)
         epsilon, points = learner.train(
-            member, stage.points, rates_of(stage), stage.epsilon, settings.limit, rng, draws=0
+            member, stage.curve_points, learning_rates_of(stage), stage.epsilon, settings.limit, rng, draws=0
         )
         curve += points
     assert epsilon == wanted.epsilon
@@ -74,10 +74,10 @@ def test_values_of_observations_are_those_of_a_table(native: bool, agent: Agent,
     assert np.array_equal(learner.values[: learner.count], wanted.q[seen])
     others = np.delete(wanted.q, seen, axis=0)
     assert not others.any()
-    assert rng.random() == _after(wanted, settings, tables)
+    assert rng.random() == next_random_number(wanted, settings, tables)
 
 
-def _after(wanted: object, settings: TrainingSettings, tables: object) -> float:
+def next_random_number(wanted: object, settings: TrainingSettings, tables: object) -> float:
     """The number that a trainer over tables would draw next."""
     rng = np.random.default_rng(3)
     train_curriculum(tables, settings, rng)  # type: ignore[arg-type]
@@ -92,7 +92,7 @@ TWO_BOXES = [EXTRA / "sokoban/small.model", EXTRA / "sokoban/sokoban.environment
     [(keydoor_files(), 16, 3_000), pytest.param(TWO_BOXES, COSTS.first_keys, 1_500_000, marks=AT_NIGHT)],
     ids=["keydoor", "two boxes"],
 )
-def test_a_goal_is_learnt_of_more_states_than_there_was_space_for(
+def test_a_learner_grows_if_a_program_has_more_states_than_its_capacity(
     files: list[object], first: int, steps: int, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr(CompiledCosts, "first_keys", first)
@@ -104,7 +104,7 @@ def test_a_goal_is_learnt_of_more_states_than_there_was_space_for(
     assert training.learner.play(0, 1, 100, np.random.default_rng(2))[0] == 1.0
 
 
-def test_what_does_not_fit_is_told() -> None:
+def test_invalid_arguments_are_refused() -> None:
     engine, behaviour = opened(*keydoor_files())  # type: ignore[arg-type]
     program, rng = program_of(engine, behaviour, native=False), np.random.default_rng(0)
     with pytest.raises(InvalidArgument, match=r"`members` must be one or more numbers from 0 to 0"):
@@ -140,18 +140,16 @@ def test_experiments_run_in_programs_and_do_not_depend_on_workers() -> None:
 
 
 def test_networks_are_not_trained_in_programs(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("envgraph.solve.learning._settings.find_spec", lambda name: True)
+    monkeypatch.setattr("envgraph.solve.learning._training_settings.find_spec", lambda name: True)
     engine, behaviour = opened(*keydoor_files())  # type: ignore[arg-type]
     program = program_of(engine, behaviour, [engine], family_keys([engine], behaviour), native=False)
     settings = TrainingSettings(student="sb3:dqn", steps_per_environment=10, seeds=1)
-    with pytest.raises(
-        InvalidArgument, match="`sb3:dqn` needs tables, but the environments have too many states"
-    ):
+    with pytest.raises(InvalidArgument, match="`sb3:dqn` needs tables, but the environments have too many states"):
         run_experiment([FamilyMember("E1", InProgram(program, 0))], settings, sequences(["E1"], "direct"))
 
 
 @pytest.mark.parametrize("native", [False, *([True] if NIGHTLY else [])])
-def test_a_learner_goes_from_program_to_program_as_from_member_to_member(native: bool) -> None:
+def test_a_learner_can_continue_in_another_program_as_in_another_member(native: bool) -> None:
     """Also to a program with another text, which assumes less of its members."""
     if native:
         pytest.importorskip("numba")
@@ -162,7 +160,7 @@ def test_a_learner_goes_from_program_to_program_as_from_member_to_member(native:
     whole = program_of(engine, behaviour, engines, keys, native=native)
     wanted = train_program(whole, settings, np.random.default_rng(4))
     first = program_of(engine, behaviour, engines[:1], keys, native=native)
-    parts = [InProgram(first.over(each, keys), 0) for each in engines[:2]]
+    parts = [InProgram(first.with_model(each, keys), 0) for each in engines[:2]]
     assert {place.program.source for place in parts} == {first.source}
     doubted = [*first.layout._single.values()]
     last = program_of(engine, behaviour, engines[2:], keys, native=native, broken=doubted)
@@ -176,23 +174,23 @@ def test_a_learner_goes_from_program_to_program_as_from_member_to_member(native:
     assert np.array_equal(learner.values[:count], wanted.learner.values[:count])
 
 
-def test_learners_enter_programs_alone_that_agree_with_theirs() -> None:
+def test_learners_refuse_programs_with_other_actions_or_observations() -> None:
     engine, behaviour = opened(*keydoor_files())  # type: ignore[arg-type]
     program = program_of(engine, behaviour, native=False)
     other = program_of(engine, replace(behaviour, observations=behaviour.observations[:1]), native=False)
     for learner, entered in ((Learner(program), other), (Learner(program, of_states=True), replace(program))):
         with pytest.raises(InvalidArgument, match="agree in actions and observations"):
-            learner.enter(entered)
+            learner.switch_program(entered)
 
 
 @pytest.mark.parametrize(("domain", "drawn"), [("keydoor/two_rooms", False), ("network/backbone", True)])
-def test_episodes_that_draw_nothing_are_played_once(domain: str, drawn: bool) -> None:
+def test_deterministic_episodes_are_played_once(domain: str, drawn: bool) -> None:
     """Several episodes are what one after the other is."""
     folder, model = domain.split("/")
     files = BUNDLED / folder / f"{model}.model", BUNDLED / folder / f"{folder}.environment"
     program = program_of(*opened(*files), native=False)
     learner, rng = Learner(program), np.random.default_rng(2)
-    rates = rates_of(Stage(3_000, 1.0, TrainingSettings()))
+    rates = learning_rates_of(Stage(3_000, 1.0, TrainingSettings()))
     learner.train(0, [3_000], rates, 1.0, 50, rng)
     one, several = np.random.default_rng(5), np.random.default_rng(5)
     episodes = [learner.play(0, 1, 50, one) for _ in range(12)]

@@ -28,12 +28,7 @@ def test_runs_of_one_curriculum_are_summed_up() -> None:
 
 def test_a_smaller_confidence_gives_narrower_intervals() -> None:
     (wide, *_), (narrow, *_) = RESULTS.summaries(), RESULTS.summaries(0.5)
-    assert (
-        wide.success_interval[0]
-        < narrow.success_interval[0]
-        < narrow.success_interval[1]
-        < wide.success_interval[1]
-    )
+    assert wide.success_interval[0] < narrow.success_interval[0] < narrow.success_interval[1] < wide.success_interval[1]
 
 
 def test_files_have_stable_columns_and_order(tmp_path: Path) -> None:
@@ -87,7 +82,7 @@ def test_files_read_back_exactly(tmp_path: Path) -> None:
         ("curves.csv", 1, 'curriculum,"E1', "curves.csv:"),
     ],
 )
-def test_a_line_that_is_no_result_is_named(
+def test_an_invalid_line_of_a_result_file_is_refused_by_number(
     tmp_path: Path, name: str, line: int, text: str, message: str
 ) -> None:
     write_csv(RESULTS, tmp_path)
@@ -125,7 +120,7 @@ def test_time_to_threshold_counts_all_steps_and_only_episodes_on_the_target(
     assert one.steps_to_threshold(threshold) == steps
 
 
-def test_the_median_of_the_times_to_threshold_counts_those_that_never_come_there() -> None:
+def test_the_median_time_to_threshold_includes_runs_that_never_reach_it() -> None:
     fast, slow = (Curve((100, 200), (0.0, 0.0), (2, 4), one) for one in ((2, 4), (0, 2)))
     never = Curve((100, 200), (0.0, 0.0), (2, 4), (0, 0))
     for curves, expected in (

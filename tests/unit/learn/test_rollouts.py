@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 import envgraph
 from envgraph.behaviour import Behaviour
-from envgraph.env.compiled import Batch, Program, has_numba, program_of
+from envgraph.env.compiled import CompiledBatch, CompiledProgram, has_numba, program_of
 from envgraph.errors import InvalidArgument
 from envgraph.learn import Evaluation, play_program
 from envgraph.rewrite import Engine
@@ -45,7 +45,7 @@ def outputs(layers: Layers, seen: NDArray[np.float32]) -> NDArray[np.float64]:
     return found
 
 
-def looped(env: gymnasium.Env[NDArray[np.float32], int], layers: Layers, episodes: int) -> Evaluation:
+def evaluate_step_by_step(env: gymnasium.Env[NDArray[np.float32], int], layers: Layers, episodes: int) -> Evaluation:
     """The best actions of the network, step by step."""
     successes, total, steps = 0, 0.0, 0
     for number in range(episodes):
@@ -62,9 +62,7 @@ def looped(env: gymnasium.Env[NDArray[np.float32], int], layers: Layers, episode
 
 @pytest.mark.parametrize("hidden", [(), (16,), (9, 5)])
 @pytest.mark.parametrize("name", ["keydoor", "network"])
-def test_the_best_actions_are_those_of_a_loop_through_the_environment(
-    name: str, hidden: tuple[int, ...]
-) -> None:
+def test_greedy_episodes_agree_with_a_loop_over_environment_steps(name: str, hidden: tuple[int, ...]) -> None:
     """The first draws nothing, so that one episode is all of them."""
     env: Any = envgraph.make(
         domain=f"{name}/diverse.toml",
@@ -75,7 +73,7 @@ def test_the_best_actions_are_those_of_a_loop_through_the_environment(
     )
     layers = network(env.observation_space.shape[0], *hidden, env.action_space.n)
     count = 1 if name == "keydoor" else 12
-    wanted = looped(env, layers, count)
+    wanted = evaluate_step_by_step(env, layers, count)
     for native in NATIVE[name]:
         program = program_of(*domain(name), native=native)
         (found,) = play_program(program, layers, np.random.default_rng(8), episodes=count, limit=LIMIT)
@@ -85,10 +83,10 @@ def test_the_best_actions_are_those_of_a_loop_through_the_environment(
 
 
 def sampled_step_by_step(
-    program: Program, member: int, layers: Layers, episodes: int, rng: np.random.Generator
+    program: CompiledProgram, member: int, layers: Layers, episodes: int, rng: np.random.Generator
 ) -> Evaluation:
     """Each number is drawn here: for a beginning, for an action, for a step."""
-    batch, first = Batch(program, [member]), np.cumsum([0, *program.observation_shape[:-1]])
+    batch, first = CompiledBatch(program, [member]), np.cumsum([0, *program.observation_shape[:-1]])
     successes, total, steps = 0, 0.0, 0
     for _ in range(episodes):
         batch.reset(np.ones(1, np.bool_), rng.random(1))
@@ -98,7 +96,7 @@ def sampled_step_by_step(
             preferences = outputs(layers, seen)
             chances = np.exp(preferences - preferences.max()).cumsum()
             action = int(np.searchsorted(chances, rng.random() * chances[-1], side="right"))
-            batch.step(np.array([action]), again=False, uniforms=rng.random(1))
+            batch.step(np.array([action]), resets_ended=False, uniforms=rng.random(1))
             total += float(batch.reward[0])
             steps += 1
             if batch.ended[0]:
@@ -108,7 +106,7 @@ def sampled_step_by_step(
 
 
 @pytest.mark.parametrize("name", ["keydoor", "network"])
-def test_actions_are_drawn_from_the_softmax_on_each_member(name: str) -> None:
+def test_actions_are_sampled_from_the_softmax_of_the_outputs(name: str) -> None:
     engine, behaviour = domain(name)
     engines = mutants(engine, behaviour, 2)
     keys = family_keys(engines, behaviour)
@@ -124,7 +122,7 @@ def test_actions_are_drawn_from_the_softmax_on_each_member(name: str) -> None:
     assert known[0][-1] == other.random()
 
 
-def test_what_is_no_network_of_the_program_is_told() -> None:
+def test_networks_that_do_not_fit_the_program_are_refused() -> None:
     program, rng = program_of(*domain("keydoor"), native=False), np.random.default_rng(0)
     inputs, actions = sum(program.observation_shape), len(program.action_names)
     layers = network(inputs, 8, actions)

@@ -28,7 +28,7 @@ def p_value(values: ArrayLike, others: ArrayLike) -> float:
 ROW = st.tuples(*[st.sampled_from([0.0, 0.25, 1.0, 1 / 3, 10.2])] * 2)
 
 
-def by_hand(blocks: list[tuple[float, ...]]) -> float:
+def share_of_permutations(blocks: list[tuple[float, ...]]) -> float:
     """The share of all choices of one value a seed whose sum is as far from the mean as that of the first ones."""
     middle = sum(sum(block) / len(block) for block in blocks)
     found = abs(sum(block[0] for block in blocks) - middle)
@@ -39,11 +39,11 @@ def by_hand(blocks: list[tuple[float, ...]]) -> float:
 @given(st.lists(ROW, min_size=1, max_size=6))
 def test_p_is_the_share_of_all_permutations(blocks: list[tuple[float, ...]]) -> None:
     values, others = zip(*blocks, strict=True)
-    assert p_value(values, others) == pytest.approx(by_hand(blocks))
+    assert p_value(values, others) == pytest.approx(share_of_permutations(blocks))
 
 
 @pytest.mark.parametrize(("better", "worse"), [(7, 24 - 7), (12, 3), (1, 0), (40, 60)])
-def test_of_successes_it_is_the_exact_sign_test(better: int, worse: int) -> None:
+def test_the_p_value_of_successes_is_that_of_the_exact_sign_test(better: int, worse: int) -> None:
     """And McNemar's: seeds in which both do the same say nothing."""
     values = [1] * better + [0] * worse + [1, 0, 1]
     others = [0] * better + [1] * worse + [1, 0, 1]
@@ -52,11 +52,11 @@ def test_of_successes_it_is_the_exact_sign_test(better: int, worse: int) -> None
     assert p_value(values, others) == pytest.approx(min(1.0, 2 * tail))
 
 
-def test_seventeen_of_twenty_four_is_the_p_of_the_binomial_table() -> None:
+def test_the_p_value_of_17_of_24_agrees_with_the_binomial_table() -> None:
     assert p_value([1] * 17 + [0] * 7, [0] * 17 + [1] * 7) == pytest.approx(0.0639, abs=5e-5)
 
 
-def test_fishers_data_of_darwin_have_the_p_that_fisher_printed() -> None:
+def test_the_p_value_of_darwins_data_agrees_with_fisher() -> None:
     """Maize, The Design of Experiments, section 21: of 32,768 arrangements 1,726 are as far on either side."""
     differences = [49, -67, 8, 16, 6, 23, 28, 41, 14, 29, 56, 24, 75, 60, -48]
     assert p_value(differences, [0] * 15) == pytest.approx(1726 / 32768)
@@ -91,14 +91,12 @@ def test_holm_steps_down(p_values: list[float]) -> None:
         )
 
 
-def test_both_sides_have_the_same_seeds() -> None:
+def test_comparisons_of_different_seeds_are_refused() -> None:
     with pytest.raises(InvalidArgument, match="different seeds"):
         p_value([1], [1, 2])
 
 
-@pytest.mark.parametrize(
-    ("degrees", "factor"), [(1, 12.7062), (2, 4.3027), (9, 2.2622), (30, 2.0423), (1000, 1.9623)]
-)
+@pytest.mark.parametrize(("degrees", "factor"), [(1, 12.7062), (2, 4.3027), (9, 2.2622), (30, 2.0423), (1000, 1.9623)])
 def test_the_interval_of_a_mean_is_that_of_students_t(degrees: int, factor: float) -> None:
     values = np.random.default_rng(0).standard_normal(degrees + 1)
     low, high, p_value = mean_test(float(values.mean()), values)
@@ -130,14 +128,14 @@ def test_p_is_below_5_percent_exactly_if_the_interval_excludes_0(
         assert (p_value < 0.05) == (low > 0 or high < 0)
 
 
-def test_two_samples_are_compared_as_welch_does() -> None:
+def test_two_samples_are_compared_by_welchs_test() -> None:
     """Welch 1947 by hand: variances 2.5 / 5 and 10 / 5 over 4 degrees each, t = 3 / sqrt(2.5), 5.88 degrees."""
     low, high, p_value = mean_test(3.0, [1, 2, 3, 4, 5], [2, 4, 6, 8, 10])
     assert p_value == pytest.approx(0.1075, abs=5e-4)
     assert (high - low) / 2 == pytest.approx(2.4593 * np.sqrt(2.5), rel=1e-3)
 
 
-def test_a_mean_of_one_unit_says_nothing_and_one_without_variance_everything() -> None:
+def test_the_interval_is_infinite_for_one_unit_and_a_point_without_variance() -> None:
     assert mean_test(0.5, [0.5], [1.0, 2.0]) == (-np.inf, np.inf, 1.0)
     assert mean_test(0.5, [0.5, 0.5]) == (0.5, 0.5, 0.0)
     assert mean_test(0.0, [0.0, 0.0]) == (0.0, 0.0, 1.0)

@@ -18,9 +18,7 @@ from envgraph.learn import FamilyMember, RunResult, TrainingSettings, run_experi
 from tests.unit.learn.small_tables import random_table
 
 FAMILY = [FamilyMember(f"E{number}", random_table(number)) for number in (1, 2, 3)]
-SETTINGS = TrainingSettings(
-    steps_per_environment=400, evaluation_episodes=20, limit=25, checkpoint=100, seeds=3
-)
+SETTINGS = TrainingSettings(steps_per_environment=400, evaluation_episodes=20, limit=25, checkpoint=100, seeds=3)
 SHARED = Path("/dev/shm")
 
 _KILLED = """
@@ -37,7 +35,7 @@ run_experiment(FAMILY, SETTINGS, workers=2, backend="python", found=kill)
 
 
 @pytest.mark.skipif(not hasattr(signal, "SIGKILL"), reason="no process can be killed outright")
-def test_workers_of_a_killed_process_end_and_hold_no_pipe() -> None:
+def test_workers_of_a_killed_process_end_and_close_their_pipes() -> None:
     """A pipe ends when the last process that holds it ends; loky's trackers of shared memory hold standard error."""
     killed = subprocess.Popen(
         [sys.executable, "-c", _KILLED], stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True
@@ -47,7 +45,7 @@ def test_workers_of_a_killed_process_end_and_hold_no_pipe() -> None:
     assert not [path.name for path in SHARED.glob("*") if str(killed.pid) in re.split("[-_]", path.name)[:4]]
 
 
-def test_a_worker_that_is_killed_is_an_error_in_words() -> None:
+def test_a_killed_worker_is_an_error_with_a_message() -> None:
     ended: list[RunResult] = []
 
     def kill_one(result: RunResult) -> None:
@@ -61,7 +59,7 @@ def test_a_worker_that_is_killed_is_an_error_in_words() -> None:
     assert again == run_experiment(FAMILY, SETTINGS, backend="python")
 
 
-def test_an_initializer_of_the_user_is_kept(tmp_path: Path) -> None:
+def test_an_initializer_of_the_user_is_called_in_workers(tmp_path: Path) -> None:
     with parallel_config("loky", initializer=_note, initargs=(tmp_path,)):
         run_experiment(FAMILY, SETTINGS, workers=2, backend="python", seeds=[0])
     assert any(tmp_path.iterdir())

@@ -7,8 +7,8 @@ from typing import Any
 
 from envgraph.graph import IndexedSet, Model
 from envgraph.match import CompiledMatcher
-from envgraph.match.demand._program import Program
-from envgraph.match.generate._symbols import Column, Symbol
+from envgraph.match.demand._compiled_functions import CompiledProgram
+from envgraph.match.generate._symbols import StoreColumn, Symbol
 from envgraph.pattern import Library
 
 
@@ -26,14 +26,14 @@ class CountingMatcher(CompiledMatcher):
         self._program.matcher = self
 
 
-class CountedProgram(Program):
+class CountedProgram(CompiledProgram):
     """Functions that read counted links."""
 
     matcher: CountingMatcher
 
-    def _value(self, symbol: Symbol, inside: frozenset[str]) -> object:
-        found: Any = super()._value(symbol, inside)
-        if not (isinstance(symbol, Column) and symbol.kind in ("forward", "backward")):
+    def _value(self, symbol: Symbol, component: frozenset[str]) -> object:
+        found: Any = super()._value(symbol, component)
+        if not (isinstance(symbol, StoreColumn) and symbol.kind in ("forward", "backward")):
             return found
         if self.matcher.ends:
             return [CountedEnds(self.matcher, each) for each in found]

@@ -9,13 +9,13 @@ from random import Random
 
 import pytest
 
-from envgraph.errors import MOST_NESTED, EvaluationError
+from envgraph.errors import MAX_NESTING, EvaluationError
 from envgraph.graph import Model
 from envgraph.match import FREE, CompiledMatcher, ViewMatcher
-from envgraph.match._aggregates import aggregate
-from envgraph.match._costs import DemandCosts
+from envgraph.match._aggregate_values import aggregate
+from envgraph.match._match_costs import DemandCosts
 from envgraph.match.demand import (
-    _program as compiled,
+    _compiled_functions as compiled,
 )
 from envgraph.match.demand._closure_aggregates import ClosureAggregate
 from envgraph.match.demand._condensation import Condensation
@@ -78,15 +78,13 @@ def test_a_dense_grid_does_not_materialise_its_pairs() -> None:
     assert matcher.exists("reaches", (0, 9_999))
     assert matcher.count("reaches", (5_050, FREE)) == 10_000
     assert matcher.exists("reaches", (FREE, FREE))
-    assert all(
-        matcher.exists("reaches", (corner, 5_000)) for corner in (0, 99, 9_900, 9_999) for _ in range(2)
-    )
+    assert all(matcher.exists("reaches", (corner, 5_000)) for corner in (0, 99, 9_900, 9_999) for _ in range(2))
     _, peak = tracemalloc.get_traced_memory()
     tracemalloc.stop()
     assert peak < 20_000_000
 
 
-def test_what_is_remembered_of_reached_objects_is_bounded(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_the_cache_of_reached_objects_is_bounded(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(DemandCosts, "most_reached", 50)
     model = grid(5, 5)
     matcher = CompiledMatcher(model, library(STEP, REACHES))
@@ -98,15 +96,9 @@ def test_what_is_remembered_of_reached_objects_is_bounded(monkeypatch: pytest.Mo
 
 CORNER = pattern("corner(a : Cell)", [path("Cell.n", "a", 1)])
 SHARED = {
-    "one target": pattern(
-        "asked(a : Cell)", [is_a("Cell", "a"), find("corner", "c"), neg(find("reaches", "a", "c"))]
-    ),
-    "one source": pattern(
-        "asked(a : Cell)", [is_a("Cell", "a"), find("corner", "c"), neg(find("reaches", "c", "a"))]
-    ),
-    "many pairs": pattern(
-        "asked(a : Cell, b : Cell)", [path("Cell.to", "a", "b"), find("reaches", "a", "b")]
-    ),
+    "one target": pattern("asked(a : Cell)", [is_a("Cell", "a"), find("corner", "c"), neg(find("reaches", "a", "c"))]),
+    "one source": pattern("asked(a : Cell)", [is_a("Cell", "a"), find("corner", "c"), neg(find("reaches", "c", "a"))]),
+    "many pairs": pattern("asked(a : Cell, b : Cell)", [path("Cell.to", "a", "b"), find("reaches", "a", "b")]),
     "one of several": pattern("asked(a : Cell)", [is_a("Cell", "a"), neg(find("corners", "a", "_"))]),
     "nothing at all": pattern("asked(a : Cell)", [is_a("Cell", "a"), neg(find("reaches", "_", "a"))]),
     "from any of several": pattern("asked(b : Cell)", [path("Cell.to", "a", "_"), find("reaches", "a", "b")]),
@@ -122,9 +114,9 @@ SHARED = {
 def counted_searches(monkeypatch: pytest.MonkeyPatch) -> list[tuple[object, ...]]:
     """The arguments of every search along the steps of a closure from now on."""
     searches: list[tuple[object, ...]] = []
-    original = compiled._Steps._search
+    original = compiled._CompiledStepSearches._search
 
-    def search(steps: compiled._Steps, forward: bool, question: object) -> object:
+    def search(steps: compiled._CompiledStepSearches, forward: bool, question: object) -> object:
         found = original(steps, forward, question)
 
         def counted(*arguments: object) -> object:
@@ -133,14 +125,12 @@ def counted_searches(monkeypatch: pytest.MonkeyPatch) -> list[tuple[object, ...]
 
         return counted
 
-    monkeypatch.setattr(compiled._Steps, "_search", search)
+    monkeypatch.setattr(compiled._CompiledStepSearches, "_search", search)
     return searches
 
 
 @pytest.mark.parametrize("asked", SHARED.values(), ids=SHARED)
-def test_many_questions_about_a_closure_take_little_more_than_one_search(
-    asked: Pattern, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_many_closure_queries_share_one_search(asked: Pattern, monkeypatch: pytest.MonkeyPatch) -> None:
     model, to = grid(40, 40), CELLS.feature("Cell", "to")
     with model.loading():
         model.graph.set_value(1_599, CELLS.attributes[0], 1)
@@ -163,7 +153,7 @@ ACYCLIC = {
 
 
 @pytest.mark.parametrize(("asked", "expected"), ACYCLIC.values(), ids=ACYCLIC)
-def test_aggregates_of_what_is_reached_without_a_way_back_share_their_work(
+def test_aggregates_over_acyclic_closures_share_work(
     asked: Aggregate, expected: Callable[[list[int]], int], monkeypatch: pytest.MonkeyPatch
 ) -> None:
     model = grid(30, 30)
@@ -180,9 +170,7 @@ def test_aggregates_of_what_is_reached_without_a_way_back_share_their_work(
             ),
             CORNER,
             pattern("corners(a : Cell, b : Cell)", [find("step+", "a", "b"), find("corner", "b")]),
-            pattern(
-                "numbers(a : Cell, b : Cell, n : int)", [find("step+", "a", "b"), path("Cell.n", "b", "n")]
-            ),
+            pattern("numbers(a : Cell, b : Cell, n : int)", [find("step+", "a", "b"), path("Cell.n", "b", "n")]),
             pattern("different(a : Cell, n : int)", [find("step+", "a", "b"), path("Cell.n", "b", "n")]),
             pattern("asked(a : Cell, n : int)", [is_a("Cell", "a"), equal("n", asked)]),
         ),
@@ -195,15 +183,13 @@ def test_aggregates_of_what_is_reached_without_a_way_back_share_their_work(
         assert rows[cell] == expected([1 + c % 7 for c in below])
 
 
-def test_counts_that_are_asked_one_by_one_share_their_work(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_separate_counts_of_a_closure_share_work(monkeypatch: pytest.MonkeyPatch) -> None:
     corners = pattern("corners(a : Cell, b : Cell)", [find("step+", "a", "b"), find("corner", "b")])
     model = grid(30, 30)
     with model.loading():
         for cell in range(0, 900, 3):
             model.graph.set_value(cell, CELLS.attributes[0], 1)
-    south_east = pattern(
-        "step(a : Cell, b : Cell)", [path("Cell.east", "a", "b")], [path("Cell.south", "a", "b")]
-    )
+    south_east = pattern("step(a : Cell, b : Cell)", [path("Cell.east", "a", "b")], [path("Cell.south", "a", "b")])
     matcher = CompiledMatcher(model, library(south_east, CORNER, corners))
     searches = counted_searches(monkeypatch)
     for cell in range(900):
@@ -220,7 +206,7 @@ def test_reached_objects_come_nearest_first() -> None:
     assert matcher.rows("reaches", (FREE, 3)) == [(2, 3), (1, 3), (0, 3)]
 
 
-def test_a_closure_of_a_pattern_that_holds_for_nothing_is_empty() -> None:
+def test_the_closure_of_an_empty_pattern_is_empty() -> None:
     nowhere = pattern(
         "step(a : Cell, b : Cell)",
         [path("Cell.east", "a", "b"), equal("n", 1), equal("n", 2), path("Cell.n", "a", "n")],
@@ -237,33 +223,31 @@ RIGHT = pattern(
 )
 
 
-def test_deep_recursion_needs_no_deep_stack() -> None:
+def test_deep_recursion_does_not_exhaust_the_stack() -> None:
     matcher = CompiledMatcher(chain(2_000), library(RIGHT))
     assert matcher.exists("right", (0, 1_999))
     assert not matcher.exists("right", (1_999, 0))
     assert matcher.count("right", (1_990, FREE)) == 9
 
 
-def test_recursive_rows_have_one_order_whoever_asked_before() -> None:
+def test_the_order_of_recursive_rows_does_not_depend_on_earlier_queries() -> None:
     model = chain(8)
     one, other = (CompiledMatcher(model, library(RIGHT)) for _ in range(2))
     for start in (5, 0, 3):
         other.rows("right", (start, FREE))
     assert (
-        one.rows("right", (FREE, FREE))
-        == other.rows("right", (FREE, FREE))
-        == sorted(one.rows("right", (FREE, FREE)))
+        one.rows("right", (FREE, FREE)) == other.rows("right", (FREE, FREE)) == sorted(one.rows("right", (FREE, FREE)))
     )
 
 
-def test_answers_of_recursive_patterns_are_copies() -> None:
+def test_results_of_recursive_patterns_are_copies() -> None:
     matcher = CompiledMatcher(chain(3), library(RIGHT))
     matcher.rows("right", (FREE, FREE)).clear()
     matcher.prepare("right", ())().clear()
     assert len(matcher.rows("right", (FREE, FREE))) == 3
 
 
-def test_what_is_remembered_of_recursive_patterns_is_bounded(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_the_cache_of_recursive_patterns_is_bounded(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(DemandCosts, "most_rows", 10)
     matcher = CompiledMatcher(chain(8), library(RIGHT))
     for start in range(8):
@@ -285,7 +269,7 @@ def test_recursion_may_compute_values(kind: Kind) -> None:
     assert sorted(matcher.rows("distance", (FREE, 2, FREE))) == [(0, 2, 2), (1, 2, 1)]
 
 
-def test_recursion_that_makes_values_without_end_is_an_error(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_recursion_with_endlessly_many_values_is_an_error(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setenv("ENVGRAPH_LIMITS", "0.001")
     model = chain(3)
     model.node(2).east = model.node(0)
@@ -296,7 +280,7 @@ def test_recursion_that_makes_values_without_end_is_an_error(monkeypatch: pytest
     assert matcher.count("distance", (FREE, FREE, FREE)) == 3
 
 
-def test_recursion_on_large_cycles() -> None:
+def test_recursion_terminates_on_large_cycles() -> None:
     model = grid(6, 6)
     transitive = pattern(
         "all(a : Cell, b : Cell)", [find("step", "a", "b")], [find("all", "a", "c"), find("all", "c", "b")]
@@ -323,12 +307,12 @@ NESTED = {
 
 
 @pytest.mark.parametrize("bodies", NESTED.values(), ids=NESTED)
-def test_work_does_not_double_with_each_level(bodies: Callable[[str], list[list[Constraint]]]) -> None:
+def test_nested_calls_do_not_double_the_work_at_each_level(
+    bodies: Callable[[str], list[list[Constraint]]],
+) -> None:
     levels = 30
     patterns = [pattern("p0(a : Cell, b : Cell)", [path("Cell.east", "a", "b")])]
-    patterns += [
-        pattern(f"p{level}(a : Cell, b : Cell)", *bodies(f"p{level - 1}")) for level in range(1, levels)
-    ]
+    patterns += [pattern(f"p{level}(a : Cell, b : Cell)", *bodies(f"p{level - 1}")) for level in range(1, levels)]
     model = chain(3)
     matcher = CompiledMatcher(model, library(*patterns))
     rows = matcher.rows(f"p{levels - 1}", (FREE, FREE))
@@ -352,7 +336,7 @@ def test_unreachable_pairs_are_found_with_one_search_for_each_source() -> None:
 
 
 @every_kind
-def test_a_closure_without_a_class_goes_on_from_objects_of_other_classes(
+def test_closures_of_arrows_continue_at_objects_of_other_classes(
     kind: Kind,
 ) -> None:
     metamodel = Metamodel(
@@ -373,7 +357,7 @@ def test_a_closure_without_a_class_goes_on_from_objects_of_other_classes(
 
 
 @every_kind
-def test_checks_that_differ_in_the_type_of_a_constant_alone_both_count(
+def test_checks_with_constants_of_different_types_are_distinct(
     kind: Kind,
 ) -> None:
     model = Model(CELLS)
@@ -397,15 +381,13 @@ def nested(levels: int, kind: str) -> list[Pattern]:
 
 
 @pytest.mark.parametrize("kind", ["closures", "recursive patterns"])
-def test_what_is_nested_deeper_than_the_stack_is_an_error(kind: str) -> None:
-    model, patterns = chain(4), library(*nested(MOST_NESTED + 1, kind))
+def test_too_deep_nesting_of_calls_is_an_error(kind: str) -> None:
+    model, patterns = chain(4), library(*nested(MAX_NESTING + 1, kind))
     matcher, views = CompiledMatcher(model, patterns), ViewMatcher(model, patterns)
-    deepest, too_deep = f"p{MOST_NESTED}", f"p{MOST_NESTED + 1}"
+    deepest, too_deep = f"p{MAX_NESTING}", f"p{MAX_NESTING + 1}"
     assert matcher.rows(deepest, (0, FREE)) == [(0, 1), (0, 2), (0, 3)]
     assert matcher.count(deepest, (FREE, FREE)) == 6
-    message = (
-        f"`{too_deep}` cannot be evaluated: it nests 101 closures and recursive patterns inside each other"
-    )
+    message = f"`{too_deep}` cannot be evaluated: it nests 101 closures and recursive patterns inside each other"
     for question in (
         lambda: matcher.rows(too_deep, (0, FREE)),
         lambda: matcher.exists(too_deep, (FREE, FREE)),
@@ -421,19 +403,15 @@ def test_what_is_nested_deeper_than_the_stack_is_an_error(kind: str) -> None:
     assert views.count(deepest, (FREE, FREE)) == 6
 
 
-def test_a_recursive_pattern_that_is_asked_while_a_version_is_held_changes_nothing() -> None:
+def test_querying_a_recursive_pattern_with_a_version_in_use_changes_nothing() -> None:
     model = grid(3, 3)
-    step = pattern(
-        "step(a : Cell, b : Cell)", *([path(f"Cell.{way}", "a", "b")] for way in ("east", "south"))
-    )
+    step = pattern("step(a : Cell, b : Cell)", *([path(f"Cell.{way}", "a", "b")] for way in ("east", "south")))
     far = pattern(
         "far(a : Cell, b : Cell)",
         [find("step", "a", "b")],
         [find("far", "a", "c"), find("step", "c", "b"), find("many", "c", "_")],
     )
-    many = pattern(
-        "many(a : Cell, n : int)", [is_a("Cell", "a"), equal("n", fold("count", find("step", "a", "_")))]
-    )
+    many = pattern("many(a : Cell, n : int)", [is_a("Cell", "a"), equal("n", fold("count", find("step", "a", "_")))])
     version = model.commit()
     matcher = CompiledMatcher(model, library(step, many, far))
     assert matcher.count("far", (FREE, FREE)) == 27
@@ -457,9 +435,7 @@ def test_a_recursive_pattern_without_base_rows_is_empty(kind: Kind, body: list[C
     patterns = library(
         pattern("rows(a : Cell, b : Cell)", body),
         pattern("from(a : Cell, b : Cell)", [zero, find("rows", "a", "b")]),
-        pattern(
-            "without(a : Cell, b : Cell)", [zero, path("Cell.to", "a", "b"), neg(find("rows", "a", "b"))]
-        ),
+        pattern("without(a : Cell, b : Cell)", [zero, path("Cell.to", "a", "b"), neg(find("rows", "a", "b"))]),
     )
     model = Model(CELLS)
     n, to = (model.metamodel.feature("Cell", name) for name in ("n", "to"))
@@ -488,9 +464,7 @@ def rows_of(kind: str, dice: Random) -> Rows:
     rows: dict[tuple[int, int | float, int | float], None] = {}
     for _ in range(60):
         end, value = dice.choice(ends), dice.randint(-3, 3) if kind != "floats" else dice.random()
-        other = {"one each": end, "several each": dice.randint(0, 9) + 100 * end}.get(
-            kind, dice.randint(0, 9)
-        )
+        other = {"one each": end, "several each": dice.randint(0, 9) + 100 * end}.get(kind, dice.randint(0, 9))
         rows[end, other, 5 if kind == "one each" else value] = None
     return list(rows)  # type: ignore[arg-type]
 
@@ -513,7 +487,7 @@ def test_a_closure_aggregate_agrees_with_the_aggregate_of_the_tuples(
     nodes: list[int] = []
     for node in dice.sample(range(60), 60):
         nodes.append(node)
-        closure.catch_up(nodes)
+        closure.assign_bits(nodes)
         reached = [each for each in nodes if dice.random() < 0.5]
         found = closure.value(sum(1 << nodes.index(each) for each in reached))
         tuples = dict.fromkeys(row[1:] for row in rows if row[0] in reached)
@@ -526,7 +500,7 @@ def test_a_closure_aggregate_agrees_with_the_aggregate_of_the_tuples(
 
 def test_a_sum_beyond_64_bits_has_no_value() -> None:
     closure = ClosureAggregate("sum", 1, [(1, 2**62), (2, 2**62 + 1), (3, -2)])
-    closure.catch_up([1, 2, 3])
+    closure.assign_bits([1, 2, 3])
     assert (closure.sum_up(0b011), closure.sum_up(0b111), closure.sum_up(0)) == (None, 2**63 - 1, 0)
 
 
@@ -557,4 +531,4 @@ def test_an_interrupted_condensation_is_computed_anew(found: int) -> None:
     left = 100
     assert {node: reached.size(node) for node in (6, 4, 1, 2, 3, 5)} == REACHED_BY
     pairs: Iterable[tuple[int, int]] = ((a, b) for a in LINKS for b in LINKS)
-    assert sum(reached.holds(*pair) for pair in pairs) == sum(REACHED_BY.values())
+    assert sum(reached.reaches(*pair) for pair in pairs) == sum(REACHED_BY.values())

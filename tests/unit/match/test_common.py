@@ -8,7 +8,7 @@ import pytest
 
 from envgraph.graph import IndexedSet, Model
 from envgraph.match import FREE, CompiledMatcher
-from envgraph.match.demand._intersections import common
+from envgraph.match.demand._intersections import intersect_ends
 from envgraph.metamodel import Class, Metamodel, Reference
 from envgraph.pattern import Library, Pattern
 from tests.oracle.naive._naive import NaiveMatcher
@@ -59,20 +59,18 @@ def library(asked: Pattern) -> Library:
 
 
 @pytest.mark.parametrize("circle", CIRCLES.values(), ids=CIRCLES)
-def test_circles_around_a_hub_are_found_in_the_order_of_the_links(circle: Pattern) -> None:
+def test_cycles_through_a_hub_are_found_in_link_order(circle: Pattern) -> None:
     model = crowd()
     size = len(circle.parameters)
     rows = CompiledMatcher(model, library(circle)).rows("found", (FREE,) * size)
     assert sorted(rows) == NaiveMatcher(model, library(circle)).rows("found", (FREE,) * size)
-    place = {
-        one: {other: n for n, other in enumerate(model.graph.store.forward[0][one])} for one in range(SIZE)
-    }
+    place = {one: {other: n for n, other in enumerate(model.graph.store.forward[0][one])} for one in range(SIZE)}
     ordered = sorted(rows, key=lambda row: (row[0], *(place[a][b] for a, b in pairwise(row))))
     assert rows == ordered
 
 
 @pytest.mark.parametrize("name", ["triangle", "circle of three"])
-def test_a_search_for_triangles_does_not_go_through_a_hub_for_each_neighbour(name: str) -> None:
+def test_triangle_search_intersects_adjacencies_of_a_hub(name: str) -> None:
     matcher = CountingMatcher(crowd(), library(CIRCLES[name]), ends=True)
     assert matcher.exists("found", (FREE, FREE, FREE))
     matcher.looks = 0
@@ -82,7 +80,7 @@ def test_a_search_for_triangles_does_not_go_through_a_hub_for_each_neighbour(nam
 
 def test_common_ends_come_in_the_order_of_the_first() -> None:
     many = IndexedSet(tuple(range(64, 0, -1)))
-    assert common(many, (3, 9, 500)) == [9, 3]
-    assert common(many, IndexedSet((3, 9, 500)), (9,)) == [9]
-    assert common(many, IndexedSet(tuple(range(60, 2000)))) == [64, 63, 62, 61, 60]
-    assert common(many, (), many) == []
+    assert intersect_ends(many, (3, 9, 500)) == [9, 3]
+    assert intersect_ends(many, IndexedSet((3, 9, 500)), (9,)) == [9]
+    assert intersect_ends(many, IndexedSet(tuple(range(60, 2000)))) == [64, 63, 62, 61, 60]
+    assert intersect_ends(many, (), many) == []

@@ -11,9 +11,7 @@ from envgraph.graph import Model
 from envgraph.match.demand._value_index import ValueIndex
 from envgraph.metamodel import Attribute, Class, Metamodel, Scalar
 
-KEYS = Metamodel(
-    "keys", (Class("N", features=(Attribute("key", Scalar.INT), Attribute("part", Scalar.FLOAT))),)
-)
+KEYS = Metamodel("keys", (Class("N", features=(Attribute("key", Scalar.INT), Attribute("part", Scalar.FLOAT))),))
 PAIR = "N.key(a, x); N.key(b, y); "
 COMPARED = {
     "sum and product": (PAIR + "check(x + 1 == y * 2)", 1_500),
@@ -54,7 +52,7 @@ def test_thousands_of_objects_are_joined_on_demand_and_watched(name: str) -> Non
     assert "looked up by value" in engine.explain("q")
 
 
-def test_the_greatest_of_many_is_watched_although_pairs_are_too_many_to_be_held() -> None:
+def test_a_maximum_is_watched_without_storing_all_pairs() -> None:
     engine = engine_of(3_000)
     engine.watch("greatest", "third")
     nodes = engine.model.nodes("N")
@@ -66,7 +64,7 @@ def test_the_greatest_of_many_is_watched_although_pairs_are_too_many_to_be_held(
     assert [match.a for match in engine.matches("third")] == [nodes[-2]]
 
 
-def test_explain_says_which_loop_looks_objects_up() -> None:
+def test_explain_shows_index_lookups_in_loops() -> None:
     engine = engine_of(3)
     engine.add(envgraph.Pattern("q", "a : N, b : N", PAIR + "check(y == x + 1)"))
     lines = engine.explain("q").splitlines()
@@ -79,7 +77,7 @@ def test_explain_says_which_loop_looks_objects_up() -> None:
     ]
 
 
-def test_a_function_of_the_user_is_called_as_often_as_without_an_index() -> None:
+def test_user_functions_are_not_indexed() -> None:
     engine = engine_of(4)
     called: list[int] = []
 
@@ -95,7 +93,7 @@ def test_a_function_of_the_user_is_called_as_often_as_without_an_index() -> None
 
 
 @pytest.mark.parametrize("operators", [(), (">=", "<")])
-def test_an_index_is_brought_up_to_date_and_made_anew_only_after_a_rollback(
+def test_a_value_index_is_updated_and_rebuilt_only_after_a_rollback(
     operators: tuple[str, ...],
 ) -> None:
     model = Model(KEYS)

@@ -66,31 +66,29 @@ QUESTIONS: dict[str, Callable[[CompiledMatcher], object]] = {
 
 
 @pytest.mark.parametrize("question", QUESTIONS.values(), ids=QUESTIONS)
-def test_a_chain_of_links_takes_no_more_than_its_ends(question: Callable[[CompiledMatcher], object]) -> None:
+def test_chains_of_links_are_searched_with_distinct_ends(
+    question: Callable[[CompiledMatcher], object],
+) -> None:
     patterns = library(
         FAR,
         pattern("seven(a : Stop)", [path(LONG, "a", "b"), path("Stop.n", "b", 7)]),
         pattern("none(a : Stop)", [is_a("Stop", "a"), neg(find("seven", "a"))]),
-        pattern(
-            "ends(a : Stop, n : int)", [is_a("Stop", "a"), equal("n", fold("count", find("far", "a", "_")))]
-        ),
+        pattern("ends(a : Stop, n : int)", [is_a("Stop", "a"), equal("n", fold("count", find("far", "a", "_")))]),
     )
     matcher = CountingMatcher(crowded(), patterns)
     assert question(matcher)
     assert 0 < matcher.looks <= 15 * SIZE * (SIZE + FANOUT)
 
 
-def test_ends_come_in_the_order_of_the_first_path_to_them() -> None:
+def test_distinct_ends_are_ordered_by_their_first_path() -> None:
     model = crowded()
-    matcher = CompiledMatcher(
-        model, library(pattern("far(a : Stop, b : Stop)", [path("Stop.to.to.to", "a", "b")]))
-    )
+    matcher = CompiledMatcher(model, library(pattern("far(a : Stop, b : Stop)", [path("Stop.to.to.to", "a", "b")])))
     targets = model.graph.store.forward[0]
     paths = [c for a in targets[3] for b in targets[a] for c in targets[b]]
     assert matcher.rows("far", (3, FREE)) == [(3, end) for end in dict.fromkeys(paths)]
 
 
-def test_a_closure_over_hubs_looks_at_the_links_of_each_hub_once() -> None:
+def test_closures_visit_the_links_of_each_hub_once() -> None:
     model = crowded()
     hub = STOPS.feature("Stop", "hub")
     assert isinstance(hub, Reference)
@@ -108,6 +106,6 @@ def test_a_closure_over_hubs_looks_at_the_links_of_each_hub_once() -> None:
     assert matcher.looks == 12  # ten stops have a hub, and two hubs have links
 
 
-def test_what_has_one_way_back_needs_no_distinct_set() -> None:
+def test_functional_steps_need_no_distinct_set() -> None:
     tree = pattern("below(a : Stop, b : Stop)", [path("Stop.parts.parts.parts.parts", "a", "b")])
     assert " not in " not in CompiledMatcher(Model(STOPS), library(tree)).source("below", (0,))

@@ -12,9 +12,9 @@ import pytest
 from envgraph.graph import Model
 from envgraph.match import FREE, CompiledMatcher
 from envgraph.match.generate._sources import view_source
-from envgraph.match.generate._symbols import Mode
-from envgraph.match.plan import CallGraph, Planner, ViewKey
-from envgraph.match.plan._options import Options
+from envgraph.match.generate._symbols import ResultMode
+from envgraph.match.plan import CallGraph, PatternQuery, Planner
+from envgraph.match.plan._step_candidates import StepCandidates
 from envgraph.metamodel import Attribute, Class, Metamodel, Reference, Scalar
 from envgraph.pattern import Constant, Constraint, Library, Pattern
 from tests.unit.match.forest import PATTERNS, forest, library
@@ -78,16 +78,16 @@ def test_startTileFixedLocation_is_one_loop_with_all_checks_outside_the_second()
     )
 
 
-def test_a_question_of_existence_stops_at_the_first_match() -> None:
+def test_existence_queries_stop_at_the_first_match() -> None:
     queries = library()
     planner = Planner(queries, CallGraph(queries))
-    text = view_source(planner, ViewKey("burningTile", (), ()), Mode.EXISTS).text
+    text = view_source(planner, PatternQuery("burningTile", (), ()), ResultMode.EXISTS).text
     assert "return True" in text
     assert "out" not in text
 
 
-@pytest.mark.parametrize("mode", list(Mode))
-def test_generated_source_holds_no_text_of_the_user(mode: Mode) -> None:
+@pytest.mark.parametrize("mode", list(ResultMode))
+def test_generated_source_contains_no_user_text(mode: ResultMode) -> None:
     evil = "evil'\"\\\n__import__('os')"
     nodes = matcher(
         ring(3),
@@ -102,25 +102,21 @@ def test_generated_source_holds_no_text_of_the_user(mode: Mode) -> None:
             ],
         ),
     )
-    key = ViewKey("class_", (), () if mode is Mode.EXISTS else (0, 1))
+    key = PatternQuery("class_", (), () if mode is ResultMode.EXISTS else (0, 1))
     text = view_source(nodes._program.planner, key, mode).text
     assert not re.search("evil|import|None_|lambda|class", text)
     assert not [
-        node
-        for node in ast.walk(ast.parse(text))
-        if isinstance(node, ast.Constant) and isinstance(node.value, str)
+        node for node in ast.walk(ast.parse(text)) if isinstance(node, ast.Constant) and isinstance(node.value, str)
     ]
 
 
-def test_names_of_variables_cannot_clash_with_names_in_the_source() -> None:
+def test_variable_names_cannot_clash_with_generated_names() -> None:
     reserved = ("out", "add", "seen", "todo", "node", "C", "E0", "F1", "v1", "t1", "k0", "view", "build")
     model = ring(3)
     for name in reserved:
         nodes = matcher(
             model,
-            pattern(
-                f"p({name} : Node, b : Node)", [path("Node.next+", name, "b"), path("Node.size", name, 0)]
-            ),
+            pattern(f"p({name} : Node, b : Node)", [path("Node.next+", name, "b"), path("Node.size", name, 0)]),
         )
         assert nodes.count("p", (FREE, FREE)) == 3
 
@@ -139,11 +135,9 @@ def test_long_chains_are_split_into_functions(reference: str, length: int) -> No
 
 
 @pytest.mark.parametrize("reference", ["next", "to"])
-def test_long_chains_of_which_only_the_start_is_wanted(reference: str) -> None:
+def test_long_chains_with_only_the_start_projected_are_split(reference: str) -> None:
     long = pattern("p(x0 : Node)", chain(reference, 60))
-    count = pattern(
-        "n(x : Node, n : int)", [is_a("Node", "x"), equal("n", fold("count", find("both", "x", "_")))]
-    )
+    count = pattern("n(x : Node, n : int)", [is_a("Node", "x"), equal("n", fold("count", find("both", "x", "_")))])
     both = pattern("both(x0 : Node, x1 : Node)", chain(reference, 60))
     summed = pattern("s(n : int)", [equal("n", fold("sum", find("sizes", "_", "#")))])
     sizes = pattern("sizes(x0 : Node, n : int)", [*chain(reference, 40), path("Node.size", "x39", "n")])
@@ -199,7 +193,7 @@ def test_a_pattern_of_200_constraints_is_planned_in_under_a_second(name: str) ->
     assert rows == ([] if name == "clique" else [(0,), (1,), (2,)])
 
 
-def test_a_call_is_looked_at_again_only_when_something_has_changed_for_it(
+def test_planning_reestimates_calls_only_after_relevant_changes(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
     estimated = 0
@@ -209,8 +203,8 @@ def test_a_call_is_looked_at_again_only_when_something_has_changed_for_it(
         estimated += 1
         return original(*arguments)
 
-    original = Options._estimate
-    monkeypatch.setattr(Options, "_estimate", estimate)
+    original = StepCandidates._estimate
+    monkeypatch.setattr(StepCandidates, "_estimate", estimate)
     edge = pattern("edge(a : Node, b : Node)", [path("Node.next", "a", "b")], [path("Node.to", "a", "b")])
     nodes = matcher(ring(3), edge, pattern("p(x0 : Node)", [is_a("Node", "x0"), *LONG["calls"]]))
     assert nodes.exists("p", (0,))
@@ -265,7 +259,7 @@ def test_an_input_is_bound_before_the_call_of_a_recursive_pattern() -> None:
     assert nodes.rows("user", (FREE,)) == [(0,), (1,), (2,), (3,)]
 
 
-def test_what_no_parameter_depends_on_is_asked_for_existence_once() -> None:
+def test_independent_parts_are_tested_for_existence_once() -> None:
     tail = [path("Node.to", "b", "c"), path("Node.to", "c", "d"), path("Node.to", "d", "e")]
     nodes = matcher(ring(3), pattern("p(a : Node, b : Node)", [path("Node.to", "a", "b"), *tail]))
     text = nodes.explain("p", (0,))
@@ -274,20 +268,18 @@ def test_what_no_parameter_depends_on_is_asked_for_existence_once() -> None:
     assert "reported once" not in text
 
 
-def test_what_depends_on_nothing_is_asked_before_any_loop() -> None:
+def test_independent_goals_are_tested_before_any_loop() -> None:
     other = [path("Node.to", "x", "y"), path("Node.to", "y", "z")]
     nodes = matcher(ring(3), pattern("p(a : Node, b : Node)", [path("Node.to", "a", "b"), *other]))
     steps = nodes.explain("p").partition("\n\n")[0].splitlines()[2:]
     assert steps[0].split()[:2] == ["if", "any"]
 
 
-def test_rows_that_a_plan_cannot_repeat_are_not_compared() -> None:
+def test_plans_with_unique_rows_need_no_distinct_check() -> None:
     nodes = matcher(
         ring(3),
         pattern("single(a : Node)", [path("Node.next", "a", "b")]),
-        pattern(
-            "apart(a : Node, n : int)", [is_a("Node", "a"), equal("n", 1)], [is_a("Node", "a"), equal("n", 2)]
-        ),
+        pattern("apart(a : Node, n : int)", [is_a("Node", "a"), equal("n", 1)], [is_a("Node", "a"), equal("n", 2)]),
         pattern("many(b : Node)", [path("Node.to", "a", "b"), path("Node.next", "a", "b")]),
     )
     assert "out = []" in nodes.source("single")

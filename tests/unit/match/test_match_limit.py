@@ -15,9 +15,7 @@ from tests.unit.match.writing import is_a, path, pattern, unequal
 
 NAMES = [f"v{number}" for number in range(14)]
 PATTERNS = (
-    pattern(
-        f"all({', '.join(f'{name} : Person' for name in NAMES)})", [is_a("Person", name) for name in NAMES]
-    ),
+    pattern(f"all({', '.join(f'{name} : Person' for name in NAMES)})", [is_a("Person", name) for name in NAMES]),
     pattern("pairs(a : Person, b : Person)", [is_a("Person", "a"), is_a("Person", "b")]),
     pattern("knows(a : Person, b : Person)", [path("Person.knows", "a", "b")]),
     pattern("same(a : Person, b : Person)", [path("Person.age", "a", "n"), path("Person.age", "b", "n")]),
@@ -37,7 +35,7 @@ def free(size: int) -> tuple[object, ...]:
 
 
 @pytest.mark.parametrize("question", ["rows", "count"])
-def test_a_dozen_objects_that_nothing_connects(question: str) -> None:
+def test_unconnected_objects_exceed_the_match_limit(question: str) -> None:
     asked = matcher(CompiledMatcher, 10)
     with pytest.raises(
         EvaluationError, match="`all` has more than 1,000,000 combinations of objects: nothing connects `v"
@@ -47,7 +45,7 @@ def test_a_dozen_objects_that_nothing_connects(question: str) -> None:
     assert asked.exists("all", free(14)) and asked.first("all", free(14)) == (0,) * 14
 
 
-def test_the_limit_is_raised_by_the_environment(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_the_environment_variable_raises_the_match_limit(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setenv("ENVGRAPH_LIMITS", "0.0001")
     with pytest.raises(EvaluationError, match="more than 100 combinations"):
         matcher(CompiledMatcher, 15).rows("pairs", free(2))
@@ -62,7 +60,7 @@ def test_objects_connected_by_a_link_or_a_value_have_no_limit(monkeypatch: pytes
     assert "m0" not in asked.source("knows")  # type: ignore[attr-defined]
 
 
-def test_a_view_ends_at_the_limit_when_it_is_made_and_when_the_model_grows(
+def test_views_raise_at_the_match_limit_when_built_and_when_updated(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
     monkeypatch.setenv("ENVGRAPH_LIMITS", "0.02")
@@ -83,7 +81,7 @@ def test_a_view_ends_at_the_limit_when_it_is_made_and_when_the_model_grows(
     views.check_integrity()
 
 
-def test_a_search_that_finds_nothing_ends_at_the_limit_too(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_searches_without_matches_stop_at_the_limit(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setenv("ENVGRAPH_LIMITS", "0.002")
     different = [unequal(one, other) for one, other in combinations(NAMES[:8], 2)]
     library = Library(METAMODEL)

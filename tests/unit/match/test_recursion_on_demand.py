@@ -47,14 +47,12 @@ def chain(length: int) -> Model:
     return model
 
 
-def test_all_rows_of_a_long_chain_are_derived_from_what_is_new() -> None:
+def test_recursive_rows_of_a_long_chain_are_derived_semi_naively() -> None:
     length = 300
-    assert (
-        CompiledMatcher(chain(length), library()).count("reach", (FREE, FREE)) == length * (length - 1) // 2
-    )
+    assert CompiledMatcher(chain(length), library()).count("reach", (FREE, FREE)) == length * (length - 1) // 2
 
 
-def test_the_rows_follow_the_model() -> None:
+def test_recursive_rows_follow_model_changes() -> None:
     model = chain(6)
     compiled, naive = (kind(model, library()) for kind in (CompiledMatcher, NaiveMatcher))
     for change in (
@@ -75,7 +73,7 @@ LINEAR = {
 
 @pytest.mark.parametrize("body", LINEAR.values(), ids=LINEAR)
 @pytest.mark.parametrize("bound", [(0,), (1,), (0, 1)])
-def test_from_given_values_only_what_they_lead_to_is_derived(
+def test_bound_recursive_queries_derive_only_relevant_rows(
     body: list[Constraint], bound: tuple[int, ...], monkeypatch: pytest.MonkeyPatch
 ) -> None:
     length = 400
@@ -89,7 +87,7 @@ def test_from_given_values_only_what_they_lead_to_is_derived(
 
 
 @pytest.mark.parametrize("body", LINEAR.values(), ids=LINEAR)
-def test_rows_with_a_value_that_is_asked_about_often_are_derived_once(body: list[Constraint]) -> None:
+def test_frequently_queried_recursive_rows_are_derived_once(body: list[Constraint]) -> None:
     length = 500
     patterns = Library(METAMODEL)
     apart = [path("Host.load", "b", 1), is_a("Host", "a"), neg(find("asked", "a", "b"))]
@@ -104,7 +102,7 @@ def test_rows_with_a_value_that_is_asked_about_often_are_derived_once(body: list
     assert matcher._program._recursion._kept < 12 * length
 
 
-def test_a_call_whose_rows_another_one_takes_over_reads_no_more_than_its_own() -> None:
+def test_tail_calls_read_only_their_own_rows() -> None:
     metamodel = Metamodel(
         "places",
         (

@@ -124,6 +124,6 @@ def test_equal_values_are_found_after_every_edit_and_rollback(join: Pattern) -> 
 
 
 @pytest.mark.parametrize("join", JOINS.values(), ids=JOINS)
-def test_not_all_pairs_are_looked_at(join: Pattern) -> None:
+def test_value_joins_do_not_visit_all_pairs(join: Pattern) -> None:
     text = CompiledMatcher(Model(POINTS), queries(join)).source("q")
     assert "i0" in text or join in (JOINS["steps of a closure"], JOINS["number with a value"])

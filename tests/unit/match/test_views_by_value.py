@@ -50,9 +50,7 @@ def town(size: int) -> Model:
     for number in range(size):
         model.create("Flat", number=number)
     flats = model.nodes("Flat")
-    people = [
-        model.create("Person", name=f"p{number}", age=number, flat=flats[-number]) for number in range(size)
-    ]
+    people = [model.create("Person", name=f"p{number}", age=number, flat=flats[-number]) for number in range(size)]
     for number in range(1, size):
         people[number].boss = people[number // 10]
     return model
@@ -67,8 +65,8 @@ def queries(name: str) -> Library:
 
 def value_views(views: ViewMatcher) -> list[str]:
     """Attributes whose values are a view."""
-    assert views.kept.network is not None
-    return [name.removesuffix("/values") for name in views.kept.network.operators if name.endswith("/values")]
+    assert views.watched_views.network is not None
+    return [name.removesuffix("/values") for name in views.watched_views.network.operators if name.endswith("/values")]
 
 
 @pytest.mark.parametrize("name", [name for name in PATTERNS if name != "grown"])
@@ -100,7 +98,7 @@ def test_matches_follow_changes_of_values(name: str, size: int) -> None:
     assert list(views.rows(name, free)) == before
 
 
-def test_a_change_of_a_value_looks_at_those_that_share_it() -> None:
+def test_value_changes_visit_only_objects_with_that_value() -> None:
     model, library = town(400), queries("same")
     views = ViewMatcher(model, library)
     views.watch("same")
@@ -110,7 +108,7 @@ def test_a_change_of_a_value_looks_at_those_that_share_it() -> None:
     assert "(rows 1" in plan
 
 
-def test_objects_of_other_classes_say_nothing_about_the_values() -> None:
+def test_value_statistics_ignore_objects_of_other_classes() -> None:
     model = Model(TOWN)
     for _ in range(600):
         model.create("Flat")
@@ -122,13 +120,13 @@ def test_objects_of_other_classes_say_nothing_about_the_values() -> None:
 
 
 @pytest.mark.parametrize("name", ["peer", "home", "grown"])
-def test_values_that_are_not_looked_for_have_no_view(name: str) -> None:
+def test_values_that_are_never_looked_up_have_no_view(name: str) -> None:
     views = ViewMatcher(town(150), queries(name))
     views.watch(name)
     assert value_views(views) == []
 
 
-def test_values_that_tell_few_apart_have_no_view() -> None:
+def test_unselective_values_have_no_view() -> None:
     model = town(150)
     for number, person in enumerate(model.graph.extent("Person")):
         model.graph.set_value(person, NAME, f"p{number % 3}")

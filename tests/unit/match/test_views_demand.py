@@ -21,10 +21,7 @@ def grid() -> Model:
     """A square of cells, linked both ways, with one start in a corner."""
     model = Model(METAMODEL)
     following = METAMODEL.references[0]
-    cells = [
-        [model.graph.new("Cell" if row or column else "Start") for column in range(SIDE)]
-        for row in range(SIDE)
-    ]
+    cells = [[model.graph.new("Cell" if row or column else "Start") for column in range(SIDE)] for row in range(SIDE)]
     for row in range(SIDE):
         for column in range(SIDE):
             for below, right in ((row + 1, column), (row, column + 1)):
@@ -56,7 +53,7 @@ def library() -> Library:
 @pytest.mark.parametrize(
     ("query", "before", "after"), [("size", [(0, 144)], [(0, 0)]), ("back", [(0, 144)], [(0, 143)])]
 )
-def test_numbers_of_what_is_reached_follow_the_links(query: str, before: object, after: object) -> None:
+def test_counts_of_reached_objects_follow_link_changes(query: str, before: object, after: object) -> None:
     model = grid()
     matcher = ViewMatcher(model, library())
     matcher.watch(query)
@@ -72,22 +69,22 @@ def test_numbers_of_what_is_reached_follow_the_links(query: str, before: object,
 
 
 @pytest.mark.parametrize("query", ["size", "back"])
-def test_a_question_about_one_start_keeps_no_pairs(query: str) -> None:
+def test_closure_queries_from_one_start_store_no_pairs(query: str) -> None:
     matcher = ViewMatcher(grid(), library())
     matcher.watch(query)
     closures = [
-        each for each in matcher.kept.network.operators.values() if type(each).__name__ == "ClosureOperator"
+        each for each in matcher.watched_views.network.operators.values() if type(each).__name__ == "ClosureOperator"
     ]
     assert [each.size() for each in closures] == [SIDE * SIDE]
 
 
-def test_a_query_for_cycles_keeps_only_nodes_on_cycles() -> None:
+def test_cycle_views_store_only_nodes_on_cycles() -> None:
     matcher = ViewMatcher(grid(), library())
     matcher.watch("loop")
     circles = [
-        each for each in matcher.kept.network.operators.values() if type(each).__name__ == "CircleOperator"
+        each for each in matcher.watched_views.network.operators.values() if type(each).__name__ == "CircleOperator"
     ]
     assert [each.size() for each in circles] == [SIDE * SIDE]
     assert not any(
-        type(each).__name__ == "ClosureOperator" for each in matcher.kept.network.operators.values()
+        type(each).__name__ == "ClosureOperator" for each in matcher.watched_views.network.operators.values()
     )

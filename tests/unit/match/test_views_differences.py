@@ -86,7 +86,7 @@ def test_the_rows_of_a_watched_chain_are_as_many_as_its_links(name: str) -> None
     made.check_integrity()
 
 
-def test_a_star_costs_as_much_as_its_links_however_many_change_at_once(
+def test_views_of_a_star_take_linear_work_for_bulk_changes(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
     queued = 0
@@ -138,7 +138,7 @@ def test_blocks_compare_values_of_the_left_side() -> None:
     made.check_integrity()
 
 
-def test_calls_with_nothing_but_constants() -> None:
+def test_calls_may_have_only_constant_arguments() -> None:
     apart = Pattern("apart", "i : int, k : int", "N.v(_, i); N.v(_, k); i != k;")
     asked = Pattern("asked", "x : N", "N(x); neg find apart(1, 2); neg find apart(_, 3);")
     made, nodes = engine((), apart, asked)
@@ -153,7 +153,7 @@ def test_calls_with_nothing_but_constants() -> None:
     made.check_integrity()
 
 
-def test_the_message_names_the_block_and_what_nothing_links(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_the_limit_message_names_the_block_and_unlinked_variables(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setenv("ENVGRAPH_LIMITS", "0.001")
     pairs = Rule("r", lhs="x : N; y : N;", modify="set y.mark = true;")
     made, _ = engine((), pairs)

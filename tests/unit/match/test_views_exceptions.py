@@ -10,7 +10,7 @@ import pytest
 
 from envgraph.graph import Model
 from envgraph.match import FREE, Row, ViewMatcher
-from envgraph.match.views.operators._sets import Log
+from envgraph.match.views.operators._row_set import RowLog
 from envgraph.pattern import Library
 from tests.oracle.naive._naive import NaiveMatcher
 from tests.profile import NIGHTLY
@@ -23,9 +23,7 @@ PATTERNS = (
     pattern("two(a : Person, c : Person)", [find("knows", "a", "b"), find("knows", "b", "c")]),
     pattern("reaches(a : Person, b : Person)", [find("two+", "a", "b")]),
     pattern("lonely(a : Person)", [is_a("Person", "a"), neg(find("reaches", "a", "_"))]),
-    pattern(
-        "fans(a : Person, n : int)", [is_a("Person", "a"), equal("n", fold("count", find("two", "_", "a")))]
-    ),
+    pattern("fans(a : Person, n : int)", [is_a("Person", "a"), equal("n", fold("count", find("two", "_", "a")))]),
 )
 
 
@@ -33,7 +31,7 @@ class Interrupted(BaseException):
     """Like KeyboardInterrupt: nobody catches it."""
 
 
-class Fuse(Log):
+class Fuse(RowLog):
     """A log that raises when it is written for a certain time."""
 
     def __init__(self, length: int) -> None:
@@ -108,7 +106,7 @@ def free(crowd: Crowd, name: str) -> Row:
 
 
 def rows_of(views: ViewMatcher, pattern: str) -> Any:
-    return views.kept.views[pattern].rows
+    return views.watched_views.views[pattern].rows
 
 
 FUSES = list(product(["two", "reaches", "lonely", "fans"], [0, 1, 3] if NIGHTLY else [1]))
@@ -142,7 +140,7 @@ def test_a_rollback_repairs_views_that_were_interrupted(fuse: tuple[str, int]) -
     crowd.views.check_integrity()
 
 
-def test_the_fuses_burn() -> None:
+def test_injected_exceptions_are_raised() -> None:
     """Else the tests here would test nothing."""
     burnt = 0
     for fuse in FUSES:
@@ -153,7 +151,7 @@ def test_the_fuses_burn() -> None:
 
 
 @pytest.mark.parametrize("fuse", FUSES, ids=str)
-def test_a_savepoint_that_is_interrupted_is_not_open(fuse: tuple[str, int]) -> None:
+def test_interrupted_savepoints_are_not_open(fuse: tuple[str, int]) -> None:
     crowd = Crowd()
     before = crowd.order()
     outer = crowd.model.graph.history.savepoint()
@@ -222,7 +220,7 @@ def test_an_interrupted_commit_may_be_made_again(fuse: tuple[str, int]) -> None:
 
 
 @pytest.mark.parametrize("fuse", FUSES, ids=str)
-def test_views_that_were_interrupted_are_built_anew_when_there_is_nothing_to_go_back_to(
+def test_interrupted_views_are_rebuilt_without_open_savepoints(
     fuse: tuple[str, int],
 ) -> None:
     crowd = Crowd()
@@ -244,7 +242,7 @@ class Refused(Exception):
     """What a listener raises."""
 
 
-def test_an_exception_in_a_listener_leaves_the_views_right() -> None:
+def test_listener_exceptions_leave_views_correct() -> None:
     crowd = Crowd()
 
     def refuse(appeared: list[Row], disappeared: list[Row]) -> None:
@@ -253,7 +251,7 @@ def test_an_exception_in_a_listener_leaves_the_views_right() -> None:
     crowd.views.listen("two", refuse)
     with pytest.raises(Refused), crowd.model.transaction():
         crowd.meet()
-    assert crowd.model.graph.history.depth == 0
+    assert crowd.model.graph.history.savepoint_depth == 0
     crowd.assert_right()
     crowd.views.check_integrity()
     crowd.unlink(3, 3)
@@ -264,7 +262,7 @@ def test_an_exception_in_a_listener_leaves_the_views_right() -> None:
 
 
 @pytest.mark.parametrize("raised", [Refused, Interrupted])
-def test_an_exception_in_a_listener_keeps_nothing_from_the_others(raised: type[BaseException]) -> None:
+def test_listener_exceptions_do_not_stop_other_notifications(raised: type[BaseException]) -> None:
     crowd = Crowd()
     heard: dict[str, list[Row]] = {"two": [], "reaches": []}
 
@@ -287,7 +285,7 @@ def test_an_exception_in_a_listener_keeps_nothing_from_the_others(raised: type[B
     assert heard == {"two": [(one, three)], "reaches": [(one, three)]}, two
 
 
-def test_a_listener_that_changes_the_model_is_told_of_that_in_turn() -> None:
+def test_changes_by_listeners_are_notified_too() -> None:
     crowd = Crowd()
     heard: list[Row] = []
 
@@ -305,7 +303,7 @@ def test_a_listener_that_changes_the_model_is_told_of_that_in_turn() -> None:
     crowd.views.check_integrity()
 
 
-def test_listeners_do_not_hear_of_half_of_a_change() -> None:
+def test_listeners_are_never_notified_of_partial_changes() -> None:
     crowd = Crowd()
     rows = set(crowd.order()["reaches"])
 
@@ -327,7 +325,7 @@ def test_listeners_do_not_hear_of_half_of_a_change() -> None:
     assert rows == set(NaiveMatcher(crowd.model, crowd.library).rows("reaches", (FREE, FREE)))
 
 
-def test_rollbacks_leave_nothing_to_tell_behind() -> None:
+def test_rollbacks_discard_pending_notifications() -> None:
     crowd = Crowd()
     told: list[object] = []
     crowd.views.listen("knows", lambda *change: told.append(change))

@@ -7,7 +7,7 @@ from itertools import chain, pairwise
 from envgraph import code
 from envgraph.graph import Model
 from envgraph.match import FREE
-from envgraph.match.views.delta._fusion import Group, fused_source, insert, merged
+from envgraph.match.views.delta._fusion import BranchGroup, fused_source, insert_nest, merge_groups
 from envgraph.metamodel import Attribute, Class, Metamodel, Reference, Scalar
 from envgraph.pattern import Library, LinkAtom
 from tests.unit.match.kinds import watched
@@ -36,17 +36,15 @@ CHAIN = pattern(
     ],
 )
 FAR = [path("Post.next", "a", "c"), find("far", "c", "b")]
-LAST = pattern(
-    "last(a : Post, b : Post, c : Post)", [path("Post.next", "a", "b"), path("Post.next", "b", "c")]
-)
+LAST = pattern("last(a : Post, b : Post, c : Post)", [path("Post.next", "a", "b"), path("Post.next", "b", "c")])
 
 
-def test_what_two_functions_begin_with_alike_is_written_once() -> None:
+def test_common_prefixes_of_delta_functions_are_merged() -> None:
     library = Library(POSTS)
     library.add(CHAIN, LAST)
     model = Model(POSTS)
     views = watched(model, library)
-    wiring = views.kept.network.wiring
+    wiring = views.watched_views.network.subscriptions
     links = [delta for delta in wiring.deltas if isinstance(delta.occurrence.relation, LinkAtom)]
     assert len(links) == 5
     text = fused_source(wiring._planner, links, True).text
@@ -58,7 +56,7 @@ def test_what_two_functions_begin_with_alike_is_written_once() -> None:
     assert text.count("    derive_1(") == 2
 
 
-def test_functions_that_are_one_find_what_each_would_find() -> None:
+def test_merged_functions_find_the_same_rows() -> None:
     library = Library(POSTS)
     library.add(CHAIN, LAST)
     model = Model(POSTS)
@@ -81,7 +79,7 @@ def test_functions_that_are_one_find_what_each_would_find() -> None:
     assert views.count("chain", (FREE,) * 4) == views.count("last", (FREE,) * 3) == 0
 
 
-def test_what_a_view_loses_at_one_place_may_have_come_at_another_in_a_later_pass_of_the_same_loop() -> None:
+def test_deletions_of_rows_inserted_later_in_a_merged_loop_are_exact() -> None:
     marks = ("lamp", "wire", "mark")
     posts = Metamodel("posts", (Class("Post", features=tuple(Reference(n, "Post", 0, None) for n in marks)),))
     lamp, wire, mark = posts.references
@@ -117,7 +115,7 @@ def test_what_a_view_loses_at_one_place_may_have_come_at_another_in_a_later_pass
     assert views.count("differ", (FREE,) * 4) == 0
 
 
-def test_explain_tells_what_a_function_does_for_the_tuples_that_there_are() -> None:
+def test_explain_counts_rows_of_merged_functions() -> None:
     library = Library(POSTS)
     library.add(LAST, pattern("far(a : Post, b : Post)", [path("Post.next", "a", "b")], FAR))
     model = Model(POSTS)
@@ -142,43 +140,45 @@ V0, V1, T0, U0 = map(code.Local, ("v0", "v1", "t0", "u0"))
 
 def first_and_then(table: code.Local, name: str) -> code.Body:
     """The first of a tuple, and what a function does with all that a table has for it."""
-    found = code.For(V1, code.Index(code.Name("F"), V0), (code.Do(code.Call(code.Name(name), (V1,))),))
+    found = code.For(
+        V1, code.Subscript(code.Name("F"), V0), (code.ExpressionStatement(code.Call(code.Name(name), (V1,))),)
+    )
     return (code.If(T0, (code.Assign(code.Tuple((V0,)), table), found)),)
 
 
 def each(name: str) -> code.Body:
     """A function of all elements."""
-    return (code.For(V0, code.Name("F"), (code.Do(code.Call(code.Name(name), (V0,))),)),)
+    return (code.For(V0, code.Name("F"), (code.ExpressionStatement(code.Call(code.Name(name), (V0,))),)),)
 
 
 def fused(*nests: tuple[tuple[str, bool], code.Body]) -> str:
-    groups: list[Group] = []
+    groups: list[BranchGroup] = []
     for change, nest in nests:
-        insert(groups, nest, change)
-    return code.printed(merged(groups)).text
+        insert_nest(groups, nest, change)
+    return code.print_source(merge_groups(groups)).text
 
 
 def text(*parts: code.Body) -> str:
-    return code.printed(tuple(chain.from_iterable(parts))).text
+    return code.print_source(tuple(chain.from_iterable(parts))).text
 
 
-def test_loops_over_names_that_stand_for_different_things_are_not_one() -> None:
+def test_loops_over_different_relations_are_not_merged() -> None:
     one, other = first_and_then(T0, "f"), first_and_then(U0, "g")
     assert fused((("p", True), one), (("q", True), other)) == text(one) + text(other).split("\n", 1)[1]
     again = first_and_then(T0, "g")
     assert fused((("p", True), one), (("q", True), again)) == text(one) + "        g(v1)\n"
 
 
-def test_gains_and_losses_of_a_view_stay_apart_and_in_order() -> None:
+def test_insertions_and_deletions_of_merged_views_keep_their_order() -> None:
     gain, lose = each("add"), each("drop")
     assert fused((("p", True), gain), (("p", False), lose)) == text(gain, lose)
     assert fused((("p", True), gain), (("q", False), lose)) == text(gain) + "    drop(v0)\n"
-    between = (code.If(code.Name("c"), (code.Do(code.Call(code.Name("drop"), (code.Local("a0"),))),)),)
+    between = (code.If(code.Name("c"), (code.ExpressionStatement(code.Call(code.Name("drop"), (code.Local("a0"),))),)),)
     whole = fused((("p", True), gain), (("p", False), between), (("p", True), gain))
     assert whole == text(gain, between, gain)
 
 
-def test_what_only_some_need_stands_inside_what_all_need() -> None:
+def test_specific_steps_are_nested_in_common_steps() -> None:
     tests = [code.Operation("==", (V0, code.Constant(n))) for n in range(3)]
 
     def nest(which: int, name: str) -> code.Body:
@@ -186,7 +186,12 @@ def test_what_only_some_need_stands_inside_what_all_need() -> None:
             code.For(
                 V0,
                 code.Name("F"),
-                (code.If(tests[0], (code.If(tests[which], (code.Do(code.Call(code.Name(name), (V0,))),)),)),),
+                (
+                    code.If(
+                        tests[0],
+                        (code.If(tests[which], (code.ExpressionStatement(code.Call(code.Name(name), (V0,))),)),),
+                    ),
+                ),
             ),
         )
 
@@ -202,7 +207,7 @@ def test_what_only_some_need_stands_inside_what_all_need() -> None:
     ]
 
 
-def test_what_has_two_halves_is_no_nest() -> None:
+def test_functions_with_two_parts_are_not_nested() -> None:
     library = Library(POSTS)
     heads = "(a : Post, b : Post, n : int)"
     counted = pattern(

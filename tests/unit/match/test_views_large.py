@@ -27,7 +27,7 @@ def test_a_chain_of_constraints_is_kept_current(length: int, kind: str) -> None:
         model.graph.link(one, following, other)
     matcher = ViewMatcher(model, library)
     matcher.watch("far")
-    assert type(matcher.kept.network.operators["far"]).__name__ == kind
+    assert type(matcher.watched_views.network.operators["far"]).__name__ == kind
     assert set(matcher.rows("far", (FREE, FREE))) == {
         (cells[0], cells[length]),
         (cells[1], cells[length + 1]),
@@ -45,9 +45,7 @@ def test_a_chain_of_constraints_is_kept_current(length: int, kind: str) -> None:
 def test_large_patterns_are_explained_with_actual_rows(shape: str) -> None:
     library = Library(METAMODEL)
     ends = [(f"x{n}" if shape == "chain" else "x0", f"x{n + 1}") for n in range(200)]
-    library.add(
-        pattern("large(x0 : Cell, x1 : Cell)", [path("Cell.next", one, other) for one, other in ends])
-    )
+    library.add(pattern("large(x0 : Cell, x1 : Cell)", [path("Cell.next", one, other) for one, other in ends]))
     model = Model(METAMODEL)
     cells = [model.graph.new("Cell") for _ in range(3)]
     model.graph.link(cells[0], METAMODEL.references[0], cells[1])
@@ -57,7 +55,7 @@ def test_large_patterns_are_explained_with_actual_rows(shape: str) -> None:
     assert (why.match is None) == (shape == "chain")
 
 
-def test_rows_of_several_derivations_go_with_the_last_however_dear_their_search_is() -> None:
+def test_rows_are_deleted_with_their_last_derivation() -> None:
     metamodel = Metamodel(
         "net",
         (

@@ -6,7 +6,7 @@ from envgraph.match import Row, ViewMatcher
 from tests.unit.match.forest import forest, library
 
 
-def test_what_was_pending_when_somebody_began_to_listen_is_no_news() -> None:
+def test_changes_before_a_subscription_are_not_notified() -> None:
     model = forest()
     matcher = ViewMatcher(model, library())
     matcher.watch("burningTile", "fireDensity")

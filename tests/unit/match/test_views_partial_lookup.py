@@ -83,9 +83,7 @@ def questions(views: ViewMatcher) -> list[tuple[str, tuple[object, ...]]]:
         rows = views.rows(name, (FREE,) * size(views, name))
         for chosen in [*rows[::7], tuple(1 for _ in rows[0])]:
             for mask in product((False, True), repeat=len(chosen)):
-                found.append(
-                    (name, tuple(v if bound else FREE for v, bound in zip(chosen, mask, strict=True)))
-                )
+                found.append((name, tuple(v if bound else FREE for v, bound in zip(chosen, mask, strict=True))))
     return found
 
 
@@ -143,7 +141,7 @@ def test_an_expensive_pattern_is_searched_for_once_at_most(monkeypatch: pytest.M
     assert views.rows("equals", (0, FREE, FREE)) and not searched
 
 
-def test_answers_are_copies() -> None:
+def test_partial_lookup_results_are_copies() -> None:
     views = watching(20)
     everything: list[Row] = list(views.rows("circle", (FREE, FREE)))
     for arguments in [(FREE, 0), (FREE, 0), (0, FREE)]:
@@ -158,13 +156,13 @@ def holding_an_index(number: int) -> ViewMatcher:
     views = watching(number)
     for _ in range(3):
         views.count("circle", (FREE, 1))
-    assert list(views.kept.views["circle"].rows.indexes) == [(1,)]
+    assert list(views.watched_views.views["circle"].rows.indexes) == [(1,)]
     return views
 
 
 def test_an_index_follows_changes_rollbacks_and_checkouts() -> None:
     views, dice = holding_an_index(40), Random(7)
-    model, rows = views.model, views.kept.views["circle"].rows
+    model, rows = views.model, views.watched_views.views["circle"].rows
     index = rows.indexes[1,]
 
     def compare() -> None:
@@ -194,7 +192,7 @@ def test_an_index_follows_changes_rollbacks_and_checkouts() -> None:
 
 def test_an_index_does_not_outlive_an_interruption(monkeypatch: pytest.MonkeyPatch) -> None:
     views, dice = holding_an_index(20), Random(7)
-    rows = views.kept.views["circle"].rows
+    rows = views.watched_views.views["circle"].rows
 
     def interrupted(index: object, row: Row) -> None:
         raise KeyboardInterrupt
@@ -211,13 +209,11 @@ def test_an_index_does_not_outlive_an_interruption(monkeypatch: pytest.MonkeyPat
     views.check_integrity()
 
 
-def test_questions_that_look_through_a_class_are_answered_by_the_view_whatever_its_size() -> None:
+def test_class_scans_are_answered_by_views_of_any_size() -> None:
     """The model is small, and so is an estimate of the search: in a large one it would be slow."""
     model, queries = Model(METAMODEL), Library(METAMODEL)
     queries.add(
-        pattern(
-            "peers(a : Person, b : Person)", [path("Person.age", "a", "n"), path("Person.age", "b", "n")]
-        ),
+        pattern("peers(a : Person, b : Person)", [path("Person.age", "a", "n"), path("Person.age", "b", "n")]),
         pattern("knows(a : Person, b : Person)", [path("Person.knows", "a", "b")]),
     )
     people = [model.graph.new("Person") for _ in range(8)]
@@ -229,4 +225,4 @@ def test_questions_that_look_through_a_class_are_answered_by_the_view_whatever_i
         model.node(one).age = one % 3
         assert prepared(one) == views.rows("peers", (one, FREE))
         assert sorted(prepared(one)) == sorted(views.demand.rows("peers", (one, FREE)))
-    assert views.kept.views["peers"].rows.indexes and not views.kept.views["knows"].rows.indexes
+    assert views.watched_views.views["peers"].rows.indexes and not views.watched_views.views["knows"].rows.indexes

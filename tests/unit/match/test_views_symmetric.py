@@ -14,9 +14,7 @@ from tests.oracle.naive._naive import NaiveMatcher
 from tests.unit.match.kinds import watched
 from tests.unit.match.writing import equal, find, fold, is_a, neg, path, pattern, unequal
 
-PLACES = Metamodel(
-    "places", (Class("Place", features=(Reference("beside", "Place", 0, None, opposite="beside"),)),)
-)
+PLACES = Metamodel("places", (Class("Place", features=(Reference("beside", "Place", 0, None, opposite="beside"),)),))
 BESIDE = PLACES.references[0]
 
 
@@ -62,7 +60,7 @@ PATTERNS: tuple[Pattern, ...] = tuple(
 
 
 @pytest.mark.parametrize("alone", PATTERNS, ids=lambda each: each.name)
-def test_a_symmetric_link_comes_and_goes_in_both_directions_at_once(alone: Pattern) -> None:
+def test_symmetric_links_change_in_both_directions_at_once(alone: Pattern) -> None:
     for seed in range(4):
         random = Random(seed)
         model, library = Model(PLACES), Library(PLACES)

@@ -38,7 +38,7 @@ def chain(model: Model, length: int) -> list[int]:
     return people
 
 
-def test_a_model_that_has_grown_is_planned_for_anew_and_nobody_notices() -> None:
+def test_views_are_replanned_for_grown_models_with_equal_results() -> None:
     model = Model(METAMODEL)
     views = watched(model, library())
     rows: set[Row] = set()
@@ -48,25 +48,25 @@ def test_a_model_that_has_grown_is_planned_for_anew_and_nobody_notices() -> None
         rows.difference_update(disappeared)
 
     views.listen("two", changed)
-    small = views.kept.network
+    small = views.watched_views.network
     chain(model, 900)
     assert views.count("two", FREE2) == 898
-    assert views.kept.network is small
+    assert views.watched_views.network is small
     chain(model, 200)
     assert views.count("two", FREE2) == 898 + 198
-    assert views.kept.network is not small
-    large = views.kept.network
+    assert views.watched_views.network is not small
+    large = views.watched_views.network
     model.node(0).knows.append(model.node(5))
     views.listeners.deliver()
     assert rows == set(views.rows("two", FREE2))
     assert (0, 6) in rows
     chain(model, 900)
     assert views.exists("two", FREE2)
-    assert views.kept.network is large  # not again and again
+    assert views.watched_views.network is large  # not again and again
     views.check_integrity()
 
 
-def test_a_model_is_not_planned_for_anew_while_there_is_a_state_to_go_back_to(
+def test_views_are_not_replanned_with_open_savepoints_or_versions(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
     set_thresholds(monkeypatch, {"least growth of the model": 3})
@@ -74,22 +74,22 @@ def test_a_model_is_not_planned_for_anew_while_there_is_a_state_to_go_back_to(
     views = watched(model, library())
     chain(model, 3)
     savepoint = model.graph.history.savepoint()
-    before, network = list(views.rows("two", FREE2)), views.kept.network
+    before, network = list(views.rows("two", FREE2)), views.watched_views.network
     chain(model, 30)
     assert views.count("two", FREE2) == 29
-    assert views.kept.network is network
+    assert views.watched_views.network is network
     model.graph.history.rollback(savepoint)
     assert views.rows("two", FREE2) == before
     version = model.commit()
     chain(model, 30)
     assert views.count("two", FREE2) == 29
-    assert views.kept.network is network
+    assert views.watched_views.network is network
     model.checkout(version, discard=True)
     assert views.rows("two", FREE2) == before
     views.check_integrity()
 
 
-def test_a_model_that_has_grown_is_planned_for_before_a_savepoint_and_not_after_the_rollback(
+def test_views_are_replanned_before_a_savepoint_not_after_its_rollback(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
     set_thresholds(monkeypatch, {"least growth of the model": 3})
@@ -98,15 +98,15 @@ def test_a_model_that_has_grown_is_planned_for_before_a_savepoint_and_not_after_
     chain(model, 30)
     model.node(0).knows.clear()
     model.node(0).knows.append(model.node(1))  # last in the order of the links, first in that of the objects
-    savepoint, network = model.graph.history.savepoint(), views.kept.network
+    savepoint, network = model.graph.history.savepoint(), views.watched_views.network
     before = list(views.rows("two", FREE2))
     model.graph.history.rollback(savepoint)
     assert views.rows("two", FREE2) == before
-    assert views.kept.network is network
+    assert views.watched_views.network is network
     views.check_integrity()
 
 
-def test_watching_is_refused_where_the_past_does_not_know_of_it() -> None:
+def test_watching_is_refused_with_open_savepoints_or_versions() -> None:
     model = Model(METAMODEL)
     views = ViewMatcher(model, library())
     with model.transaction(), pytest.raises(TransactionError, match="inside a transaction"):
@@ -157,7 +157,7 @@ def test_a_pattern_with_a_listener_stays_watched() -> None:
     assert views.watched == ()
 
 
-def test_listeners_hear_of_a_load_when_they_are_next_told_and_of_a_checkout_as_a_restoration() -> None:
+def test_loads_and_checkouts_are_notified_to_listeners() -> None:
     model = Model(METAMODEL)
     views = ViewMatcher(model, library())
     told: list[tuple[str, int, int]] = []
@@ -204,13 +204,13 @@ def test_only_one_matcher_of_a_model_watches() -> None:
     assert first.watched == ()
 
 
-def test_views_of_a_matcher_that_nobody_asks_any_more_are_given_up() -> None:
+def test_views_of_unused_matchers_are_released() -> None:
     class User:
         pass
 
     model, user = Model(METAMODEL), User()
     first, second = watched(model, library()), ViewMatcher(model, library())
-    first.kept.user = ref(user)
+    first.watched_views.user = ref(user)
     with pytest.raises(InvalidArgument, match="another engine"):
         second.watch("two")
     del user
@@ -226,7 +226,7 @@ def test_a_log_of_changes_outside_of_transactions_is_bounded() -> None:
     views, told = ViewMatcher(model, library()), list[tuple[object, object]]()
     views.listen("knows", lambda *changes: told.append(changes))
     one, two, three = map(model.node, chain(model, 3))
-    log = views.kept.views["knows"].rows.log
+    log = views.watched_views.views["knows"].rows.log
     for _ in range(5_000):
         one.knows.remove(two)
         one.knows.append(two)
@@ -272,10 +272,10 @@ def test_a_load_that_fails_or_ends_without_views_leaves_none_suspended() -> None
     views.watch("two")
     chain(model, 3)
     assert views.count("two", FREE2) == 3
-    assert len(views.kept.views["two"].rows) == 3
+    assert len(views.watched_views.views["two"].rows) == 3
 
 
-def test_what_comes_and_goes_within_a_transaction_is_no_change() -> None:
+def test_rows_inserted_and_deleted_in_one_transaction_are_not_notified() -> None:
     model = Model(METAMODEL)
     views = ViewMatcher(model, library())
     told: list[tuple[list[Row], list[Row]]] = []
@@ -292,7 +292,7 @@ def test_what_comes_and_goes_within_a_transaction_is_no_change() -> None:
     assert len(told) == 1
 
 
-def test_what_hangs_together_with_no_parameter_may_have_loops_that_nothing_connects() -> None:
+def test_parts_without_parameters_may_have_unconnected_loops() -> None:
     model, patterns = Model(METAMODEL), Library(METAMODEL)
     apart = [is_a("Person", "a"), is_a("Person", "b"), is_a("Person", "c"), unequal("b", "c")]
     patterns.add(pattern("apart(a : Person)", apart))

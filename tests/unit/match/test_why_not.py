@@ -29,9 +29,7 @@ def test_explain_counts_for_given_values() -> None:
     burning = model.graph.extent("BurningTile")[0]
     neighbours = matcher.rows("neighbour", (burning, FREE))
     text = matcher.explain("neighbour", (0,), (burning,))
-    counts = [
-        int(line.rpartition("actually ")[2].rstrip(")")) for line in text.splitlines() if "actually" in line
-    ]
+    counts = [int(line.rpartition("actually ")[2].rstrip(")")) for line in text.splitlines() if "actually" in line]
     assert sum(counts) == len(neighbours) > 0
 
 
@@ -55,7 +53,7 @@ def test_the_deepest_partial_match_and_the_constraint_that_fails() -> None:
     assert str(why).splitlines()[1] == f"  body 1: finds tile = #{start.id}; then fails Tile.x(tile, 0)"
 
 
-def test_where_there_is_no_object_the_constraint_that_asks_for_one_fails() -> None:
+def test_class_constraints_fail_without_objects() -> None:
     metamodel = Metamodel("m", (Class("A", features=(Attribute("n", Scalar.INT),)),))
     named = Library(metamodel)
     named.add(pattern("p(a)", [path("A.n", "a", "n")]))
@@ -74,7 +72,7 @@ def test_a_parameter_of_another_type_is_shown_with_its_type() -> None:
     assert failure.constraint == "ward : Ward"
 
 
-def test_the_body_that_comes_furthest_is_first() -> None:
+def test_why_not_lists_the_body_with_the_deepest_match_first() -> None:
     model = forest()
     matcher = CompiledMatcher(model, library())
     corner = next(tile for tile in model.nodes("Tile") if tile.right is None and tile.down is None)
@@ -84,7 +82,7 @@ def test_the_body_that_comes_furthest_is_first() -> None:
     assert len(why.failures) == 4
 
 
-def test_a_match_is_shown_instead() -> None:
+def test_why_not_shows_an_existing_match() -> None:
     model = forest()
     start = model.graph.extent("StartTile")[0]
     why = CompiledMatcher(model, library()).why_not("startTileFixedLocation", {1: start})
@@ -108,7 +106,7 @@ def test_why_not_says_there_is_no_match_exactly_if_there_is_none(name: str) -> N
             assert why.failures
 
 
-def test_a_called_pattern_is_looked_into() -> None:
+def test_why_not_explains_called_patterns() -> None:
     model = forest()
     for cls in ("RoadTile", "VegetationTile"):
         for tile in model.nodes(cls):
@@ -160,7 +158,7 @@ def chain(*patterns: Pattern) -> tuple[CompiledMatcher, list[int]]:
     return CompiledMatcher(model, queries), [link.id for link in links]
 
 
-def test_a_recursive_pattern_is_told_body_by_body_and_not_for_ever() -> None:
+def test_why_not_explains_recursive_patterns_body_by_body() -> None:
     after = pattern(
         "after(a : Link, b : Link)",
         [path("Link.next", "a", "b")],
@@ -181,7 +179,7 @@ def test_a_recursive_pattern_is_told_body_by_body_and_not_for_ever() -> None:
     assert all(failure.inner is None for failure in asked)
 
 
-def test_given_values_that_equality_forbids_contradict_a_body() -> None:
+def test_given_values_may_contradict_equalities_of_a_body() -> None:
     same = pattern("same(a : Link, b : Link)", [is_a("Link", "a"), equal("a", "b")])
     matcher, (first, second, _) = chain(same)
     why = matcher.why_not("same", {0: first, 1: second})

@@ -8,12 +8,12 @@ from envgraph.pattern import (
     Body,
     Check,
     Closure,
+    ColumnMark,
     Comparison,
     Constant,
     Constraint,
     Evaluation,
     Expression,
-    Hash,
     Negation,
     Parameter,
     PathConstraint,
@@ -34,7 +34,7 @@ def v(name: str) -> Variable:
 def term(value: object) -> Term:
     """A variable by its name, `#`, or a constant."""
     if isinstance(value, str):
-        return Hash() if value == "#" else Variable(value)
+        return ColumnMark() if value == "#" else Variable(value)
     return Constant(value) if isinstance(value, int | float) else value  # type: ignore[return-value]
 
 

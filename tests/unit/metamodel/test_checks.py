@@ -207,7 +207,7 @@ def test_enums_are_checked(enums, code, message):
     assert (problem.code, problem.message) == (code, message)
 
 
-def test_a_default_that_is_no_literal_names_the_nearest_one():
+def test_a_default_that_is_not_a_literal_gets_a_hint_with_a_similar_literal():
     (problem,) = problems(cls("A", Attribute("way", WAY, "wst")), enums=[WAY])
     assert (problem.code, problem.hint) == ("wrong-type", "did you mean `west`?")
 
@@ -218,7 +218,7 @@ def test_an_attribute_of_another_enum_of_the_same_name_is_a_problem():
     assert problem.message == "the enum `Way` of `way` differs from the metamodel's enum of this name"
 
 
-def test_an_opposite_is_declared_in_the_target_itself():
+def test_an_opposite_must_be_declared_in_the_target_class():
     found = problems(
         cls("A", Reference("r", "C", opposite="s")),
         cls("B", Reference("s", "A", opposite="r")),
@@ -230,13 +230,13 @@ def test_an_opposite_is_declared_in_the_target_itself():
     ]
 
 
-def test_a_cycle_of_supertypes_is_told_once_with_all_classes_on_it():
+def test_a_cycle_of_supertypes_is_reported_once_with_all_its_classes():
     found = problems(cls("A", supertypes=("B",)), cls("B", supertypes=("C",)), cls("C", supertypes=("A",)))
     assert [problem.message for problem in found] == ["`A` is its own supertype"]
     assert [note.message for note in found[0].notes] == ["`B` extends `C` here", "`C` extends `A` here"]
 
 
-def test_what_a_class_inherits_twice_is_reported_once():
+def test_a_redefined_inherited_feature_is_reported_once():
     x = Attribute("x", INT)
     found = problems(
         cls("A", x),
@@ -247,7 +247,7 @@ def test_what_a_class_inherits_twice_is_reported_once():
     assert [problem.message for problem in found] == ["`B` already inherits `x` from `A`"]
 
 
-def test_a_feature_inherited_on_two_ways_is_one_feature():
+def test_a_feature_inherited_through_two_supertypes_is_one_feature():
     metamodel = Metamodel(
         "m",
         [
@@ -274,22 +274,24 @@ def test_all_problems_are_reported_at_once():
     ]
 
 
-def test_problems_point_at_the_text():
+def test_problems_have_the_span_of_the_wrong_part():
     source = Source("m.metamodel", "class A extends B { int x = true }")
-    extends, default = source.span(16, 17), source.span(28, 32)
+    extends, default = source.span_between(16, 17), source.span_between(28, 32)
     found = problems(
         cls(
             "A",
-            Attribute("x", INT, True, span=source.span(24, 25), places=(("default", default),)),
+            Attribute("x", INT, True, span=source.span_between(24, 25), places=(("default", default),)),
             supertypes=("B",),
-            span=source.span(6, 7),
+            span=source.span_between(6, 7),
             places=(("extends B", extends),),
         )
     )
     assert [problem.span for problem in found] == [extends, default]
 
 
-def test_a_definition_without_places_points_at_its_name():
+def test_problems_of_definitions_without_places_have_the_span_of_the_name():
     source = Source("m.metamodel", "class A { refers B r }")
-    (problem,) = problems(cls("A", Reference("r", "B", span=source.span(19, 20)), span=source.span(6, 7)))
-    assert problem.span == source.span(19, 20)
+    (problem,) = problems(
+        cls("A", Reference("r", "B", span=source.span_between(19, 20)), span=source.span_between(6, 7))
+    )
+    assert problem.span == source.span_between(19, 20)

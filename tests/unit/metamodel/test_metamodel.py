@@ -10,7 +10,7 @@ from envgraph.metamodel import (
     Reference,
     Scalar,
     accepts,
-    default_of,
+    default_value,
     type_name,
 )
 
@@ -31,9 +31,7 @@ MODEL = Metamodel(
             ),
         ),
         Class("Floor", supertypes=("Cell",)),
-        Class(
-            "Door", supertypes=("Floor",), features=(Attribute("way", WAY), Attribute("open", Scalar.BOOL))
-        ),
+        Class("Door", supertypes=("Floor",), features=(Attribute("way", WAY), Attribute("open", Scalar.BOOL))),
         Class("Wall", supertypes=("Cell",), key=("x",)),
         Class("Key", features=(Reference("at", "Floor"),)),
         Class("Both", abstract=True, supertypes=("Door", "Key")),
@@ -48,28 +46,28 @@ def test_supertypes_come_nearest_first():
 
 
 def test_concrete_classes_come_in_order_of_declaration():
-    assert MODEL.concrete("Cell") == ("Floor", "Door", "Wall")
-    assert MODEL.concrete("Floor") == ("Floor", "Door")
-    assert MODEL.concrete("Both") == ()
+    assert MODEL.concrete_classes("Cell") == ("Floor", "Door", "Wall")
+    assert MODEL.concrete_classes("Floor") == ("Floor", "Door")
+    assert MODEL.concrete_classes("Both") == ()
 
 
 def test_is_a_and_overlap():
     assert MODEL.is_a("Door", "Cell")
     assert MODEL.is_a("Door", "Door")
     assert not MODEL.is_a("Cell", "Door")
-    assert MODEL.overlap("Floor", "Cell")
-    assert MODEL.overlap("Door", "Floor")
-    assert not MODEL.overlap("Door", "Wall")
-    assert not MODEL.overlap("Door", "Key")
+    assert MODEL.may_overlap("Floor", "Cell")
+    assert MODEL.may_overlap("Door", "Floor")
+    assert not MODEL.may_overlap("Door", "Wall")
+    assert not MODEL.may_overlap("Door", "Key")
 
 
-def test_features_are_inherited_first():
+def test_inherited_features_precede_own_features():
     assert list(MODEL.features("Door")) == ["x", "y", "east", "west", "beside", "way", "open"]
     assert MODEL.feature("Door", "x") is MODEL.feature("Cell", "x")
     assert MODEL.feature("Key", "x") is None
 
 
-def test_features_are_numbered_and_know_their_owner():
+def test_features_have_an_index_and_their_owner():
     assert [attribute.index for attribute in MODEL.attributes] == [0, 1, 2, 3]
     assert [str(attribute) for attribute in MODEL.attributes] == ["Cell.x", "Cell.y", "Door.way", "Door.open"]
     assert [str(reference) for reference in MODEL.references] == [
@@ -78,7 +76,7 @@ def test_features_are_numbered_and_know_their_owner():
     assert [reference.index for reference in MODEL.references] == [0, 1, 2, 3]
 
 
-def test_opposites_lead_back():
+def test_opposite_references_are_each_others_opposites():
     east, west, beside, at = MODEL.references
     assert MODEL.opposite(east) is west
     assert MODEL.opposite(west) is east
@@ -92,7 +90,7 @@ def test_the_key_is_that_of_the_nearest_class_that_has_one():
     assert MODEL.key("Key") == ()
 
 
-def test_multiplicities_as_written():
+def test_multiplicities_are_printed_as_in_files():
     def written(lower, upper):
         return Reference("r", "A", lower, upper).multiplicity
 
@@ -115,8 +113,8 @@ def test_types_accept_their_values(type_, yes, no):
 
 
 def test_initial_values():
-    assert [default_of(scalar) for scalar in Scalar] == [0, 0.0, False, ""]
-    assert default_of(WAY) == "west"
+    assert [default_value(scalar) for scalar in Scalar] == [0, 0.0, False, ""]
+    assert default_value(WAY) == "west"
     assert Attribute("x", WAY, "east").initial == "east"
     assert Attribute("x", Scalar.BOOL, True).initial is True
 
@@ -126,7 +124,7 @@ def test_an_int_default_of_a_float_attribute_is_a_float():
     assert (initial, type(initial)) == (1.0, float)
 
 
-def test_type_names_are_those_of_the_text():
+def test_type_names_are_those_of_metamodel_files():
     assert [type_name(type_) for type_ in (*Scalar, WAY)] == ["int", "float", "bool", "string", "Way"]
 
 

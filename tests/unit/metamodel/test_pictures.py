@@ -7,8 +7,8 @@ from xml.etree import ElementTree
 import pytest
 from hypothesis import given, settings, strategies as st
 
-from envgraph.draw import Picture, PictureEdge, PictureNode, shown_value
-from envgraph.errors import InvalidArgument, visible
+from envgraph.draw import Picture, PictureEdge, PictureNode, format_value
+from envgraph.errors import InvalidArgument, escape_unprintable
 from envgraph.metamodel import Attribute, Class, EnumType, Metamodel, Reference, Scalar
 
 SVG = "{http://www.w3.org/2000/svg}"
@@ -88,7 +88,7 @@ def fake_dot(tmp_path, monkeypatch):
 # --- class diagrams
 
 
-def test_a_reference_and_its_opposite_are_one_line_from_the_container():
+def test_a_reference_and_its_opposite_are_drawn_as_one_edge():
     edges = lines(HOUSE.to_dot(), '"House"') + lines(HOUSE.to_dot(), '"Room" ->')
     assert '"House" -> "Room" [label="rooms [0..*] / house [1]", ' in edges[1]
     assert 'arrowtail="diamond", arrowhead="vee"' in edges[1]
@@ -98,7 +98,7 @@ def test_a_reference_and_its_opposite_are_one_line_from_the_container():
     ]
 
 
-def test_superclasses_are_above_with_a_triangle():
+def test_generalizations_are_drawn_as_edges_with_a_triangle():
     (edge,) = lines(HOUSE.to_dot(), '"Thing" ->')
     assert edge == '"Thing" -> "Room" [dir="both", arrowtail="onormal", arrowhead="none", color="#212529"];'
 
@@ -137,24 +137,24 @@ def test_special_characters_are_escaped_in_dot():
     ("text", "shown"),
     [("a\nb", "a\\nb"), ("\x00", "\\x00"), ("\ud800", "\\ud800"), ("\u202e", "\\u202e"), ("ä 木", "ä 木")],
 )
-def test_what_does_not_print_is_shown_as_an_escape(text, shown):
-    assert visible(text) == shown
-    assert shown_value(text) == f'"{shown}"'
+def test_unprintable_characters_are_shown_as_escapes(text, shown):
+    assert escape_unprintable(text) == shown
+    assert format_value(text) == f'"{shown}"'
 
 
 def test_long_values_are_cut():
-    assert shown_value("x" * 1_000_000) == f'"{"x" * 39}…"'
-    assert len(shown_value(10**100)) == 40
+    assert format_value("x" * 1_000_000) == f'"{"x" * 39}…"'
+    assert len(format_value(10**100)) == 40
 
 
 @given(st.text(st.characters(exclude_categories=()), max_size=8))
 def test_any_text_makes_a_well_formed_svg(text):
-    shown = visible(text)
-    made = Picture(shown, (PictureNode("n", shown, (shown_value(text),)),), (PictureEdge("n", "n", shown),))
+    shown = escape_unprintable(text)
+    made = Picture(shown, (PictureNode("n", shown, (format_value(text),)),), (PictureEdge("n", "n", shown),))
     root = ElementTree.fromstring(made.to_svg(graphviz=False))
     seen = [element for element in root.iter(f"{SVG}text") if element.get("aria-hidden") is None]
     texts = ["".join(element.itertext()) for element in seen]
-    assert texts == ([shown] if shown else []) + [shown, shown_value(text)]
+    assert texts == ([shown] if shown else []) + [shown, format_value(text)]
     assert made.to_dot().encode()
 
 
@@ -162,7 +162,7 @@ def test_any_text_makes_a_well_formed_svg(text):
 @settings(max_examples=20)
 @given(st.text(st.sampled_from("\\NGL&;#x3c<>\"'{|}/é木 \n\t\r\0\ud800ab"), max_size=12))
 def test_graphviz_shows_the_text_as_it_is(text):
-    shown = f"-{visible(text)}-"
+    shown = f"-{escape_unprintable(text)}-"
     made = Picture(shown, (PictureNode("n", shown, (shown,)),), (PictureEdge("n", "n", shown),), note=shown)
     root = ElementTree.fromstring(made.to_svg(graphviz=True))
     texts = ["".join(element.itertext()).replace("\xa0", " ") for element in root.iter(f"{SVG}text")]
@@ -193,29 +193,29 @@ def test_graphviz_draws_where_it_is_installed(fake_dot):
         "import os, signal; os.kill(os.getpid(), signal.SIGKILL)",
     ],
 )
-def test_without_a_picture_from_graphviz_we_draw(fake_dot, code):
+def test_the_own_layout_is_used_if_graphviz_returns_no_picture(fake_dot, code):
     fake_dot(code)
     assert picture().to_svg() == picture().to_svg(graphviz=False)
     with pytest.raises(InvalidArgument, match="Graphviz did not draw"):
         picture().to_svg(graphviz=True)
 
 
-def test_a_graphviz_that_hangs_is_given_up(fake_dot):
+def test_the_own_layout_is_used_if_graphviz_times_out(fake_dot):
     fake_dot("import time; time.sleep(600)")
     assert picture().to_svg(timeout=0.3) == picture().to_svg(graphviz=False)
 
 
-def test_a_graphviz_that_cannot_be_run_is_as_good_as_none(fake_dot):
+def test_the_own_layout_is_used_if_graphviz_cannot_be_run(fake_dot):
     (fake_dot("") / "dot").write_text("#!/no/such/program\n")
     assert picture().to_svg() == picture().to_svg(graphviz=False)
 
 
-def test_without_graphviz_we_draw(monkeypatch):
+def test_the_own_layout_is_used_without_graphviz(monkeypatch):
     monkeypatch.setenv("PATH", "")
     assert picture()._repr_svg_() == picture().to_svg(graphviz=False)
 
 
-def test_with_nothing_to_draw_with_a_notebook_shows_the_repr(monkeypatch):
+def test_notebooks_show_the_repr_without_graphviz_and_networkx(monkeypatch):
     monkeypatch.setenv("PATH", "")
     monkeypatch.setitem(sys.modules, "networkx", None)
     assert picture()._repr_svg_() is None
@@ -232,29 +232,25 @@ def test_boxes_do_not_overlap(count):
     assert len(found) == count and overlapping(found) == []
 
 
-def test_a_crowd_around_one_box_is_spread():
-    nodes = tuple(
-        PictureNode(f"n{number}", f"a longer title {number}", ("x = 1",) * 3) for number in range(60)
-    )
+def test_many_boxes_around_one_box_do_not_overlap():
+    nodes = tuple(PictureNode(f"n{number}", f"a longer title {number}", ("x = 1",) * 3) for number in range(60))
     edges = tuple(PictureEdge("n0", f"n{number}", "contains", "diamond") for number in range(1, 60))
     assert overlapping(boxes(Picture("star", nodes, edges).to_svg(graphviz=False))) == []
 
 
-def test_parts_without_a_line_between_them_do_not_overlap():
+def test_boxes_of_unconnected_parts_do_not_overlap():
     nodes = tuple(PictureNode(f"n{number}", "box") for number in range(100))
     edges = tuple(PictureEdge(f"n{number}", f"n{number + 1}") for number in range(0, 90, 2))
     assert overlapping(boxes(Picture("parts", nodes, edges).to_svg(graphviz=False))) == []
 
 
-def test_the_same_picture_is_drawn_the_same():
+def test_drawing_a_picture_is_deterministic():
     assert picture(20).to_svg(graphviz=False) == picture(20).to_svg(graphviz=False)
 
 
-def test_boxes_stand_at_their_places_and_others_beside_them():
+def test_boxes_with_a_place_are_drawn_in_their_rows_and_columns():
     nodes = tuple(PictureNode(f"{x}{y}", f"{x} {y}", place=(x, y)) for y in range(2) for x in range(3))
-    made = Picture(
-        "grid", (*nodes, PictureNode("robot", "robot")), (PictureEdge("robot", "11"),), layout="neato"
-    )
+    made = Picture("grid", (*nodes, PictureNode("robot", "robot")), (PictureEdge("robot", "11"),), layout="neato")
     found = boxes(made.to_svg(graphviz=False))
     assert overlapping(found) == []
     (top, *_), (below, *_) = found[0:3], found[3:6]
@@ -265,7 +261,7 @@ def test_boxes_stand_at_their_places_and_others_beside_them():
     assert 'overlap="true"' in made.to_dot()
 
 
-def test_several_lines_between_two_boxes_take_different_ways():
+def test_several_edges_between_two_boxes_have_different_paths():
     nodes = picture().nodes
     edges = (
         PictureEdge("n0", "n1", "a"),
@@ -279,7 +275,7 @@ def test_several_lines_between_two_boxes_take_different_ways():
     assert len(places) == 4 + 2 * 2
 
 
-def test_the_note_stands_below():
+def test_the_note_is_drawn_below_the_boxes():
     root = ElementTree.fromstring(picture(note="2 of 9 objects are drawn").to_svg(graphviz=False))
     *_, note = root.iter(f"{SVG}text")
     assert note.text == "2 of 9 objects are drawn"

@@ -10,6 +10,7 @@ from envgraph.pattern import (
     Body,
     Check,
     Closure,
+    ColumnMark,
     Comparison,
     Conditional,
     Constant,
@@ -17,7 +18,6 @@ from envgraph.pattern import (
     EnumLiteral,
     Evaluation,
     Expression,
-    Hash,
     Library,
     Navigation,
     Negation,
@@ -79,7 +79,7 @@ def term(written: Written) -> Term:
     """`x` a variable, `#` a hash, `Enum::x` and `::x` literals, other values constants."""
     if isinstance(written, str):
         if written == "#":
-            return Hash()
+            return ColumnMark()
         if "::" in written:
             enum, literal = written.split("::")
             return EnumLiteral(enum or None, literal)
@@ -132,7 +132,7 @@ def expr(written: Expression | str | int | float | bool) -> Expression:
             node = Navigation(node, feature)
         return node
     made = term(written)  # type: ignore[arg-type]
-    assert not isinstance(made, Evaluation | Aggregate | Hash)
+    assert not isinstance(made, Evaluation | Aggregate | ColumnMark)
     return made
 
 

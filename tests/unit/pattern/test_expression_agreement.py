@@ -23,11 +23,11 @@ from envgraph.pattern import (
     compile_expression,
     evaluate,
 )
-from envgraph.pattern.expressions._compile import (
-    CompiledExpression,
-)
-from envgraph.pattern.expressions._operations import (
+from envgraph.pattern.expressions._builtin_functions import (
     FUNCTIONS,
+)
+from envgraph.pattern.expressions._expression_code import (
+    CompiledExpression,
 )
 from tests.unit.pattern.building import COLOUR, METAMODEL
 
@@ -121,8 +121,7 @@ def calls(type_, depth):
             arguments = [of_type(type_, depth - 1) for _ in kinds]
         else:
             arguments = [
-                st.sampled_from(ARGUMENTS[kind]).flatmap(lambda own: of_type(own, depth - 1))
-                for kind in kinds
+                st.sampled_from(ARGUMENTS[kind]).flatmap(lambda own: of_type(own, depth - 1)) for kind in kinds
             ]
         return st.tuples(*arguments).map(lambda made: FunctionCall(function.name, made))
 
@@ -141,9 +140,7 @@ ENVIRONMENTS = st.fixed_dictionaries({name: VALUES[type_] for name, type_ in SCO
 def run(compiled: CompiledExpression, values):
     # The names in the source are the ones given below and the helpers: a name from the user would be a NameError.
     names = {f"v_{name}": value for name, value in values.items()}
-    return eval(
-        compiled.source, {**EXPRESSION_NAMESPACE, "__builtins__": {}, "k": compiled.constants, **names}
-    )
+    return eval(compiled.source, {**EXPRESSION_NAMESPACE, "__builtins__": {}, "k": compiled.constants, **names})
 
 
 def outcome(call):
@@ -163,6 +160,6 @@ def test_evaluator_and_generated_code_agree(typed, values):
     for types in (SCOPE, None):
         compiled = compile_expression(expression, names, types)
         assert outcome(lambda compiled=compiled: run(compiled, values)) == expected
-        assert compiled.fallible or expected is not EvaluationError
+        assert compiled.can_fail or expected is not EvaluationError
     if expected is not EvaluationError:
         assert accepts(type_, evaluate(expression, values))

@@ -3,7 +3,7 @@
 import pytest
 
 from envgraph.code import Name
-from envgraph.errors import EvaluationError, InvalidArgument, spelling
+from envgraph.errors import EvaluationError, InvalidArgument, exact_key
 from envgraph.metamodel import Scalar
 from envgraph.pattern import (
     EXPRESSION_NAMESPACE,
@@ -15,12 +15,12 @@ from envgraph.pattern import (
     Unary,
     Variable,
     check_expression,
+    check_holds,
     compile_expression,
     evaluate,
-    holds,
     value_of,
 )
-from envgraph.pattern.expressions._operations import (
+from envgraph.pattern.expressions._builtin_functions import (
     FUNCTIONS,
 )
 from tests.unit.pattern.building import COLOUR, METAMODEL, NONE, cond, expr, op, text
@@ -83,7 +83,7 @@ def checked(expression, **options):
         (INT, Navigation(cond("b", "cell", "door"), "x")),
     ],
 )
-def test_types(type_, expression):
+def test_expressions_have_their_expected_types(type_, expression):
     assert checked(expression) == (type_, [])
 
 
@@ -150,11 +150,11 @@ def test_an_expected_type_gives_a_literal_its_enum():
         (NONE, ObjectType("Cell"), []),
     ],
 )
-def test_an_expression_has_to_fit_its_place(expression, expected, codes):
+def test_an_expression_of_another_type_than_expected_is_an_error(expression, expected, codes):
     assert checked(expression, expected=expected)[1] == codes
 
 
-def test_objects_stand_alone_outside_of_queries_only():
+def test_object_variables_are_values_outside_of_queries_only():
     assert checked(op("cell", "==", "door")) == (BOOL, [])
     assert checked(op("cell", "==", "door"), bare_objects=False)[1] == ["bare-object"]
     assert checked(op("cell.right", "==", "door"), bare_objects=False)[1] == ["bare-object"]
@@ -166,7 +166,7 @@ def test_a_variable_of_unknown_type_causes_no_errors():
     assert check_expression(expression, {"u": None}, METAMODEL) == (BOOL, [])
 
 
-def test_too_deep_an_expression_is_an_error_and_no_crash():
+def test_too_deep_expressions_are_reported_without_a_crash():
     expression = expr("n")
     for _ in range(5_000):
         expression = Unary("-", expression)
@@ -213,7 +213,7 @@ LONG_SUM = flat("n", 3_000, "+", "-", "-")
         (op(LONG_SUM, "<", flat("n", 3_000, "+")), {"n": 5}, True),
     ],
 )
-def test_a_flat_expression_may_be_long(expression, values, value):
+def test_long_chains_of_operators_are_allowed(expression, values, value):
     assert checked(expression)[1] == []
     assert evaluate(expression, values) == value
     for types in (SCOPE, {}):
@@ -222,7 +222,7 @@ def test_a_flat_expression_may_be_long(expression, values, value):
 
 
 @pytest.mark.parametrize(("operator", "value"), [("&&", False), ("||", True)])
-def test_a_flat_condition_may_be_long(operator, value):
+def test_long_conjunctions_are_allowed(operator, value):
     expression = op("b", operator, op("n", ">", 0))
     for _ in range(3_000):
         expression = op(expression, operator, "b")
@@ -233,27 +233,25 @@ def test_a_flat_condition_may_be_long(operator, value):
     assert eval(compiled.source, {**EXPRESSION_NAMESPACE, "k": compiled.constants, **values}) is value
 
 
-def test_long_expressions_are_compared_and_shown():
+def test_equality_and_repr_of_long_expressions_need_no_recursion():
     one, same, other = flat("n", 3_000, "+"), flat("n", 3_000, "+"), flat("f", 3_000, "+")
     assert one == same != other
     assert hash(one) == hash(same)
-    assert spelling(one) == spelling(same) != spelling(other)
-    assert len(spelling(one)) == 3_000 * 4 + 2
+    assert exact_key(one) == exact_key(same) != exact_key(other)
+    assert len(exact_key(one)) == 3_000 * 4 + 2
     assert repr(one) == "Binary(operator='+', left=Binary(...), right=Constant(...))"
     inner = "Binary(operator='+', left=Variable(name='n'), right=Constant(value=1))"
     assert repr(flat("n", 2, "+", "-")) == f"Binary(operator='-', left={inner}, right=Constant(value=1))"
 
 
-def test_mistakes_in_the_middle_of_a_flat_expression_are_reported_once():
+def test_errors_inside_a_long_chain_are_reported_once():
     expression = op(op(op("n", "+", "b"), "+", 1), "-", "s")
     assert checked(expression) == (None, ["operand-type", "operand-type"])
 
 
-def test_an_expression_has_a_largest_size():
+def test_too_large_expressions_are_reported():
     _, problems = check_expression(flat("n", 60_000, "+"), SCOPE, METAMODEL)
-    assert [problem.message for problem in problems] == [
-        "the expression has more than 50000 operands and operators"
-    ]
+    assert [problem.message for problem in problems] == ["the expression has more than 50000 operands and operators"]
 
 
 @pytest.mark.parametrize(
@@ -304,7 +302,7 @@ def test_an_expression_has_a_largest_size():
         ("red", call("toString", "Colour::red")),
     ],
 )
-def test_values(value, expression):
+def test_expressions_evaluate_to_their_expected_values(value, expression):
     result = evaluate(expression, {})
     assert (result, type(result)) == (value, type(value))
 
@@ -328,12 +326,12 @@ def test_values(value, expression):
         op(Constant("a" * 600_000), "+", Constant("a" * 600_000)),
     ],
 )
-def test_what_has_no_value_is_an_evaluation_error(expression):
+def test_expressions_without_a_value_raise_evaluation_errors(expression):
     with pytest.raises(EvaluationError):
         evaluate(expression, {})
     assert value_of(expression, {}) is None
     compiled = compile_expression(expression, {})
-    assert compiled.fallible
+    assert compiled.can_fail
     with pytest.raises(EvaluationError):
         eval(compiled.source, {**EXPRESSION_NAMESPACE, "k": compiled.constants})
 
@@ -353,30 +351,30 @@ def test_paths_read_the_model():
     assert evaluate(op("a.right", "!=", NONE), {"a": 0}, read) is True
 
 
-def test_an_operator_needs_a_value():
+def test_operators_refuse_missing_values():
     with pytest.raises(EvaluationError, match="`x` has no value"):
         evaluate(op("a.right.x", "+", 1), {"a": 1}, read)
 
 
-def test_a_check_needs_all_its_paths_even_where_or_would_not_look():
+def test_all_paths_of_a_check_need_values_despite_short_circuits():
     expression = op("b", "||", op("a.right.x", ">", 0))
     assert evaluate(expression, {"a": 1, "b": True}, read) is True
-    assert not holds(expression, {"a": 1, "b": True}, read)
-    assert holds(expression, {"a": 0, "b": True}, read)
+    assert not check_holds(expression, {"a": 1, "b": True}, read)
+    assert check_holds(expression, {"a": 0, "b": True}, read)
 
 
-def test_a_check_may_ask_whether_a_path_leads_anywhere():
-    assert holds(op(op("a.right", "==", NONE), "||", op("a.x", "==", 4)), {"a": 1}, read)
+def test_a_check_may_compare_a_path_with_none():
+    assert check_holds(op(op("a.right", "==", NONE), "||", op("a.x", "==", 4)), {"a": 1}, read)
 
 
-def test_every_branch_of_a_computed_start_needs_its_paths():
+def test_all_paths_in_a_computed_path_start_need_values():
     expression = op(Navigation(cond("b", "a", "a.right"), "x"), ">", 0)
     assert evaluate(expression, {"a": 1, "b": True}, read) is True
-    assert not holds(expression, {"a": 1, "b": True}, read)
-    assert holds(expression, {"a": 0, "b": True}, read)
+    assert not check_holds(expression, {"a": 1, "b": True}, read)
+    assert check_holds(expression, {"a": 0, "b": True}, read)
 
 
-def test_an_eval_without_a_value_has_none():
+def test_the_value_of_a_failing_eval_is_none():
     assert value_of(expr("a.right.x"), {"a": 1}, read) is None
     assert value_of(op(1, "/", expr("a.right.x")), {"a": 0}, read) == 0
 
@@ -392,17 +390,17 @@ def test_missing_variables_and_models_are_invalid_arguments():
         compile_expression(expr("a.x"), {"a": Name("a")})
 
 
-def test_generated_source_holds_no_text_of_the_user():
+def test_generated_source_contains_no_user_text():
     evil = "__import__('os')"
     compiled = compile_expression(op(Constant(evil), "==", Variable(evil)), {evil: Name("v0")})
     assert compiled.source == "(k[0] == v0)"
     assert compiled.constants == (evil,)
 
 
-def test_typed_code_uses_plain_operators():
+def test_code_with_known_types_uses_python_operators():
     expression = op(op("n", "*", 2), ">", op("n", "-", 1))
     compiled = compile_expression(expression, {"n": Name("v")}, SCOPE, constant=lambda i: Name(f"c{i}"))
-    assert (compiled.source, compiled.fallible) == ("(v * c0 > v - c1)", False)
+    assert (compiled.source, compiled.can_fail) == ("(v * c0 > v - c1)", False)
 
 
 def test_every_function_has_a_reference_line_and_a_source_name():
@@ -412,5 +410,5 @@ def test_every_function_has_a_reference_line_and_a_source_name():
         assert EXPRESSION_NAMESPACE[f"_fn_{name}"] is function.implementation
 
 
-def test_an_enum_literal_is_its_name():
+def test_enum_literals_evaluate_to_their_names():
     assert evaluate(EnumLiteral("Colour", "red"), {}) == "red"

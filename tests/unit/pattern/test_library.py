@@ -7,10 +7,10 @@ import pytest
 from envgraph.errors import InvalidArgument, ResolutionError
 from envgraph.metamodel import Attribute, Class, Metamodel, Reference, Scalar
 from envgraph.pattern import (
-    Absence,
+    AbsenceAtom,
     AggregateAtom,
     AttributeAtom,
-    Condition,
+    ConditionAtom,
     InstanceAtom,
     Library,
     LinkAtom,
@@ -18,7 +18,7 @@ from envgraph.pattern import (
     _library,
     conformance_patterns,
 )
-from envgraph.pattern.check._check import check_patterns
+from envgraph.pattern.check._patterns import check_patterns
 from tests.unit.pattern.building import METAMODEL, agg, eq, find, isa, library, neg, path, pattern
 
 WALLS = pattern("walls", "a : Wall", [isa("Wall", "a")])
@@ -50,13 +50,13 @@ def test_patterns_added_later_may_call_earlier_ones():
     assert made.callee("p", "walls") == WALLS
 
 
-def test_a_name_that_is_taken_is_an_error():
+def test_duplicate_pattern_names_are_errors():
     made = library(WALLS)
     with pytest.raises(ResolutionError, match="defined twice"):
         made.add(WALLS)
 
 
-def test_names_resolve_in_the_own_package_first():
+def test_names_resolve_first_in_the_callers_package():
     made = library(named("p", "one"), named("p", "two"), named("p"), named("q", "two"))
     assert made.resolve("p", "one").package == "one"
     assert made.resolve("p", "two").package == "two"
@@ -66,7 +66,7 @@ def test_names_resolve_in_the_own_package_first():
     assert made.resolve("r") is None
 
 
-def test_an_ambiguous_name_means_nothing():
+def test_ambiguous_names_are_not_resolved():
     made = library(named("p", "one"), named("p", "two"))
     assert made.resolve("p") is None
     assert made.resolve("one.p") is not None
@@ -84,25 +84,25 @@ def test_a_private_pattern_does_not_make_a_name_ambiguous():
     assert made.resolve("p").package == "two"
 
 
-def test_what_a_call_means_does_not_change_when_patterns_are_added():
+def test_added_patterns_do_not_change_resolved_calls():
     made = library(named("p", "one"), pattern("user", "a : Cell", [find("p", "a")], package="x"))
     made.add(named("p", "two"))
     assert made.callee("x.user", "p").package == "one"
-    assert made.lowered("x.user").bodies[0].goals[0].pattern == "one.p"
+    assert made.lowered_pattern("x.user").bodies[0].goals[0].pattern == "one.p"
 
 
 def test_unknown_names_are_invalid_arguments_with_a_hint():
     made = library(WALLS)
-    for ask in (made.get, made.lowered, made.parameter_types, made.inputs):
+    for ask in (made.get, made.lowered_pattern, made.parameter_types, made.inputs):
         with pytest.raises(InvalidArgument, match="did you mean `walls`"):
             ask("wals")
     with pytest.raises(InvalidArgument, match="does not call"):
         made.callee("walls", "p")
 
 
-def test_generated_patterns_are_hidden_but_known():
+def test_generated_patterns_are_not_listed_but_can_be_retrieved():
     made = library(pattern("p", "a : Cell", [isa("Cell", "a"), neg(path("Cell.right.right", "a", "_"))]))
-    made.lowered("p")
+    made.lowered_pattern("p")
     assert made.names() == ("p",)
     assert made.parameter_types("#path.Cell.right.right") == (ObjectType("Cell"), ObjectType("Cell"))
     assert made.get("#path.Cell.right.right").private
@@ -112,10 +112,10 @@ def test_a_copy_is_independent():
     made = library(WALLS)
     twin = copy(made)
     twin.add(named("p"))
-    twin.lowered("p")
+    twin.lowered_pattern("p")
     assert (made.names(), twin.names()) == (("walls",), ("walls", "p"))
     made.add(pattern("p", "a : Wall", [find("walls", "a")]))
-    assert made.lowered("p") != twin.lowered("p")
+    assert made.lowered_pattern("p") != twin.lowered_pattern("p")
 
 
 def test_checking_adds_nothing():
@@ -124,7 +124,7 @@ def test_checking_adds_nothing():
     assert made.names() == ()
 
 
-def test_mutual_recursion_is_added_together():
+def test_mutually_recursive_patterns_are_added_together():
     far = pattern("far", "a : Cell", [isa("Door", "a")], [path("Cell.right", "a", "b"), find("near", "b")])
     near = pattern("near", "a : Cell", [isa("Wall", "a")], [path("Cell.left", "a", "b"), find("far", "b")])
     assert library(far, near).names() == ("far", "near")
@@ -132,17 +132,17 @@ def test_mutual_recursion_is_added_together():
         library(far)
 
 
-def test_a_count_of_a_pattern_added_before():
+def test_an_aggregate_may_count_an_earlier_pattern():
     made = library(WALLS)
     made.add(pattern("n", "n : int", [eq("n", agg("count", find("walls", "_")))]))
-    [atom] = made.lowered("n").bodies[0].goals
+    [atom] = made.lowered_pattern("n").bodies[0].goals
     assert isinstance(atom, AggregateAtom)
 
 
 # --- conformance
 
 
-def test_conformance_asks_for_what_the_model_does_not_refuse_itself():
+def test_conformance_patterns_cover_constraints_that_writes_do_not_enforce():
     names = [p.qualified_name for p in conformance_patterns(METAMODEL)]
     assert names[:4] == [
         "conformance.World.cells",
@@ -167,14 +167,14 @@ def test_a_pattern_may_have_the_name_of_a_feature():
 def test_a_missing_value_a_missing_link_and_too_few_links_are_violations():
     made = library(*conformance_patterns(METAMODEL))
     x, hero, keys = (
-        made.lowered(f"conformance.{name}").bodies[0].goals for name in ("Cell.x", "World.hero", "Hero.keys")
+        made.lowered_pattern(f"conformance.{name}").bodies[0].goals for name in ("Cell.x", "World.hero", "Hero.keys")
     )
     assert x[0] == InstanceAtom("Cell", 0)
-    assert isinstance(x[1], Absence)
+    assert isinstance(x[1], AbsenceAtom)
     assert isinstance(x[1].alternatives[0][0], AttributeAtom)
     assert isinstance(hero[1].alternatives[0][0], LinkAtom)
     assert isinstance(keys[1], AggregateAtom)
-    assert isinstance(keys[2], Condition)
+    assert isinstance(keys[2], ConditionAtom)
 
 
 def test_classes_without_instances_cannot_violate():
@@ -191,7 +191,7 @@ def test_violations_are_constraints_with_a_message():
     assert dict(annotation.named)["message"] == "`cells` of $object$ has no target"
 
 
-def test_patterns_that_are_checked_and_then_added_are_looked_at_once(monkeypatch):
+def test_adding_checked_patterns_reuses_the_check(monkeypatch):
     looked_at = []
 
     def check(analysis):

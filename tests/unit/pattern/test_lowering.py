@@ -4,24 +4,24 @@ import pytest
 
 from envgraph.metamodel import Attribute, Scalar
 from envgraph.pattern import (
-    Absence,
+    AbsenceAtom,
     AggregateAtom,
     AttributeAtom,
     Binary,
     CallAtom,
     Closure,
     ClosureAtom,
-    Condition,
+    ConditionAtom,
     Constant,
     InstanceAtom,
     LinkAtom,
     Navigation,
     ObjectType,
     UnequalAtom,
-    Valuation,
+    ValuationAtom,
     Variable,
-    arguments,
-    inputs,
+    relation_variables,
+    required_variables,
 )
 from tests.unit.pattern.building import (
     COLOUR,
@@ -53,7 +53,7 @@ def feature(cls, name):
 
 
 def negation(relation, *free):
-    return Absence(((relation,),), tuple(v for v in dict.fromkeys(arguments(relation)) if v not in free))
+    return AbsenceAtom(((relation,),), tuple(v for v in dict.fromkeys(relation_variables(relation)) if v not in free))
 
 
 def reads(expression, numbers):
@@ -61,11 +61,11 @@ def reads(expression, numbers):
 
 
 def condition(expression, numbers):
-    return Condition(expression, reads(expression, numbers))
+    return ConditionAtom(expression, reads(expression, numbers))
 
 
 def valuation(expression, numbers, result):
-    return Valuation(expression, reads(expression, numbers), result)
+    return ValuationAtom(expression, reads(expression, numbers), result)
 
 
 def names_in(expression):
@@ -82,7 +82,7 @@ def step(name, source, target, cls="Cell"):
 
 
 def lowered(parameters, *constraints, with_=()):
-    [body] = library(*with_, pattern("p", parameters, list(constraints))).lowered("p").bodies
+    [body] = library(*with_, pattern("p", parameters, list(constraints))).lowered_pattern("p").bodies
     return body
 
 
@@ -106,13 +106,13 @@ def test_anonymous_variables_are_all_different():
     assert body.goals == (step("right", 0, 1), step("left", 0, 2))
 
 
-def test_values_become_fixed_variables():
+def test_constants_become_fixed_variables():
     body = lowered("c : Cell", path("Cell.x", "c", 7), path("Cell.y", "c", "y"), eq("y", 3))
     assert body.constants == ((1, 7), (2, 3))
     assert body.names == ("c", "#1", "y")
 
 
-def test_an_int_that_stands_for_a_float_becomes_one():
+def test_an_int_for_a_float_variable_is_converted():
     body = lowered("d : Door", path("Door.weight", "d", 3), path("Door.weight", "d", "w"), eq("w", 4))
     assert [repr(value) for _, value in body.constants] == ["3.0", "4.0"]
 
@@ -123,13 +123,13 @@ def test_enum_literals_become_strings_of_the_enum():
     assert body.types[1] == COLOUR
 
 
-def test_equal_variables_become_one():
+def test_equated_variables_are_united():
     body = lowered("a : Cell", path("Cell.right", "a", "b"), path("Cell.left", "c", "a"), eq("b", "c"))
     assert body.names == ("a", "b")
     assert body.goals == (step("right", 0, 1), step("left", 1, 0))
 
 
-def test_a_parameter_stands_for_the_variables_equal_to_it():
+def test_a_parameter_represents_the_variables_equal_to_it():
     body = lowered("a : Cell", path("Cell.right", "z", "y"), eq("z", "a"), eq("y", "z"))
     assert body.names == ("a",)
     assert body.goals == (step("right", 0, 0),)
@@ -166,9 +166,9 @@ def test_equality_is_transitive_over_constants():
         [eq("n", ev(op(1, "/", op(1, "-", 1))))],
     ],
 )
-def test_a_body_that_holds_for_nothing_is_dropped(constraint):
+def test_unsatisfiable_bodies_are_dropped(constraint):
     made = pattern("p", "a : Cell", [path("Cell.x", "a", "n"), *constraint], [isa("Wall", "a")])
-    assert [body.goals for body in library(made).lowered("p").bodies] == [(InstanceAtom("Wall", 0),)]
+    assert [body.goals for body in library(made).lowered_pattern("p").bodies] == [(InstanceAtom("Wall", 0),)]
 
 
 # --- classes
@@ -199,7 +199,7 @@ def test_only_the_narrowest_class_is_tested():
     assert atoms("a : Cell", isa("Door", "a"), isa("Floor", "a")) == [InstanceAtom("Door", 0)]
 
 
-def test_classes_side_by_side_are_all_tested():
+def test_unrelated_classes_are_all_tested():
     assert atoms("a : Swims", isa("Walks", "a")) == [InstanceAtom("Swims", 0), InstanceAtom("Walks", 0)]
 
 
@@ -214,7 +214,7 @@ def test_a_path_written_on_a_subclass_tests_it():
     ]
 
 
-def test_a_data_type_is_no_atom():
+def test_type_constraints_of_data_types_are_not_goals():
     assert atoms("a : Cell, n : int", path("Cell.x", "a", "n"), isa("int", "n")) == [step("x", 0, 1)]
 
 
@@ -227,16 +227,16 @@ def test_a_path_is_split_into_steps():
     assert body.goals == (step("right", 0, 2), step("left", 2, 3), step("x", 3, 1))
 
 
-def test_an_arrow_starts_at_the_class_of_its_source():
+def test_arrows_are_resolved_on_the_class_of_their_source():
     body = lowered("k : Key", isa("Hero", "h"), path(".at", "h", "c"), path(".items", "c", "k"))
     assert step("items", 2, 0) in body.goals
 
 
 def test_a_closure_of_a_path_calls_a_generated_pattern():
     made = library(pattern("p", "a : Floor, b : Cell", [path("Floor.right.right", "a", "b", "+")]))
-    [body] = made.lowered("p").bodies
+    [body] = made.lowered_pattern("p").bodies
     assert body.goals == (ClosureAtom("#path.Floor.right.right", Closure.PLUS, 0, 1),)
-    generated = made.lowered("#path.Floor.right.right")
+    generated = made.lowered_pattern("#path.Floor.right.right")
     assert generated.types == (ObjectType("Floor"), ObjectType("Cell"))
     assert generated.bodies[0].goals == (InstanceAtom("Floor", 0), step("right", 0, 2), step("right", 2, 1))
     assert made.names() == ("p",)
@@ -257,7 +257,7 @@ def test_a_closure_of_a_call_names_the_pattern():
 # --- negations and aggregates
 
 
-def test_variables_of_a_negation_alone_are_local():
+def test_variables_only_in_a_negation_are_local():
     body = lowered("a : Cell", neg(path("Cell.right", "a", "_")), neg(path("Cell.items", "a", "k")))
     assert body.goals == (
         InstanceAtom("Cell", 0),
@@ -271,7 +271,7 @@ def test_variables_used_elsewhere_are_not_local():
     assert found == [step("right", 0, 1), negation(step("left", 0, 1))]
 
 
-def test_a_local_variable_may_stand_twice():
+def test_a_local_variable_may_occur_twice():
     found = atoms("a : Cell", isa("Cell", "a"), neg(path("Cell.right", "b", "b")))
     assert found[-1] == negation(step("right", 1, 1), 1)
 
@@ -325,15 +325,13 @@ def test_aggregates_may_stand_in_arguments_and_comparisons():
     assert body.goals[-1] == UnequalAtom(1, 3)
 
 
-def test_an_aggregate_over_nothing_possible_is_zero_or_no_match():
+def test_an_aggregate_over_an_impossible_relation_is_zero_or_fails():
     number = pattern("number", "n : int, m : int", [path("Cell.x", "_", "n"), path("Cell.y", "_", "m")])
     over = find("number", "k", "_")
     counted = pattern("p", "k : Key, n : int", [isa("Key", "k"), eq("n", agg("count", over))])
-    assert library(number, counted).lowered("p").bodies[0].constants == ((1, 0),)
-    largest = pattern(
-        "p", "k : Key, n : int", [isa("Key", "k"), eq("n", agg("max", find("number", "k", "#")))]
-    )
-    assert library(number, largest).lowered("p").bodies == ()
+    assert library(number, counted).lowered_pattern("p").bodies[0].constants == ((1, 0),)
+    largest = pattern("p", "k : Key, n : int", [isa("Key", "k"), eq("n", agg("max", find("number", "k", "#")))])
+    assert library(number, largest).lowered_pattern("p").bodies == ()
 
 
 # --- expressions
@@ -350,7 +348,7 @@ def test_paths_in_a_check_become_atoms():
     )
 
 
-def test_a_path_uses_the_variable_that_a_constraint_gave_to_the_feature():
+def test_paths_reuse_variables_of_constraints_on_the_same_feature():
     body = lowered(
         "a : Cell", check(op("a.x", ">", "n")), path("Cell.x", "a", "n"), path("Cell.y", "a", "m"), ne("m", 1)
     )
@@ -361,11 +359,13 @@ def test_a_path_uses_the_variable_that_a_constraint_gave_to_the_feature():
     assert body.goals[0] == condition(Binary(">", Variable("n"), Variable("n")), (1,))
 
 
-def test_a_conjunction_is_split():
-    body = lowered(
-        "a : Cell", check(op(op("a.x", ">", 1), "&&", op(op("a.y", ">", 2), "&&", op("a.x", "<", 9))))
-    )
-    assert [inputs(goal) for goal in body.goals if isinstance(goal, Condition)] == [(1,), (2,), (1,)]
+def test_conjunctions_in_checks_are_split():
+    body = lowered("a : Cell", check(op(op("a.x", ">", 1), "&&", op(op("a.y", ">", 2), "&&", op("a.x", "<", 9)))))
+    assert [required_variables(goal) for goal in body.goals if isinstance(goal, ConditionAtom)] == [
+        (1,),
+        (2,),
+        (1,),
+    ]
 
 
 def test_equations_in_a_check_unite_variables():
@@ -376,31 +376,29 @@ def test_equations_in_a_check_unite_variables():
 
 def test_an_equation_of_an_int_and_a_float_stays_a_check():
     body = lowered("d : Door", check(op("d.x", "==", "d.weight")))
-    assert isinstance(body.goals[-1], Condition)
+    assert isinstance(body.goals[-1], ConditionAtom)
     body = lowered("d : Door", check(op("d.x", "==", 1.5)))
-    assert isinstance(body.goals[-1], Condition)
+    assert isinstance(body.goals[-1], ConditionAtom)
 
 
-def test_an_int_that_a_float_equals_is_a_constant():
+def test_an_int_constant_equal_to_a_float_variable_is_fixed():
     body = lowered("d : Door", check(op("d.weight", "==", 3)))
-    assert not any(isinstance(goal, Condition) for goal in body.goals)
+    assert not any(isinstance(goal, ConditionAtom) for goal in body.goals)
     assert [repr(value) for _, value in body.constants] == ["3.0"]
 
 
 def test_enum_literals_in_an_expression_become_strings():
-    body = lowered(
-        "k : Key, d : Door", check(op(op("k.colour", "!=", "::red"), "||", op("d.open", "==", "d.open")))
-    )
-    assert isinstance(body.goals[-1], Condition)
+    body = lowered("k : Key, d : Door", check(op(op("k.colour", "!=", "::red"), "||", op("d.open", "==", "d.open"))))
+    assert isinstance(body.goals[-1], ConditionAtom)
     assert Constant("red") in (body.goals[-1].expression.left.left, body.goals[-1].expression.left.right)
 
 
-def test_asking_for_none_is_a_negation():
+def test_comparing_a_path_with_none_becomes_a_negation():
     assert atoms("a : Cell", check(op("a.right", "==", NONE)))[-1] == negation(step("right", 0, 1), 1)
     assert atoms("a : Cell", check(op(NONE, "!=", "a.right"))) == [step("right", 0, 1)]
 
 
-def test_asking_for_none_inside_an_expression_counts():
+def test_none_tests_inside_expressions_become_counts():
     body = lowered("a : Cell", check(op(op("a.right.left", "==", NONE), "||", op("a.x", ">", 2))))
     count = AggregateAtom("count", CallAtom("#path.Cell.right.left", (0, 1)), frozenset({1}), 2)
     assert body.goals == (
@@ -415,7 +413,7 @@ def test_an_eval_names_its_result():
     assert body.goals == (step("x", 1, 2), valuation(Binary("*", Variable("#2"), Constant(2)), (2,), 0))
 
 
-def test_an_eval_of_a_path_is_the_path():
+def test_an_eval_of_a_path_becomes_path_goals():
     body = lowered("c : Cell, n : int, d : Cell", eq("n", ev("c.x")), eq("d", ev("c.right")))
     assert body.goals == (step("x", 0, 1), step("right", 0, 2))
 
@@ -430,7 +428,7 @@ def test_an_eval_may_stand_in_an_argument():
     assert body.goals[-1] == valuation(op("n", "+", 1), (2,), 3)
 
 
-def test_a_check_that_holds_always_is_no_atom():
+def test_checks_that_are_always_true_are_dropped():
     assert lowered("", check(True)).goals == ()
 
 
@@ -452,7 +450,7 @@ def test_a_path_may_start_at_a_computed_object():
     )
 
 
-def test_a_condition_keeps_its_branches():
+def test_conditional_expressions_keep_their_branches():
     body = lowered("a : Cell", check(cond(op("a.x", ">", 1), op("a.y", ">", 1), False)))
     assert body.goals[-1] == condition(cond(op("#1", ">", 1), op("#2", ">", 1), False), (1, 2))
 
@@ -460,14 +458,14 @@ def test_a_condition_keeps_its_branches():
 # --- patterns
 
 
-def test_a_value_that_callers_bind_is_an_input():
+def test_values_that_only_callers_bind_are_inputs():
     above = pattern("above", "c : Cell, in n : int", [check(op("c.x", ">", "n"))])
     made = library(above, pattern("p", "c : Cell", [path("Cell.y", "c", "m"), find("above", "c", "m")]))
-    assert made.lowered("above").inputs == made.inputs("above") == (1,)
-    assert made.lowered("p").inputs == ()
+    assert made.lowered_pattern("above").inputs == made.inputs("above") == (1,)
+    assert made.lowered_pattern("p").inputs == ()
 
 
-def test_a_value_that_is_enumerated_is_no_input():
+def test_enumerated_values_are_not_inputs():
     assert library(pattern("p", "c : Cell, in n : int", [path("Cell.x", "c", "n")])).inputs("p") == ()
 
 
@@ -475,14 +473,12 @@ def test_the_types_of_a_pattern_hold_in_every_body():
     made = library(
         pattern("p", "a, b", [path("Cell.right", "a", "b"), isa("Door", "a")], [path("Floor.left", "a", "b")])
     )
-    assert made.lowered("p").types == made.parameter_types("p") == (ObjectType("Floor"), ObjectType("Cell"))
-    assert [body.types[0].cls for body in made.lowered("p").bodies] == ["Door", "Floor"]
+    assert made.lowered_pattern("p").types == made.parameter_types("p") == (ObjectType("Floor"), ObjectType("Cell"))
+    assert [body.types[0].cls for body in made.lowered_pattern("p").bodies] == ["Door", "Floor"]
 
 
 def test_types_of_recursive_patterns_are_inferred():
-    far = pattern(
-        "far", "a, b", [path("Floor.right", "a", "b")], [find("far", "a", "c"), find("near", "c", "b")]
-    )
+    far = pattern("far", "a, b", [path("Floor.right", "a", "b")], [find("far", "a", "c"), find("near", "c", "b")])
     near = pattern("near", "a, b", [path("Cell.left", "a", "b"), find("far", "_", "a")])
     assert library(far, near).parameter_types("far") == (ObjectType("Floor"), ObjectType("Cell"))
 
@@ -506,7 +502,7 @@ def test_lowering_is_repeatable():
     made = [
         library(
             pattern("p", "a : Cell", [check(op("a.x", ">", "a.y")), neg(path("Cell.right.x", "a", "_"))])
-        ).lowered("p")
+        ).lowered_pattern("p")
         for _ in range(2)
     ]
     assert made[0] == made[1]

@@ -10,8 +10,8 @@ from envgraph.report import (
     render_html,
 )
 from envgraph.report._audit_charts import (
-    Interval,
-    Panel,
+    IntervalRow,
+    ScatterPanel,
     interval_chart,
     scatter_chart,
 )
@@ -29,22 +29,23 @@ def test_the_page_has_every_claim_with_its_verdict_in_each_domain() -> None:
         assert f"{one.verdict} {one.value:+.3f}" in page
     assert "stands 1, fails 2, undecided 0" in page
     figures = audit_figures(studies, findings)
-    assert [name for name in figures if name.startswith("Corridors")] == [
-        f"Corridors_figure{n}" for n in (1, 2, 3)
-    ]
+    assert [name for name in figures if name.startswith("Corridors")] == [f"Corridors_figure{n}" for n in (1, 2, 3)]
     assert all(name.replace("_", "").isalnum() for name in figures)
 
 
-def test_points_and_intervals_are_drawn_where_they_are() -> None:
+def test_points_and_intervals_are_drawn_at_their_values() -> None:
     chart = scatter_chart(
-        [Panel(score, (((0.0, 0.0),), ((1.0, 2.0),))) for score in PROBED],
+        [ScatterPanel(score, (((0.0, 0.0),), ((1.0, 2.0),))) for score in PROBED],
         ("one", "other"),
         x_label="x",
         y_label="y",
         title="t",
     )
     assert chart.count("<circle") == 2 * len(PROBED) + 2
-    rows = [Interval("a < b", 0.5, 0.0, 1.0, "text"), Interval("c", -0.5, -1.0, 0.0, "text", strong=False)]
+    rows = [
+        IntervalRow("a < b", 0.5, 0.0, 1.0, "text"),
+        IntervalRow("c", -0.5, -1.0, 0.0, "text", is_highlighted=False),
+    ]
     drawn = interval_chart(rows, x_label="x", title="t")
     assert "a &lt; b" in drawn
     assert drawn.count('class="line"') == 2

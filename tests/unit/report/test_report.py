@@ -14,7 +14,7 @@ import pytest
 from hypothesis import given, strategies as st
 
 from envgraph.draw import contrast, parse_colour
-from envgraph.env import Key
+from envgraph.env import LegendEntry
 from envgraph.errors import InvalidArgument
 from envgraph.learn import (
     FamilyMember,
@@ -28,22 +28,22 @@ from envgraph.learn import (
 from envgraph.metamodel import Glyph
 from envgraph.report import (
     Report,
-    Section,
+    ReportSection,
+    ReportTable,
     Series,
-    Table,
-    Trained,
+    TrainingResults,
+    chart_png,
     family_report,
     line_chart,
-    png,
     render_html,
-    standalone,
+    standalone_chart,
 )
 from envgraph.report._charts import (
     COLOURS,
     COLOURS_ON_DARK,
-    ticks,
+    tick_values,
 )
-from envgraph.report._page import (
+from envgraph.report._html_page import (
     Card,
 )
 from envgraph.search import generate
@@ -57,7 +57,7 @@ def chart(*series: Series) -> ET.Element:
 
 @given(st.floats(-1e6, 1e6), st.floats(1e-3, 1e6))
 def test_ticks_cover_the_range_evenly(low: float, width: float) -> None:
-    marks = ticks(low, low + width)
+    marks = tick_values(low, low + width)
     assert marks[0] <= low + 1e-6 * width and marks[-1] >= low + width - 1e-6 * width
     steps = [b - a for a, b in pairwise(marks)]
     assert 2 <= len(marks) <= 9
@@ -66,7 +66,7 @@ def test_ticks_cover_the_range_evenly(low: float, width: float) -> None:
 
 def test_ticks_of_a_single_value_surround_it() -> None:
     for number in (2.0, 0.0, 1e17, -1e110):
-        assert ticks(number, number)[0] < number < ticks(number, number)[-1]
+        assert tick_values(number, number)[0] < number < tick_values(number, number)[-1]
 
 
 def test_a_chart_places_points_by_their_values() -> None:
@@ -82,24 +82,24 @@ def test_a_chart_is_escaped_and_labelled() -> None:
     assert root.attrib["aria-label"] == "A & B"
 
 
-def test_a_band_has_its_edges_and_a_baseline_is_dashed() -> None:
-    root = chart(Series("s", (0, 1), (1, 1), low=(0, 0), high=(2, 2), dashed=True))
+def test_bands_are_drawn_as_polygons_and_dashed_series_with_dashes() -> None:
+    root = chart(Series("s", (0, 1), (1, 1), low=(0, 0), high=(2, 2), is_dashed=True))
     (band,) = root.iter("polygon")
     assert len(band.attrib["points"].split()) == 4
     (line,) = root.iter("polyline")
     assert "stroke-dasharray" in line.attrib
 
 
-def test_a_chart_alone_has_colours_that_every_program_reads(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_standalone_chart_uses_colours_without_css_variables(monkeypatch: pytest.MonkeyPatch) -> None:
     chart = line_chart([Series("a", (0, 1), (2, 3))], x_label="x", y_label="y", title="t")
     assert "var(--line-0, #0072b2)" in chart
-    alone = standalone(chart)
+    alone = standalone_chart(chart)
     assert "stroke: #0072b2" in alone and "var(" not in alone
     monkeypatch.setattr("envgraph.report._charts.find_spec", lambda name: None)
-    assert png(alone) is None
+    assert chart_png(alone) is None
 
 
-def test_a_line_keeps_its_colour_in_several_charts_and_long_labels_have_room() -> None:
+def test_a_series_has_the_same_colour_in_all_charts_and_long_labels_fit() -> None:
     first = Series("randomised, with epsilon renewed", (0, 1), (0, 1), number=3)
     both = [Series("other", (0, 1), (1, 0), number=0), first]
     for series in ([first], both):
@@ -109,7 +109,7 @@ def test_a_line_keeps_its_colour_in_several_charts_and_long_labels_have_room() -
     assert len(places) == 2 and places[1] - places[0] > 28 + 7 * len("other")
 
 
-def test_no_two_of_many_lines_look_the_same() -> None:
+def test_twenty_series_are_drawn_in_different_styles() -> None:
     lines = list(chart(*(Series(f"s{place}", (0, 1), (place, 1)) for place in range(20))).iter("polyline"))
     looks = {(one.attrib["style"], one.attrib.get("stroke-dasharray")) for one in lines}
     assert len(looks) == len(lines) == 20
@@ -122,23 +122,23 @@ def test_one_point_is_drawn_as_a_dot() -> None:
 @pytest.mark.parametrize(
     ("generations", "labels"), [((0, 1), "0 1"), ((0, 1, 2), "0 1 2"), ((0.5, 1.0), "0.5 0.6 0.7 0.8 0.9 1")]
 )
-def test_whole_numbers_are_marked_by_whole_numbers(generations: tuple[float, ...], labels: str) -> None:
+def test_ticks_of_whole_numbers_are_whole_numbers(generations: tuple[float, ...], labels: str) -> None:
     texts = chart(Series("line", generations, generations)).iter("text")
-    assert " ".join(one.text or "" for one in texts if one.get("text-anchor") == "middle").startswith(
-        f"{labels} steps"
-    )
+    assert " ".join(one.text or "" for one in texts if one.get("text-anchor") == "middle").startswith(f"{labels} steps")
 
 
-def test_what_a_measure_counts_is_no_column_of_its_own(tmp_path: Path) -> None:
+def test_a_class_that_a_measure_counts_has_no_column_of_its_own(tmp_path: Path) -> None:
     family = generate("burning_forest/paper.toml", tmp_path / "run.sqlite", generations=1, population=3)
-    assert "BurningTile" in family.class_counts()
-    burning = [float(number) for number in family.class_counts()["BurningTile"]]
+    assert "BurningTile" in family.differing_class_counts()
+    burning = [float(number) for number in family.differing_class_counts()["BurningTile"]]
     members = [
         replace(one, measures={**one.measures, "fires": number})
         for one, number in zip(family.members, burning, strict=True)
     ]
     measured = replace(family, members=tuple(members))
-    assert [*measured.class_counts()] == [name for name in family.class_counts() if name != "BurningTile"]
+    assert [*measured.differing_class_counts()] == [
+        name for name in family.differing_class_counts() if name != "BurningTile"
+    ]
     shown = [name for card in family_report(measured).cards for name, _ in card.facts]
     assert "BurningTile" not in shown and "VegetationTile" in shown
 
@@ -174,11 +174,11 @@ def test_the_page_is_well_formed_self_contained_and_escaped() -> None:
         summary="six & more",
         cards=(Card("E1", SVG, (("complexity", "0.5"),), fixed=True),),
         legend=(
-            Key("Road", Glyph("R", "#d0d0d0"), "tile"),
-            Key("Link, not up", Glyph("", "#c92a2a"), "line"),
+            LegendEntry("Road", Glyph("R", "#d0d0d0"), "tile"),
+            LegendEntry("Link, not up", Glyph("", "#c92a2a"), "line"),
         ),
         sections=(
-            Section("S", ("p < q",), (SVG,), (Table("c", ("a", "b"), (("x", "<y>"),), frozenset({1})),)),
+            ReportSection("S", ("p < q",), (SVG,), (ReportTable("c", ("a", "b"), (("x", "<y>"),), frozenset({1})),)),
         ),
         facts={"seed": "42"},
     )
@@ -192,11 +192,11 @@ def test_the_page_is_well_formed_self_contained_and_escaped() -> None:
     assert re.search(r'<td class="number">&lt;y&gt;</td>', html)
 
 
-def test_the_page_is_a_function_of_the_report() -> None:
+def test_rendering_a_report_is_deterministic() -> None:
     assert render_html(Report("t", "s")) == render_html(Report("t", "s"))
 
 
-def test_text_and_lines_of_the_page_can_be_seen_in_light_and_in_dark() -> None:
+def test_text_and_lines_have_enough_contrast_in_light_and_dark_mode() -> None:
     page = render_html(Report("t", "s"))
     light, dark = (
         dict(re.findall(r"--([\w-]+): (#\w+)", block)) for block in re.findall(r":root \{(.*?)\}", page, re.S)
@@ -208,7 +208,7 @@ def test_text_and_lines_of_the_page_can_be_seen_in_light_and_in_dark() -> None:
     assert [dark[f"line-{place}"] for place in range(len(COLOURS))] == list(COLOURS_ON_DARK)
 
 
-def test_the_target_comes_last_and_is_not_said_to_be_the_hardest(tmp_path: Path) -> None:
+def test_the_summary_names_the_target_as_the_last_member(tmp_path: Path) -> None:
     family = generate("burning_forest/paper.toml", tmp_path / "run.sqlite", generations=0, population=3)
     assert family.members[-1].initial
     target = family.members[-1].name
@@ -227,7 +227,7 @@ def test_the_target_comes_last_and_is_not_said_to_be_the_hardest(tmp_path: Path)
         (("baselines",), ["E1 E2 E3"]),
     ],
 )
-def test_curricula_stand_beside_the_target_alone_and_the_baselines_in_a_chart_of_their_own(
+def test_curricula_and_direct_training_share_a_chart_without_the_baselines(
     tmp_path: Path, kinds: tuple[Literal["suffixes", "full", "baselines", "direct"], ...], drawn: list[str]
 ) -> None:
     family = generate("burning_forest/paper.toml", tmp_path / "run.sqlite", generations=0, population=3)
@@ -235,7 +235,7 @@ def test_curricula_stand_beside_the_target_alone_and_the_baselines_in_a_chart_of
     names = [one.name for one in members]
     settings = TrainingSettings(steps_per_environment=20, seeds=1)
     chosen = [one for kind in kinds for one in sequences(names, kind)]
-    trained = [Trained(steps, run_experiment(members, settings, chosen)) for steps in (20, 30)]
+    trained = [TrainingResults(steps, run_experiment(members, settings, chosen)) for steps in (20, 30)]
     learning, *training = family_report(family, trained=trained).sections
     for section in (learning, *training):
         labels = [re.findall(r">(?:curriculum|baseline) ([^<]*)<", one) for one in section.charts]
@@ -243,7 +243,7 @@ def test_curricula_stand_beside_the_target_alone_and_the_baselines_in_a_chart_of
 
 
 @pytest.mark.parametrize(("curricula", "charts"), [("suffixes", 3), ("full", 2)])
-def test_controls_are_drawn_beside_the_whole_family(
+def test_controls_are_drawn_in_the_chart_of_the_whole_family(
     tmp_path: Path, curricula: Literal["suffixes", "full"], charts: int
 ) -> None:
     family = generate("burning_forest/paper.toml", tmp_path / "run.sqlite", generations=0, population=3)
@@ -255,10 +255,8 @@ def test_controls_are_drawn_beside_the_whole_family(
         *controls(names, optimism=[1.0])[1:],
     )
     found = run_experiment(members, TrainingSettings(steps_per_environment=20, seeds=1), chosen)
-    differing = replace(
-        found, runs=tuple(replace(one, mean_return=place / 2) for place, one in enumerate(found.runs))
-    )
-    *_, training = family_report(family, trained=[Trained(20, differing)]).sections
+    differing = replace(found, runs=tuple(replace(one, mean_return=place / 2) for place, one in enumerate(found.runs)))
+    *_, training = family_report(family, trained=[TrainingResults(20, differing)]).sections
     assert len(training.charts) == charts + 1
     legend, profiles = (
         re.findall(r'<text x="[\d.]+" y="3[\d.]+">([^<]*)<', training.charts[place]) for place in (-3, -1)
@@ -284,17 +282,17 @@ def test_controls_are_drawn_beside_the_whole_family(
     ]
 
 
-def test_one_of_something_is_not_many(tmp_path: Path) -> None:
+def test_counts_of_one_have_a_singular_noun(tmp_path: Path) -> None:
     family = generate("burning_forest/paper.toml", tmp_path / "run.sqlite", generations=0, population=3)
     page = render_html(family_report(family, history=[(0, 0.5, 0, 0), (1, 0.5, 1, 1)]))
     assert "1 generation, 1 accepted individual, 1 rejected attempt. " in page
 
 
-def test_a_return_that_rounds_to_nothing_has_no_sign(tmp_path: Path) -> None:
+def test_a_return_that_rounds_to_zero_has_no_sign(tmp_path: Path) -> None:
     family = generate("burning_forest/paper.toml", tmp_path / "run.sqlite", generations=0, population=3)
     members = [FamilyMember(one.name, family.explored(one).tabular) for one in family.members]
     chosen = sequences([one.name for one in members], "full")
     found = run_experiment(members, TrainingSettings(steps_per_environment=20, seeds=1), chosen)
     nearly = replace(found, runs=tuple(replace(one, mean_return=-0.001) for one in found.runs))
-    text = render_html(family_report(family, trained=[Trained(20, nearly)]))
+    text = render_html(family_report(family, trained=[TrainingResults(20, nearly)]))
     assert ">0.00<" in text and "-0.00" not in text

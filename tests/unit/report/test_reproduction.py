@@ -13,18 +13,18 @@ from envgraph.errors import InvalidArgument
 from envgraph.learn import Experiment, mean_test, wilson_interval
 from envgraph.report import render_html
 from envgraph.report.reproduction import (
-    Claim,
-    _runs,
-    claims,
-    figures,
+    PaperClaim,
+    _training_runs,
     reproduce,
     reproduction_report,
+    reward_charts,
+    test_paper_claims,
     write_tables,
 )
 from envgraph.report.reproduction._published import (
     published_files,
 )
-from envgraph.report.reproduction._runs import (
+from envgraph.report.reproduction._training_runs import (
     Reproduction,
     generation_times,
 )
@@ -36,25 +36,23 @@ def found() -> Reproduction:
     """With two of the random families."""
     with pytest.MonkeyPatch.context() as patch:
         family, random = published_files()
-        patch.setattr(_runs, "published_files", lambda: (family, random[:2]))
+        patch.setattr(_training_runs, "published_files", lambda: (family, random[:2]))
         times = {6: {8: 1.0, 12: 2.0}}
         return replace(reproduce(seeds=2, budgets=(50_000, 300), times=False), times=times)
 
 
-def held(found: Reproduction) -> dict[str, Claim]:
-    return {claim.text: claim for claim in claims(found)}
+def claims_by_text(found: Reproduction) -> dict[str, PaperClaim]:
+    return {claim.text: claim for claim in test_paper_claims(found)}
 
 
-def test_what_is_trained_is_what_the_paper_trains(found: Reproduction) -> None:
+def test_the_trained_curricula_and_budgets_are_those_of_the_paper(found: Reproduction) -> None:
     family, random = published_files()
     assert len(random) == 30 and family.text == (DATA / "environment-config.json").read_text()
     assert [budget.steps for budget in found.budgets] == [300, 50_000]
     for budget in found.budgets:
         runs = {(run.label, run.seed): run for run in budget.experiment.runs}
         assert {seed for _, seed in runs} == {0, 1}
-        assert {"E1-E6", "E5-E6", "E1", "E6", "optimistic 4.394", "reversed", "randomised"} <= {
-            one for one, _ in runs
-        }
+        assert {"E1-E6", "E5-E6", "E1", "E6", "optimistic 4.394", "reversed", "randomised"} <= {one for one, _ in runs}
         assert runs["E1-E6", 0].steps == runs["E6", 0].steps == 6 * budget.steps
         assert {name: len(one.success) for name, one in budget.samples.items()} == {
             "random": 2,
@@ -81,10 +79,8 @@ def with_success(found: Reproduction, label: str, successes: int, of: int) -> Re
     ("successes", "verdict"),
     [(0, "holds"), (3, "undecided"), (80, "depends on the seed"), (199, "does not hold")],
 )
-def test_a_claim_is_judged_by_the_success_after_correction(
-    found: Reproduction, successes: int, verdict: str
-) -> None:
-    claim = held(with_success(found, "E5-E6", successes, 200))["Agents of E5-E6 do not"]
+def test_the_verdict_of_a_claim_uses_corrected_p_values(found: Reproduction, successes: int, verdict: str) -> None:
+    claim = claims_by_text(with_success(found, "E5-E6", successes, 200))["Agents of E5-E6 do not"]
     assert claim.verdict == verdict
     assert claim.paper == "0 %"
     assert f"E5-E6 {successes / 200:.0%}".replace("%", " %") in claim.here
@@ -93,14 +89,14 @@ def test_a_claim_is_judged_by_the_success_after_correction(
         assert wilson_interval(3 / 200, 200)[1] < 0.05 < (claim.p_value or 0)
 
 
-def test_with_few_seeds_nothing_is_decided(found: Reproduction) -> None:
-    claim = held(found)["Agents of E5-E6 do not"]
+def test_claims_are_undecided_with_few_seeds(found: Reproduction) -> None:
+    claim = claims_by_text(found)["Agents of E5-E6 do not"]
     assert (claim.verdict, claim.here) == ("undecided", "E5-E6 0 % (0-66)")
-    assert {one.verdict for one in claims(found) if one.p_value is not None} <= {
+    assert {one.verdict for one in test_paper_claims(found) if one.p_value is not None} <= {
         "undecided",
         "depends on the seed",
     }
-    growth = held(found)["The time of generation scales well with the size of the map"]
+    growth = claims_by_text(found)["The time of generation scales well with the size of the map"]
     assert (growth.here, growth.verdict) == ("1.0 s of CPU at 8x8, 2.0 s at 12x12", "holds")
 
 
@@ -110,8 +106,7 @@ def with_samples(found: Reproduction, **success: list[float]) -> Reproduction:
     names = {"reverse": "own, reversed"}
     success |= {"ordered": success["random"]} if "random" in success else {}
     samples = {
-        names.get(name, name): replace(budget.samples["own"], success=tuple(values))
-        for name, values in success.items()
+        names.get(name, name): replace(budget.samples["own"], success=tuple(values)) for name, values in success.items()
     }
     return replace(found, budgets=(replace(budget, samples={**budget.samples, **samples}),))
 
@@ -120,18 +115,18 @@ SEARCHED = "Families that are searched for teach more than random ones"
 EASY = "In families that are searched for from easy to hard is the order that teaches"
 
 
-def test_a_claim_about_the_method_is_tested_over_searches(found: Reproduction) -> None:
+def test_claims_about_the_method_are_tested_over_searches(found: Reproduction) -> None:
     better, worse = [1.0] * 11 + [0.9], [0.1] * 29 + [0.2]
-    claims = held(with_samples(found, own=better, reverse=[*worse[:11], 0.5], random=worse))
+    claims = claims_by_text(with_samples(found, own=better, reverse=[*worse[:11], 0.5], random=worse))
     assert (claims[SEARCHED].verdict, claims[SEARCHED].over) == (
         "holds",
         "12 searches and 30 random families",
     )
     assert (claims[EASY].verdict, claims[EASY].over) == ("holds", "12 searches")
     assert claims["Families that are searched for teach"].over == "12 searches"
-    opposite = held(with_samples(found, own=worse[:12], reverse=better, random=better * 2))
+    opposite = claims_by_text(with_samples(found, own=worse[:12], reverse=better, random=better * 2))
     assert opposite[SEARCHED].verdict == opposite[EASY].verdict == "does not hold"
-    few = held(with_samples(found, own=better[:9], reverse=worse[:9], random=worse))
+    few = claims_by_text(with_samples(found, own=better[:9], reverse=worse[:9], random=worse))
     assert few[SEARCHED].verdict == few[EASY].verdict == "undecided", "of nine searches"
     assert (
         claims["In the published family from easy to hard is the order that teaches"]
@@ -139,11 +134,11 @@ def test_a_claim_about_the_method_is_tested_over_searches(found: Reproduction) -
     ), "agents of one family say nothing of searches, nor searches of it"
 
 
-def test_a_claim_that_is_true_by_chance_alone_seldom_stands(found: Reproduction) -> None:
+def test_claims_are_rarely_decided_for_random_results(found: Reproduction) -> None:
     rng, raw, stands = np.random.default_rng(0), [], 0
     for _ in range(200):
         own, reverse = (rng.integers(2, size=30) / 1 for _ in range(2))
-        claim = held(with_samples(found, own=own.tolist(), reverse=reverse.tolist()))[EASY]
+        claim = claims_by_text(with_samples(found, own=own.tolist(), reverse=reverse.tolist()))[EASY]
         stands += claim.verdict in ("holds", "does not hold")
         raw.append(mean_test(float((own - reverse).mean()), own - reverse)[2])
         assert claim.p_value is not None and claim.p_value >= raw[-1]
@@ -152,18 +147,18 @@ def test_a_claim_that_is_true_by_chance_alone_seldom_stands(found: Reproduction)
 
 
 def test_p_values_are_corrected_for_all_claims_that_are_tested(found: Reproduction) -> None:
-    tested = [one for one in claims(found) if one.p_value is not None]
+    tested = [one for one in test_paper_claims(found) if one.p_value is not None]
     assert len(tested) == 11
     assert f"correction for all {len(tested)} tested claims" in render_html(reproduction_report(found))
-    assert [one.text for one in claims(found) if one.p_value is None] == [
+    assert [one.text for one in test_paper_claims(found) if one.p_value is None] == [
         "The time of generation scales well with the size of the map"
     ]
 
 
-def test_the_page_and_the_tables_say_the_same(found: Reproduction, tmp_path: Path) -> None:
+def test_the_page_and_the_tables_contain_the_same_results(found: Reproduction, tmp_path: Path) -> None:
     page = render_html(reproduction_report(found))
     assert "The tables of the paper, with many seeds" in page and page.count("</svg>") > 10
-    assert figures(found).keys() == {"random_families_300", "random_families_50000"}
+    assert reward_charts(found).keys() == {"random_families_300", "random_families_50000"}
     written = write_tables(found, tmp_path / "new")
     assert [path.name for path in written] == [
         "claims.csv",
@@ -187,13 +182,13 @@ def test_generation_is_timed_for_maps_of_any_size() -> None:
     assert all(seconds > 0 for seconds in times[3].values())
 
 
-def test_time_of_generation_is_that_of_the_processor(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_generation_times_are_measured_in_processor_time(monkeypatch: pytest.MonkeyPatch) -> None:
     def wait(folder: str, store: Path, **options: object) -> SimpleNamespace:
         sleep(0.2)  # as if other programs had the processor
         store.touch()
         return SimpleNamespace(diversity=lambda: 0.0)
 
-    monkeypatch.setattr(_runs, "generate", wait)
+    monkeypatch.setattr(_training_runs, "generate", wait)
     assert generation_times(sizes=(8,), populations=(3,))[3][8] < 0.1
 
 

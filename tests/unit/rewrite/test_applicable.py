@@ -35,7 +35,7 @@ def half(seed: int = 0) -> Engine:
     return engine(RULES, QUERIES, model=model, seed=seed)
 
 
-def test_a_refused_match_is_skipped_and_another_one_drawn_equally_likely() -> None:
+def test_refused_matches_are_skipped_and_others_sampled_uniformly() -> None:
     made = half()
     seen: Counter[object] = Counter()
     for _ in range(400):
@@ -47,13 +47,13 @@ def test_a_refused_match_is_skipped_and_another_one_drawn_equally_likely() -> No
     assert set(seen) == {(2,), (3,)} and 150 < seen[2,] < 250
 
 
-def test_apply_draws_as_a_unit_does() -> None:
+def test_apply_samples_matches_like_a_unit() -> None:
     for seed in range(10):
         done, run = half(seed).apply("cut"), half(seed).run("cuts")
         assert done is not None and done.match.row == run.matches[0].row
 
 
-def test_nothing_else_is_drawn_where_no_match_is_refused() -> None:
+def test_without_refusals_only_one_match_is_sampled() -> None:
     made = half(7)
     draws = [made.apply("mark").match.row for _ in range(10)]  # type: ignore[union-attr]
     other = half(7)
@@ -74,7 +74,7 @@ def test_if_all_matches_are_refused_the_error_says_so() -> None:
         made.apply("cut", made.matches("cut")[0])
 
 
-def test_choices_go_on_where_they_are_refused() -> None:
+def test_choices_continue_after_refused_alternatives() -> None:
     assert half().apply("cut", choose="first").match.row == (2,)  # type: ignore[union-attr]
     assert half().apply("cut", where="small").match.row == (2,)  # type: ignore[union-attr]
     assert half().apply("cut", by=Unary("-", N)).match.row == (2,)  # type: ignore[union-attr]
@@ -84,7 +84,7 @@ def test_choices_go_on_where_they_are_refused() -> None:
         half().apply("cut", choose=lambda matches: matches[0])
 
 
-def test_apply_all_leaves_out_what_is_refused_and_nothing_else() -> None:
+def test_apply_all_skips_only_refused_matches() -> None:
     assert [done.match.row for done in half().apply_all("cut")] == [(2,), (3,)]
     with pytest.raises(RuleError, match="two values"):
         half().apply("contra")
@@ -92,7 +92,7 @@ def test_apply_all_leaves_out_what_is_refused_and_nothing_else() -> None:
         half().apply_all("contra")
 
 
-def test_a_group_goes_on_with_another_match_and_another_rule() -> None:
+def test_groups_try_other_matches_and_rules_after_refusals() -> None:
     for seed in range(8):
         model = Model(METAMODEL)
         model.create("Item")
@@ -121,7 +121,7 @@ def test_the_prepared_rule_skips_refused_matches_too() -> None:
 # --- questions
 
 
-def test_questions_count_refused_matches_unless_told_otherwise() -> None:
+def test_queries_include_refused_matches_by_default() -> None:
     made = half()
     assert made.count("cut") == 4 and made.count("cut", applicable=True) == 2
     assert [match.row for match in made.matches("cut", applicable=True)] == [(2,), (3,)]
@@ -130,7 +130,7 @@ def test_questions_count_refused_matches_unless_told_otherwise() -> None:
     assert made.exists("cut", applicable=True) and made.first("cut", applicable=True, a=1) is None
 
 
-def test_asking_what_is_applicable_leaves_no_trace() -> None:
+def test_applicability_queries_change_nothing() -> None:
     made = half(3)
     made.watch("any")
     heard: list[object] = []
@@ -144,7 +144,7 @@ def test_asking_what_is_applicable_leaves_no_trace() -> None:
     assert made.rng.random() == half(3).rng.random()
 
 
-def test_what_is_no_refusal_is_raised() -> None:
+def test_errors_other_than_refusals_are_raised() -> None:
     made = half()
     with pytest.raises(RuleError, match="two values"):
         made.exists("contra", applicable=True)
@@ -154,9 +154,7 @@ def test_what_is_no_refusal_is_raised() -> None:
         made.exists("any", applicable=True)
     for ask in (made.matches, made.first, made.exists, made.count):
         for value in (made.model.node(0), 0, None):
-            with pytest.raises(
-                InvalidArgument, match=r"not .*; to bind a variable of that name, write `bound="
-            ):
+            with pytest.raises(InvalidArgument, match=r"not .*; to bind a variable of that name, write `bound="):
                 ask("cut", applicable=value)  # type: ignore[arg-type]
 
 

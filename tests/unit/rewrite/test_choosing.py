@@ -21,7 +21,7 @@ rule never { lhs { a : Box; } }
 """
 
 
-def test_a_rule_is_drawn_by_weight_among_those_that_match() -> None:
+def test_rules_with_matches_are_sampled_by_weight() -> None:
     made = engine(RULES, model=chain(2))
     rng = numpy.random.default_rng(7)
     found = Counter(made.choose(("often", "seldom", "never"), rng) for _ in range(4000))
@@ -42,10 +42,7 @@ def test_units_take_part_with_their_weight() -> None:
 def test_choosing_is_repeatable_and_changes_nothing() -> None:
     made = engine(RULES, model=chain(3))
     before = made.model.state_hash()
-    draws = [
-        [made.choose(["often", "seldom"], numpy.random.default_rng(seed)) for _ in range(20)]
-        for seed in (1, 1)
-    ]
+    draws = [[made.choose(["often", "seldom"], numpy.random.default_rng(seed)) for _ in range(20)] for seed in (1, 1)]
     assert draws[0] == draws[1]
     assert made.model.state_hash() == before
 
@@ -144,7 +141,7 @@ def test_each_mistake_of_a_derivation_is_reported_once(text: str, code: str, pla
     assert found.span is not None and found.span.text == place
 
 
-def test_rows_of_a_choice_can_be_fired() -> None:
+def test_sampled_rows_can_be_applied() -> None:
     made: Engine = engine("derive d = retype among { Item, Special };", model=chain(3))
     for _ in range(50):
         chosen = made.choose(("d",))

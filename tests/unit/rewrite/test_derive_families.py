@@ -158,7 +158,7 @@ def arrange(model: Model, links: Links) -> None:
 
 @pytest.mark.parametrize("inner", BOUNDS, ids=text_of)
 @pytest.mark.parametrize("outer", BOUNDS, ids=text_of)
-def test_operators_on_a_reference_are_those_of_the_scheme(outer: Bounds, inner: Bounds) -> None:
+def test_reference_operators_follow_the_derivation_scheme(outer: Bounds, inner: Bounds) -> None:
     text = f"""
     class A {{ refers B{text_of(outer)} e opposite f }}
     class B {{ refers A{text_of(inner)} f opposite e }}
@@ -177,9 +177,7 @@ def test_operators_on_a_reference_are_those_of_the_scheme(outer: Bounds, inner: 
         arrange(made.model, scheme.links)
         for name in sorted(there & set(EXPECTED)):
             matches = made.matches(f"d.{name}")
-            rows = [
-                tuple(value.id for value in match.values() if isinstance(value, Node)) for match in matches
-            ]
+            rows = [tuple(value.id for value in match.values() if isinstance(value, Node)) for match in matches]
             if name == "create.A":
                 rows = sorted({tuple(sorted(row)) for row in rows})  # targets in any order
             assert sorted(rows) == sorted(EXPECTED[name](scheme)), (name, chosen)
@@ -208,10 +206,8 @@ def applied(made: Engine, name: str) -> None:
 # --- create
 
 
-def test_creation_gives_an_object_what_it_needs() -> None:
-    made = engine(
-        "class A { refers B[2] e refers B[0..1] f } class B class C { contains A[0..2] parts }", "A"
-    )
+def test_creation_operators_satisfy_lower_bounds() -> None:
+    made = engine("class A { refers B[2] e refers B[0..1] f } class B class C { contains A[0..2] parts }", "A")
     assert [name for name in made.rules if "create" in name] == ["d.create.A.parts"]
     home = made.model.create("C")
     one = made.model.create("B")
@@ -223,7 +219,7 @@ def test_creation_gives_an_object_what_it_needs() -> None:
     assert [set(node.e) for node in home.parts] == [{one, two}] * 2 and home.parts[0].f is None
 
 
-def test_creation_takes_what_it_must_contain_along() -> None:
+def test_creation_operators_create_required_contents() -> None:
     made = engine("class Car { contains Wheel[4] wheels } class Wheel", "Car")
     assert not [name for name in made.rules if "create" in name], "five objects at once are too many"
     made = engine("class Cart { contains Wheel[2] wheels } class Wheel", "Cart")
@@ -242,7 +238,7 @@ def test_creation_between_two_linked_objects() -> None:
     assert (one.next, two.next) == (two, one)
 
 
-def test_donors_keep_what_they_need() -> None:
+def test_donors_keep_their_lower_bounds() -> None:
     text = "class A { refers B[2..*] e opposite f } class B { refers A[1] f opposite e }"
     made = engine(text, "A")
     home = made.model.create("A")
@@ -268,14 +264,12 @@ def test_donors_keep_what_they_need() -> None:
         ("@key(n) class A { int n } class B extends A", 3),
     ],
 )
-def test_a_new_object_has_a_key_that_is_free(key: str, free: int) -> None:
+def test_created_objects_get_unused_keys(key: str, free: int) -> None:
     made = engine(key, "A")
     for _ in range(free):
         applied(made, "create.A")
     assert made.exists("d.create.A") is (" s" in key or " n" in key or " f" in key)
-    keys = [
-        tuple(getattr(node, name) for name in made.model.metamodel.key("A")) for node in made.model.nodes("A")
-    ]
+    keys = [tuple(getattr(node, name) for name in made.model.metamodel.key("A")) for node in made.model.nodes("A")]
     assert len(set(keys)) == len(keys) == free
 
 
@@ -305,7 +299,7 @@ def test_a_key_of_too_many_literals_is_that_of_the_defaults() -> None:
     assert not made.exists("d.create.B.with.A.A"), "both would have that of the defaults"
 
 
-def test_a_float_key_that_is_too_large_is_not_surpassed() -> None:
+def test_float_keys_are_not_increased_beyond_their_limit() -> None:
     made = engine("@key(f) class A { float f }", "A")
     made.model.create("A", f=1e300)
     assert not made.exists("d.create.A")
@@ -314,7 +308,7 @@ def test_a_float_key_that_is_too_large_is_not_surpassed() -> None:
 # --- delete
 
 
-def test_deletion_refuses_while_somebody_needs_the_object() -> None:
+def test_deletion_operators_refuse_required_objects() -> None:
     made = engine("class A class B { refers A[1..2] e }", "A")
     one, two = made.model.create("A"), made.model.create("A")
     user = made.model.create("B", e=[one])
@@ -325,7 +319,7 @@ def test_deletion_refuses_while_somebody_needs_the_object() -> None:
     assert len(user.e) == 1 and not made.exists("d.delete.A")
 
 
-def test_rehoming_leaves_alone_who_does_not_need_it() -> None:
+def test_rehoming_changes_only_sources_that_need_a_new_target() -> None:
     made = engine("class A class B { refers A[1..*] e }", "A")
     one, two, three = (made.model.create("A") for _ in range(3))
     needs, free = made.model.create("B", e=[one]), made.model.create("B", e=[one, three])
@@ -333,7 +327,7 @@ def test_rehoming_leaves_alone_who_does_not_need_it() -> None:
     assert [*needs.e] == [two] and [*free.e] == [three]
 
 
-def test_spreading_gives_others_what_a_deleted_object_had() -> None:
+def test_spreading_distributes_targets_of_a_deleted_object() -> None:
     text = "class A { refers B[2..4] e opposite f } class B { refers A[1] f opposite e }"
     made = engine(text, "A")
     spreading = [name for name in made.rules if ".spreading." in name and not name.endswith(".all")]
@@ -388,7 +382,7 @@ def test_an_object_may_be_linked_to_itself() -> None:
     assert one.e == one
 
 
-def test_symmetric_links_swap_join_and_part() -> None:
+def test_symmetric_references_have_swap_joining_and_parting_operators() -> None:
     made = engine("class A { refers A[1] e opposite e }", "A")
     assert [name for name in made.rules if "swap" in name] == [
         "d.swap.A.e",
@@ -403,7 +397,7 @@ def test_symmetric_links_swap_join_and_part() -> None:
     assert (one.e, two.e) == (one, two)
 
 
-def test_references_of_subclasses_are_operated_on_too() -> None:
+def test_operators_include_references_of_subclasses() -> None:
     text = "abstract class Thing class A extends Thing { refers B[0..1] e } class B"
     assert {"d.add.A.e", "d.remove.A.e", "d.swap.A.e"} < set(names(text, "Thing"))
     assert [name for name in names(text, "B") if ".e" in name] == [], "`B` has no such feature"
@@ -469,7 +463,7 @@ def test_retyping_keeps_container_and_links_that_the_new_class_has() -> None:
 # --- set
 
 
-def test_attributes_that_are_set() -> None:
+def test_operators_set_attributes() -> None:
     text = """
     enum Colour { red, green, blue }
     @key(number)
@@ -504,7 +498,7 @@ def test_attributes_that_are_set() -> None:
 # --- what is left alone
 
 
-def test_frozen_objects_neither_come_nor_go_nor_change() -> None:
+def test_frozen_objects_are_not_created_deleted_or_changed() -> None:
     text = """
     class Town { contains House[0..*] houses }
     class House { bool lit refers House[0..*] near }
@@ -574,7 +568,7 @@ def test_caps_of_kinds_take_some_of_each_class() -> None:
     assert capped(TWO, swap=5) == everything
 
 
-def test_weights_are_shared_by_those_that_are_left() -> None:
+def test_weights_are_shared_by_the_remaining_rules() -> None:
     annotations = (Annotation("cap", (), (("set", 2),)),)
     made = derived_rules(Derivation("d", "operators", ("Top",), annotations=annotations), metamodel(TWO))
     assert [rule.weight for rule in made if ".set." in rule.name] == [0.5, 0.5]
@@ -600,6 +594,6 @@ def test_weights_are_shared_by_those_that_are_left() -> None:
         ),
     ],
 )
-def test_wrong_caps_are_told(cap: Annotation, message: str) -> None:
+def test_wrong_caps_are_reported(cap: Annotation, message: str) -> None:
     made = Derivation("d", "operators", ("A",), annotations=(cap,))
     assert [one.message for one in Engine(Model(metamodel("class A { bool b }"))).check(made)] == [message]

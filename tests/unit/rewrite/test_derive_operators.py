@@ -54,9 +54,7 @@ def test_operators_for_too_many_classes_are_refused_before_they_are_searched_for
 def test_the_page_lists_the_operators_of_its_example() -> None:
     garden = load_workspace(["garden.rules"], files=TextFiles(GARDEN)).engine()
     shown = re.findall(r"`(hoses\.[\w.]+)`", PAGE.read_text(encoding="utf-8"))
-    assert [f"garden.{name}" for name in shown] == sorted(
-        garden.group("hoses"), key=lambda n: shown.index(n[7:])
-    )
+    assert [f"garden.{name}" for name in shown] == sorted(garden.group("hoses"), key=lambda n: shown.index(n[7:]))
 
 
 def test_operators_of_a_network() -> None:
@@ -75,7 +73,7 @@ def test_operators_of_a_network() -> None:
     }
 
 
-def test_exact_bounds_leave_swaps_alone() -> None:
+def test_references_with_exact_bounds_have_only_swap_operators() -> None:
     text = "class A { refers B[2] e opposite f } class B { refers A[2] f opposite e }"
     assert names(text, "A") == [
         "d.create.A.with.B.B.A",
@@ -110,7 +108,7 @@ def test_the_same_text_gives_the_same_rules() -> None:
     assert one == two
 
 
-def test_patterns_that_the_operators_call_are_nobodys_business() -> None:
+def test_helper_patterns_of_operators_are_hidden() -> None:
     text = """
     class Maze { contains Cell[1..*] cells contains Hero[1] hero }
     abstract class Cell { contains Key[0..1] item }
@@ -126,7 +124,7 @@ def test_patterns_that_the_operators_call_are_nobodys_business() -> None:
 # --- what they do
 
 
-def test_what_cannot_be_without_each_other_comes_and_goes_together() -> None:
+def test_mutually_required_objects_are_created_and_deleted_together() -> None:
     made = engine("class A { refers B[1] b opposite a } class B { refers A[1] a opposite b }", "A")
     made.apply("d.create.A.with.B")
     assert [(node.cls, len(made.model)) for node in made.model.nodes("A")] == [("A", 2)]
@@ -135,7 +133,7 @@ def test_what_cannot_be_without_each_other_comes_and_goes_together() -> None:
     assert len(made.model) == 0
 
 
-def test_a_new_object_takes_what_others_can_spare_and_gives_it_back() -> None:
+def test_created_objects_take_spare_targets_and_deletion_returns_them() -> None:
     text = "class A { refers B[1..*] b opposite a } class B { refers A[1] a opposite b }"
     made = engine(text, "A", "B")
     made.apply("d.create.A.with.B")
@@ -169,7 +167,7 @@ def test_an_object_that_contains_something_is_not_rehomed() -> None:
     assert made.exists("d.delete.Box.rehoming", box=one)
 
 
-def test_what_is_inside_goes_along_unless_somebody_outside_needs_it() -> None:
+def test_contents_are_deleted_unless_required_outside() -> None:
     text = """
     class Box { contains Ball[1..*] balls }
     class Ball { }
@@ -187,7 +185,7 @@ def test_what_is_inside_goes_along_unless_somebody_outside_needs_it() -> None:
     assert len(made.model) == 3 and dog.toy == other
 
 
-def test_two_parts_that_somebody_needs_one_of_do_not_go_together() -> None:
+def test_required_parts_are_not_all_deleted_together() -> None:
     text = "class Box { contains Ball[0..*] balls } class Ball class Dog { refers Ball[1..*] toys }"
     made = engine(text, "Box")
     balls = [made.model.create("Ball") for _ in range(2)]
@@ -269,7 +267,7 @@ def test_numbers_are_read_from_strings(name: str, new: str | None) -> None:
         assert created(made, "R", 1) == [name, new]
 
 
-def test_new_keys_of_objects_that_come_together() -> None:
+def test_objects_created_together_get_different_keys() -> None:
     """The largest number is that of all their classes: `A1` with 2 and `A` with 12 are one string."""
     text = "@key(k) abstract class K { string k } class A extends K { contains A1[2] e } class A1 extends K"
     made = engine(text, "A")
@@ -294,7 +292,7 @@ def test_numbers_step_within_their_range() -> None:
     assert [name for name in made.rules if "free" in name] == []
 
 
-def test_frozen_parts_are_left_alone() -> None:
+def test_frozen_parts_are_not_changed() -> None:
     text = """
     class Tile { @frozen refers Tile[0..1] east @frozen bool fixed bool free refers Pond[0..*] ponds opposite tiles }
     @frozen class Pond { refers Tile[0..*] tiles opposite ponds }
@@ -313,9 +311,7 @@ def test_frozen_parts_are_left_alone() -> None:
 
 
 def test_retyping_fills_what_the_new_class_needs() -> None:
-    text = (
-        "abstract class Cell class Floor extends Cell class Door extends Cell { refers Key[1] key } class Key"
-    )
+    text = "abstract class Cell class Floor extends Cell class Door extends Cell { refers Key[1] key } class Key"
     made = engine(text, "Cell")
     floor = made.model.create("Floor")
     assert not made.exists("d.retype.Floor.Door")

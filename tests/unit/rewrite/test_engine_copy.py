@@ -17,12 +17,12 @@ from envgraph.pattern import (
     Constant,
     LeftSide,
     Modification,
-    Node,
     Parameter,
     PathConstraint,
     Pattern,
     Rule,
-    Set,
+    RuleNode,
+    SetAction,
     Variable,
 )
 from envgraph.rewrite import Engine
@@ -38,10 +38,10 @@ def engine() -> Engine:
         model.create("Lamp")
     found = Engine(model)
     lit = PathConstraint("Lamp", ("lit",), Variable("lamp"), Constant(True))
-    light = Modification((Set(Variable("lamp"), "lit", "=", Constant(True)),))
+    light = Modification((SetAction(Variable("lamp"), "lit", "=", Constant(True)),))
     found.add(
         Pattern("lit", (Parameter("lamp", "Lamp"),), (Body((lit,)),)),
-        Rule("light", left=LeftSide((Node("lamp", "Lamp"),)), right=light),
+        Rule("light", left=LeftSide((RuleNode("lamp", "Lamp"),)), right=light),
     )
     found.watch("lit")
     return found
@@ -77,14 +77,14 @@ def test_a_copy_is_independent(make: Any) -> None:
         lambda e: e.why_not(("lit",)),
     ],
 )
-def test_what_is_no_name_or_function_is_refused_at_once(wrong: Any) -> None:
+def test_wrong_callables_and_names_are_refused_at_once(wrong: Any) -> None:
     with pytest.raises(InvalidArgument):
         wrong(engine())
 
 
 @pytest.mark.parametrize("make", [copy.deepcopy, _pickled])
 @pytest.mark.parametrize("matcher", [ViewMatcher, NaiveMatcher])
-def test_a_copy_in_mid_run_goes_on_with_the_random_choices(make: Any, matcher: Any) -> None:
+def test_copies_continue_with_the_same_random_choices(make: Any, matcher: Any) -> None:
     one = Engine(engine().model, seed=7, matcher=matcher)
     one.add(*engine().definitions)
     one.step_limit = 99
@@ -119,7 +119,7 @@ def test_a_version_cannot_be_pickled_and_a_copy_of_it_is_itself() -> None:
     assert copy.copy(version) is copy.deepcopy([version])[0] is version
 
 
-def test_why_not_knows_that_an_object_is_gone() -> None:
+def test_why_not_reports_deleted_objects() -> None:
     one = engine()
     lamp = one.model.nodes("Lamp")[0]
     lamp.delete()
@@ -137,7 +137,7 @@ def test_a_match_of_a_deleted_object_still_has_its_handle() -> None:
     assert told == [lamp.id]
 
 
-def test_listeners_that_change_the_model_without_end_are_stopped() -> None:
+def test_endless_changes_by_listeners_are_stopped() -> None:
     one = engine()
 
     def toggle(appeared: object, disappeared: object) -> None:

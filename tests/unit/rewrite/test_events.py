@@ -94,7 +94,7 @@ def test_rules_and_units_are_transactions_and_other_edits_wait_for_settle_or_com
     assert log.take() == ["+ 2"]
 
 
-def test_only_the_net_change_counts() -> None:
+def test_only_net_changes_fire_event_rules() -> None:
     made, log = items(), Log()
     made.on("done", appear=log.job("+"), disappear=log.job("-"))
     with made.transaction():
@@ -108,7 +108,7 @@ def test_only_the_net_change_counts() -> None:
     assert log.take() == ["+ 1"]
 
 
-def test_what_is_rolled_back_never_fires() -> None:
+def test_rolled_back_changes_never_fire() -> None:
     made, log = items(), Log()
     made.on("done", appear=log.job("+"))
     with pytest.raises(ZeroDivisionError), made.transaction():
@@ -122,7 +122,7 @@ def test_what_is_rolled_back_never_fires() -> None:
     assert log.take() == ["+ 1"]
 
 
-def test_matches_that_are_there_count_as_new_when_the_engine_settles() -> None:
+def test_existing_matches_fire_at_the_first_settle() -> None:
     made, log = items(), Log()
     made.on("following", appear=log.job("+"))
     assert log == [] and len(made.agenda) == 1
@@ -165,7 +165,7 @@ def test_an_update_replaces_a_match_by_one_with_the_same_objects() -> None:
     assert log.take() == ["- 0 0", "1: 1 -> 8", "+ 2 9"]
 
 
-def test_without_an_update_job_a_changed_match_goes_and_comes() -> None:
+def test_changed_matches_disappear_and_appear_without_an_update_job() -> None:
     made, log = items(), Log()
     made.on("number", appear=log.job("+"), disappear=log.job("-"), existing=False)
     made.model.node(1).n = 7
@@ -211,7 +211,7 @@ def test_an_update_of_a_match_that_was_not_handled_is_an_appearance() -> None:
 # --- what jobs are called with
 
 
-def test_a_job_takes_what_it_names() -> None:
+def test_jobs_receive_the_arguments_that_they_name() -> None:
     made, found = items(), []
 
     def all_of_it(engine: Engine, right: Node, match: Match, extra: int = 3) -> None:
@@ -223,7 +223,7 @@ def test_a_job_takes_what_it_names() -> None:
     assert found == [(True, 1, "following", (0, 1), 3), ["left", "right"]]
 
 
-def test_a_variable_goes_before_the_engine_and_the_match() -> None:
+def test_variable_names_take_precedence_over_engine_and_match() -> None:
     made, found = (
         engine("", "pattern p(engine : Item, old : int) { Item.n(engine, old); }", model=chain(1)),
         [],
@@ -260,9 +260,7 @@ def test_rules_groups_and_units_can_be_jobs() -> None:
 
 
 def test_variables_of_a_rule_are_bound_by_name() -> None:
-    made = engine(
-        "rule copy { lhs { x : Item; y : Item; } modify { set y.n = x.n; } }", QUERIES, model=chain(2)
-    )
+    made = engine("rule copy { lhs { x : Item; y : Item; } modify { set y.n = x.n; } }", QUERIES, model=chain(2))
     made.on("done", appear="copy")
     made.model.node(1).done = True
     made.settle()
@@ -314,7 +312,7 @@ def test_the_naive_matcher_has_no_events() -> None:
     assert repr(made.agenda) == "<agenda: 0 to fire>"
 
 
-def test_registering_while_there_is_a_state_to_go_back_to_is_refused() -> None:
+def test_registering_event_rules_with_open_savepoints_or_versions_is_refused() -> None:
     made = items()
     version = made.commit()
     with pytest.raises(TransactionError, match="`watch` before the first commit"):
@@ -329,7 +327,7 @@ def test_registering_while_there_is_a_state_to_go_back_to_is_refused() -> None:
 # --- the order
 
 
-def test_priority_then_registration_then_arrival() -> None:
+def test_agenda_order_is_priority_registration_arrival() -> None:
     made, log = items(3), Log()
     made.on("done", appear=log.job("low"), priority=-1)
     made.on("done", appear=log.job("first"))
@@ -345,7 +343,7 @@ def test_priority_then_registration_then_arrival() -> None:
     assert log.take() == ["high 1 5", "first 2", "first 0", "second 2 0", "low 2", "low 0"]
 
 
-def test_what_a_job_changes_is_looked_at_before_the_next_one_fires() -> None:
+def test_changes_of_a_job_update_the_agenda_before_the_next_job() -> None:
     made, log = items(3), Log()
 
     def more(x: Node) -> None:
@@ -360,7 +358,7 @@ def test_what_a_job_changes_is_looked_at_before_the_next_one_fires() -> None:
     assert log.take() == ["high 0", "more 0", "high 1", "more 1", "high 2", "more 2"]
 
 
-def test_the_same_happens_again_after_a_rollback() -> None:
+def test_event_rules_fire_again_after_a_rollback() -> None:
     made, log = items(6), Log()
     made.on("done", appear=lambda x, engine: (log.append(f"a {x.id}"), engine.apply("reset"))[0])
     made.on("number", update=log.job("u"), priority=1)
@@ -383,7 +381,7 @@ def test_the_same_happens_again_after_a_rollback() -> None:
 # --- withdrawal
 
 
-def test_an_activation_whose_match_is_gone_is_withdrawn() -> None:
+def test_activations_of_deleted_matches_are_withdrawn() -> None:
     made, log = items(), Log()
     made.on("done", appear=log.job("late"), disappear=log.job("late -"))
     made.on("done", appear="reset", priority=1, name="undo")
@@ -411,7 +409,7 @@ def test_a_disappearance_is_withdrawn_if_the_match_is_back() -> None:
     [((5, 6), ["u 0 6 from 0 0"]), ((5, 0), []), ((5, None), ["- 0 0"])],
     ids=["changes on", "is back", "goes"],
 )
-def test_an_update_that_waits_follows_the_match(values: tuple[int, int | None], fired: list[str]) -> None:
+def test_pending_updates_follow_their_match(values: tuple[int, int | None], fired: list[str]) -> None:
     made, log = items(1), Log()
 
     def late(match: Match, old: Match) -> None:
@@ -429,13 +427,11 @@ def test_an_update_that_waits_follows_the_match(values: tuple[int, int | None], 
     assert log.take() == fired
 
 
-def test_a_match_that_returns_beside_its_update_takes_its_place() -> None:
+def test_returning_matches_replace_their_pending_update() -> None:
     made, log = engine("", "pattern friend(x : Item, y : Item) { Item.links(x, y); }", model=chain(3)), Log()
     one, two, three = made.model.nodes()
     one.links = [two]
-    made.on(
-        "friend", appear=log.job("+"), disappear=log.job("-"), update=log.job("u"), key=("x",), existing=False
-    )
+    made.on("friend", appear=log.job("+"), disappear=log.job("-"), update=log.job("u"), key=("x",), existing=False)
 
     def both(x: Node) -> None:
         x.links = [two, three]
@@ -449,7 +445,7 @@ def test_a_match_that_returns_beside_its_update_takes_its_place() -> None:
 # --- errors
 
 
-def test_a_job_that_raises_has_done_nothing_and_the_others_stay() -> None:
+def test_a_raising_job_is_rolled_back_and_others_remain_pending() -> None:
     made, log = items(3), Log()
 
     def broken(x: Node) -> None:
@@ -476,7 +472,7 @@ def test_a_job_that_raises_has_done_nothing_and_the_others_stay() -> None:
     assert log.take() == ["- 0", "- 2"]
 
 
-def test_an_application_that_is_refused_is_told() -> None:
+def test_refused_applications_of_event_rules_are_reported() -> None:
     made = engine("rule drop(x : Item) { lhs { x; } modify { delete x; } }", QUERIES, model=chain(2))
     made.on("done", appear="drop")
     with pytest.raises(RuleError), made.transaction():
@@ -495,7 +491,7 @@ def test_what_a_rule_has_done_is_recorded_even_if_an_event_rule_raises() -> None
     assert trace == [Firing("finish", (1,))] and made.model.node(1).done
 
 
-def test_going_round_is_found_and_named() -> None:
+def test_cycles_of_event_rules_are_detected_and_named() -> None:
     made = items(1)
     made.step_limit = 50
 
@@ -508,14 +504,12 @@ def test_going_round_is_found_and_named() -> None:
     made.on("number", appear="finish", name="once")
     made.on("done", appear=flip)
     made.on("done", disappear=flop)
-    with pytest.raises(
-        EvaluationError, match=r"do not terminate: 50 firings, the last ones of `(flip|flop)`, `fl"
-    ):
+    with pytest.raises(EvaluationError, match=r"do not terminate: 50 firings, the last ones of `(flip|flop)`, `fl"):
         made.settle()
     assert len(made.agenda) == 1
 
 
-def test_the_limit_is_of_firings_that_are_needed() -> None:
+def test_firings_up_to_the_step_limit_are_allowed() -> None:
     made, log = items(1), Log()
     made.step_limit = 3
     made.on("number", update=lambda x, n: setattr(x, "n", min(n + 1, 12)))
@@ -527,7 +521,7 @@ def test_the_limit_is_of_firings_that_are_needed() -> None:
 # --- versions
 
 
-def test_a_checkout_delivers_nothing() -> None:
+def test_a_checkout_fires_no_event_rules() -> None:
     made, log = items(), Log()
     made.on("done", appear=log.job("+"), disappear=log.job("-"))
     start = made.commit()
@@ -560,7 +554,7 @@ def test_a_checkout_empties_the_conflict_set() -> None:
     made.check_integrity()
 
 
-def test_a_version_has_what_event_rules_did() -> None:
+def test_versions_include_changes_of_event_rules() -> None:
     made = items()
     made.on("done", appear=lambda x: setattr(x, "n", 50))
     made.model.node(1).done = True
@@ -589,7 +583,7 @@ def test_a_recording_has_the_rules_that_event_rules_apply_and_replays_without_th
 # --- the handle and the agenda
 
 
-def test_a_cancelled_rule_fires_no_more() -> None:
+def test_cancelled_event_rules_do_not_fire() -> None:
     made, log = items(3), Log()
     rule = made.on("done", appear=log.job("+"))
     other = made.on("done", appear=log.job("other"))
@@ -608,7 +602,7 @@ def test_a_cancelled_rule_fires_no_more() -> None:
     assert log == [] and made.model.graph.store.followers[:] == [made.matcher.kept]
 
 
-def test_a_block_cancels_at_its_end() -> None:
+def test_event_rules_of_a_with_block_are_cancelled_at_its_end() -> None:
     made, log = items(), Log()
     with made.on("done", appear=log.job("+")) as rule:
         made.apply("finish", x=0)
@@ -637,7 +631,7 @@ def test_a_job_may_cancel_rules_and_register_others() -> None:
     assert log.take() == ["first 0", "new 0 0", "new 1 1", "new 2 2"]
 
 
-def test_the_agenda_shows_what_is_to_fire() -> None:
+def test_the_agenda_lists_pending_activations() -> None:
     made = items(30)
     low = made.on("following", appear="finish", name="low", key=("left",))
     high = made.on("number", appear="reset", update=lambda x: None, priority=3, name="high", existing=False)
@@ -658,7 +652,7 @@ def test_the_agenda_shows_what_is_to_fire() -> None:
     assert seen == [["<appear <lambda>: done(x=<Item#5>)>"], []]
 
 
-def test_a_pending_update_says_from_what() -> None:
+def test_pending_updates_show_the_old_match() -> None:
     made = items(1)
     rule = made.on("number", update=lambda x: None, name="u")
     made.on("number", update=lambda x: 1 / 0, priority=1)
@@ -685,7 +679,7 @@ def test_events_work_beside_listeners() -> None:
     assert log.take() == ["told [(1,)]", "u 1 5", "+ 1"]
 
 
-def test_a_load_counts_by_its_net_change() -> None:
+def test_loads_fire_event_rules_by_net_change() -> None:
     made, log = items(2), Log()
     made.on("number", appear=log.job("+"), disappear=log.job("-"), existing=False)
     with made.model.loading():
@@ -695,7 +689,7 @@ def test_a_load_counts_by_its_net_change() -> None:
     assert log.take() == ["- 0 0", "+ 0 3", "+ 2 5"]
 
 
-def test_without_event_rules_nothing_is_different() -> None:
+def test_engines_without_event_rules_are_unaffected() -> None:
     made = engine(RULES, QUERIES, model=Model(METAMODEL))
     assert len(made.agenda) == 0 and list(made.agenda) == []
     made.settle()

@@ -198,7 +198,7 @@ def test_parcels_are_numbered() -> None:
     assert labels == ["p3", "p4", "p5"]
 
 
-def test_every_shelf_in_a_row_gives_way_at_once() -> None:
+def test_widen_removes_every_shelf_in_a_row() -> None:
     made = domain("warehouse", "small_hall")
     (cell,) = [node for node in made.model.nodes("Aisle") if (node.x, node.y) == (3, 1)]
     cell.retype("Shelf")  # now four shelves stand in row 1

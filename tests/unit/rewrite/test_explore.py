@@ -46,11 +46,11 @@ def made(size: int = 3) -> Engine:
 
 def unchanged(one: Engine) -> Callable[[], None]:
     """Asserts, when called, that the engine is as it is now."""
-    before, version, depth = snapshot(one.model), one.model.version, one.model.graph.history.depth
+    before, version, depth = snapshot(one.model), one.model.version, one.model.graph.history.savepoint_depth
 
     def check() -> None:
         assert snapshot(one.model) == before
-        assert one.model.version is version and one.model.graph.history.depth == depth
+        assert one.model.version is version and one.model.graph.history.savepoint_depth == depth
         one.check_integrity()
 
     return check
@@ -69,9 +69,7 @@ def test_states_and_transitions_of_three_lamps() -> None:
     assert [state.holds for state in found.states] == [(), *[("lit",)] * 6, ("lit", "allLit")]
     assert found.holding("allLit") == [7] and found.holding("lit") == [1, 2, 3, 4, 5, 6, 7]
     assert found.transitions[0] == Transition(0, 1, "light", (Firing("light", (0,)),))
-    assert (
-        found.deadlocks == [] and found.goal is None and {state.version for state in found.states} == {None}
-    )
+    assert found.deadlocks == [] and found.goal is None and {state.version for state in found.states} == {None}
     statistics = found.statistics
     assert (statistics.states, statistics.expanded, statistics.depth, statistics.refused) == (8, 8, 3, 0)
     assert repr(found) == "<Exploration: 8 states, 24 transitions, exhausted>"
@@ -122,7 +120,7 @@ def test_without_a_goal_in_reach_there_is_no_path() -> None:
 
 
 @pytest.mark.parametrize("strategy", ["breadth", "depth"])
-def test_the_limit_ends_it(strategy: str) -> None:
+def test_the_limit_ends_the_exploration(strategy: str) -> None:
     one = made()
     check = unchanged(one)
     found = one.explore("grow", limit=5, strategy=strategy)  # type: ignore[arg-type]
@@ -143,7 +141,7 @@ def test_a_group_is_its_rules_and_each_counts_once() -> None:
     }
 
 
-def test_a_unit_runs_in_every_way() -> None:
+def test_explorations_cover_every_run_of_a_unit() -> None:
     found = made(3).explore("both")
     # A unit that fails keeps what it did before: the last lamp is lit, too.
     assert [transition.source for transition in found.transitions] == [0] * 6 + [1, 2, 3]
@@ -158,7 +156,7 @@ def test_a_unit_runs_in_every_way() -> None:
     assert (len(toggles), {t.firings[0].rule for t in toggles.transitions}) == (4, {"light", "dark"})
 
 
-def test_a_unit_with_too_many_ways_ends_it() -> None:
+def test_units_with_too_many_runs_end_the_exploration() -> None:
     one = made(4)
     found = one.explore("both", limit=7)
     assert found.ending == "limit" and len(found) <= 7
@@ -169,7 +167,7 @@ def test_a_unit_with_too_many_ways_ends_it() -> None:
     check()
 
 
-def test_refused_moves_are_counted_and_mistakes_raised() -> None:
+def test_refused_moves_are_counted_and_errors_raised() -> None:
     one = engine(RULES, QUERIES, model=chain(3))
     check = unchanged(one)
     found = one.explore("remove")
@@ -215,7 +213,7 @@ def test_rules_that_create_and_delete_come_back_up_to_isomorphism() -> None:
     assert (len(found), found.complete) == (2, True)
 
 
-def test_equal_hashes_of_states_that_differ_are_told_apart() -> None:
+def test_different_states_with_equal_hashes_are_distinguished() -> None:
     """Six items in one ring of six, or in two of three: colour refinement sees no difference."""
     model = Model(METAMODEL)
     items = [model.create("Item") for _ in range(6)]
@@ -235,9 +233,7 @@ def test_equal_hashes_of_states_that_differ_are_told_apart() -> None:
     found = one.explore(
         "swap",
         up_to="isomorphism",
-        predicates={
-            "hashed": lambda engine: hashes.setdefault(len(hashes), engine.model.canonical_hash()) is not None
-        },
+        predicates={"hashed": lambda engine: hashes.setdefault(len(hashes), engine.model.canonical_hash()) is not None},
     )
     # The ways to write 6 as a sum: the lengths of the rings.
     assert len(found) == 11 and len(set(hashes.values())) < 11
@@ -278,9 +274,7 @@ def test_versions_cannot_be_kept_inside_a_transaction() -> None:
 @pytest.mark.parametrize("keep", [False, True])
 @pytest.mark.parametrize("strategy", ["breadth", "depth"])
 @pytest.mark.parametrize("error", [ZeroDivisionError, KeyboardInterrupt])
-def test_an_exception_leaves_the_engine_as_it_was(
-    error: type[BaseException], strategy: str, keep: bool
-) -> None:
+def test_an_exception_leaves_the_engine_as_it_was(error: type[BaseException], strategy: str, keep: bool) -> None:
     one = made()
     one.watch("lit")
     start = one.commit()
@@ -341,7 +335,7 @@ def test_the_second_control_c_does_not_wait() -> None:
 
 
 @pytest.mark.parametrize("keep", [False, True])
-def test_nobody_notices(keep: bool) -> None:
+def test_explorations_leave_the_engine_unchanged(keep: bool) -> None:
     one, told = made(), []
     one.listen("lit", lambda came, went: told.append((len(came), len(went))))
     one.on("allLit", appear=lambda engine: told.append("all"), existing=False)
@@ -421,7 +415,7 @@ def test_the_graph_has_states_and_moves() -> None:
         ({"rules": "light", "predicates": ["bigger"]}, "needs values for `k`"),
     ],
 )
-def test_mistakes_are_named(arguments: dict[str, object], message: str) -> None:
+def test_wrong_arguments_of_explorations_are_reported(arguments: dict[str, object], message: str) -> None:
     with pytest.raises(InvalidArgument, match=message):
         made().explore(**arguments)  # type: ignore[arg-type]
 
@@ -429,11 +423,7 @@ def test_mistakes_are_named(arguments: dict[str, object], message: str) -> None:
 def test_refusals_of_other_kinds_are_raised() -> None:
     one = made(2)
     one.add(*patterns("pattern any(a : Item) { Item(a); }"))
-    one.add(
-        *definitions(
-            "rule clash { lhs { a : Item; } forall { lhs { b : Item; } modify { set a.n = b.n; } } }"
-        )
-    )
+    one.add(*definitions("rule clash { lhs { a : Item; } forall { lhs { b : Item; } modify { set a.n = b.n; } } }"))
     one.model.node(0).n = 4
     one.model.create("Item", n=5)
     check = unchanged(one)
@@ -443,7 +433,7 @@ def test_refusals_of_other_kinds_are_raised() -> None:
     check()
 
 
-def test_what_is_no_name_is_refused() -> None:
+def test_wrong_rule_names_are_refused() -> None:
     for rules in (5, [5], None):
         with pytest.raises(InvalidArgument, match=r"expected (names|the name) of"):
             made().explore(rules)  # type: ignore[arg-type]
@@ -452,7 +442,7 @@ def test_what_is_no_name_is_refused() -> None:
     assert made(1).explore("light", predicates="allLit").predicates == ("allLit",)
 
 
-def test_a_depth_leaves_out_what_is_further_away() -> None:
+def test_a_depth_limit_excludes_more_distant_states() -> None:
     made = engine("rule up(a : Item) { lhs { check a.n < 5; } modify { set a.n += 1; } }", model=chain(1))
     for depth in range(5):
         found = made.explore("up", depth=depth)

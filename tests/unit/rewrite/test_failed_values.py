@@ -37,9 +37,7 @@ LARGE = 9223372036854775807
     ],
 )
 @pytest.mark.parametrize("block", ["", "forall "])
-def test_the_smallest_part_without_a_value_is_shown(
-    expression: str, part: str, hint: str, block: str
-) -> None:
+def test_the_smallest_part_without_a_value_is_shown(expression: str, part: str, hint: str, block: str) -> None:
     right = f"modify {{ set a.n = {expression}; }}"
     made = engine(
         f"rule r(a : Item) {{ lhs {{ }} {f'forall {{ lhs {{ b : Box; }} {right} }}' if block else right} }}",
@@ -54,7 +52,7 @@ def test_the_smallest_part_without_a_value_is_shown(
     assert (caught.value.hint or "").startswith(hint)
 
 
-def test_what_is_added_shows_the_action() -> None:
+def test_evaluation_errors_of_added_values_show_the_action() -> None:
     made = engine(f"rule r(a : Item) {{ lhs {{ }} modify {{ set a.n += {LARGE}; }} }}", model=chain(2))
     with pytest.raises(EvaluationError) as caught:
         made.apply("r", a=1)
@@ -72,7 +70,7 @@ def test_what_is_added_shows_the_action() -> None:
         "set a.n = a.prev.prev.n",
     ],
 )
-def test_an_attribute_needs_what_a_path_leads_to(action: str) -> None:
+def test_setting_an_attribute_to_a_missing_value_is_an_error(action: str) -> None:
     made = engine(f"rule r(a : Item) {{ lhs {{ }} modify {{ {action}; }} }}", model=chain(3))
     before = snapshot(made.model)
     with pytest.raises(EvaluationError, match="has no value") as caught:
@@ -82,7 +80,7 @@ def test_an_attribute_needs_what_a_path_leads_to(action: str) -> None:
     assert made.apply("r", a=2) is not None
 
 
-def test_a_path_that_leads_nowhere_clears_a_reference_and_an_optional_attribute() -> None:
+def test_missing_values_clear_references_and_optional_attributes() -> None:
     cls = Class("A", features=(Attribute("note", Scalar.STRING, lower=0), Reference("next", "A", lower=0)))
     made = Engine(Model(Metamodel("m", (cls,))))
     made.add(Rule("r", "a : A", lhs="", modify="set a.note = a.next.note; set a.next = a.next.next;"))

@@ -39,7 +39,7 @@ def items() -> Engine:
     return engine(RULES, QUERIES, model=chain(3))
 
 
-def test_updates_are_told_apart_from_what_comes_and_goes() -> None:
+def test_updates_are_distinguished_from_appearances_and_disappearances() -> None:
     made, told = items(), Told()
     made.listen("number", told.changed, updated=told.updated)
     with made.transaction():
@@ -54,7 +54,7 @@ def test_updates_are_told_apart_from_what_comes_and_goes() -> None:
     assert told.take() == [([(4, 0)], [])]
 
 
-def test_a_change_and_its_reverse_are_no_update() -> None:
+def test_reverted_changes_are_not_updates() -> None:
     made, told = items(), Told()
     made.listen("number", told.changed, updated=told.updated)
     with made.transaction():
@@ -63,14 +63,14 @@ def test_a_change_and_its_reverse_are_no_update() -> None:
     assert told == []
 
 
-def test_without_a_function_for_them_updates_come_and_go() -> None:
+def test_updates_are_disappearance_and_appearance_without_a_function() -> None:
     made, told = items(), Told()
     made.listen("number", told.changed)
     made.apply("add", x=0, k=5)
     assert told == [([(0, 5)], [(0, 0)])]
 
 
-def test_a_key_says_what_an_update_is() -> None:
+def test_keys_pair_the_matches_of_an_update() -> None:
     made, told = items(), Told()
     made.listen("follows", told.changed, updated=told.updated, key=("x",))
     with made.transaction():
@@ -78,7 +78,7 @@ def test_a_key_says_what_an_update_is() -> None:
     assert told == [[((0, 1), (0, 2))], ([], [(1, 2)])]
 
 
-def test_checkouts_are_told_as_updates_too_unless_there_is_a_function_for_them() -> None:
+def test_checkouts_are_notified_as_updates_without_a_checkout_function() -> None:
     made, told = items(), Told()
     made.listen("number", told.changed, updated=told.updated)
     made.listen("number", told.changed, told.restored, updated=told.updated)
@@ -91,7 +91,7 @@ def test_checkouts_are_told_as_updates_too_unless_there_is_a_function_for_them()
     made.checkout(later)
 
 
-def test_what_comes_and_goes_is_told_even_if_the_function_for_updates_raises() -> None:
+def test_appearances_are_notified_even_if_the_update_function_raises() -> None:
     made, told = items(), Told()
 
     def broken(pairs: list[tuple[Match, Match]]) -> None:
@@ -124,9 +124,7 @@ def test_a_second_engine_of_a_model_does_not_watch_while_the_first_does() -> Non
     made.watch("number")
     other = Engine(made.model)
     other.add(*made.definitions)
-    with pytest.raises(
-        InvalidArgument, match=r"another engine of model .* watches patterns, .* `unwatch` `number`"
-    ):
+    with pytest.raises(InvalidArgument, match=r"another engine of model .* watches patterns, .* `unwatch` `number`"):
         other.watch("follows")
     assert other.count("number") == made.count("number") == 3
     del made

@@ -67,23 +67,21 @@ def views(one: Engine) -> ViewMatcher:
 
 
 MATCHER = views(engine(RULES, model=chain(2)))
-KEPT_VIEWS, LOOPS = type(MATCHER.kept), type(MATCHER.loops)
+KEPT_VIEWS, LOOPS = type(MATCHER.watched_views), type(MATCHER.loops)
 
 
 def assert_left(one: Engine) -> None:
     """Nothing is watched, and nothing hears of changes."""
     matcher = views(one)
-    assert one.watched == () and not matcher.kept.views and matcher.loops.depth == 0
-    assert matcher.kept not in one.model.graph.store.followers
+    assert one.watched == () and not matcher.watched_views.views and matcher.loops.depth == 0
+    assert matcher.watched_views not in one.model.graph.store.followers
     assert all(relation.added is None for relation in one.model.graph.store.relations)
     one.check_integrity()
 
 
 @pytest.mark.parametrize("long", [0, 5, 40])
 @pytest.mark.parametrize("unit", UNITS)
-def test_the_run_can_be_replayed_and_leaves_no_views(
-    unit: str, long: int, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_the_run_can_be_replayed_and_leaves_no_views(unit: str, long: int, monkeypatch: pytest.MonkeyPatch) -> None:
     one = made(long, monkeypatch)
     plain = made(None, monkeypatch)
     start = one.model.commit()
@@ -112,7 +110,7 @@ def test_a_seed_has_one_result(unit: str, monkeypatch: pytest.MonkeyPatch) -> No
 def test_few_rows_are_listed_however_many_there_are(monkeypatch: pytest.MonkeyPatch) -> None:
     one = made(1_000, monkeypatch, chain(600))
     listed = 0
-    original = ViewMatcher._listed
+    original = ViewMatcher._list_rows
 
     def counting(matcher: ViewMatcher, pattern: str, search: Callable[[], list[object]]) -> list[object]:
         nonlocal listed
@@ -120,14 +118,14 @@ def test_few_rows_are_listed_however_many_there_are(monkeypatch: pytest.MonkeyPa
         listed += len(rows)
         return rows  # type: ignore[return-value]
 
-    monkeypatch.setattr(ViewMatcher, "_listed", counting)
+    monkeypatch.setattr(ViewMatcher, "_list_rows", counting)
     for unit in ("plain", "calling"):
         one.run("inner")
         listed = 0
         assert one.run(unit).applications == 600 and listed < 2_000
 
 
-def test_a_loop_without_end_stops_at_the_limit_and_everything_is_as_before(
+def test_endless_loops_stop_at_the_limit_and_roll_back(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
     one = made(20, monkeypatch)
@@ -140,7 +138,7 @@ def test_a_loop_without_end_stops_at_the_limit_and_everything_is_as_before(
         assert_left(one)
 
 
-def test_what_is_watched_already_stays_so(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_watched_patterns_stay_watched_after_a_loop(monkeypatch: pytest.MonkeyPatch) -> None:
     one = made(0, monkeypatch)
     one.watch("open")
     for unit in UNITS:
@@ -149,7 +147,7 @@ def test_what_is_watched_already_stays_so(monkeypatch: pytest.MonkeyPatch) -> No
         one.check_integrity()
 
 
-def test_nobody_notices_the_views_of_a_loop(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_loop_views_do_not_change_results(monkeypatch: pytest.MonkeyPatch) -> None:
     one = made(0, monkeypatch)
     seen: list[object] = []
 
@@ -168,9 +166,7 @@ def test_nobody_notices_the_views_of_a_loop(monkeypatch: pytest.MonkeyPatch) -> 
 
 
 @pytest.mark.parametrize("problem", [KeyboardInterrupt, ZeroDivisionError, RecursionError])
-def test_an_exception_inside_a_loop_takes_everything_back(
-    problem: type[BaseException], monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_an_exception_inside_a_loop_rolls_back(problem: type[BaseException], monkeypatch: pytest.MonkeyPatch) -> None:
     one = made(0, monkeypatch)
     calls = 0
 
@@ -179,7 +175,7 @@ def test_an_exception_inside_a_loop_takes_everything_back(
         nonlocal calls
         calls += 1
         if calls == 5:
-            assert views(one).kept.views
+            assert views(one).watched_views.views
             raise problem
 
     one.add(*definitions("unit u { try { alap { alap { open; } mark; stop; } never; } }"))
@@ -192,7 +188,7 @@ def test_an_exception_inside_a_loop_takes_everything_back(
     assert_left(one)
 
 
-def test_explorations_go_through_loops(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_explorations_support_loops(monkeypatch: pytest.MonkeyPatch) -> None:
     states = []
     for long in (0, 10**9):
         one = made(long, monkeypatch, chain(3))
@@ -243,7 +239,7 @@ def test_replacing_a_search_for_few_rows_by_a_view_changes_no_result(
     set_thresholds(monkeypatch, {"long loop": 100})
     set_thresholds(monkeypatch, {"cost of sorting a row": 1})
     aside = 0
-    original = KEPT_VIEWS.aside
+    original = KEPT_VIEWS.sorted_view
 
     def counting(kept: Any, pattern: str) -> object:
         nonlocal aside
@@ -276,7 +272,7 @@ def test_a_loop_whose_rule_has_one_match_searches_a_few_times(monkeypatch: pytes
     one = engine(FEW, model=chain(600))
     one.model.nodes("Item")[0].done = True
     searches = 0
-    original = LOOPS._is_costly
+    original = LOOPS._count_search
 
     def counting(loops: Any, pattern: str) -> bool:
         nonlocal searches
@@ -296,7 +292,7 @@ def test_a_closure_from_one_start_is_kept_for_a_loop(monkeypatch: pytest.MonkeyP
     """
     set_thresholds(monkeypatch, {"long loop": 1_000})
     watched: list[str] = []
-    original = KEPT_VIEWS.watch_briefly
+    original = KEPT_VIEWS.watch_temporarily
 
     def noting(kept: Any, *arguments: Any) -> bool:
         found = original(kept, *arguments)
@@ -320,5 +316,5 @@ def test_a_pattern_with_a_too_large_view_is_searched_for(monkeypatch: pytest.Mon
     one = engine(text, model=chain(40))
     one.model.nodes("Item")[0].done = True
     assert one.run("u").applications == 39
-    assert views(one).kept.too_large == {"odd#lhs"}
+    assert views(one).watched_views.too_large == {"odd#lhs"}
     assert_left(one)

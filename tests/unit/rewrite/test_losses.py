@@ -28,11 +28,11 @@ def engine() -> envgraph.Engine:
         ("both", "Coin", {}, ["delete"]),  # however deep in units
     ],
 )
-def test_actions_that_may_take_an_object_away(
+def test_actions_that_may_delete_objects_are_found(
     engine: envgraph.Engine, name: str, cls: str | None, known: dict[str, bool], deeds: list[str]
 ) -> None:
     found = engine.catalog.losses(name, cls, known)
-    assert [loss.deed for loss in found] == deeds
+    assert [loss.action for loss in found] == deeds
     assert all(loss.rule == "coins.lose" and loss.span and loss.span.text == "coin" for loss in found)
 
 

@@ -105,9 +105,7 @@ def test_a_join_by_value_looks_values_up() -> None:
         ("clear", {"b": "a"}, [], [2.0]),
     ],
 )
-def test_rules_add_remove_and_set(
-    rule: str, bound: dict[str, str], tags: list[str], marks: list[float]
-) -> None:
+def test_rules_add_remove_and_set(rule: str, bound: dict[str, str], tags: list[str], marks: list[float]) -> None:
     plain, watching = engine(), engine()
     watching.watch(*PATTERNS)
     for each in (plain, watching):
@@ -129,7 +127,7 @@ def test_rules_add_remove_and_set(
         assert rows(plain, pattern) == rows(watching, pattern)
 
 
-def test_new_objects_and_several_matches() -> None:
+def test_rules_set_many_values_of_new_objects_and_several_matches() -> None:
     found = engine()
     found.apply("make")
     found.apply("name")
@@ -152,9 +150,7 @@ def test_a_list_in_a_rule_has_each_value_once_and_upper_bounds_hold() -> None:
     found = engine()
     found.apply("full", b=found.model["b"])
     assert found.model["b"].genres == ["novel", "poem"]
-    narrow = FILES | {
-        "m.metamodel": METAMODEL.replace("Genre[0..2]", "Genre[0..1]").replace("[*] tags", "[0..2] tags")
-    }
+    narrow = FILES | {"m.metamodel": METAMODEL.replace("Genre[0..2]", "Genre[0..1]").replace("[*] tags", "[0..2] tags")}
     narrow["m.model"] = MODEL.replace("[::poem, ::novel]", "::poem")
     narrow["r.rules"] = (
         'import "m.metamodel"\nrule add { lhs { b : Book; Book.title(b, "A"); } '
@@ -167,7 +163,7 @@ def test_a_list_in_a_rule_has_each_value_once_and_upper_bounds_hold() -> None:
     assert model_to_json(refused.model) == before
 
 
-def test_listeners_hear_of_matches_that_come_and_go() -> None:
+def test_listeners_are_notified_of_value_matches() -> None:
     found = engine()
     heard: list[tuple[str, str, str]] = []
 
@@ -184,7 +180,7 @@ def test_listeners_hear_of_matches_that_come_and_go() -> None:
     assert sorted(heard) == [("+", "A", "z"), ("-", "A", "x")]
 
 
-def test_ecore_and_xmi_bring_everything_back() -> None:
+def test_ecore_and_xmi_round_trips_keep_many_values() -> None:
     found = engine()
     files = {"m.ecore": metamodel_to_ecore(found.model.metamodel), "m.xmi": model_to_xmi(found.model)}
     assert {'name="marks"', 'unique="false"', 'upperBound="-1"'} < {*re.split(" |/>", files["m.ecore"])}
@@ -201,9 +197,7 @@ def test_xmi_has_many_values_in_tags_or_in_one_attribute_and_says_what_is_wrong(
         text = f'<l:Library xmlns:l="library" xmlns:xsi="http://www.w3.org/2001/XMLSchema-instance">{body}</l:Library>'
         return load_workspace(["m.ecore", "m.xmi"], files=TextFiles({"m.ecore": ecore, "m.xmi": text}))
 
-    good = read(
-        '<books title="A" tags="u v" marks="1 1.5"><tags>w w</tags><marks>1</marks><tags></tags></books>'
-    )
+    good = read('<books title="A" tags="u v" marks="1 1.5"><tags>w w</tags><marks>1</marks><tags></tags></books>')
     (book,) = good.model().nodes("Book")  # type: ignore[attr-defined]
     assert (book.tags, book.marks) == (["u", "v", "w w", ""], [1.0, 1.5, 1.0])
     wrong = read(
@@ -219,7 +213,7 @@ def test_xmi_has_many_values_in_tags_or_in_one_attribute_and_says_what_is_wrong(
     ]
 
 
-def test_derived_operators_leave_many_values_alone() -> None:
+def test_derived_operators_do_not_change_many_values() -> None:
     boxes = """metamodel m
 class Root { contains Item[*] items contains Box[*] boxes }
 class Item { string[*] tags }

@@ -7,7 +7,7 @@ def test_a_match_shows_its_objects_and_their_neighbours():
     engine = envgraph.open("burning_forest")
     match = engine.matches("burningTile")[3]
     made = match.picture(references=["right", "left", "down", "up"])
-    assert {node.title: node.marks for node in made.nodes if node.marks is not None} == {
+    assert {node.title: node.highlight_names for node in made.nodes if node.highlight_names is not None} == {
         "forest : Forest": ("forest",),
         f"BurningTile#{match.tile.id}": ("tile",),
     }

@@ -13,16 +13,16 @@ from envgraph.lang import from_text, spelled_out, to_text
 from envgraph.pattern import (
     Binary,
     Body,
-    Call,
     Check,
     Constant,
     Derivation,
     LeftSide,
     Navigation,
-    Node as Node_,
     Pattern as PatternData,
     Rule as RuleData,
+    RuleNode as Node_,
     Unit,
+    UnitCall,
     Variable,
 )
 from envgraph.rewrite import Engine, Firing, Steps
@@ -61,9 +61,7 @@ def test_only_definitions_are_added() -> None:
         (RuleData(3), "`name` of `Rule` must be a `str`, not 3"),  # type: ignore[arg-type]
     ],
 )
-def test_data_with_a_part_of_the_wrong_type_is_refused(
-    definition: RuleData | PatternData | Unit, message: str
-) -> None:
+def test_data_with_a_part_of_the_wrong_type_is_refused(definition: RuleData | PatternData | Unit, message: str) -> None:
     made = engine("")
     with pytest.raises(InvalidArgument, match=re.escape(message)):
         made.add(definition)
@@ -79,9 +77,7 @@ def test_definitions_are_found_by_their_names() -> None:
     derived = made.definition("kinds.Special.Item")
     assert isinstance(derived, type(made.definition("r")))
     assert "retype object : Item" in to_text(*spelled_out([derived], METAMODEL))
-    with pytest.raises(
-        InvalidArgument, match="unknown pattern, rule, unit or group `lats`; did you mean `last`"
-    ):
+    with pytest.raises(InvalidArgument, match="unknown pattern, rule, unit or group `lats`; did you mean `last`"):
         made.definition("lats")
 
 
@@ -109,7 +105,7 @@ def test_a_function_may_bring_its_pattern_along() -> None:
         made.rule(when=LAST, weight=float("inf"))(lambda x: None)
 
 
-def test_rules_of_parts_and_of_functions_stand_side_by_side() -> None:
+def test_rules_from_data_and_from_functions_can_be_combined() -> None:
     made = engine("", model=chain(2))
     made.add(LAST, Rule("done", lhs="find last(x); x : Item", modify="set x.done = true"))
     assert made.run("done")
@@ -133,7 +129,7 @@ def test_a_function_with_steps_describes_the_unit_of_a_text() -> None:
         """A day."""
         steps.call("walk", x, ...)
         with steps.repeat(1, 3):
-            steps.choose("grow", Call("cut"))
+            steps.choose("grow", UnitCall("cut"))
         with steps.attempt():
             steps.call("cut", first=True)
         with steps.otherwise(), steps.alap():
@@ -275,7 +271,7 @@ def test_units_of_text_call_those_of_functions() -> None:
     assert made.run("one"), "the other alternative"
 
 
-def test_a_function_fails_where_the_model_refuses_and_leaves_nothing_behind() -> None:
+def test_refused_changes_of_a_function_are_rolled_back() -> None:
     made = engine(RULES + "rule drop(x : Item) { lhs { x; } modify { delete x; } }", model=chain(3))
 
     @made.unit
@@ -291,7 +287,7 @@ def test_a_function_fails_where_the_model_refuses_and_leaves_nothing_behind() ->
     assert [match.definition for match in made.run("u").matches] == ["cut"]
 
 
-def test_a_function_that_raises_takes_the_whole_run_back() -> None:
+def test_a_raising_function_rolls_back_the_whole_run() -> None:
     made = engine(RULES, model=chain(3))
 
     @made.unit
@@ -345,7 +341,7 @@ def test_every_random_choice_of_a_function_is_explored() -> None:
     assert made.model.state_hash() == before
 
 
-def test_functions_are_drawn_by_weight_and_done_by_event_rules() -> None:
+def test_functions_are_sampled_by_weight_and_usable_as_event_jobs() -> None:
     made = engine(RULES, LAST_TEXT, model=chain(3))
 
     @made.unit
@@ -401,11 +397,7 @@ def test_functions_and_what_calls_them_are_not_copied() -> None:
     def drop(x: Node) -> None:
         x.prev = None
 
-    made.add(
-        *from_text(
-            "unit a { try { mine; } } unit b { repeat 2 { a; } } unit c { drop | cut; } unit d { cut; }"
-        )
-    )
+    made.add(*from_text("unit a { try { mine; } } unit b { repeat 2 { a; } } unit c { drop | cut; } unit d { cut; }"))
     twin = made.copy()
     assert twin.units == ("d",) and twin.rules == ("walk", "grow", "cut") and twin.patterns == ("last",)
     assert twin.run("d") and made.count("cut") == 2

@@ -60,16 +60,14 @@ def test_a_function_is_called_once_for_each_candidate() -> None:
     assert made.functions == ("isOdd",)
 
 
-def test_matchers_agree() -> None:
+def test_all_matchers_agree_on_registered_functions() -> None:
     naive = Engine(chain(5), matcher=NaiveMatcher)
     naive.function("isOdd", is_odd)
     naive.add(ODD)
-    assert [match.x.id for match in naive.matches("odd")] == [
-        match.x.id for match in registered().matches("odd")
-    ]
+    assert [match.x.id for match in naive.matches("odd")] == [match.x.id for match in registered().matches("odd")]
 
 
-def test_views_follow() -> None:
+def test_views_with_registered_functions_follow_changes() -> None:
     made = declared()
     made.function("isOdd", is_odd)
     made.watch("odd", "odds")
@@ -81,7 +79,7 @@ def test_views_follow() -> None:
     assert made.first("odds").n == 2
 
 
-def test_a_view_goes_on_after_a_function_that_failed() -> None:
+def test_views_recover_after_a_failing_function() -> None:
     made, broken = declared(), [False]
 
     def fragile(n: int) -> bool:
@@ -136,7 +134,7 @@ def test_a_declaration_can_be_checked_and_opened_without_code() -> None:
     assert [match.w for match in made.matches("weights")] == [0.0, 2.0, 4.0, 6.0, 8.0]
 
 
-def test_a_pattern_that_is_kept_current_waits_for_its_function() -> None:
+def test_incremental_patterns_wait_for_the_code_of_their_functions() -> None:
     made = Engine(chain(3))
     made.add(*from_text(DECLARED.replace("pattern odd(", "incremental pattern odd("), "query"))
     made.function("isOdd", is_odd)
@@ -160,7 +158,7 @@ def unreadable(n: int, by: float) -> float:
         (unreadable, "`heavy(0, 2.0)` raised ZeroDivisionError: no"),
     ],
 )
-def test_what_is_no_value_is_an_error_at_the_call(code: Callable[..., object], message: str) -> None:
+def test_wrong_results_of_functions_are_errors_at_the_call(code: Callable[..., object], message: str) -> None:
     made = declared()
     made.function("heavy", code)
     with pytest.raises(FunctionError) as raised:
@@ -213,7 +211,7 @@ def test_types_come_from_annotations_arguments_or_the_declaration() -> None:
     assert made.functions == ("isOdd", "turned", "heavy", "hypot", "way", "unreadable")
 
 
-def test_what_cannot_be_registered() -> None:
+def test_wrong_function_registrations_are_refused() -> None:
     made = declared()
     made.function("isOdd", is_odd)
     refused: list[tuple[str, Callable[..., object], str]] = [
@@ -254,6 +252,6 @@ def test_files_share_a_declaration() -> None:
     assert workspace.engine().functions == ("f",)
 
 
-def test_an_unknown_function_is_one_of_those_that_there_are() -> None:
+def test_unknown_functions_get_a_suggestion() -> None:
     with pytest.raises(ResolutionError, match=r"unknown function `isodd`(.|\n)*hint: did you mean `isOdd`"):
         registered().add(Pattern("p", "x : Item", "Item(x); check(isodd(x.n))"))

@@ -34,7 +34,7 @@ def rows(engine: Engine, name: str) -> list[tuple[object, ...]]:
 # --- removing
 
 
-def test_what_nothing_uses_is_gone() -> None:
+def test_unused_definitions_are_removed() -> None:
     engine = made()
     engine.remove("twice")
     engine.remove("everywhere", "mark")
@@ -58,7 +58,7 @@ def test_what_nothing_uses_is_gone() -> None:
         (["everywhere"], "`everywhere` is used by unit `twice`"),
     ],
 )
-def test_who_still_uses_a_definition_is_named(names: list[str], users: str) -> None:
+def test_removal_of_used_definitions_names_the_users(names: list[str], users: str) -> None:
     engine = made()
     with pytest.raises(InvalidArgument, match=f"^{users}: remove these first"):
         engine.remove(*names)
@@ -76,9 +76,7 @@ def test_listeners_event_rules_and_python_rules_are_users() -> None:
 
     with pytest.raises(InvalidArgument, match="`twice` is used by event rule `again`"):
         engine.remove("twice")
-    with pytest.raises(
-        InvalidArgument, match="rule `grow`, unit `twice`, a listener of `near`, a listener of `small`"
-    ):
+    with pytest.raises(InvalidArgument, match="rule `grow`, unit `twice`, a listener of `near`, a listener of `small`"):
         engine.remove("small", "near", "mark", "everywhere")
     with pytest.raises(InvalidArgument, match="`small` is used by rule `grow`"):
         engine.replace(SMALLER)
@@ -131,9 +129,7 @@ def test_python_definitions_are_removed() -> None:
 # --- replacing
 
 
-@pytest.mark.parametrize(
-    ("matcher", "watched"), [(ViewMatcher, True), (ViewMatcher, False), (NaiveMatcher, False)]
-)
+@pytest.mark.parametrize(("matcher", "watched"), [(ViewMatcher, True), (ViewMatcher, False), (NaiveMatcher, False)])
 def test_patterns_use_a_replaced_definition(matcher: type[Matcher], watched: bool) -> None:
     engine = made(matcher)
     if watched:
@@ -160,7 +156,7 @@ def test_a_replaced_definition_may_be_of_another_kind_and_have_other_parameters(
     assert engine.first("near").n == 0  # type: ignore[union-attr]
 
 
-def test_what_uses_a_replaced_definition_has_to_fit_it() -> None:
+def test_replacements_that_break_users_are_refused() -> None:
     engine = made()
     before = engine.definitions
     with pytest.raises(ResolutionError) as caught:
@@ -175,7 +171,7 @@ def test_what_uses_a_replaced_definition_has_to_fit_it() -> None:
     assert engine.definitions == before and engine.run("twice").applications == 4
 
 
-def test_what_is_not_there_is_not_replaced() -> None:
+def test_missing_definitions_are_not_replaced() -> None:
     engine = made()
     engine.add(Rule("treat", "a : Item", lhs="check a.n > 0", modify="set a.n -= 1", package="hospital"))
     before = engine.definitions
@@ -226,7 +222,7 @@ def test_a_file_is_loaded_again() -> None:
     assert copy.run("r") and copy.count("q") == 1
 
 
-def test_views_that_use_nothing_of_it_stay() -> None:
+def test_unaffected_views_survive_a_replacement() -> None:
     engine = made()
     heard: list[int] = []
     engine.listen("near", lambda appeared, disappeared: heard.append(len(appeared) - len(disappeared)))

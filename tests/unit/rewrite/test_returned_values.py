@@ -13,7 +13,7 @@ from tests.unit.rewrite.graphs import chain, definitions, patterns
 
 
 @pytest.mark.parametrize("value", [float("nan"), "abc", 10**400, 0.0, []], ids=repr)
-def test_a_function_that_returns_what_means_nothing_is_named(value: object) -> None:
+def test_meaningless_function_results_name_the_function(value: object) -> None:
     engine = Engine(chain(3), seed=1)
     engine.add(*patterns("pattern big(a : Item) { Item.n(a, n); check(n > 1); }"))
 
@@ -30,9 +30,7 @@ def test_a_function_that_returns_what_means_nothing_is_named(value: object) -> N
     before = engine.model.state_hash()
     with pytest.raises(InvalidArgument, match=r"rule `shrink` returned an? `.*`, .* must return None"):
         engine.apply("shrink")
-    with pytest.raises(
-        InvalidArgument, match=r"unit `whole` returned an? `.*`, but must return False if it failed"
-    ):
+    with pytest.raises(InvalidArgument, match=r"unit `whole` returned an? `.*`, but must return False if it failed"):
         engine.run("whole")
     assert engine.model.state_hash() == before
 
@@ -53,7 +51,7 @@ def test_values_without_an_order_name_the_rule(by: Callable[[Match], object], me
     assert engine.apply("up", by=lambda match: 10**400 * match.a.n) is not None  # a number like any other
 
 
-def test_a_listener_that_would_not_run_is_refused() -> None:
+def test_listeners_with_wrong_signatures_are_refused() -> None:
     engine = Engine(chain(3), seed=1)
     engine.add(*patterns("pattern big(a : Item) { Item.n(a, n); check(n > 1); }"))
 

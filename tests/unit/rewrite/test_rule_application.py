@@ -35,7 +35,7 @@ def refused(made: Engine, reason: str, name: str = "r", **arguments: object) -> 
         }""",
     ],
 )
-def test_rhs_and_modify_say_the_same(right: str) -> None:
+def test_rhs_and_modify_have_equal_effects(right: str) -> None:
     model = chain(2)
     d = model.create("Box", n=5)
     made = engine(f"rule r {{ lhs {{ a : Item -next-> b : Item; d : Box; }} {right} }}", model=model)
@@ -49,7 +49,7 @@ def test_rhs_and_modify_say_the_same(right: str) -> None:
     model.check_integrity()
 
 
-def test_a_node_that_the_right_side_leaves_out_is_deleted() -> None:
+def test_nodes_omitted_from_the_rhs_are_deleted() -> None:
     made = engine("rule r { lhs { a : Item -next-> b : Item; } rhs { a; } }", model=chain(2))
     made.apply("r")
     assert [node.id for node in made.model.nodes("Item")] == [0]
@@ -67,7 +67,7 @@ def test_context_is_never_deleted_by_omission() -> None:
     assert made.model.node(0).next is None  # the arrow is left out, so the link goes
 
 
-def test_context_may_be_deleted_by_word() -> None:
+def test_context_may_be_deleted_explicitly() -> None:
     made = engine("rule r(p : Item) { lhs { } modify { delete p; } }", model=chain(1))
     made.apply("r", p=0)
     assert len(made.model) == 0
@@ -112,9 +112,7 @@ def test_retyping_keeps_identity_and_shared_features_and_adds_initial_values() -
 
 
 def test_rules_may_retype_and_set_what_only_the_new_class_has() -> None:
-    made = engine(
-        "rule r(a : Item) { lhs { } modify { set a.extra = 3; retype a : Special; } }", model=chain(1)
-    )
+    made = engine("rule r(a : Item) { lhs { } modify { set a.extra = 3; retype a : Special; } }", model=chain(1))
     made.apply("r", a=0)
     assert made.model.node(0).extra == 3
 
@@ -157,9 +155,7 @@ def test_values_are_computed_on_the_state_before_the_rule() -> None:
 
 
 def test_values_of_a_deleted_object_can_be_used() -> None:
-    made = engine(
-        "rule r { lhs { a : Item -next-> b : Item; } modify { set a.n = b.n; delete b; } }", model=chain(2)
-    )
+    made = engine("rule r { lhs { a : Item -next-> b : Item; } modify { set a.n = b.n; delete b; } }", model=chain(2))
     made.apply("r")
     assert made.model.node(0).n == 1 and len(made.model) == 1
 
@@ -249,12 +245,10 @@ def test_moving_leaves_the_old_container_before_anything_is_linked() -> None:
     model.check_integrity()
 
 
-def test_moving_to_where_it_is_changes_nothing() -> None:
+def test_moving_to_the_current_container_changes_nothing() -> None:
     model = Model(METAMODEL)
     box = model.create("Box", content=[model.create("Item")])
-    made = engine(
-        "rule r(b : Box) { lhs { b -content-> x : Item; } modify { move x to b.content; } }", model=model
-    )
+    made = engine("rule r(b : Box) { lhs { b -content-> x : Item; } modify { move x to b.content; } }", model=model)
     before = snapshot(model)
     made.apply("r", b=box)
     assert snapshot(model) == before
@@ -328,9 +322,7 @@ def test_a_link_into_a_full_reference_is_refused() -> None:
         model=model,
     )
     error = refused(made, "full", "source", a=0, b=2)
-    assert error.message == (
-        "rule `source` cannot be applied: `Item#0` has 1 of at most 1 targets of `next` already"
-    )
+    assert error.message == ("rule `source` cannot be applied: `Item#0` has 1 of at most 1 targets of `next` already")
     refused(made, "full", "one", a=1)  # the opposite is full
     model.node(0).pair = [model.node(1), model.node(2)]
     third = model.create("Item")
@@ -338,9 +330,7 @@ def test_a_link_into_a_full_reference_is_refused() -> None:
 
 
 def test_a_link_may_take_the_place_of_one_that_the_rule_removes() -> None:
-    made = engine(
-        "rule r(c : Item) { lhs { a : Item -next-> b : Item; } rhs { a -next-> c; b; } }", model=chain(2)
-    )
+    made = engine("rule r(c : Item) { lhs { a : Item -next-> b : Item; } rhs { a -next-> c; b; } }", model=chain(2))
     new = made.model.create("Item")
     made.apply("r", c=new)
     assert made.model.node(0).next == new
@@ -402,7 +392,7 @@ def test_a_link_to_itself_that_is_not_matched_is_left_dangling(reference: str) -
         "rule r { lhs { } forall { lhs { y : Item; check y.n != 2; } modify { delete y; } } modify { } }",
     ],
 )
-def test_a_part_that_is_deleted_goes_with_its_container_whatever_the_order(rule: str) -> None:
+def test_parts_and_containers_are_deleted_in_any_order(rule: str) -> None:
     for second in (False, True):
         model = Model(METAMODEL)
         if second:  # so that the container comes after its parts
@@ -442,15 +432,13 @@ def test_contents_go_with_their_container() -> None:
 def test_container_and_contents_may_both_be_deleted() -> None:
     model = Model(METAMODEL)
     model.create("Box", content=[model.create("Item")])
-    made = engine(
-        "rule r { lhs { a : Box -content-> b : Item; } modify { delete a; delete b; } }", model=model
-    )
+    made = engine("rule r { lhs { a : Box -content-> b : Item; } modify { delete a; delete b; } }", model=model)
     made.apply("r")
     assert len(model) == 0
 
 
 @pytest.mark.parametrize("header", ["", "@semantics(spo)", "@match(homomorphic)"])
-def test_what_is_kept_does_not_go_with_a_container(header: str) -> None:
+def test_preserved_objects_are_not_deleted_with_their_container(header: str) -> None:
     model = Model(METAMODEL)
     inner = model.create("Item")
     outer = model.create("Item", kids=[model.create("Item", kids=[inner])])
@@ -464,7 +452,7 @@ def test_what_is_kept_does_not_go_with_a_container(header: str) -> None:
     assert outer.n == 1
 
 
-def test_a_block_may_not_keep_what_goes_with_a_container() -> None:
+def test_blocks_may_not_preserve_contents_of_deleted_containers() -> None:
     model = Model(METAMODEL)
     model.create("Item", kids=[model.create("Item")])
     text = "rule r(a : Item) { lhs { } forall { lhs { find inside(a, b); } %s } modify { delete a; } }"
@@ -499,7 +487,7 @@ def test_retyping_that_would_lose_links_is_refused_under_dpo_and_loses_them_unde
         model.check_integrity()
 
 
-def test_what_is_deleted_may_not_be_matched_as_something_kept() -> None:
+def test_deleted_objects_may_not_be_matched_as_preserved() -> None:
     made = engine(
         """
         @match(homomorphic) rule r { lhs { a : Item; b : Item; } modify { delete a; set b.n = 1; } }
@@ -540,7 +528,7 @@ def test_variables_that_coincide_may_not_get_two_values() -> None:
 # --- failing
 
 
-def test_a_refused_application_takes_everything_back() -> None:
+def test_refused_applications_are_rolled_back() -> None:
     model = chain(3)
     made = engine(
         """
@@ -570,7 +558,7 @@ def test_a_value_that_cannot_be_computed_leaves_the_model_alone() -> None:
     assert snapshot(made.model) == before
 
 
-def test_a_match_that_is_none_any_more_is_refused() -> None:
+def test_outdated_matches_are_refused() -> None:
     model = chain(3)
     made = engine("rule r { lhs { a : Item -next-> b : Item; } modify { set a.next = none; } }", model=model)
     first, second = made.matches("r")
@@ -613,7 +601,7 @@ def test_a_rule_without_a_right_side_changes_nothing() -> None:
     assert snapshot(made.model) == before
 
 
-def test_what_is_handed_out_is_not_deleted() -> None:
+def test_out_parameters_may_be_deleted_by_blocks() -> None:
     made = engine(
         "rule r(out x : Item) { lhs { x : Item; } forall { lhs { x -links-> x; } modify { delete x; } } }",
         model=chain(1),
@@ -623,7 +611,7 @@ def test_what_is_handed_out_is_not_deleted() -> None:
     assert application is not None and application.outputs["x"] not in made.model
 
 
-def test_a_link_is_redirected_where_it_is() -> None:
+def test_redirecting_requires_a_link_of_the_named_reference() -> None:
     made = engine(
         """
         rule r(a : Item, b : Item, c : Item) { lhs { find linked(a, b); } modify { redirect a -next-> b to c; } }
@@ -736,7 +724,7 @@ def test_a_merged_object_keeps_links_that_its_class_may_have_at_both_ends() -> N
     model.check_integrity()
 
 
-def test_an_amount_that_is_missing_is_an_error() -> None:
+def test_increasing_by_a_missing_value_is_an_error() -> None:
     made = engine("rule r(a : Item) { lhs { } modify { set a.weight -= a.next.weight; } }", model=chain(1))
     with pytest.raises(EvaluationError, match=r"rule `r` cannot be applied: `weight` has no value"):
         made.apply("r", a=0)
@@ -767,7 +755,7 @@ def test_interrupted_applications_leave_no_savepoint(monkeypatch: pytest.MonkeyP
     before = snapshot(model)
     with pytest.raises(KeyboardInterrupt):
         made.apply("r", a=0)
-    assert not model.graph.history.depth and snapshot(model) == before
+    assert not model.graph.history.savepoint_depth and snapshot(model) == before
 
 
 def test_links_that_are_made_again_are_reported_once(caplog: pytest.LogCaptureFixture) -> None:
@@ -912,11 +900,9 @@ def test_blocks_that_retype_refuse_what_the_old_class_had() -> None:
     assert "`Item#0` is retyped to `Box`, but another change needs class `Item`" in str(error)
 
 
-def test_checking_a_rule_that_binds_nothing_tells_so() -> None:
+def test_check_reports_rules_without_bound_variables() -> None:
     made = engine(queries="pattern alone(x : Item) { neg Item.links(x, _); Item(x); }")
     found = made.check(
         *definitions("rule r { lhs { x != y; } optional { lhs { find alone(x); } modify { delete x; } } }")
     )
-    assert {problem.code for problem in found} == {"not-enumerable"} and all(
-        problem.span for problem in found
-    )
+    assert {problem.code for problem in found} == {"not-enumerable"} and all(problem.span for problem in found)

@@ -84,7 +84,7 @@ def test_blocks_create_one_object_for_each_match_and_link_it_to_what_the_rule_cr
     assert [(kid.id, kid.n, list(kid.links)) for kid in node(2).kids] == [(5, 2, [fresh])]
 
 
-def test_blocks_nest() -> None:
+def test_blocks_can_be_nested() -> None:
     model = star(2)
     model.node(1).links = [model.create("Item"), model.create("Item")]
     made = engine(
@@ -120,7 +120,7 @@ def test_optional_rewrites_one_match_if_there_is_one() -> None:
     assert len(made.model) == 1
 
 
-def test_a_block_looks_at_the_state_before_the_rule() -> None:
+def test_blocks_match_the_state_before_the_rule() -> None:
     block = "optional { lhs { check a.n == 0; } modify { set a.done = true; } }"
     text = f"rule r(a : Item) {{ lhs {{ }} {block} modify {{ set a.n = 1; }} }}"
     made = engine(text, model=star(0))
@@ -139,9 +139,7 @@ def test_links_of_a_block_go_with_a_node_that_the_rule_deletes() -> None:
 
 
 def test_a_block_with_a_right_side_deletes_by_omission() -> None:
-    made = engine(
-        "rule r(a : Item) { lhs { } forall { lhs { a -links-> b : Item; } rhs { a; } } }", model=star(3)
-    )
+    made = engine("rule r(a : Item) { lhs { } forall { lhs { a -links-> b : Item; } rhs { a; } } }", model=star(3))
     made.apply("r", a=0)
     assert len(made.model) == 1
 
@@ -179,7 +177,7 @@ def test_matches_that_contradict_each_other_are_refused_by_name(actions: str, me
     assert snapshot(made.model) == before
 
 
-def test_matches_that_want_the_same_agree() -> None:
+def test_block_matches_with_equal_effects_do_not_conflict() -> None:
     made = engine(
         """
         rule r(a : Item) {
@@ -230,7 +228,7 @@ def test_blocks_read_what_the_left_side_computes() -> None:
     assert [node.label for node in made.model.nodes()] == ["", "", "n", ""]
 
 
-def test_a_mistake_in_what_is_computed_is_told_once() -> None:
+def test_errors_in_computed_values_are_reported_once() -> None:
     text = "rule r { lhs { a : Item; n == eval(a.nn + 1); } not { b : Item; check b.n == n; } modify { } }"
     assert [problem.code for problem in problems(text)] == ["unknown-feature"]
 
@@ -245,9 +243,7 @@ unit grow { alap { double; } }
 def test_a_forall_that_doubles_the_model_each_time_ends_at_a_limit(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setenv("ENVGRAPH_LIMITS", "0.001")
     made = engine(DOUBLE, model=chain(3))
-    with pytest.raises(
-        EvaluationError, match="the blocks of one application have more than 100 matches"
-    ) as caught:
+    with pytest.raises(EvaluationError, match="the blocks of one application have more than 100 matches") as caught:
         made.run("grow")
     assert caught.value.span is not None and caught.value.span.text == "lhs"
     assert caught.value.hint is not None and "ENVGRAPH_LIMITS=10" in caught.value.hint

@@ -57,7 +57,7 @@ def both(one: str, other: str) -> str:
         ('set a.label += "" + b.n;', "", "`Item#0` gets two values of `Item.label`"),
     ],
 )
-def test_matches_that_do_not_go_together_are_refused(one: str, other: str, message: str) -> None:
+def test_conflicting_block_matches_are_refused(one: str, other: str, message: str) -> None:
     made = engine(both(one, other), model=star(2))
     before = snapshot(made.model)
     with pytest.raises(RuleError) as caught:
@@ -132,9 +132,7 @@ def test_matches_that_agree_are_applied(one: str, other: str) -> None:
         ("retype b : Special; merge a <- b;", "`b` is both deleted and changed", (68, 77)),
     ],
 )
-def test_actions_that_contradict_each_other_at_every_match_are_a_mistake(
-    actions: str, message: str, places: tuple[int, int]
-) -> None:
+def test_contradictory_actions_are_reported_statically(actions: str, message: str, places: tuple[int, int]) -> None:
     found = problems(f"rule r {{ lhs {{ a : Item; b : Item; c : Item; }} modify {{ {actions} }} }}")
     assert [(one.code, one.severity) for one in found] == [("contradiction", Severity.ERROR)]
     assert message in found[0].message
@@ -156,10 +154,8 @@ def test_a_rule_that_can_never_be_applied_is_warned_of(right: str) -> None:
     assert [(one.code, one.severity) for one in found] == [("never-applicable", Severity.WARNING)]
 
 
-def test_what_the_right_side_shows_is_not_set_otherwise() -> None:
-    found = problems(
-        "rule r { lhs { a : Item -next-> b : Item; c : Item; } rhs { a -next-> b; c; set a.next = c; } }"
-    )
+def test_links_in_the_rhs_may_not_be_set_otherwise() -> None:
+    found = problems("rule r { lhs { a : Item -next-> b : Item; c : Item; } rhs { a -next-> b; c; set a.next = c; } }")
     assert [one.code for one in found] == ["contradiction"]
 
 
@@ -173,7 +169,7 @@ def test_what_the_right_side_shows_is_not_set_otherwise() -> None:
         "delete a; set b.n = a.n;",
     ],
 )
-def test_actions_that_go_together_are_none(actions: str) -> None:
+def test_compatible_actions_are_not_reported(actions: str) -> None:
     assert problems(f"rule r {{ lhs {{ a : Item; b : Item; c : Item; }} modify {{ {actions} }} }}") == []
 
 
@@ -191,9 +187,7 @@ def test_objects_that_only_values_name_are_looked_at_when_the_rule_is_applied() 
     assert model.node(0).next == model.node(2) and list(model.node(1).links) == [model.node(2)]
     with pytest.raises(RuleError) as caught:
         made.apply("drop", a=0, b=2)
-    assert caught.value.reason == "ambiguous" and caught.value.details[1].endswith(
-        "set a.favourite = `Item#2`"
-    )
+    assert caught.value.reason == "ambiguous" and caught.value.details[1].endswith("set a.favourite = `Item#2`")
     with pytest.raises(RuleError, match=r"`Item#3` gets two values of `Item.prev`: `Item#0` and `Item#1`"):
         made.apply("two", a=0, b=1)
     model.check_integrity()
@@ -238,6 +232,4 @@ def test_an_added_target_takes_what_a_created_link_wants() -> None:
     )
     with pytest.raises(RuleError) as caught:
         made.apply("r", a=0, b=1)
-    assert caught.value.reason == "ambiguous" and "`Item#0` gets two values of `Item.parent`" in str(
-        caught.value
-    )
+    assert caught.value.reason == "ambiguous" and "`Item#0` gets two values of `Item.parent`" in str(caught.value)

@@ -11,15 +11,15 @@ from envgraph.graph import Model
 from envgraph.pattern import (
     Assignment,
     Constant,
-    Create,
-    Edge,
+    CreateAction,
     LeftSide,
     Modification,
-    Node,
     Parameter,
     RightSide,
     Rule,
-    Set,
+    RuleEdge,
+    RuleNode,
+    SetAction,
     Variable,
 )
 from envgraph.rewrite import Engine
@@ -83,7 +83,7 @@ def test_each_mistake_is_reported_once_and_exactly(title: str, text: str, expect
         "rule r { lhs { a : Item; b : Item; } modify { } }",
     ],
 )
-def test_what_is_meant_is_not_warned_of(text: str) -> None:
+def test_intended_constructs_give_no_warning(text: str) -> None:
     assert problems(text) == []
 
 
@@ -104,7 +104,7 @@ def test_all_mistakes_of_all_rules_are_reported_in_the_order_of_the_text() -> No
     ]
 
 
-def test_diagnostics_read_like_this() -> None:
+def test_rule_diagnostics_have_their_expected_text() -> None:
     (found,) = problems("rule r {\n    lhs { a : Item; }\n    modify { set a.lable = 1; }\n}\n")
     assert str(found) == (
         "test.rules:3:20: `Item` has no feature `lable`\n"
@@ -114,7 +114,7 @@ def test_diagnostics_read_like_this() -> None:
     )
 
 
-def test_rules_that_use_a_broken_pattern_are_not_blamed_for_it() -> None:
+def test_users_of_a_pattern_with_errors_get_no_errors() -> None:
     found = problems(
         "rule r { lhs { a : Item; find broken(a, b); } modify { set b.n = 1; } }",
         "pattern broken(x : Item, y : Item) { Item.lnks(x, y); }",
@@ -122,7 +122,7 @@ def test_rules_that_use_a_broken_pattern_are_not_blamed_for_it() -> None:
     assert [d.code for d in found] == ["unknown-feature"]
 
 
-def test_nothing_is_added_if_anything_is_wrong() -> None:
+def test_definitions_with_errors_add_nothing() -> None:
     made = Engine(Model(METAMODEL))
     with pytest.raises(ResolutionError):
         made.add(*patterns(LINKED), *definitions("rule good { lhs { } } rule bad { lhs { a : Itm; } }"))
@@ -141,17 +141,15 @@ def test_names_are_defined_once() -> None:
 
 def test_rules_made_in_python_are_checked_without_spans() -> None:
     engine = Engine(Model(METAMODEL))
-    a, wrong = Variable("a"), Set(Variable("a"), "nn", "=", Constant(1))
-    made = Rule("r", left=LeftSide((Node("a", "Item"),)), right=Modification((wrong,)), weight=0.0)
+    a, wrong = Variable("a"), SetAction(Variable("a"), "nn", "=", Constant(1))
+    made = Rule("r", left=LeftSide((RuleNode("a", "Item"),)), right=Modification((wrong,)), weight=0.0)
     assert [d.code for d in engine.check(made)] == ["bad-weight", "unknown-feature"]
-    twice = Modification((Set(a, "n", "=", Constant(1)), Set(a, "n", "=", Constant(2))))
-    assert [d.code for d in engine.check(Rule("r", (Parameter("a", "Item"),), right=twice))] == [
-        "duplicate-assignment"
-    ]
-    create = Create((Node("b", "Item", (Assignment("n", Constant("x")),)),), (Edge("b", "next", "c"),))
+    twice = Modification((SetAction(a, "n", "=", Constant(1)), SetAction(a, "n", "=", Constant(2))))
+    assert [d.code for d in engine.check(Rule("r", (Parameter("a", "Item"),), right=twice))] == ["duplicate-assignment"]
+    create = CreateAction((RuleNode("b", "Item", (Assignment("n", Constant("x")),)),), (RuleEdge("b", "next", "c"),))
     codes = [d.code for d in engine.check(Rule("r", right=Modification((create,))))]
     assert sorted(codes) == ["unknown-variable", "wrong-type"]
-    misplaced = RightSide(actions=(Create((Node("b", "Item"),)),))
+    misplaced = RightSide(actions=(CreateAction((RuleNode("b", "Item"),)),))
     assert [d.code for d in engine.check(Rule("r", right=misplaced))] == ["misplaced-action"]
     semantics = Rule("r", semantics="maybe")  # type: ignore[arg-type]
     with pytest.raises(InvalidArgument, match="`semantics` of `r` must be 'dpo' or 'spo', not 'maybe'"):
@@ -184,8 +182,6 @@ def test_a_new_object_has_no_links_before_the_rule() -> None:
 
 
 @pytest.mark.parametrize("block", ["", "require { x : Item; }", "not { Item.n(x, 3); }"])
-def test_a_block_does_not_say_of_what_class_an_object_is(block: str) -> None:
+def test_blocks_do_not_determine_classes_of_outer_objects(block: str) -> None:
     found = problems(f"rule q {{ lhs {{ a : Item; x -next-> b; }} {block} modify {{ }} }}")
-    assert [(problem.code, problem.span and problem.span.column) for problem in found] == [
-        ("untyped-source", 26)
-    ]
+    assert [(problem.code, problem.span and problem.span.column) for problem in found] == [("untyped-source", 26)]

@@ -31,7 +31,7 @@ def test_a_match_is_parameters_then_named_variables_without_those_of_blocks() ->
     assert made.prepare("r").shape.names == ("b", "a", "total")
 
 
-def test_a_variable_that_only_a_negation_mentions_is_no_part_of_the_match() -> None:
+def test_variables_only_in_negations_are_not_in_the_match() -> None:
     made = engine("rule r { lhs { a : Item; neg find linked(a, b); } }", LINKED)
     assert made.prepare("r").shape.names == ("a",)
 
@@ -94,7 +94,7 @@ def test_variables_of_a_block_differ_from_the_enclosing_ones() -> None:
     assert rows(made.matches("r")) == [(1,)]
 
 
-def test_conditions_nest() -> None:
+def test_conditions_can_be_nested() -> None:
     # An item all of whose links lead to something with a next.
     text = "rule r { lhs { a : Item; } not { a -links-> b : Item; not { b -next-> c : Item; } } }"
     model = Model(METAMODEL)
@@ -108,9 +108,7 @@ def test_conditions_nest() -> None:
 
 def test_require_asks_for_something_without_adding_it_to_the_match() -> None:
     model = chain(3)
-    made = engine(
-        "rule r { lhs { a : Item; } require { a -next-> b : Item; b -next-> c : Item; } }", model=model
-    )
+    made = engine("rule r { lhs { a : Item; } require { a -next-> b : Item; b -next-> c : Item; } }", model=model)
     assert rows(made.matches("r")) == [(0,)]
 
 
@@ -125,7 +123,7 @@ def test_arrows_may_be_closures() -> None:
     assert rows(made.matches("r")) == [(0, 1), (0, 2), (1, 2)]
 
 
-def test_arrows_may_point_back() -> None:
+def test_arrows_may_be_written_backwards() -> None:
     made = engine("rule r { lhs { a : Item <-next- b : Item; } }", model=chain(2))
     assert rows(made.matches("r")) == [(1, 0)]
 
@@ -141,7 +139,7 @@ def test_arguments_bind_any_part_of_the_match() -> None:
     assert made.first("r", x=9) is None
 
 
-def test_parameters_that_nothing_enumerates_have_to_be_given() -> None:
+def test_parameters_that_are_not_enumerated_must_be_given() -> None:
     made = engine(
         """
         rule above(limit : int) { lhs { a : Item; check a.n > limit; } }
@@ -231,14 +229,14 @@ def test_a_nameless_object_may_have_a_class_and_more_than_one_arrow() -> None:
     assert rows(made.matches("none")) == [(2,), (3,), (4,), (5,)]
 
 
-def test_nameless_objects_are_not_told_from_others() -> None:
+def test_anonymous_objects_may_equal_other_objects() -> None:
     model = chain(1)
     model.node(0).next = model.node(0)
     made = engine("rule r { lhs { a : Item -next-> _ -next-> _ : Item; } modify { } }", model=model)
     assert rows(made.matches("r")) == [(0,)]
 
 
-def test_what_a_reflexive_closure_leads_to_may_be_where_it_starts() -> None:
+def test_reflexive_closures_may_end_at_their_start() -> None:
     model = chain(2)
     special = model.create("Special")
     made = engine(
@@ -289,4 +287,4 @@ def test_a_rule_says_why_it_cannot_be_applied_at_its_match() -> None:
     assert made.why_not("drop", a=0).refusal is None
     assert made.why_not("drop", a=2).match is None
     assert "division by zero" in str(made.why_not("halve", a=0))
-    assert made.model.state_hash() == before and not made.model.graph.history.depth
+    assert made.model.state_hash() == before and not made.model.graph.history.savepoint_depth

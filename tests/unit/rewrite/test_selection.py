@@ -10,7 +10,7 @@ import pytest
 from envgraph.errors import InvalidArgument, RuleError
 from envgraph.graph import Model
 from envgraph.lang import from_text, to_text
-from envgraph.pattern import Binary, Call, Choice, Constant, Navigation, Unary, Unit, Variable
+from envgraph.pattern import Binary, Constant, Navigation, Unary, Unit, UnitCall, UnitChoice, Variable
 from envgraph.rewrite import Engine, Match, Row
 from tests.unit.rewrite.graphs import METAMODEL, chain, engine, snapshot
 
@@ -52,12 +52,12 @@ def test_the_first_match_is_looked_for_and_no_other() -> None:
         model=chain(6),
     )
     looked: list[object] = []
-    read = one.matcher.seeker
+    read = one.matcher.prepare_iterator
 
     def seeker(pattern: str, bound: tuple[int, ...]) -> Callable[..., Iterator[Row]]:
         return lambda *values: (looked.append(row) or row for row in read(pattern, bound)(*values))
 
-    one.matcher.seeker = seeker  # type: ignore[method-assign]
+    one.matcher.prepare_iterator = seeker  # type: ignore[method-assign]
     first = one.matches("mark")[0].row
     asked: list[object] = []
     one.apply("mark", choose="first")
@@ -151,7 +151,7 @@ def test_apply_all_checks_each_match_again_and_leaves_out_what_is_refused() -> N
     assert trace == [("mark", (1,)), ("mark", (1,))]
 
 
-def test_a_conflict_takes_all_of_it_back() -> None:
+def test_conflicts_roll_back_the_whole_application() -> None:
     one = made(3)
     before = snapshot(one.model)
     with pytest.raises(RuleError, match="two values"):
@@ -190,14 +190,14 @@ def test_wrong_selections_are_refused(options: dict[str, object], message: str) 
 
 def test_units_made_in_python_choose_like_those_of_a_file() -> None:
     one = engine(RULES, QUERIES, model=chain(4))
-    best = Call("mark", every=True, limit=2, by=N)
-    one.add(Unit("best", (), Choice((best,))))
+    best = UnitCall("mark", every=True, limit=2, by=N)
+    one.add(Unit("best", (), UnitChoice((best,))))
     assert one.run("best").firings == (("mark", (3,)), ("mark", (2,)))
     wrong = {
-        "missing-by": Call("mark", every=True, limit=2),
-        "missing-top": Call("mark", by=N),
-        "wrong-selection": Call("mark", every=True, first=True),
-        "bad-bounds": Call("mark", every=True, limit=0, by=N),
+        "missing-by": UnitCall("mark", every=True, limit=2),
+        "missing-top": UnitCall("mark", by=N),
+        "wrong-selection": UnitCall("mark", every=True, first=True),
+        "bad-bounds": UnitCall("mark", every=True, limit=0, by=N),
     }
     for code, call in wrong.items():
         assert [problem.code for problem in one.check(Unit("u", (), call))] == [code]

@@ -55,7 +55,7 @@ def test_every_line_is_valid_by_the_published_schema() -> None:
     assert not validator.is_valid({"rule": "up"})
 
 
-def test_recordings_inside_each_other_are_apart() -> None:
+def test_nested_recordings_are_independent() -> None:
     one = made()
     with one.recording() as outer:
         with one.recording() as inner:
@@ -64,7 +64,7 @@ def test_recordings_inside_each_other_are_apart() -> None:
     assert (inner, outer) == ([("up", (0,))], [("up", (0,)), ("up", (1,))])
 
 
-def test_what_a_transaction_takes_back_is_left_out() -> None:
+def test_rolled_back_applications_are_not_recorded() -> None:
     one = made()
     with one.recording() as trace:
         one.apply("up", a=0)
@@ -95,7 +95,7 @@ def test_an_edit_from_python_is_refused_at_its_place(when: int) -> None:
     assert problem.code == "unrecorded-change" and "@engine.rule" in str(problem.hint)
 
 
-def test_an_edit_that_is_taken_back_leaves_a_trace_whole() -> None:
+def test_rolled_back_edits_do_not_invalidate_a_trace() -> None:
     one = made()
     with one.recording() as trace:
         with pytest.raises(ZeroDivisionError), one.model.transaction():
@@ -204,7 +204,7 @@ def test_a_replay_from_another_state_is_refused_unless_it_is_only_a_list() -> No
     assert other.model.node(0).label == "other"
 
 
-def test_a_replay_that_goes_another_way_is_stopped_there_and_taken_back() -> None:
+def test_diverging_replays_are_stopped_and_rolled_back() -> None:
     one, other = made(), made()
     labels = iter(["here", "there"])
     for each in (one, other):
@@ -275,13 +275,13 @@ def test_all_mistakes_of_a_trace_are_reported_together() -> None:
     ],
     ids=lambda text: text[:20],
 )
-def test_what_follows_from_a_mistake_is_not_told(old: str, new: str) -> None:
+def test_consequences_of_trace_errors_are_not_reported(old: str, new: str) -> None:
     with pytest.raises(TraceError) as caught:
         read(GOOD.replace(old, new))
     assert len(caught.value.diagnostics) == 1
 
 
-def test_missing_and_doubled_lines_are_noticed() -> None:
+def test_missing_and_duplicate_lines_are_reported() -> None:
     lines = GOOD.splitlines(keepends=True)
     assert "ends after 3 applications, without its last line" in mistakes("".join(lines[:4]))
     assert "but the trace has 3 applications" in mistakes("".join(lines[:4] + lines[5:]))

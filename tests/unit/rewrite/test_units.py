@@ -10,7 +10,7 @@ import pytest
 from envgraph.errors import EvaluationError, InvalidArgument, Severity, TypeMismatch
 from envgraph.graph import Model
 from envgraph.lang import to_text
-from envgraph.pattern import Applicable, Atomic, Call, Sequence, Unit, Variable
+from envgraph.pattern import Applicable, AtomicStep, StepSequence, Unit, UnitCall, Variable
 from envgraph.rewrite import Engine
 from tests.unit.rewrite.graphs import METAMODEL, chain, definitions, engine, problems, snapshot
 
@@ -99,9 +99,7 @@ def test_an_argument_may_be_left_open() -> None:
 
 
 def test_a_deleted_object_matches_nothing() -> None:
-    made = one(
-        "rule drop(a : Item) { lhs { } modify { delete a; } } unit u(a : Item) { drop(a); mark(a, 1); }"
-    )
+    made = one("rule drop(a : Item) { lhs { } modify { delete a; } } unit u(a : Item) { drop(a); mark(a, 1); }")
     result = made.run("u", a=0)
     assert result.reason == "an argument of `mark` was deleted (test.rules:9:82)"
     assert len(made.model) == 0
@@ -142,9 +140,7 @@ def test_a_call_tries_the_other_matches_when_one_is_refused() -> None:
     for seed in range(8):
         model = chain(3)  # deleting one of these leaves a link dangling
         model.create("Item")
-        made = engine(
-            "rule drop { lhs { a : Item; } modify { delete a; } } unit u { drop; }", model=model, seed=seed
-        )
+        made = engine("rule drop { lhs { a : Item; } modify { delete a; } } unit u { drop; }", model=model, seed=seed)
         assert made.run("u")
         assert [node.id for node in model.nodes("Item")] == [0, 1, 2]
 
@@ -164,7 +160,7 @@ def test_a_choice_without_an_alternative_that_succeeds_fails() -> None:
     assert n(made) == 1
 
 
-def test_a_choice_draws_by_weight() -> None:
+def test_choices_sample_alternatives_by_weight() -> None:
     rules = """
     @weight(3.0) rule left { lhs { a : Item; } modify { set a.n = 1; } }
     rule right { lhs { a : Item; } modify { set a.n = 2; } }
@@ -193,10 +189,8 @@ def test_a_choice_prefers_the_highest_priority_that_can_be_applied() -> None:
     assert seen == [1, 2, 12, 12]
 
 
-def test_an_alternative_that_fails_leaves_nothing_behind() -> None:
-    made = one(
-        "unit half { grow; never; } @priority(1) unit better { grow; never; } unit u { better | half | up; }"
-    )
+def test_failed_alternatives_are_rolled_back() -> None:
+    made = one("unit half { grow; never; } @priority(1) unit better { grow; never; } unit u { better | half | up; }")
     assert made.run("u")
     assert (len(made.model), n(made)) == (1, 1)
 
@@ -240,7 +234,7 @@ def test_alap_repeats_as_long_as_possible() -> None:
     assert (n(made), made.model.node(0).label) == (3, "big")
 
 
-def test_the_last_round_of_alap_leaves_nothing_behind() -> None:
+def test_the_failed_last_round_of_alap_is_rolled_back() -> None:
     made = one("rule box { lhs { } modify { create a : Box; } } unit u { alap { box; up; } }")
     made.run("u")
     assert (n(made), len(made.model.nodes("Box"))) == (3, 3)
@@ -252,7 +246,7 @@ def test_alap_ends_when_nothing_changes_any_more() -> None:
     assert n(made) == 3
 
 
-def test_repeat_draws_a_number_of_rounds_between_its_bounds() -> None:
+def test_repeat_samples_a_number_of_rounds_between_its_bounds() -> None:
     seen = set()
     for seed in range(30):
         made = one("unit u { repeat 1..3 { grow; } }", seed=seed)
@@ -265,7 +259,7 @@ def test_repeat_draws_a_number_of_rounds_between_its_bounds() -> None:
     ("bounds", "rounds"),
     [("k", {3}), ("1..k", {1, 2, 3}), ("k - 2..a.n + k", {1, 2, 3}), ("a.n", {0}), ("k % 3..0", {0})],
 )
-def test_the_bounds_of_repeat_are_worked_out_when_it_begins(bounds: str, rounds: set[int]) -> None:
+def test_bounds_of_repeat_are_evaluated_at_its_start(bounds: str, rounds: set[int]) -> None:
     seen = set()
     for seed in range(30):
         made = one(f"unit u(a : Item, k : int) {{ repeat {bounds} {{ up; }} }}", seed=seed)
@@ -312,7 +306,7 @@ def test_repeat_fails_below_its_lower_bound_only() -> None:
     assert (n(short), len(short.model)) == (3, 1)
 
 
-def test_the_round_of_repeat_that_fails_leaves_nothing_behind() -> None:
+def test_the_failed_round_of_repeat_is_rolled_back() -> None:
     made = one(
         """
         unit u { repeat 5..5 { heavier; up; } }
@@ -352,7 +346,7 @@ def test_all_checks_each_match_again() -> None:
 # --- try, if, atomic
 
 
-def test_try_takes_a_body_that_fails_back_and_runs_else() -> None:
+def test_try_rolls_back_a_failed_body_and_runs_else() -> None:
     made = one("unit u { try { grow; never; } else { up; } up; }")
     made.run("u")
     assert (len(made.model), n(made)) == (1, 2)
@@ -392,7 +386,7 @@ def test_atomic_is_all_or_nothing() -> None:
         ("limit == count find linked(a, _)", 1),
     ],
 )
-def test_if_asks_a_pattern_or_an_expression(condition: str, expected: int) -> None:
+def test_if_conditions_are_patterns_or_expressions(condition: str, expected: int) -> None:
     made = one(
         f"unit u(a : Item, limit : int) {{ if {condition} {{ mark(a, 1); }} else {{ mark(a, 2); }} }}",
         queries="""
@@ -414,10 +408,8 @@ def test_matches_are_chosen_by_comparing_objects() -> None:
     assert [node.n for node in made.model.nodes("Item")] == [5, 7, 5]
 
 
-def test_conditions_of_units_have_their_mistakes() -> None:
-    found = problems(
-        RULES + "unit u(a : Item, b : Box) { if a == b { up; } if Itm(a) { up; } if x == a { up; } }"
-    )
+def test_errors_in_unit_conditions_are_reported() -> None:
+    found = problems(RULES + "unit u(a : Item, b : Box) { if a == b { up; } if Itm(a) { up; } if x == a { up; } }")
     assert [one.code for one in found] == ["type-conflict", "unknown-type", "unknown-variable"]
 
 
@@ -430,14 +422,14 @@ def test_if_without_a_branch_to_run_succeeds() -> None:
 # --- limits
 
 
-def nested(step: Call, levels: int) -> Atomic | Call:
-    body: Atomic | Call = step
+def nested(step: UnitCall, levels: int) -> AtomicStep | UnitCall:
+    body: AtomicStep | UnitCall = step
     for _ in range(levels):
-        body = Atomic(Sequence((body, Sequence(()))))
+        body = AtomicStep(StepSequence((body, StepSequence(()))))
     return body
 
 
-def test_a_run_that_does_not_end_is_stopped_and_taken_back() -> None:
+def test_endless_runs_are_stopped_and_rolled_back() -> None:
     made = one("unit u { alap { grow; } }")
     made.step_limit = 100
     before = snapshot(made.model)
@@ -476,7 +468,7 @@ def test_a_unit_that_failed_shows_the_step() -> None:
         ),
     ],
 )
-def test_a_unit_that_calls_itself_whatever_happens_is_told_once(units: str, message: str) -> None:
+def test_unconditional_self_calls_are_reported_once(units: str, message: str) -> None:
     (found,) = problems(RULES + units)
     assert (found.code, found.severity) == ("endless-unit", Severity.WARNING)
     assert found.message == f"{message}, so that it never succeeds"
@@ -501,16 +493,16 @@ def test_a_unit_may_call_itself_where_it_can_also_end(body: str) -> None:
 
 def test_deeply_nested_steps_are_refused() -> None:
     made = one("")
-    body: Atomic | Call = Call("up")
+    body: AtomicStep | UnitCall = UnitCall("up")
     for _ in range(45):
-        body = Atomic(body)
-    made.add(Unit("deep", (), Sequence((body,))))
+        body = AtomicStep(body)
+    made.add(Unit("deep", (), StepSequence((body,))))
     assert made.run("deep")
     for _ in range(10_000):
-        body = Atomic(body)
+        body = AtomicStep(body)
     assert [d.code for d in made.check(Unit("deeper", (), body))] == ["unit-too-deep"]
-    calls = Call("up")
-    units = [Unit(f"u{i}", (), nested(Call(f"u{i - 1}") if i else calls, 40)) for i in range(45)]
+    calls = UnitCall("up")
+    units = [Unit(f"u{i}", (), nested(UnitCall(f"u{i - 1}") if i else calls, 40)) for i in range(45)]
     made.add(*units)
     with pytest.raises(EvaluationError, match="nested more than 200 levels deep"):
         made.run("u44")
@@ -518,9 +510,7 @@ def test_deeply_nested_steps_are_refused() -> None:
 
 
 def test_a_failed_evaluation_ends_the_run() -> None:
-    made = one(
-        "rule broken { lhs { a : Item; } modify { set a.n = 1 / a.n; } } unit u { grow; try { broken; } }"
-    )
+    made = one("rule broken { lhs { a : Item; } modify { set a.n = 1 / a.n; } } unit u { grow; try { broken; } }")
     with pytest.raises(EvaluationError, match="division by zero"):
         made.run("u")
     assert len(made.model) == 1
@@ -602,7 +592,7 @@ def test_each_mistake_of_a_unit_is_reported_once_and_exactly(
     assert found[0].hint == hint
 
 
-def test_a_run_from_a_deep_stack_is_taken_back() -> None:
+def test_runs_from_a_deep_stack_are_rolled_back() -> None:
     made = one("unit u { grow; try { try { grow; v; } } } unit v { try { grow; u; } }")
     before = snapshot(made.model)
 
@@ -616,7 +606,7 @@ def test_a_run_from_a_deep_stack_is_taken_back() -> None:
         with pytest.raises((EvaluationError, RecursionError)):
             dive(levels)
         assert snapshot(made.model) == before
-        assert not made.model.graph.history.depth
+        assert not made.model.graph.history.savepoint_depth
 
 
 def test_calls_that_are_not_written_out_do_the_same() -> None:
@@ -632,7 +622,7 @@ def test_calls_that_are_not_written_out_do_the_same() -> None:
     assert refused.model.graph.alive(0) and len(refused.model) == 2 + 300 - 1
 
 
-def test_a_long_circle_of_calls_is_told_once() -> None:
+def test_long_call_cycles_are_reported_once() -> None:
     units = "".join(f"unit u{number} {{ up; u{(number + 1) % 300}; }}\n" for number in range(300))
     (found,) = problems(RULES + units)
     assert found.message == "`u0` always calls itself through `u1` and others, so that it never succeeds"
@@ -691,7 +681,7 @@ def test_what_was_deleted_is_not_applicable() -> None:
     assert made.run("u", a=0).applications == 2 and made.model.node(1).n == 5
 
 
-def test_asking_leaves_no_trace() -> None:
+def test_applicability_conditions_change_nothing() -> None:
     made = engine(ASKED, model=chain(1))
     with made.recording() as trace:
         assert made.run("tell", a=0)
@@ -699,14 +689,12 @@ def test_asking_leaves_no_trace() -> None:
 
 
 def test_a_condition_that_fails_otherwise_ends_the_run() -> None:
-    made = engine(
-        "rule r(a : Item) { lhs { } modify { set a.n = 1 / a.n; } } unit u { if r { r; } }", model=chain(1)
-    )
+    made = engine("rule r(a : Item) { lhs { } modify { set a.n = 1 / a.n; } } unit u { if r { r; } }", model=chain(1))
     with pytest.raises(EvaluationError, match="division by zero"):
         made.run("u")
 
 
-def test_a_class_is_meant_before_a_rule_of_its_name() -> None:
+def test_class_names_take_precedence_over_rule_names_in_conditions() -> None:
     made = engine(
         "rule Item(a : Item) { lhs { } modify { delete a; } } unit u(a : Item) { if Item(a) { Item(_); } }",
         model=chain(2),
@@ -714,7 +702,7 @@ def test_a_class_is_meant_before_a_rule_of_its_name() -> None:
     assert made.run("u", a=0).refusal is not None
 
 
-def test_who_asks_a_rule_uses_it() -> None:
+def test_units_with_applicability_conditions_use_the_rule() -> None:
     made = engine(ASKED, model=chain(1))
     with pytest.raises(InvalidArgument, match="`cut` is used by unit `tell`"):
         made.remove("cut")

@@ -58,7 +58,7 @@ def test_a_rule_that_needs_values_is_not_watched() -> None:
         made(False).watch("above")
 
 
-def test_listeners_hear_of_the_matches_of_a_rule() -> None:
+def test_listeners_are_notified_of_rule_matches() -> None:
     watched = engine(RULES, model=chain(3))
     heard: list[tuple[list[Match], list[Match]]] = []
     watched.listen("cut", lambda came, went: heard.append((came, went)))
@@ -69,7 +69,7 @@ def test_listeners_hear_of_the_matches_of_a_rule() -> None:
 
 
 @pytest.mark.parametrize("watched", [True, False], ids=["watched", "searched"])
-def test_once_applies_a_rule_at_a_match_that_is_drawn(watched: bool) -> None:
+def test_once_applies_a_rule_at_a_sampled_match(watched: bool) -> None:
     one, random = made(watched), Random(3)
     cut, tie = one.prepare("cut"), one.prepare("tie")
     found = [cut.once(random) for _ in range(6)]
@@ -79,7 +79,7 @@ def test_once_applies_a_rule_at_a_match_that_is_drawn(watched: bool) -> None:
     one.check_integrity()
 
 
-def test_once_of_an_exact_retyping() -> None:
+def test_once_applies_exact_retypings() -> None:
     one = engine("derive d = retype among { Item, Special };", model=chain(3))
     there, back = one.prepare("d.Item.Special"), one.prepare("d.Special.Item")
     random = Random(1)
@@ -88,7 +88,7 @@ def test_once_of_an_exact_retyping() -> None:
     assert back.once(random) is not None and one.model.graph.extent("Special") != [0, 1, 2]
 
 
-def test_a_row_holds_until_it_is_no_match() -> None:
+def test_rows_are_valid_until_they_stop_matching() -> None:
     for watched in (True, False):
         one = made(watched)
         cut = one.prepare("cut")
@@ -151,7 +151,7 @@ class Ear:
         self.facts.append("restored")
 
 
-def test_the_model_hears_of_links_that_rules_change() -> None:
+def test_link_changes_by_rules_are_notified() -> None:
     one, ear = made(False), Ear()
     Notified(one.model, ear)
     one.apply("cut", a=0)
@@ -172,7 +172,7 @@ def test_a_full_reference_refuses_a_link_of_a_rule() -> None:
     assert [target.id for target in items[0].pair] == [1, 2]
 
 
-def test_listeners_are_told_after_each_outermost_call() -> None:
+def test_listeners_are_notified_after_each_outermost_call() -> None:
     """Also after a rule that needs no transaction of its own."""
     one, told = engine(RULES, model=chain(6)), []
     one.listen("cut", lambda came, went: told.append((len(came), len(went))))
@@ -202,7 +202,7 @@ def test_listeners_are_told_after_each_outermost_call() -> None:
     assert one.apply("cut", a=0) is None and heard() == []
 
 
-def test_listeners_hear_of_a_function_rule_once() -> None:
+def test_listeners_are_notified_once_for_a_function_rule() -> None:
     one, told = engine(RULES, model=chain(4)), []
     one.add(*patterns("pattern pair(a : Item, b : Item) { Item.next(a, b); }"))
 

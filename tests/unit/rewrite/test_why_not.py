@@ -8,7 +8,7 @@ import pytest
 
 from envgraph.cli import main
 from envgraph.lang import TextFiles, bundled_domain, load_workspace, open as open_engine
-from envgraph.match import Failure, WhyNot
+from envgraph.match import BodyFailure, WhyNot
 from envgraph.rewrite import Engine
 
 HALL = bundled_domain("warehouse")
@@ -25,7 +25,7 @@ def hall_with(name: str, text: str) -> Engine:
     return load_workspace(["small_hall.model", name], files=TextFiles(files)).engine()
 
 
-def only(why: WhyNot) -> Failure:
+def only(why: WhyNot) -> BodyFailure:
     (failure,) = why.failures
     return failure
 
@@ -57,7 +57,7 @@ def test_of_several_not_blocks_the_one_that_fails_is_named() -> None:
     assert failure.witness is not None and failure.witness.found == {"there": 8}
 
 
-def test_a_neg_find_names_the_match_that_there_is() -> None:
+def test_why_not_names_the_existing_match_of_a_neg_find() -> None:
     engine = hall()
     failure = only(engine.why_not("stranded"))
     assert failure.constraint == "neg find fetchable(parcel, _)"
@@ -67,7 +67,7 @@ def test_a_neg_find_names_the_match_that_there_is() -> None:
     assert engine.exists("fetchable", parcel=parcel, dock=dock)
 
 
-def test_a_neg_of_a_class_names_the_object() -> None:
+def test_why_not_names_the_object_of_a_negated_class() -> None:
     engine = hall()
     failure = only(engine.why_not("drivable", bound={"from": 7, "to": 8}))
     assert failure.constraint == "neg Shelf(to)"
@@ -86,7 +86,7 @@ pattern between(cell : Cell) { Cell.west(cell, left); find clear(left); Cell.eas
 """
 
 
-def test_a_small_pattern_that_is_called_is_told_as_it_is_written() -> None:
+def test_why_not_shows_inlined_patterns_as_written() -> None:
     engine = hall_with("corners.query", CORNERS)
     lines = str(engine.why_not("corner", cell=5)).splitlines()
     assert lines[1].endswith("then fails find walled(cell) (corners.query:6:5)")
@@ -101,7 +101,7 @@ def test_a_small_pattern_that_is_called_is_told_as_it_is_written() -> None:
     assert failure.inner is not None and only(failure.inner).constraint == "neg Shelf(cell)"
 
 
-def test_a_require_block_is_told_as_a_block() -> None:
+def test_why_not_shows_require_blocks_as_blocks() -> None:
     text = "rule stay { lhs { robot : Robot -at-> here : Cell; } require { here : Shelf; } modify { } }"
     engine = hall_with("stay.rules", f'import "warehouse.metamodel" {text}')
     why = engine.why_not("stay", robot=engine.model.graph.find_object("left"))
@@ -109,7 +109,7 @@ def test_a_require_block_is_told_as_a_block() -> None:
     assert "the `require` block for here = " in str(why) and "#require" not in str(why)
 
 
-def test_every_constraint_that_fails_has_its_place() -> None:
+def test_why_not_gives_the_span_of_every_failing_constraint() -> None:
     engine = hall()
     for name, text in {
         "lift": "robot -at-> here",
@@ -118,7 +118,7 @@ def test_every_constraint_that_fails_has_its_place() -> None:
     }.items():
         failure = only(engine.why_not(name))
         assert failure.span is not None
-        assert text in failure.span.source.line(failure.span.line), (name, failure)
+        assert text in failure.span.source.line_text(failure.span.line), (name, failure)
         assert failure.witness is None
 
 
@@ -148,7 +148,7 @@ def test_the_step_of_a_unit_that_fails_is_named_and_nothing_changes() -> None:
     assert str(engine.why_not("turn")) == "`turn` succeeds"
 
 
-def test_of_a_group_each_rule_is_asked_about() -> None:
+def test_why_not_of_a_group_covers_each_rule() -> None:
     engine = hall()
     for shelf in engine.model.nodes("Shelf"):
         shelf.retype("Aisle")
@@ -176,9 +176,7 @@ def test_the_commands_print_reasons_and_plans(
     assert "body 1: about" in run("explain", *FILES, "lift")
 
 
-def test_a_wrong_name_is_an_error(
-    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_a_wrong_name_is_an_error(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> None:
     for command in ("why-not", "explain"):
         monkeypatch.setattr(sys, "argv", ["envgraph", command, *FILES, "lifft"])
         assert main() == 1

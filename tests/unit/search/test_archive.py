@@ -17,13 +17,11 @@ offers: st.SearchStrategy[Offers] = st.lists(
 )
 
 
-def filled(
-    size: int, offered: Offers, bins: Sequence[BinnedEntropy] = (BinnedEntropy(4),)
-) -> tuple[Archive, Offers]:
+def filled(size: int, offered: Offers, bins: Sequence[BinnedEntropy] = (BinnedEntropy(4),)) -> tuple[Archive, Offers]:
     """An archive after some offers of a value and a quality, and those that were ever kept, by number."""
     archive, rng, kept = Archive(size, bins), default_rng(1), list[tuple[float, float]]()
     for value, quality in offered:
-        found = archive.put(archive.cell([value] * len(bins)), quality, rng)
+        found = archive.offer_member(archive.cell_of([value] * len(bins)), quality, rng)
         if found is not None:
             assert found[0] == len(kept)
             kept.append((value, quality))
@@ -31,11 +29,11 @@ def filled(
 
 
 @given(offers, st.integers(1, 12))
-def test_it_only_gets_more_level_once_it_is_full(offered: Offers, size: int) -> None:
+def test_full_archive_becomes_only_more_evenly_filled(offered: Offers, size: int) -> None:
     archive, rng, full = Archive(size, [BinnedEntropy(4)]), default_rng(1), list[tuple[int, int]]()
     for place, (value, quality) in enumerate(offered):
-        archive.put(archive.cell([value]), quality, rng)
-        counts = archive.counts().values()
+        archive.offer_member(archive.cell_of([value]), quality, rng)
+        counts = archive.members_per_cell().values()
         assert len(archive) == len([*archive]) == min(size, place + 1) == sum(counts) and 0 in archive
         if len(archive) == size:
             full.append((len(counts), -max(counts)))
@@ -43,48 +41,48 @@ def test_it_only_gets_more_level_once_it_is_full(offered: Offers, size: int) -> 
 
 
 @given(offers)
-def test_a_cell_has_the_best_that_it_was_offered_once_each_has_one_place(offered: Offers) -> None:
+def test_full_archive_keeps_the_best_offered_candidate_of_each_cell(offered: Offers) -> None:
     archive, kept = filled(4, [(0.1, 9.0), (0.3, 0.0), (0.6, 0.0), (0.9, 0.0), *offered])
     best = {value: max(quality for one, quality in offered if one == value) for value, _ in offered}
-    assert archive.counts() == {(place,): 1 for place in range(4)}
+    assert archive.members_per_cell() == {(place,): 1 for place in range(4)}
     for value, quality in [kept[number] for number in archive]:
         assert quality == (9.0 if value == 0.1 else best.get(value, 0.0))  # the first one stays
 
 
-def test_one_in_the_fullest_cell_makes_room_for_another_cell() -> None:
+def test_candidate_of_the_fullest_cell_is_replaced_by_one_of_another_cell() -> None:
     archive, _ = filled(4, [(0.1, 0.0)] * 4 + [(0.9, 0.0)] * 3)
-    assert archive.counts() == {(0,): 2, (3,): 2} and 0 in archive and not archive.level
+    assert archive.members_per_cell() == {(0,): 2, (3,): 2} and 0 in archive and not archive.is_level
 
 
-def test_it_is_level_once_every_cell_has_its_share() -> None:
-    assert filled(3, [(0.1, 0.0)] * 3, ())[0].level
-    assert not filled(4, [(0.1, 0.0)] * 3, ())[0].level
-    assert not filled(3, [(0.1, 0.0), (0.3, 0.0), (0.6, 0.0)])[0].level
-    assert filled(5, [(0.1, 0.0), (0.3, 0.0), (0.6, 0.0), (0.9, 0.0), (0.3, 0.0)])[0].level
+def test_archive_is_level_when_every_cell_has_its_share() -> None:
+    assert filled(3, [(0.1, 0.0)] * 3, ())[0].is_level
+    assert not filled(4, [(0.1, 0.0)] * 3, ())[0].is_level
+    assert not filled(3, [(0.1, 0.0), (0.3, 0.0), (0.6, 0.0)])[0].is_level
+    assert filled(5, [(0.1, 0.0), (0.3, 0.0), (0.6, 0.0), (0.9, 0.0), (0.3, 0.0)])[0].is_level
 
 
-def test_bins_that_no_whole_number_falls_into_need_no_members() -> None:
+def test_bins_without_a_whole_number_need_no_members() -> None:
     archive = Archive(2, [BinnedEntropy(4, 0, 1, whole=True)])
     for value in (0.0, 1.0):
-        assert archive.put(archive.cell([value]), 0.0, default_rng(0)) is not None
-    assert archive.level
+        assert archive.offer_member(archive.cell_of([value]), 0.0, default_rng(0)) is not None
+    assert archive.is_level
 
 
-def test_cells_of_several_measures_are_told_apart() -> None:
+def test_cells_combine_the_bins_of_several_measures() -> None:
     archive = Archive(9, [BinnedEntropy(2), BinnedEntropy(3)])
-    assert [archive.cell(values) for values in ([0.1, 0.9], [0.9, 0.1])] == [(0, 2), (1, 0)]
+    assert [archive.cell_of(values) for values in ([0.1, 0.9], [0.9, 0.1])] == [(0, 2), (1, 0)]
 
 
 @pytest.mark.parametrize("crowd", [1, 50])
-def test_each_cell_is_drawn_as_often_however_full_it_is(crowd: int) -> None:
+def test_cells_are_sampled_equally_often_regardless_of_their_size(crowd: int) -> None:
     archive, kept = filled(60, [(0.1, 0.0)] * crowd + [(0.9, 0.0)])
     rng = default_rng(3)
-    drawn = sum(kept[archive.draw(rng)][0] == 0.9 for _ in range(1000))
+    drawn = sum(kept[archive.sample_member(rng)][0] == 0.9 for _ in range(1000))
     assert 440 < drawn < 560
 
 
-def test_of_several_qualities_the_first_counts_most() -> None:
+def test_several_qualities_are_compared_lexicographically() -> None:
     archive, rng = Archive(2), default_rng(1)
     for quality in [(0.0, 0.0), (1.0, 0.0), (1.0, 2.0), (0.0, 9.0), (1.0, 1.0)]:
-        archive.put((), quality, rng)
+        archive.offer_member((), quality, rng)
     assert list(archive) == [0, 2], "the first one stays, and the best of the others"

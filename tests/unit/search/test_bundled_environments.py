@@ -61,7 +61,7 @@ BY_DAY = [(domain, MODES[number % 3]) for number, domain in enumerate(IDS)]
 
 
 @pytest.mark.parametrize(("domain", "render_mode"), CHECKED if NIGHTLY else BY_DAY)
-def test_the_environment_checker_has_nothing_to_say(domain: str, render_mode: str | None) -> None:
+def test_bundled_environments_pass_the_gymnasium_checker(domain: str, render_mode: str | None) -> None:
     env = gymnasium.make(IDS[domain], render_mode=render_mode)
     assert env.action_space == gymnasium.spaces.Discrete(ACTIONS[domain])
     with warnings.catch_warnings():
@@ -72,7 +72,7 @@ def test_the_environment_checker_has_nothing_to_say(domain: str, render_mode: st
 @pytest.mark.parametrize(
     "domain", ["jobshop", "lava", "network", "sokoban", "taxi", "triage"] if NIGHTLY else ["network"]
 )
-def test_a_family_is_as_diverse_as_it_may_be(domain: str, tmp_path: Path) -> None:
+def test_generated_family_of_each_domain_has_nearly_maximal_diversity(domain: str, tmp_path: Path) -> None:
     generations = {"generations": 20} if domain == "network" else {}
     family = generate(f"{domain}/diverse.toml", tmp_path / "run.sqlite", **generations)
     assert family.diversity() >= 0.9 * log2(6)
@@ -111,13 +111,13 @@ def test_members_of_a_family_share_actions_and_observations(family: Family, tmp_
     assert len(spaces) == 1
 
 
-def test_only_what_one_agent_does_on_a_grid_is_written_as_ga4cl(family: Family) -> None:
+def test_ga4cl_export_refuses_families_without_a_single_agent_on_a_grid(family: Family) -> None:
     refused = {"Routing": "does not draw a grid", "KeyDoor": "of `E1`"}
     with pytest.raises(InvalidArgument, match=refused.get(family.name, "agent")):
         export_ga4cl(family)
 
 
-def test_a_table_and_a_live_engine_have_the_same_episodes() -> None:
+def test_table_and_live_environment_have_the_same_episodes() -> None:
     rng = np.random.default_rng(0)
     table, live = make_environment("keydoor"), make_environment("keydoor", live=True)
     assert table.reset(seed=4)[0] == live.reset(seed=4)[0]
@@ -129,21 +129,23 @@ def test_a_table_and_a_live_engine_have_the_same_episodes() -> None:
             assert table.reset()[0] == live.reset()[0]
 
 
-def test_live_environments_of_what_is_not_there_are_refused() -> None:
+def test_live_environment_without_a_family_or_domain_is_refused() -> None:
     with pytest.raises(InvalidArgument, match="neither `family` nor `domain` is given"):
         make_environment(live=True)
     with pytest.raises(InvalidArgument, match="`variant` is given without `family`"):
         make_environment("keydoor", variant=1, live=True)
 
 
-def test_too_many_states_for_a_table_are_told_with_a_way_out(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("envgraph.env.compiled.explored", limited)
+def test_too_many_states_for_a_table_are_reported_with_an_alternative_engine(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    monkeypatch.setattr("envgraph.env.compiled.explore_fast", limited)
     with pytest.raises(EvaluationError, match=r"more than 500 states[\s\S]*hint: .*`engine=\"compiled\"`"):
         make_environment("network/diverse.toml", engine="table")
     assert isinstance(make_environment("network/diverse.toml"), CompiledEnv)
 
 
-def test_what_steps_is_chosen_by_name() -> None:
+def test_engine_argument_selects_the_environment_class() -> None:
     kinds = {"table": EnvgraphEnv, "compiled": CompiledEnv, "live": EnvgraphLiveEnv}
     for engine, kind in kinds.items():
         assert type(envgraph.make(domain="keydoor", engine=engine).unwrapped) is kind
@@ -154,13 +156,11 @@ def test_what_steps_is_chosen_by_name() -> None:
         make_environment("keydoor", engine="table", live=True)
     with pytest.raises(InvalidArgument, match="needs single environments"):
         make_vector_environment(2, "keydoor", engine="live")
-    with pytest.raises(
-        InvalidArgument, match='`streams` needs `engine="compiled"`, but `engine="table"` is given'
-    ):
+    with pytest.raises(InvalidArgument, match='`streams` needs `engine="compiled"`, but `engine="table"` is given'):
         make_vector_environment(2, "keydoor", engine="table", streams="each")
 
 
-def test_what_is_not_compiled_is_told_or_steps_on_the_live_engine(
+def test_behaviour_that_is_not_compiled_is_reported_and_runs_on_the_live_engine(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     source = bundled_domain("keydoor")
@@ -182,7 +182,7 @@ def test_what_is_not_compiled_is_told_or_steps_on_the_live_engine(
         match=r"cannot be compiled: it has `alap` in a unit \(`grab`\)[\s\S]*unit grab",
     ):
         make_environment(str(tmp_path), engine="compiled")
-    monkeypatch.setattr("envgraph.env.compiled.explored", partial(limited, limit=5))
+    monkeypatch.setattr("envgraph.env.compiled.explore_fast", partial(limited, limit=5))
     with pytest.warns(
         UserWarning,
         match=r"it has `alap` in a unit \(`grab`\); the live engine is used instead",
@@ -199,7 +199,7 @@ def limited(*arguments: object, limit: int = 500, **options: object) -> object:
     return envgraph.env.explore(*arguments, **options, limit=limit)  # type: ignore[arg-type]
 
 
-def test_many_live_environments_side_by_side() -> None:
+def test_live_environments_can_be_stepped_as_a_vector() -> None:
     many = gymnasium.make_vec("envgraph/Warehouse-v0", num_envs=2)
     many.reset(seed=3)
     rewards = [many.step(np.array([4, 2]))[1].tolist() for _ in range(3)]

@@ -24,33 +24,35 @@ COPIES: dict[str, Callable[[Any], Any]] = {
 Maker = Callable[[Path], Any]
 
 
-def one(**options: Any) -> Maker:
+def single_environment_maker(**options: Any) -> Maker:
     return lambda family: envgraph.make(family, "E1", **options)
 
 
-def own(domain: str, **options: Any) -> Maker:
+def domain_environment_maker(domain: str, **options: Any) -> Maker:
     return lambda family: envgraph.make(domain=domain, **options)
 
 
-def many(**options: Any) -> Maker:
+def vector_environment_maker(**options: Any) -> Maker:
     return lambda family: envgraph.make_vec(family, 4, ["E1", "E2"], max_episode_steps=9, **options)
 
 
 ENVIRONMENTS: dict[str, Maker] = {
-    "table": one(engine="table", render_mode="ansi"),
-    "compiled": one(engine="compiled", render_mode="ansi"),
-    "live": one(engine="live", render_mode="ansi"),
-    "limit and masks": one(engine="live", action_masks=True, observation="dict", max_episode_steps=5),
-    "images": one(engine="live", observation="image"),
-    "graphs": one(engine="compiled", observation="graph"),
-    "rewards apart": own("keydoor", engine="live", rewards=True),
-    "random": own("triage", engine="live"),
-    "random, compiled": own("triage", engine="compiled"),
-    "turns": own("warehouse", engine="live", render_mode="ansi"),
-    "turns, compiled": own("warehouse", engine="compiled", render_mode="ansi"),
-    "tables": many(engine="table", schedule="plr"),
-    "programs": many(engine="compiled", schedule="learning_progress"),
-    "threads": many(engine="compiled", streams="each", threads=2, autoreset_mode="SameStep"),
+    "table": single_environment_maker(engine="table", render_mode="ansi"),
+    "compiled": single_environment_maker(engine="compiled", render_mode="ansi"),
+    "live": single_environment_maker(engine="live", render_mode="ansi"),
+    "limit and masks": single_environment_maker(
+        engine="live", action_masks=True, observation="dict", max_episode_steps=5
+    ),
+    "images": single_environment_maker(engine="live", observation="image"),
+    "graphs": single_environment_maker(engine="compiled", observation="graph"),
+    "rewards apart": domain_environment_maker("keydoor", engine="live", rewards=True),
+    "random": domain_environment_maker("triage", engine="live"),
+    "random, compiled": domain_environment_maker("triage", engine="compiled"),
+    "turns": domain_environment_maker("warehouse", engine="live", render_mode="ansi"),
+    "turns, compiled": domain_environment_maker("warehouse", engine="compiled", render_mode="ansi"),
+    "tables": vector_environment_maker(engine="table", schedule="plr"),
+    "programs": vector_environment_maker(engine="compiled", schedule="learning_progress"),
+    "threads": vector_environment_maker(engine="compiled", streams="each", threads=2, autoreset_mode="SameStep"),
     "side by side": lambda family: envgraph.make_vec(
         family, 2, ["E1", "E2"], max_episode_steps=9, vectorization_mode="sync", engine="live"
     ),
@@ -69,7 +71,7 @@ def family(tmp_path_factory: pytest.TempPathFactory) -> Path:
 @pytest.fixture
 def interpreted(monkeypatch: pytest.MonkeyPatch) -> None:
     """Compiling takes seconds, and what is copied is the same."""
-    monkeypatch.setattr("envgraph.env.compiled._program.has_numba", lambda: False)
+    monkeypatch.setattr("envgraph.env.compiled._compiled_program.has_numba", lambda: False)
 
 
 def played(env: Any, steps: int, seed: int) -> list[str]:
@@ -85,7 +87,7 @@ def played(env: Any, steps: int, seed: int) -> list[str]:
 
 @pytest.mark.usefixtures("interpreted")
 @pytest.mark.parametrize("kind", ENVIRONMENTS)
-def test_copies_go_on_as_the_original_does_and_leave_it_alone(kind: str, family: Path) -> None:
+def test_copied_environments_step_like_the_original_and_do_not_change_it(kind: str, family: Path) -> None:
     original = ENVIRONMENTS[kind](family)
     unbegun = [made(original) for made in COPIES.values()]
     original.reset(seed=5)
@@ -102,7 +104,7 @@ def test_copies_go_on_as_the_original_does_and_leave_it_alone(kind: str, family:
 
 
 @pytest.mark.parametrize("how", COPIES)
-def test_what_environments_are_made_of_is_copied(how: str, family: Path) -> None:
+def test_families_domains_tables_and_programs_can_be_copied(how: str, family: Path) -> None:
     made = COPIES[how]
     whole = open_family(family)
     twin = made(whole)
@@ -110,9 +112,7 @@ def test_what_environments_are_made_of_is_copied(how: str, family: Path) -> None
     assert twin.members[0]._family is twin and write_family(twin) == write_family(whole)
     table = whole.explored(whole.members[0]).tabular
     for other in (twin.explored(twin.member("E1")).tabular, made(table)):
-        assert all(
-            np.array_equal(getattr(table, name), getattr(other, name)) for name in ("next_state", "reward")
-        )
+        assert all(np.array_equal(getattr(table, name), getattr(other, name)) for name in ("next_state", "reward"))
     own = made(whole.domain)
     assert own.initial().state_hash() == whole.domain.initial().state_hash()
     assert own.spec.name == whole.domain.spec.name and own.overrides == whole.domain.overrides
@@ -123,7 +123,7 @@ def test_what_environments_are_made_of_is_copied(how: str, family: Path) -> None
 
 
 @pytest.mark.parametrize("how", COPIES)
-def test_an_engine_goes_on_with_its_random_choices(how: str) -> None:
+def test_copied_engine_continues_the_random_choices_of_the_original(how: str) -> None:
     engine = Domain.load("burning_forest").engine()
     rule = engine.rules[0]
     engine.rng.random(3)
@@ -137,14 +137,14 @@ def test_an_engine_goes_on_with_its_random_choices(how: str) -> None:
     assert engine.copy().rng.random() == Domain.load("burning_forest").engine().rng.random()
 
 
-def mine(options: Any, context: Any) -> Gini:
+def make_custom_diversity(options: Any, context: Any) -> Gini:
     return Gini()
 
 
 @pytest.mark.parametrize("how", COPIES)
-def test_components_of_ones_own_are_copied(how: str) -> None:
-    found = COPIES[how](Components().with_("diversity", "mine", mine))
-    assert found.diversity["mine"] is mine and found.measure is Components().measure
+def test_custom_components_can_be_copied(how: str) -> None:
+    found = COPIES[how](Components().with_("diversity", "mine", make_custom_diversity))
+    assert found.diversity["mine"] is make_custom_diversity and found.measure is Components().measure
 
 
 def test_a_pickled_program_is_compiled_from_its_text(family: Path) -> None:
@@ -154,7 +154,7 @@ def test_a_pickled_program_is_compiled_from_its_text(family: Path) -> None:
     assert played(pickle.loads(pickle.dumps(env)), 30, seed=2) == played(env, 30, seed=2)
 
 
-def test_what_cannot_be_copied_says_so_and_goes_on() -> None:
+def test_environments_that_cannot_be_copied_raise_an_error_and_stay_usable() -> None:
     engine = Domain.load("keydoor").engine()
     behaviour = Domain.load("keydoor").behaviour
     assert behaviour is not None

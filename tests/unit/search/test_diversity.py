@@ -25,10 +25,10 @@ def test_the_published_family_has_the_maximal_entropy() -> None:
 
 def test_entropy_puts_the_upper_end_and_outliers_into_the_border_bins() -> None:
     measure = BinnedEntropy(4, 0.0, 8.0)
-    assert [measure.bin(value) for value in (-3.0, 0.0, 2.0, 7.999, 8.0, 99.0)] == [0, 0, 1, 3, 3, 3]
+    assert [measure.bin_of(value) for value in (-3.0, 0.0, 2.0, 7.999, 8.0, 99.0)] == [0, 0, 1, 3, 3, 3]
 
 
-def test_entropy_of_one_bin_is_plain_zero() -> None:
+def test_entropy_of_one_bin_is_positive_zero() -> None:
     assert str(BinnedEntropy(3).score([0.5, 0.5])) == "0.0"
 
 
@@ -43,9 +43,7 @@ def test_entropy_of_one_bin_is_plain_zero() -> None:
     ],
     ids=str,
 )
-def test_no_family_is_more_diverse_than_the_maximum_and_one_is_as_diverse(
-    measure: BinnedEntropy, size: int
-) -> None:
+def test_maximum_diversity_equals_the_best_score_of_all_families(measure: BinnedEntropy, size: int) -> None:
     values = range(-1, 8) if measure.whole else [place / 10 for place in range(11)]
     found = max(measure.score(family) for family in combinations_with_replacement(values, size))
     assert measure.maximum(size) == pytest.approx(found, abs=1e-12)
@@ -53,7 +51,7 @@ def test_no_family_is_more_diverse_than_the_maximum_and_one_is_as_diverse(
 
 def test_values_far_outside_of_the_range_fall_into_the_border_bins() -> None:
     measure = BinnedEntropy(4, 0.0, 1e-300)
-    assert [measure.bin(value) for value in (-1e308, 1e308)] == [0, 3]
+    assert [measure.bin_of(value) for value in (-1e308, 1e308)] == [0, 3]
 
 
 @pytest.mark.parametrize(("bins", "low", "high"), [(0, 0.0, 1.0), (3, 1.0, 1.0), (3, 2.0, 1.0)])
@@ -62,7 +60,7 @@ def test_impossible_bins_are_refused(bins: int, low: float, high: float) -> None
         BinnedEntropy(bins, low, high)
 
 
-def test_gini_of_equal_values_is_zero_and_of_one_owner_nearly_one() -> None:
+def test_gini_of_equal_values_is_zero_and_of_a_single_nonzero_value_nearly_one() -> None:
     assert Gini().score([2.0, 2.0, 2.0]) == 0.0
     assert Gini().score([0.0] * 9 + [1.0]) == pytest.approx(0.9)
 

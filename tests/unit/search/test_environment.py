@@ -47,7 +47,7 @@ def family_file(imported: Family, tmp_path_factory: pytest.TempPathFactory) -> P
     return path
 
 
-def test_what_pettingzoo_has_is_not_made_without_it(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_make_aec_without_pettingzoo_names_the_missing_extra(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(multiagent, "_PETTINGZOO", None)
     with pytest.raises(InvalidArgument, match=r"pip install 'envgraph\[multiagent\]'"):
         envgraph.make_aec(domain="warehouse")
@@ -67,9 +67,7 @@ def verified_file(imported: Family, tmp_path_factory: pytest.TempPathFactory) ->
 
 def test_every_published_map_steps_as_published(imported: Family, published: Path) -> None:
     """Walks both tables in parallel from the start, over every state that can be reached."""
-    for member, entry in zip(
-        imported.members, json.loads(published.read_text())["environments"], strict=True
-    ):
+    for member, entry in zip(imported.members, json.loads(published.read_text())["environments"], strict=True):
         ours, theirs = imported.explored(member).tabular, forest(entry["desc"])
         assert ours.action_names == ("left", "down", "right", "up")
         assert ours.n_observations == theirs.n_observations == 128
@@ -78,9 +76,7 @@ def test_every_published_map_steps_as_published(imported: Family, published: Pat
         for mine, other in queue:
             assert ours.observation[mine] == theirs.observation[other]
             for action in range(4):
-                assert ours.reward[mine, action, 0] == pytest.approx(
-                    theirs.reward[other, action, 0], abs=1e-12
-                )
+                assert ours.reward[mine, action, 0] == pytest.approx(theirs.reward[other, action, 0], abs=1e-12)
                 outcome = ours.terminated[mine, action, 0]
                 assert outcome == theirs.terminated[other, action, 0]
                 after = (int(ours.next_state[mine, action, 0]), int(theirs.next_state[other, action, 0]))
@@ -105,7 +101,7 @@ def test_the_published_curriculum_succeeds_and_direct_training_does_not(imported
 
 
 @pytest.mark.parametrize("render_mode", [None, pytest.param("ansi", marks=AT_NIGHT), "rgb_array"])
-def test_the_environment_checker_has_nothing_to_say(family_file: Path, render_mode: str | None) -> None:
+def test_family_member_passes_the_gymnasium_checker(family_file: Path, render_mode: str | None) -> None:
     env = gymnasium.make(ID, family=family_file, variant=3, render_mode=render_mode)
     with warnings.catch_warnings():
         warnings.simplefilter("error")
@@ -121,7 +117,7 @@ def test_a_variant_is_chosen_by_number_or_name_and_the_target_is_the_default(fam
     assert states() == states(variant=6)
 
 
-def test_without_a_family_it_is_the_domains_own_model() -> None:
+def test_make_without_a_family_uses_the_model_of_the_domain() -> None:
     env = gymnasium.make(ID)
     observation, _ = env.reset(seed=0)
     assert observation == 0
@@ -137,7 +133,7 @@ def test_an_episode_is_truncated_after_200_steps(family_file: Path) -> None:
         assert truncated == (step == 200)
 
 
-def test_wrong_variants_and_families_are_named(family_file: Path) -> None:
+def test_unknown_variants_and_families_are_reported(family_file: Path) -> None:
     with pytest.raises(InvalidArgument, match="no environment `E9`"):
         gymnasium.make(ID, family=family_file, variant="E9")
     with pytest.raises(InvalidArgument, match="there is no run"):
@@ -175,7 +171,7 @@ def test_a_vector_environment_truncates_after_the_registered_limit(family_file: 
     assert cut == [[False, False]] * 199 + [[True, True]]
 
 
-def test_one_line_makes_a_member_of_a_family(family_file: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_make_returns_a_member_of_a_family(family_file: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.chdir(family_file.parent)
     env = envgraph.make(family_file.name, variant=6)
     assert env.spec is not None
@@ -188,7 +184,7 @@ def test_one_line_makes_a_member_of_a_family(family_file: Path, monkeypatch: pyt
     assert envgraph.make(family_file, max_episode_steps=3, observation="multi").reset()[0].tolist() == [0, 0]
 
 
-def test_the_limit_is_that_of_the_family(family_file: Path, tmp_path: Path) -> None:
+def test_step_limit_of_the_family_file_truncates_episodes(family_file: Path, tmp_path: Path) -> None:
     data = json.loads(family_file.read_text(encoding="utf-8"))
     data["texts"]["paper.toml"] = "limit = 5\n" + data["texts"]["paper.toml"]
     path = tmp_path / "short.json"
@@ -204,7 +200,7 @@ def test_the_limit_is_that_of_the_family(family_file: Path, tmp_path: Path) -> N
 
 
 @pytest.mark.parametrize("options", [{}, {"vectorization_mode": "sync"}, {"live": True}])
-def test_one_line_makes_many(family_file: Path, options: dict[str, object]) -> None:
+def test_make_vec_returns_a_vector_environment(family_file: Path, options: dict[str, object]) -> None:
     many = envgraph.make_vec(family_file, num_envs=2, variant="E1", autoreset_mode="SameStep", **options)
     assert isinstance(many, envgraph.env.EnvgraphVectorEnv) == (not options)
     assert many.metadata["autoreset_mode"] is gymnasium.vector.AutoresetMode.SAME_STEP
@@ -217,7 +213,7 @@ def test_one_line_makes_many(family_file: Path, options: dict[str, object]) -> N
 
 
 @pytest.mark.parametrize("engine", ["table", "compiled"])
-def test_a_schedule_is_named_or_given_and_is_of_all_members(family_file: Path, engine: str) -> None:
+def test_schedule_can_be_a_name_or_an_object_and_covers_all_members(family_file: Path, engine: str) -> None:
     named = envgraph.make_vec(family_file, 8, schedule="plr", engine=engine)
     assert isinstance(named.unwrapped.schedule, Replay)  # type: ignore[attr-defined]
     assert {*named.reset(seed=0)[1]["member"].tolist()} == {*range(6)}
@@ -227,7 +223,7 @@ def test_a_schedule_is_named_or_given_and_is_of_all_members(family_file: Path, e
     assert given.reset(seed=0)[1]["member"].tolist() == [0, 0, 0]
 
 
-def test_schedules_that_are_not_there_are_refused(family_file: Path) -> None:
+def test_unknown_or_unsupported_schedules_are_refused(family_file: Path) -> None:
     with pytest.raises(InvalidArgument, match="unknown schedule `prl`"):
         envgraph.make_vec(family_file, 2, schedule="prl")
     for options in ({"engine": "live"}, {"vectorization_mode": "sync"}):
@@ -235,7 +231,7 @@ def test_schedules_that_are_not_there_are_refused(family_file: Path) -> None:
             envgraph.make_vec(family_file, 2, schedule="plr", **options)  # type: ignore[arg-type]
 
 
-def test_members_take_turns_in_a_vector_of_a_family(family_file: Path) -> None:
+def test_vector_of_a_family_stores_the_table_of_each_member_once(family_file: Path) -> None:
     many = envgraph.make_vec(family_file, 4, ["E1", "E6"])
     alone = [envgraph.make(family_file, name).unwrapped.tabular.n_states for name in ("E1", "E6")]  # type: ignore[attr-defined]
     assert many.unwrapped._observation.shape[0] == sum(alone)  # type: ignore[attr-defined]
@@ -244,7 +240,7 @@ def test_members_take_turns_in_a_vector_of_a_family(family_file: Path) -> None:
 @pytest.mark.parametrize(
     "options", [{"engine": "live"}, {"vectorization_mode": "sync"}, {"vectorization_mode": "async"}]
 )
-def test_members_take_turns_in_a_vector_of_single_environments(
+def test_vector_of_single_environments_cycles_through_the_members(
     family_file: Path, options: dict[str, object]
 ) -> None:
     together = envgraph.make_vec(family_file, 3, ["E1", "E6"], max_episode_steps=8, **options)
@@ -259,7 +255,7 @@ def test_members_take_turns_in_a_vector_of_single_environments(
     assert expected[0] != expected[1]
 
 
-def test_wrappers_are_for_each_member_of_a_list(family_file: Path) -> None:
+def test_wrappers_are_applied_to_each_member_of_a_vector(family_file: Path) -> None:
     wrapped = envgraph.make_vec(
         family_file, 2, ["E1", "E6"], engine="live", wrappers=[gymnasium.wrappers.RecordEpisodeStatistics]
     )
@@ -273,7 +269,7 @@ def test_a_single_environment_refuses_a_list_of_variants(family_file: Path) -> N
         gymnasium.make_vec(ID, vectorization_mode="sync", family=family_file, variant=["E1"])
 
 
-def test_what_makes_no_environment_is_told(family_file: Path) -> None:
+def test_invalid_arguments_of_make_and_make_vec_are_reported(family_file: Path) -> None:
     with pytest.raises(InvalidArgument, match="does not belong to domain `keydoor`"):
         gymnasium.make("envgraph/KeyDoor-v0", family=family_file)
     with pytest.raises(InvalidArgument, match="both a `family` and a `domain`"):
@@ -293,7 +289,7 @@ def test_what_makes_no_environment_is_told(family_file: Path) -> None:
             envgraph.make_vec(family_file, num_envs=0, live=live)
 
 
-def test_the_names_of_envgraph_bring_gymnasium_along_only_when_they_are_used() -> None:
+def test_gymnasium_is_imported_only_when_an_environment_function_is_used() -> None:
     code = "import sys, envgraph; print('gymnasium' in sys.modules); envgraph.make; print('gymnasium' in sys.modules)"
     found = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
     assert found.stdout.split() == ["False", "True"]
@@ -318,9 +314,7 @@ def test_pictures_show_the_map(family_file: Path) -> None:
     assert picture.shape[0] == picture.shape[1] and len(np.unique(picture.reshape(-1, 3), axis=0)) > 5
 
 
-def test_how_to_render_is_checked_before_the_states_are_visited(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_render_mode_is_checked_before_states_are_enumerated(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(Family, "explored", lambda *_, **__: pytest.fail("the states are visited"))
     for path in bundled_domain("keydoor").glob("*.*"):
         text = path.read_text(encoding="utf-8")
@@ -329,14 +323,12 @@ def test_how_to_render_is_checked_before_the_states_are_visited(
     for make in (envgraph.make, envgraph.make_vec):
         with pytest.raises(InvalidArgument, match="its behaviour has no `draw`; write a clause"):
             make(domain=str(tmp_path), render_mode="rgb_array")
-        with pytest.raises(
-            InvalidArgument, match=r"unknown render mode 'text'; the render modes are .*`rgb_array`"
-        ):
+        with pytest.raises(InvalidArgument, match=r"unknown render mode 'text'; the render modes are .*`rgb_array`"):
             make(domain=str(tmp_path), render_mode="text")
 
 
 @pytest.mark.parametrize("engine", ["table", "compiled", "live"])
-def test_a_reset_goes_over_to_another_member_and_stays_there(family_file: Path, engine: str) -> None:
+def test_reset_option_switches_to_another_member_until_the_next_switch(family_file: Path, engine: str) -> None:
     env = envgraph.make(family_file, "E2", engine=engine, render_mode="ansi")
     assert env.reset(seed=1)[1]["variant"] == "E2"
     assert env.reset(seed=1, options={"variant": "E5"})[1]["variant"] == "E5"
@@ -361,7 +353,7 @@ def test_a_reset_goes_over_to_another_member_and_stays_there(family_file: Path, 
     assert env.reset(seed=0) == before
 
 
-def test_a_vector_goes_over_to_members_that_it_was_made_with(family_file: Path) -> None:
+def test_reset_option_switches_members_of_a_vector(family_file: Path) -> None:
     many = envgraph.make_vec(family_file, 3, ["E1", "E6"])
     assert many.reset(seed=0)[1]["variant"].tolist() == ["E1", "E6", "E1"]
     assert many.reset(options={"variant": "E6"})[1]["variant"].tolist() == ["E6"] * 3
@@ -369,9 +361,7 @@ def test_a_vector_goes_over_to_members_that_it_was_made_with(family_file: Path) 
     _, infos = many.reset(options={"variant": ["E1", "E1", 6], "reset_mask": mask})
     assert infos["variant"].tolist() == ["E1", None, "E6"]
     assert many.step(np.full(3, 1))[4]["variant"].tolist() == ["E1", "E6", "E6"]
-    with pytest.raises(
-        InvalidArgument, match="members `E1`, `E6`, but not `E2`; make the vector environment with"
-    ):
+    with pytest.raises(InvalidArgument, match="members `E1`, `E6`, but not `E2`; make the vector environment with"):
         many.reset(options={"variant": "E2"})
     with pytest.raises(InvalidArgument, match="2 members, but must list one for each of 3"):
         many.reset(options={"variant": ["E1", "E6"]})
@@ -388,7 +378,7 @@ def test_a_vector_goes_over_to_members_that_it_was_made_with(family_file: Path) 
         (AutoresetMode.DISABLED, "compiled"),
     ],
 )
-def test_a_vector_of_a_family_is_gymnasiums_of_its_members(
+def test_vector_of_a_family_behaves_like_a_gymnasium_vector_of_its_members(
     verified_file: Path, mode: AutoresetMode, engine: str
 ) -> None:
     """Step by step the same as Gymnasium's own vector, infos with certificates included."""
@@ -405,9 +395,7 @@ def test_a_vector_of_a_family_is_gymnasiums_of_its_members(
         over = found[2] | found[3]
         ends += int(over.sum())
         if number % 10 == 9 or (mode is AutoresetMode.DISABLED and over.any()):
-            mask = (
-                over if mode is AutoresetMode.DISABLED and over.any() else np.array([True, False, True, True])
-            )
+            mask = over if mode is AutoresetMode.DISABLED and over.any() else np.array([True, False, True, True])
             options = {"reset_mask": mask, "variant": f"E{(3, 6)[number % 2]}"}
             assert same(ours.reset(options=dict(options)), theirs.reset(options=dict(options)))
     assert ends > 8
@@ -423,9 +411,7 @@ def test_a_saved_family_is_registered_by_name(family_file: Path, monkeypatch: py
     assert env.spec is not None and env.spec.max_episode_steps == 200
     many = gymnasium.make_vec(name, 2, vectorization_mode="vector_entry_point", variant=["E1", "E2"])
     assert many.reset(seed=0)[0].shape == (2, 2)
-    with pytest.raises(
-        InvalidArgument, match="`envgraph/Saved-v0` is already registered for another environment"
-    ):
+    with pytest.raises(InvalidArgument, match="`envgraph/Saved-v0` is already registered for another environment"):
         envgraph.register(family_file, name="Saved")
     with pytest.raises(InvalidArgument, match="`a b` cannot name an environment"):
         envgraph.register(family_file, name="a b")

@@ -19,8 +19,8 @@ from envgraph.metamodel import Attribute, Class, Metamodel, Reference, Scalar
 from envgraph.search import (
     BeamSearch,
     Candidate,
+    ComponentContext,
     Components,
-    Context,
     Domain,
     ExactSelection,
     FamilyCall,
@@ -92,7 +92,7 @@ DISTANCES = measures_of("mean_distance", "least_distance")
 
 
 @given(rings)
-def test_distances_are_those_of_all_pairs(found: list[list[bool]]) -> None:
+def test_mean_and_least_distance_consider_all_pairs_of_members(found: list[list[bool]]) -> None:
     apart = [sum(a != b for a, b in zip(one, other, strict=True)) for one, other in combinations(found, 2)]
     members = family(*found)
     mean, least = DISTANCES
@@ -105,7 +105,7 @@ DISTINCT = measures_of("distinct")[0]
 
 
 @given(rings)
-def test_isomorphic_members_are_no_distinct_ones(found: list[list[bool]]) -> None:
+def test_isomorphic_members_do_not_count_as_distinct(found: list[list[bool]]) -> None:
     turned = [min(tuple(one[i:] + one[:i]) for i in range(4)) for one in found]  # a ring has no beginning
     assert DISTINCT.score(family(*found)) == len(set(turned)) / len(turned)
 
@@ -114,7 +114,7 @@ HALVES = measures_of(*(f"{name}(complexity, 0, 4, 2)" for name in ("coverage", "
 
 
 @given(st.lists(st.floats(0, 4), min_size=2, max_size=7))
-def test_statistics_by_bins_and_along_the_order(values: list[float]) -> None:
+def test_bin_and_order_statistics_equal_their_definitions(values: list[float]) -> None:
     counts = [sum(low <= value < high for value in values) for low, high in ((0, 2), (2, 5))]
     coverage, fewest, most = (one.statistic for one in HALVES)
     evenness, rising = (one.statistic for one in ORDERED)
@@ -131,9 +131,7 @@ def test_statistics_by_bins_and_along_the_order(values: list[float]) -> None:
 
 @given(rings)
 @pytest.mark.parametrize("measure", [*UNORDERED, *ORDERED], ids=named)
-def test_measures_keep_their_bounds_and_do_not_mind_the_order_where_they_say_so(
-    measure: Any, found: list[list[bool]]
-) -> None:
+def test_family_measures_respect_bounds_and_declared_order_independence(measure: Any, found: list[list[bool]]) -> None:
     members = family(*found)
     score = measure.score(members)
     assert 0.0 <= score <= getattr(measure, "maximum", lambda size: 1e9)(len(members)) + 1e-9
@@ -144,17 +142,17 @@ def test_measures_keep_their_bounds_and_do_not_mind_the_order_where_they_say_so(
 
 @given(rings, rings, st.data())
 @pytest.mark.parametrize("measure", [*UNORDERED, *ORDERED], ids=named)
-def test_exchanges_agree_with_the_score(
+def test_score_change_of_an_exchange_equals_the_difference_of_scores(
     measure: Any, found: list[list[bool]], others: list[list[bool]], data: st.DataObject
 ) -> None:
     pool = Pool(family(*found, *others), [measure], "lit", lambda one: (one.measures["first"],))
     inside, outside = list(range(len(found))), list(range(len(found), len(pool)))
-    swaps = pool.swaps(inside)[0]
+    swaps = pool.all_swaps(inside)[0]
     for _ in range(3):
         out, into = data.draw(st.sampled_from(inside)), data.draw(st.sampled_from(outside))
-        before = measure.score(pool.family(inside))
+        before = measure.score(pool.family_of(inside))
         inside[inside.index(out)], outside[outside.index(into)] = into, out
-        after = measure.score(pool.family(inside))
+        after = measure.score(pool.family_of(inside))
         assert swaps.delta(out, into) == pytest.approx(after - before, abs=1e-9)
         swaps.swap(out, into)
 
@@ -167,10 +165,8 @@ BOTH = ['objective.maximise=["entropy(complexity)", "mean_distance"]', "search.p
 def made(
     path: Path, *overrides: str, generations: int = 10, components: Components | None = None
 ) -> tuple[Domain, Outcome, dict[str, float]]:
-    found = generate(
-        FAMILY, path / "run.sqlite", overrides=overrides, generations=generations, components=components
-    )
-    return found.domain, Outcome.of(found), dict(found.lacking)
+    found = generate(FAMILY, path / "run.sqlite", overrides=overrides, generations=generations, components=components)
+    return found.domain, Outcome.of(found), dict(found.violated_conditions)
 
 
 def candidates(count: int) -> list[Candidate]:
@@ -199,17 +195,17 @@ OBJECTIVES = [
 
 
 @pytest.mark.parametrize("overrides", OBJECTIVES, ids=str)
-def test_exact_selection_equals_brute_force_and_no_other_is_better(overrides: list[str]) -> None:
+def test_exact_selection_equals_brute_force_and_bounds_other_selections(overrides: list[str]) -> None:
     pool = pool_of(overrides, candidates(9))
-    best = max(pool.rank(one) for one in combinations(range(9), 4) if 0 in one)
+    best = max(pool.ranking_key(one) for one in combinations(range(9), 4) if 0 in one)
     found = ExactSelection().select(pool, 4, [0], [0, 1, 2, 3], default_rng(0))
-    assert pool.rank(found) == best
+    assert pool.ranking_key(found) == best
     for selection in (SimulatedAnnealing(), HillClimbing(), BeamSearch()):
         other = selection.select(pool, 4, [0], [0, 1, 2, 3], default_rng(1))
-        assert pool.rank([0, 1, 2, 3]) <= pool.rank(other) <= best
+        assert pool.ranking_key([0, 1, 2, 3]) <= pool.ranking_key(other) <= best
 
 
-def test_what_counts_most_comes_first() -> None:
+def test_selection_maximises_objectives_in_their_order() -> None:
     """By hand: of all families with the most entropy, the one with the greatest mean distance."""
     pool = pool_of(BOTH, candidates(10))
     families = [*combinations(range(10), 4)]
@@ -221,15 +217,13 @@ def test_what_counts_most_comes_first() -> None:
 
     def apart(members: Sequence[int]) -> int:
         lamps = [cast(Lamps, pool.candidates[one]).on for one in members]
-        return sum(
-            int(a != b) for one, other in combinations(lamps, 2) for a, b in zip(one, other, strict=True)
-        )
+        return sum(int(a != b) for one, other in combinations(lamps, 2) for a, b in zip(one, other, strict=True))
 
     found = ExactSelection().select(pool, 4, [], [0, 1, 2, 3], default_rng(0))
     assert (entropy(found), apart(found)) == max((entropy(one), apart(one)) for one in families)
 
 
-def test_a_family_has_the_values_of_its_objective_and_the_seed_has_one_result(tmp_path: Path) -> None:
+def test_family_stores_its_objective_values_and_is_determined_by_the_seed(tmp_path: Path) -> None:
     overrides = [*BOTH, 'objective.subject_to=["distinct >= 1"]']
     _, outcome, lacking = made(tmp_path / "a", *overrides)
     again = made(tmp_path / "b", *overrides)[1]
@@ -244,16 +238,18 @@ def test_a_family_has_the_values_of_its_objective_and_the_seed_has_one_result(tm
     assert str(Outcome.of(found)).startswith("entropy(complexity) ")
 
 
-def test_a_condition_that_fails_is_told(tmp_path: Path) -> None:
+def test_unsatisfied_condition_of_an_objective_is_reported(tmp_path: Path) -> None:
     overrides = ['objective.maximise=["mean_distance"]', 'objective.subject_to=["mean_distance >= 1000"]']
     found = generate(FAMILY, tmp_path / "run.sqlite", overrides=overrides, generations=2)
     with RunStore.open(tmp_path / "run.sqlite") as store:
         warning = why_low(found, store)
-    assert found.lacking == {"mean_distance >= 1000": pytest.approx(1000 - found.objective["mean_distance"])}
+    assert found.violated_conditions == {
+        "mean_distance >= 1000": pytest.approx(1000 - found.objective["mean_distance"])
+    }
     assert warning is not None and warning.code == "unsatisfied"
 
 
-def test_chain_transfer_of_a_family_is_that_of_its_tables(tmp_path: Path) -> None:
+def test_chain_transfer_of_a_family_is_computed_from_its_tables(tmp_path: Path) -> None:
     overrides = ['objective.maximise=["chain_transfer"]', "search.population=3"]
     found = generate(FAMILY, tmp_path / "run.sqlite", overrides=overrides, generations=2)
     tables = [found.explored(one).tabular for one in found.members]
@@ -281,10 +277,10 @@ class Lit:
 
 
 @pytest.mark.parametrize("changing", [False, True])
-def test_a_measure_of_ones_own_sees_the_models_in_their_order(tmp_path: Path, changing: bool) -> None:
+def test_custom_family_measure_receives_the_models_in_order(tmp_path: Path, changing: bool) -> None:
     mine, calls = Lit(changing), list[FamilyCall]()
 
-    def factory(call: FamilyCall, context: Context) -> FamilyMeasure:
+    def factory(call: FamilyCall, context: ComponentContext) -> FamilyMeasure:
         calls.append(call)
         return mine
 
@@ -295,7 +291,7 @@ def test_a_measure_of_ones_own_sees_the_models_in_their_order(tmp_path: Path, ch
     assert bool(mine.changed) == changing
 
 
-def test_a_measure_of_ones_own_that_is_no_number_is_named(tmp_path: Path) -> None:
+def test_custom_family_measure_that_returns_no_number_is_reported(tmp_path: Path) -> None:
     class Wrong:
         def score(self, members: Sequence[Candidate]) -> float:
             return float("nan")
@@ -312,7 +308,7 @@ CLIMBING = [
 ]
 
 
-def test_whole_families_are_searched_for_by_the_same_measures(tmp_path: Path) -> None:
+def test_search_for_whole_families_uses_the_same_measures(tmp_path: Path) -> None:
     found = generate(FAMILY, tmp_path / "a.sqlite", overrides=CLIMBING)
     other = generate(FAMILY, tmp_path / "b.sqlite", overrides=CLIMBING, workers=2)
     assert (found.objective, found.members) == (other.objective, other.members)
@@ -321,10 +317,10 @@ def test_whole_families_are_searched_for_by_the_same_measures(tmp_path: Path) ->
     assert found.objective["mean_distance"] == pytest.approx(found.distances().sum() / 12)
 
 
-def test_conditions_count_before_a_kind_of_objective(tmp_path: Path) -> None:
+def test_conditions_take_precedence_over_the_objective(tmp_path: Path) -> None:
     wanted = 'objective={ kind = "chain_transfer", effort = 4_000_000, subject_to = ["least_distance >= 3"] }'
     found = generate(FAMILY, tmp_path / "a.sqlite", overrides=[wanted, "search.population=3"])
-    assert list(found.objective) == ["chain_transfer"] and not found.lacking
+    assert list(found.objective) == ["chain_transfer"] and not found.violated_conditions
     distances = found.distances()
     assert min(int(distances[a, b]) for a, b in combinations(range(3), 2)) >= 3
 
@@ -346,7 +342,9 @@ def test_conditions_count_before_a_kind_of_objective(tmp_path: Path) -> None:
         ("maximise=[]", "the list of expressions is empty", None),
     ],
 )  # fmt: skip
-def test_mistakes_are_told_at_their_place(override: str, message: str, place: str | None) -> None:
+def test_mistakes_in_an_objective_are_reported_with_their_position(
+    override: str, message: str, place: str | None
+) -> None:
     with pytest.raises(LoadError) as error:
         Domain.load(FAMILY, overrides=[f"objective.{override}"])
     found = [one for one in error.value.diagnostics if message in one.message]
@@ -369,19 +367,19 @@ def test_mistakes_are_told_at_their_place(override: str, message: str, place: st
         (['objective.maximise=["distinct"]', "search.stagnation=3"], "`stagnation` refers to the diversity"),
     ],
 )  # fmt: skip
-def test_what_does_not_go_together_is_told(overrides: list[str], message: str) -> None:
+def test_incompatible_keys_of_an_objective_are_reported(overrides: list[str], message: str) -> None:
     with pytest.raises(LoadError) as error:
         Domain.load(FAMILY, overrides=overrides)
     assert any(message in one.message and one.hint for one in error.value.diagnostics), str(error.value)
 
 
-def test_all_mistakes_of_an_objective_are_told_at_once() -> None:
+def test_all_mistakes_of_an_objective_are_reported_together() -> None:
     with pytest.raises(LoadError) as error:
         Domain.load(FAMILY, overrides=['objective.maximise=["foo", "bar", "distinct"]'])
     assert len(error.value.diagnostics) == 2
 
 
-def test_a_mistake_in_a_condition_on_a_family_that_teaches_is_told_once(tmp_path: Path) -> None:
+def test_mistake_in_a_condition_of_a_learning_objective_is_reported_once(tmp_path: Path) -> None:
     with pytest.raises(LoadError) as error:
         wanted = 'objective={ kind = "learning", subject_to = ["foo >= 2"] }'
         generate(FAMILY, tmp_path / "a.sqlite", overrides=[wanted])

@@ -58,19 +58,19 @@ def problems(tmp_path: Path, text: str) -> list[tuple[str, str]]:
     ],
     ids=str,
 )  # fmt: skip
-def test_a_value_of_the_wrong_type_is_named_at_its_place(
+def test_value_of_the_wrong_type_is_reported_with_its_position(
     tmp_path: Path, text: str, path: tuple[str | int, ...], value: Any, message: str
 ) -> None:
     assert problems(tmp_path, edited(text, *path, value=value)) == [(json.dumps(value), message)]
 
 
-def test_a_model_is_checked_where_it_is(tmp_path: Path, text: str) -> None:
+def test_mistake_in_an_embedded_model_is_reported_with_its_position(tmp_path: Path, text: str) -> None:
     path = ("members", 1, "model", "objects", 3, "class")
     (found, message), *_ = problems(tmp_path, edited(text, *path, value="RoadTyle"))
     assert found == '"RoadTyle"' and "objects[3].class" in message
 
 
-def test_all_mistakes_are_told_at_once(tmp_path: Path, text: str) -> None:
+def test_all_mistakes_of_a_family_file_are_reported_together(tmp_path: Path, text: str) -> None:
     broken = edited(edited(text, "name", value=3), "members", 0, "initial", value=3)
     assert [message for _, message in problems(tmp_path, broken)] == [
         "`name` is a number, not a string",
@@ -78,7 +78,7 @@ def test_all_mistakes_are_told_at_once(tmp_path: Path, text: str) -> None:
     ]
 
 
-def test_what_is_missing_or_too_much_is_named(tmp_path: Path, text: str) -> None:
+def test_missing_and_unexpected_keys_are_reported(tmp_path: Path, text: str) -> None:
     document = json.loads(text)
     del document["roots"]
     document["root"] = []
@@ -88,24 +88,22 @@ def test_what_is_missing_or_too_much_is_named(tmp_path: Path, text: str) -> None
 
 
 @pytest.mark.parametrize("number", ["NaN", "-Infinity", "1e999"])
-def test_numbers_that_are_none_are_named_at_their_place(tmp_path: Path, text: str, number: str) -> None:
+def test_invalid_json_numbers_are_reported_with_their_position(tmp_path: Path, text: str, number: str) -> None:
     broken = edited(text, "members", 0, "measures", "complexity", value="@").replace('"@"', number)
     assert problems(tmp_path, broken) == [(number, f"`{number}` is not a JSON number")]
 
 
-def test_texts_with_mistakes_are_told_to_be_in_the_file(tmp_path: Path, text: str) -> None:
+def test_mistakes_in_embedded_texts_name_the_family_file(tmp_path: Path, text: str) -> None:
     document = json.loads(text)
     root = document["roots"][0]
     file = tmp_path / "family.json"
-    file.write_text(
-        edited(text, "texts", root, value=document["texts"][root].replace("rate = 0.85", "rate = 2"))
-    )
+    file.write_text(edited(text, "texts", root, value=document["texts"][root].replace("rate = 0.85", "rate = 2")))
     with pytest.raises(LoadError, match="`rate` is 2, but must be from 0 to 1") as caught:
         read_family(file)
     assert f"note: the text is in {file}" in str(caught.value)
 
 
-def test_a_root_that_is_no_family_is_told(tmp_path: Path, text: str) -> None:
+def test_root_that_is_not_a_family_file_is_reported(tmp_path: Path, text: str) -> None:
     query = next(name for name in json.loads(text)["texts"] if name.endswith(".query"))
     file = tmp_path / "family.json"
     file.write_text(edited(text, "roots", value=[query]))
@@ -113,14 +111,14 @@ def test_a_root_that_is_no_family_is_told(tmp_path: Path, text: str) -> None:
         read_family(file)
 
 
-def test_overrides_with_mistakes_are_told(tmp_path: Path, text: str) -> None:
+def test_mistakes_in_stored_overrides_are_reported(tmp_path: Path, text: str) -> None:
     file = tmp_path / "family.json"
     file.write_text(edited(text, "overrides", value=["seed=x"]))
     with pytest.raises(LoadError, match="--set:1:6: `seed` must be a whole number, not a string"):
         read_family(file)
 
 
-def test_what_is_written_is_what_the_schema_says(text: str) -> None:
+def test_written_family_file_conforms_to_its_json_schema(text: str) -> None:
     from jsonschema import Draft202012Validator
 
     Draft202012Validator.check_schema(family_schema())
@@ -130,7 +128,7 @@ def test_what_is_written_is_what_the_schema_says(text: str) -> None:
 WRONG = [None, 0, -1, 10**30, 1.5, True, "", "x", "E1", [], {}, [1], {"a": 1}, "RoadTile"]
 
 
-def test_whatever_is_edited_is_an_error_of_ours_or_a_family(tmp_path: Path, text: str) -> None:
+def test_edited_family_file_is_read_or_refused_with_its_name(tmp_path: Path, text: str) -> None:
     rng = random.Random(5)
     document = json.loads(text)
     places = [path for path in paths(document) if len(path) <= 4]
@@ -146,7 +144,5 @@ def test_whatever_is_edited_is_an_error_of_ours_or_a_family(tmp_path: Path, text
 
 def paths(value: Any, at: tuple[str | int, ...] = ()) -> list[tuple[str | int, ...]]:
     """Of all parts of a JSON value."""
-    entries = (
-        value.items() if isinstance(value, dict) else enumerate(value) if isinstance(value, list) else ()
-    )
+    entries = value.items() if isinstance(value, dict) else enumerate(value) if isinstance(value, list) else ()
     return [path for key, part in entries for path in ((*at, key), *paths(part, (*at, key)))]

@@ -20,16 +20,12 @@ def source(path: Path) -> Source:
 
 
 def imported(path: Path, tmp_path: Path) -> Family:
-    family, warnings = import_ga4cl(
-        source(path), "burning_forest/paper.toml", tmp_path / f"{path.stem}.sqlite"
-    )
+    family, warnings = import_ga4cl(source(path), "burning_forest/paper.toml", tmp_path / f"{path.stem}.sqlite")
     assert not warnings  # neither a complexity nor a reward differs
     return family
 
 
-def test_path_complexity_reproduces_every_published_complexity(
-    published_files: list[Path], tmp_path: Path
-) -> None:
+def test_path_complexity_reproduces_every_published_complexity(published_files: list[Path], tmp_path: Path) -> None:
     checked = 0
     for path in published_files:
         published = sorted(one["complexity"] for one in json.loads(path.read_text())["environments"])
@@ -39,20 +35,20 @@ def test_path_complexity_reproduces_every_published_complexity(
     assert (len(published_files), checked) == (31, 186)
 
 
-def test_the_published_family_comes_back_from_import_and_export(published: Path, tmp_path: Path) -> None:
+def test_export_of_the_imported_published_family_equals_the_original(published: Path, tmp_path: Path) -> None:
     family = imported(published, tmp_path)
     exported, original = json.loads(export_ga4cl(family)), json.loads(published.read_text())
     assert exported == original
 
 
-def test_export_does_not_lose_a_bit_of_a_complexity(published: Path, tmp_path: Path) -> None:
+def test_export_keeps_complexities_exactly(published: Path, tmp_path: Path) -> None:
     family = imported(published, tmp_path)
     (tmp_path / "again.json").write_text(export_ga4cl(family))
     again = imported(tmp_path / "again.json", tmp_path)
     assert [m.measures for m in again.members] == [m.measures for m in family.members]
 
 
-def test_a_random_family_is_imported_though_its_water_is_elsewhere(
+def test_family_with_moved_water_tiles_is_imported_without_a_target(
     published_files: list[Path], tmp_path: Path
 ) -> None:
     family = imported(published_files[1], tmp_path)
@@ -67,7 +63,7 @@ def problems(text: str, tmp_path: Path) -> list[str]:
     return [str(problem) for problem in caught.value.diagnostics]
 
 
-def test_an_unknown_letter_is_shown_in_its_row(published: Path, tmp_path: Path) -> None:
+def test_unknown_letter_is_reported_with_its_row_and_column(published: Path, tmp_path: Path) -> None:
     (problem,) = problems(published.read_text().replace('"RVVVRRVV"', '"RVXVRRVV"', 1), tmp_path)
     assert problem.split("\n")[0] == "maps.json:7:12: no cell class has the glyph `X`"
     assert problem.split("\n")[2].index("^") == problem.split("\n")[1].index("X")
@@ -83,7 +79,7 @@ def test_all_mistakes_of_a_file_are_reported_together(tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     "text", ["", "{", "[]", '{"environments": []}', '{"environments": 3}', '{"environments": [{"desc": []}]}']
 )
-def test_what_is_no_ga4cl_file_is_refused(text: str, tmp_path: Path) -> None:
+def test_files_that_are_not_ga4cl_are_refused(text: str, tmp_path: Path) -> None:
     assert problems(text, tmp_path)
     assert not (tmp_path / "run.sqlite").exists()
 

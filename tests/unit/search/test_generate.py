@@ -59,7 +59,7 @@ def reachable(rows: list[str]) -> bool:
     return False
 
 
-def test_the_family_passes_an_independent_check(family: Family, published: Path) -> None:
+def test_generated_maps_are_valid_and_contain_the_target(family: Family, published: Path) -> None:
     found = maps(family)
     target = json.loads(published.read_text())["environments"][-1]["desc"]
     assert len(found) == 6
@@ -73,7 +73,7 @@ def test_the_family_passes_an_independent_check(family: Family, published: Path)
     assert target in found
 
 
-def test_the_family_has_six_complexities_in_six_bins(family: Family) -> None:
+def test_generated_family_has_one_complexity_in_each_of_six_bins(family: Family) -> None:
     values = [member.measures["complexity"] for member in family.members]
     assert values == sorted(values)
     assert {int(value * 6) for value in values} == set(range(6))
@@ -85,9 +85,7 @@ def test_either_transform_reaches_the_maximum_from_the_bundled_target(tmp_path: 
     seeds = 20 if NIGHTLY else 1
     for seed in range(1, 1 + seeds):
         overrides = [f"measures.complexity.transform={transform}"]
-        family = generate(
-            "burning_forest/paper.toml", tmp_path / f"{seed}.sqlite", seed=seed, overrides=overrides
-        )
+        family = generate("burning_forest/paper.toml", tmp_path / f"{seed}.sqlite", seed=seed, overrides=overrides)
         assert family.diversity() == pytest.approx(log2(6), abs=1e-12), seed
 
 
@@ -101,7 +99,7 @@ def test_members_are_named_in_the_order_of_the_curriculum(family: Family) -> Non
 
 
 @pytest.mark.parametrize("initial", ["last", "ordered"])
-def test_the_target_is_the_initial_model_unless_the_order_is_to_decide(tmp_path: Path, initial: str) -> None:
+def test_target_is_the_initial_model_unless_the_file_lets_the_order_decide(tmp_path: Path, initial: str) -> None:
     path = copied(tmp_path, toml=('sequences = "suffixes"', f'initial = "{initial}"'))
     path.write_text(path.read_text() + '\n[measures.fires]\nkind = "count"\nof = "burningTile"\n')
     path.write_text(path.read_text().replace('order = "complexity"', 'order = "fires"'))
@@ -117,11 +115,9 @@ def test_the_target_is_the_initial_model_unless_the_order_is_to_decide(tmp_path:
     assert [member.name for member in family.members] == ["E1", "E2", "E3", "E4", "E5", "E6"]
 
 
-def test_one_seed_gives_one_family_and_another_seed_another(tmp_path: Path) -> None:
+def test_equal_seeds_give_equal_families_and_other_seeds_give_others(tmp_path: Path) -> None:
     exports = [
-        export_ga4cl(
-            generate("burning_forest/paper.toml", tmp_path / str(turn) / "run.sqlite", seed=seed, **SMALL)
-        )
+        export_ga4cl(generate("burning_forest/paper.toml", tmp_path / str(turn) / "run.sqlite", seed=seed, **SMALL))
         for turn, seed in enumerate((5, 5, 6))
     ]
     assert exports[0] == exports[1] != exports[2]
@@ -132,9 +128,7 @@ class Interrupted(Exception):
 
 
 @pytest.mark.parametrize("last", [0, 1, 13, 24])
-def test_an_interrupted_run_resumes_to_the_same_store(
-    tmp_path: Path, whole: tuple[Path, Family], last: int
-) -> None:
+def test_an_interrupted_run_resumes_to_the_same_store(tmp_path: Path, whole: tuple[Path, Family], last: int) -> None:
     def interrupt(generation: Generation) -> None:
         if generation.number > last:
             raise Interrupted
@@ -146,11 +140,11 @@ def test_an_interrupted_run_resumes_to_the_same_store(
     assert export_ga4cl(resume(path, generations=asked)) == export_ga4cl(whole[1])
     with RunStore.open(path) as cut, RunStore.open(whole[0]) as uncut:
         assert list(cut.individuals()) == list(uncut.individuals())
-        assert cut.history() == uncut.history()
+        assert cut.generation_statistics() == uncut.generation_statistics()
         assert cut.settings() == uncut.settings()
 
 
-def test_stagnation_is_counted_on_after_an_interruption(tmp_path: Path) -> None:
+def test_resumed_run_continues_counting_stagnation(tmp_path: Path) -> None:
     def interrupt(generation: Generation) -> None:
         if generation.number == last // 2:
             raise Interrupted
@@ -158,20 +152,20 @@ def test_stagnation_is_counted_on_after_an_interruption(tmp_path: Path) -> None:
     family = str(copied(tmp_path, toml=("generations = 1000", "generations = 1000\nstagnation = 60")))
     generate(family, tmp_path / "whole.sqlite")
     with RunStore.open(tmp_path / "whole.sqlite") as store:
-        last = len(store.history()) - 1
+        last = len(store.generation_statistics()) - 1
     with pytest.raises(Interrupted):
         generate(family, tmp_path / "cut.sqlite", progress=interrupt)
     resume(tmp_path / "cut.sqlite")
     with RunStore.open(tmp_path / "cut.sqlite") as store:
-        assert len(store.history()) - 1 == last < 1000
+        assert len(store.generation_statistics()) - 1 == last < 1000
 
 
-def test_a_finished_run_resumes_to_itself(whole: tuple[Path, Family]) -> None:
+def test_resuming_a_finished_run_changes_nothing(whole: tuple[Path, Family]) -> None:
     path, first = whole
     assert export_ga4cl(resume(path)) == export_ga4cl(first)
 
 
-def test_a_finished_run_goes_on_as_if_it_had_not_ended(tmp_path: Path) -> None:
+def test_extended_run_equals_one_long_run(tmp_path: Path) -> None:
     short, whole = tmp_path / "short.sqlite", tmp_path / "whole.sqlite"
     generate("burning_forest/paper.toml", short, seed=4, generations=4, population=4)
     with pytest.raises(InvalidArgument, match="has 4 generations already"):
@@ -181,7 +175,7 @@ def test_a_finished_run_goes_on_as_if_it_had_not_ended(tmp_path: Path) -> None:
         generate("burning_forest/paper.toml", whole, seed=4, generations=9, population=4)
     )
     with RunStore.open(short) as one, RunStore.open(whole) as other:
-        assert one.history() == other.history() and len(one.history()) == 10
+        assert one.generation_statistics() == other.generation_statistics() and len(one.generation_statistics()) == 10
         assert [(a.trace, a.measures) for a in one.individuals()] == [
             (a.trace, a.measures) for a in other.individuals()
         ]
@@ -227,14 +221,14 @@ def test_any_key_of_the_family_file_can_be_overridden(tmp_path: Path) -> None:
         ("=3", "--set:1:1: "),
     ],
 )  # fmt: skip
-def test_an_override_with_a_mistake_is_shown(override: str, message: str) -> None:
+def test_mistake_in_an_override_is_reported(override: str, message: str) -> None:
     with pytest.raises(LoadError) as caught:
         Domain.load("burning_forest/paper.toml", overrides=[override])
     assert message in str(caught.value).replace("\n", " ")
     assert all(one.span and one.span.source.name == "--set" for one in caught.value.diagnostics)
 
 
-def test_every_accepted_individual_follows_from_its_trace_and_is_valid(whole: tuple[Path, Family]) -> None:
+def test_every_stored_individual_is_valid_and_reproduced_by_its_trace(whole: tuple[Path, Family]) -> None:
     path, _ = whole
     domain = Domain.load("burning_forest/paper.toml")
     with RunStore.open(path) as store:
@@ -245,17 +239,15 @@ def test_every_accepted_individual_follows_from_its_trace_and_is_valid(whole: tu
             for ancestor in store.lineage(individual.id):
                 engine.replay(ancestor.trace)
             assert f"{engine.model.state_hash():016x}" == individual.state_hash
-            assert domain.problem(engine).valid()
-            assert domain.problem(engine).measure() == individual.measures
+            assert domain.problem(engine).is_valid()
+            assert domain.problem(engine).compute_measures() == individual.measures
 
 
 def fail(*_: object) -> None:
     raise KeyboardInterrupt
 
 
-def test_the_family_of_an_unfinished_run_is_that_of_its_last_generation(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_family_of_an_unfinished_run_is_its_last_generation(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     path = tmp_path / "run.sqlite"
     monkeypatch.setattr(RunStore, "write_models", fail)  # which is what comes last
     with pytest.raises(KeyboardInterrupt):
@@ -315,7 +307,7 @@ def copied(tmp_path: Path, **changes: tuple[str, str]) -> Path:
     return tmp_path / "paper.toml"
 
 
-def test_an_initial_model_that_violates_a_constraint_is_named_before_the_run(tmp_path: Path) -> None:
+def test_initial_model_that_violates_a_constraint_is_refused_before_the_run(tmp_path: Path) -> None:
     path = copied(tmp_path, toml=("forbid = []", 'forbid = ["burningTile"]'))
     with pytest.raises(LoadError) as caught:
         generate(str(path), tmp_path / "run.sqlite")
@@ -325,7 +317,7 @@ def test_an_initial_model_that_violates_a_constraint_is_named_before_the_run(tmp
     assert not (tmp_path / "run.sqlite").exists()
 
 
-def test_wrong_options_of_components_are_all_named_at_their_place(tmp_path: Path) -> None:
+def test_all_wrong_options_of_components_are_reported_with_positions(tmp_path: Path) -> None:
     path = copied(
         tmp_path,
         toml=(
@@ -344,7 +336,7 @@ def test_wrong_options_of_components_are_all_named_at_their_place(tmp_path: Path
     assert "cooling_rate" in str(caught.value)
 
 
-def test_bins_beyond_counting_are_refused(tmp_path: Path) -> None:
+def test_too_many_bins_are_refused(tmp_path: Path) -> None:
     path = copied(tmp_path, toml=('kind = "binned_entropy"', 'kind = "binned_entropy"\nbins = 1000000000'))
     with pytest.raises(LoadError) as caught:
         Domain.load(str(path))
@@ -385,18 +377,18 @@ def test_every_number_of_a_family_file_has_a_limit(domain: str, settings: str) -
     assert all(HUGE in one.message and "ENVGRAPH_LIMITS" in str(one.hint) for one in problems)
 
 
-def test_termination_by_target_and_by_stagnation(tmp_path: Path) -> None:
+def test_search_stops_at_its_target_or_by_stagnation(tmp_path: Path) -> None:
     (tmp_path / "a").mkdir()
     target = copied(tmp_path / "a", toml=("generations = 1000", "generations = 1000\ntarget = 1.0"))
     family = generate(str(target), tmp_path / "a.sqlite")
     with RunStore.open(tmp_path / "a.sqlite") as store:
-        history = store.history()
+        history = store.generation_statistics()
     assert history[-1][1] >= 1.0 > history[-2][1] and family.diversity() >= 1.0
     (tmp_path / "b").mkdir()
     stagnation = copied(tmp_path / "b", toml=("generations = 1000", "generations = 1000\nstagnation = 7"))
     generate(str(stagnation), tmp_path / "b.sqlite")
     with RunStore.open(tmp_path / "b.sqlite") as store:
-        scores = [row[1] for row in store.history()]
+        scores = [row[1] for row in store.generation_statistics()]
     assert len(scores) < 1000 and len(set(scores[-8:])) == 1
 
 
@@ -407,7 +399,7 @@ class Fires:
         return engine.count("burningTile") / 64
 
 
-def test_a_measure_of_ones_own_works_from_generation_to_reading_back(tmp_path: Path) -> None:
+def test_custom_measure_is_used_by_generation_and_by_opening_the_family(tmp_path: Path) -> None:
     path = copied(tmp_path, toml=('[diversity]\nkind = "binned_entropy"', '[diversity]\nkind = "mine"'))
     components = Components().with_("measure", "fires", lambda options, context: Fires())
     components = components.with_("diversity", "mine", lambda options, context: Variance())
@@ -421,7 +413,7 @@ def test_a_measure_of_ones_own_works_from_generation_to_reading_back(tmp_path: P
         open_family(tmp_path / "run.sqlite")
 
 
-def test_the_overrides_of_a_run_belong_to_its_family(tmp_path: Path) -> None:
+def test_overrides_of_a_run_are_stored_in_its_family(tmp_path: Path) -> None:
     generate("burning_forest/paper.toml", tmp_path / "run.sqlite", seed=5, **SMALL)
     family = open_family(tmp_path / "run.sqlite")
     spec = family.domain.spec
@@ -429,7 +421,7 @@ def test_the_overrides_of_a_run_belong_to_its_family(tmp_path: Path) -> None:
     (tmp_path / "family.json").write_text(write_family(family))
     assert read_family(tmp_path / "family.json").domain.spec == spec
     with RunStore.open(tmp_path / "run.sqlite") as store:
-        assert family.diversity() == store.history()[-1][1]
+        assert family.diversity() == store.generation_statistics()[-1][1]
 
 
 def test_a_store_is_not_overwritten(tmp_path: Path) -> None:
@@ -463,10 +455,10 @@ def test_the_result_does_not_depend_on_the_hash_seed_of_the_process(tmp_path: Pa
     assert len(json.loads(exports[0])["environments"]) == 4
     with RunStore.open(paths[0]) as one, RunStore.open(paths[1]) as other:
         assert list(one.individuals()) == list(other.individuals())
-        assert one.history() == other.history()
+        assert one.generation_statistics() == other.generation_statistics()
 
 
-def test_options_are_looked_at_whatever_else_is_wrong(tmp_path: Path) -> None:
+def test_options_of_components_are_checked_despite_other_mistakes(tmp_path: Path) -> None:
     path = copied(tmp_path, toml=("forbid = []", 'forbid = ["nothing"]'))
     text = path.read_text()
     for before, after in (("rounds = 500", "rounds = -1"), ('transform = "sqrt"', 'transform = "cube"')):
@@ -489,8 +481,7 @@ def test_a_path_may_name_a_reference_with_its_class(tmp_path: Path) -> None:
     qualified = ('along = ["right", "down"]', 'along = ["Tile.right", "Tile.down"]')
     other = Domain.load(str(copied(tmp_path / "b", toml=qualified)))
     values = [
-        domain.problem(domain.engine()).measures["complexity"].evaluate(domain.engine())
-        for domain in (plain, other)
+        domain.problem(domain.engine()).measures["complexity"].evaluate(domain.engine()) for domain in (plain, other)
     ]
     assert values[0] == values[1] < 1.0
 
@@ -557,7 +548,7 @@ def herd(folder: Path, *changes: tuple[str, str]) -> str:
     return str(folder)
 
 
-def milked(folder: Path, bodies: str, options: str = "") -> str:
+def herd_with_value_measure(folder: Path, bodies: str, options: str = "") -> str:
     """The farm, measured by what a pattern computes."""
     measure = f'measures.sum = {{ kind = "value", of = "total"{options} }}\n        measures.cows ='
     path = herd(folder, ("measures.cows =", measure), ('{ kind = "binned', '{ of = "cows", kind = "binned'))
@@ -566,30 +557,30 @@ def milked(folder: Path, bodies: str, options: str = "") -> str:
     return path
 
 
-def test_a_measure_is_the_number_that_a_pattern_computes(tmp_path: Path) -> None:
-    folder = milked(
+def test_value_measure_reads_the_number_computed_by_a_pattern(tmp_path: Path) -> None:
+    folder = herd_with_value_measure(
         tmp_path,
         "{ Cow.number(cow, 1); n == count Cow(_); share == eval(n / 4.0); }",
         ', parameter = "share"',
     )
     domain = Domain.load(folder)
     engine = domain.engine()
-    assert domain.problem(engine).measure() == {"sum": 0.5, "cows": 2.0}
+    assert domain.problem(engine).compute_measures() == {"sum": 0.5, "cows": 2.0}
     engine.apply("calve")
-    assert domain.problem(engine).measure()["sum"] == 0.75
+    assert domain.problem(engine).compute_measures()["sum"] == 0.75
 
 
 @pytest.mark.parametrize("body", ["Cow.number(cow, 9);", "Cow(cow);"], ids=["no match", "several"])
-def test_without_a_single_match_a_model_has_no_value(tmp_path: Path, body: str) -> None:
+def test_value_measure_without_exactly_one_match_has_no_value(tmp_path: Path, body: str) -> None:
     bodies = f"{{ {body} n == count Cow(_); share == 0.5; }}"
-    domain = Domain.load(milked(tmp_path, bodies, ', parameter = "n", otherwise = 7'))
-    assert domain.problem(domain.engine()).measure()["sum"] == 7
-    domain = Domain.load(milked(tmp_path, bodies, ', parameter = "n"'))
+    domain = Domain.load(herd_with_value_measure(tmp_path, bodies, ', parameter = "n", otherwise = 7'))
+    assert domain.problem(domain.engine()).compute_measures()["sum"] == 7
+    domain = Domain.load(herd_with_value_measure(tmp_path, bodies, ', parameter = "n"'))
     with pytest.raises(EvaluationError, match="the model has no value of `sum`"):
-        domain.problem(domain.engine()).measure()
+        domain.problem(domain.engine()).compute_measures()
 
 
-def test_objects_with_one_key_are_in_no_member(tmp_path: Path) -> None:
+def test_models_with_duplicate_keys_are_rejected_as_members(tmp_path: Path) -> None:
     family = generate(herd(tmp_path), tmp_path / "run.sqlite", seed=1)
     assert {member.measures["cows"] for member in family.members} == {
         2,
@@ -598,7 +589,7 @@ def test_objects_with_one_key_are_in_no_member(tmp_path: Path) -> None:
     assert family.keys.size("Cow") == 3
 
 
-def test_objects_with_one_key_are_refused_in_the_initial_model(tmp_path: Path) -> None:
+def test_duplicate_keys_are_refused_in_the_initial_model(tmp_path: Path) -> None:
     where = herd(tmp_path, ("number = 2", "number = 1"))
     with pytest.raises(LoadError, match="`Cow#1` and `Cow#2` have the same key, number = 1") as caught:
         generate(where, tmp_path / "run.sqlite")
@@ -614,7 +605,7 @@ def test_objects_with_one_key_are_refused_in_the_initial_model(tmp_path: Path) -
     ]
 
 
-def test_a_parameter_that_the_initial_model_has_no_object_for_is_refused(tmp_path: Path) -> None:
+def test_parameter_without_its_object_in_the_initial_model_is_refused(tmp_path: Path) -> None:
     where = herd(tmp_path, ("farm : Farm)", "farm : Farm, leader : Cow)"), ('["success"]', "[]"))
     with pytest.raises(LoadError, match="cannot bind parameter `leader`: the model has 2 objects") as caught:
         generate(where, tmp_path / "run.sqlite")
@@ -624,7 +615,7 @@ def test_a_parameter_that_the_initial_model_has_no_object_for_is_refused(tmp_pat
     assert texts == ["Cow", "Cow", '"herd.model"']
 
 
-def test_a_model_that_a_parameter_has_no_object_in_is_no_member(tmp_path: Path) -> None:
+def test_model_without_the_object_of_a_parameter_is_rejected_as_a_member(tmp_path: Path) -> None:
     one_cow = (
         (", Cow { number = 2 }", ""),
         ("farm : Farm)", "farm : Farm, leader : Cow)"),
@@ -633,7 +624,7 @@ def test_a_model_that_a_parameter_has_no_object_in_is_no_member(tmp_path: Path) 
     family = generate(herd(tmp_path, *one_cow), tmp_path / "run.sqlite")
     assert [member.measures["cows"] for member in family.members] == [1]
     with RunStore.open(tmp_path / "run.sqlite") as store:
-        assert "`each parameter of the environment has its object` is violated" in store.reasons()
+        assert "`each parameter of the environment has its object` is violated" in store.rejection_counts()
 
 
 @pytest.mark.parametrize(
@@ -645,7 +636,7 @@ def test_a_model_that_a_parameter_has_no_object_in_is_no_member(tmp_path: Path) 
         (("Emma", "Lisa"), (("derive", "@weight(delete = 0) derive"),), None),
     ],
 )
-def test_a_warning_says_that_operators_call_objects_otherwise(
+def test_operators_that_create_objects_with_other_keys_give_a_warning(
     tmp_path: Path, names: tuple[str, str], changes: tuple[tuple[str, str], ...], called: str | None
 ) -> None:
     """Only where they create and delete, and where the environment counts through the objects."""
@@ -666,7 +657,7 @@ def test_a_warning_says_that_operators_call_objects_otherwise(
 
 
 @pytest.mark.parametrize(("together", "cows"), [("agents together", [2]), ("", [2, 3])])
-def test_only_agents_that_take_turns_may_be_others_in_each_member(
+def test_members_may_differ_in_their_agents_only_if_agents_take_turns(
     tmp_path: Path, together: str, cows: list[int]
 ) -> None:
     acting = f"{together} agent cow : Cow {{ action milk = milk(cow) }}"
@@ -675,4 +666,4 @@ def test_only_agents_that_take_turns_may_be_others_in_each_member(
     assert sorted({member.measures["cows"] for member in family.members}) == cows
     with RunStore.open(tmp_path / "run.sqlite") as store:
         reason = "`agents that act together are those of the initial model` is violated"
-        assert (reason in store.reasons()) == bool(together)
+        assert (reason in store.rejection_counts()) == bool(together)

@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 from envgraph.env import Tabular, TooManyStates
-from envgraph.env.compiled import Tables
+from envgraph.env.compiled import TableBuilder
 from envgraph.errors import EvaluationError, LoadError
 from envgraph.graph import model_to_json
 from envgraph.lang import bundled_domain
@@ -65,7 +65,7 @@ def test_certificates_are_measures(family: Family) -> None:
         assert known.shortest_plan == member.measures["shortest_plan"] < inf
 
 
-def test_a_distance_is_that_of_the_family(family: Family) -> None:
+def test_distance_measure_equals_the_distances_of_the_family(family: Family) -> None:
     found = family.distances()[-1].tolist()
     assert [member.measures["distance"] for member in family.members] == found and found[-1] == 0
     assert sum(found) > 4
@@ -79,10 +79,8 @@ def measured(domain: Domain, *steps: Any) -> tuple[float, IndividualMeasure]:
     return problem.measures["distance"].evaluate(problem.engine), problem.measures["distance"]
 
 
-def test_objects_that_come_and_go_and_links_count() -> None:
-    domain = Domain.load(
-        "keydoor/diverse.toml", overrides=["measures.distance.kind=distance", "diversity.of=plan"]
-    )
+def test_distance_measure_counts_retyped_created_and_deleted_objects() -> None:
+    domain = Domain.load("keydoor/diverse.toml", overrides=["measures.distance.kind=distance", "diversity.of=plan"])
     cells = [one["id"] for one in model_to_json(domain.initial())["objects"] if one["class"] == "Floor"]
 
     def retyped(model: Any) -> None:
@@ -101,7 +99,7 @@ def test_objects_that_come_and_go_and_links_count() -> None:
     assert before == 2 and measure.range == (0.0, float(len(domain.initial())))  # type: ignore[attr-defined]
 
 
-def test_what_is_of_environments_needs_one(tmp_path: Path) -> None:
+def test_measure_of_the_environment_without_an_environment_is_refused(tmp_path: Path) -> None:
     (tmp_path / "family.toml").write_text(
         'model = "burning_forest/target_8x8.model"\n[measures.luck]\nkind = "random_success"\n'
         '[mutation]\nrules = ["retypings"]\n'
@@ -111,7 +109,7 @@ def test_what_is_of_environments_needs_one(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize("kind", ["random_success", "optimal_return"])
-def test_a_measure_that_needs_too_large_a_table_is_told_at_its_place(
+def test_measure_with_a_too_large_table_is_reported_with_its_position(
     monkeypatch: pytest.MonkeyPatch, kind: str
 ) -> None:
     def too_many(*_: object) -> Tabular:
@@ -121,11 +119,9 @@ def test_a_measure_that_needs_too_large_a_table_is_told_at_its_place(
     domain = Domain.load(
         "burning_forest/paper.toml", overrides=[f"measures.luck.kind={kind}", "diversity.of=complexity"]
     )
-    monkeypatch.setattr(Tables, "table", too_many)
-    with pytest.raises(
-        TooManyStates, match=r"measure `luck` needs a table of all states: .* 250,000"
-    ) as caught:
-        domain.problem(domain.engine()).measure()
+    monkeypatch.setattr(TableBuilder, "build", too_many)
+    with pytest.raises(TooManyStates, match=r"measure `luck` needs a table of all states: .* 250,000") as caught:
+        domain.problem(domain.engine()).compute_measures()
     (found,) = caught.value.diagnostics
     assert found.span is not None and found.span.source.name != domain.spec.path and kind in found.span.text
     assert found.hint and f"replace `{kind}`" in found.hint and "engine" not in found.hint
@@ -135,7 +131,7 @@ def expressed(text: str, *more: str) -> tuple[float, float, float]:
     """An expression, the complexity and the plan of the initial forest."""
     given = ["measures.plan.kind=shortest_plan", f"measures.mixed={{ kind = 'expression', of = '{text}' }}"]
     domain = Domain.load("burning_forest/paper.toml", overrides=[*given, *more, "diversity.of=complexity"])
-    found = domain.problem(domain.engine()).measure()
+    found = domain.problem(domain.engine()).compute_measures()
     return found["mixed"], found["complexity"], found["plan"]
 
 
@@ -149,12 +145,12 @@ def expressed(text: str, *more: str) -> tuple[float, float, float]:
         ("3", lambda complexity, plan: 3.0),
     ],
 )
-def test_an_expression_is_a_measure(text: str, wanted: Any) -> None:
+def test_expression_of_other_measures_can_be_a_measure(text: str, wanted: Any) -> None:
     found, complexity, plan = expressed(text)
     assert found == pytest.approx(wanted(complexity, plan)) and plan > 10 > complexity
 
 
-def test_an_expression_without_a_value_counts_otherwise() -> None:
+def test_expression_measure_without_a_value_uses_its_otherwise_value() -> None:
     with pytest.raises(EvaluationError, match="the model has no value of `mixed`"):
         expressed("1 / (plan - plan)")
     assert expressed("1 / (plan - plan)", "measures.mixed.otherwise=7")[0] == 7
@@ -166,7 +162,7 @@ def test_an_expression_without_a_value_counts_otherwise() -> None:
     problem = domain.problem(domain.engine())
     for tile in [*problem.engine.model.nodes("Tile")][1:63]:
         tile.retype("BurningTile")
-    assert problem.measure()["mixed"] == 101
+    assert problem.compute_measures()["mixed"] == 101
 
 
 @pytest.mark.parametrize(
@@ -181,7 +177,7 @@ def test_an_expression_without_a_value_counts_otherwise() -> None:
         ("complexity.right", "right", ""),
     ],
 )
-def test_mistakes_in_an_expression_are_told_where_they_are(
+def test_mistakes_in_an_expression_measure_are_reported_with_their_position(
     text: str, marked: str | None, message: str, tmp_path: Path
 ) -> None:
     for file in bundled_domain("burning_forest").glob("*.*"):

@@ -9,7 +9,7 @@ import pytest
 
 from envgraph.errors import Diagnostic, LoadError
 from envgraph.rewrite import Engine
-from envgraph.search import Components, Domain, Family, Outcome, RunStore, domain_problems, generate, why_low
+from envgraph.search import Components, Domain, Family, Outcome, RunStore, check_domain, generate, why_low
 
 METAMODEL = """
 metamodel beds
@@ -82,7 +82,7 @@ def test_a_run_stops_at_the_maximum(beds: Path) -> None:
     text = '[diversity]\nkind = "binned_entropy"\nrange = [0, 8]\n[mutation]\nrules = ["plant", "pick"]\n'
     family, low = evolved(beds, text + SEARCH)
     with RunStore.open(beds.parent / "run.sqlite") as store:
-        scores = [row[1] for row in store.history()]
+        scores = [row[1] for row in store.generation_statistics()]
     assert low is None and len(scores) < 60
     assert scores[-1] == 2.0 and max(scores[:-1]) < 2.0
     outcome = Outcome.of(family)
@@ -91,14 +91,14 @@ def test_a_run_stops_at_the_maximum(beds: Path) -> None:
     assert str(outcome) == "diversity 2.000 of 2.000 bits, members in bins 1,3,4,2"
 
 
-def test_a_run_goes_on_at_the_maximum_where_the_file_says_so(beds: Path) -> None:
+def test_run_without_a_target_continues_at_the_maximum_diversity(beds: Path) -> None:
     text = '[diversity]\nkind = "binned_entropy"\nrange = [0, 8]\n[mutation]\nrules = ["plant", "pick"]\n'
     evolved(beds, text + SEARCH + "target = false\n")
     with RunStore.open(beds.parent / "run.sqlite") as store:
-        assert len(store.history()) == 61
+        assert len(store.generation_statistics()) == 61
 
 
-def test_bins_that_no_whole_number_falls_into_do_not_count(beds: Path) -> None:
+def test_bins_without_a_whole_number_do_not_count_in_the_maximum(beds: Path) -> None:
     text = '[diversity]\nkind = "binned_entropy"\nrange = [0, 2]\n[mutation]\nrules = ["plant", "pick"]\n'
     family, low = evolved(beds, text + SEARCH)
     assert low is None and Outcome.of(family).maximum == 1.5 < log2(4)
@@ -124,7 +124,7 @@ def test_bins_that_no_whole_number_falls_into_do_not_count(beds: Path) -> None:
         ),
     ],
 )
-def test_why_a_family_is_not_more_diverse(beds: Path, text: str, message: str, hint: str) -> None:
+def test_reason_for_a_diversity_below_the_maximum_is_reported(beds: Path, text: str, message: str, hint: str) -> None:
     family, low = evolved(beds, f'[diversity]\nkind = "binned_entropy"\n{text}\n{SEARCH}')
     assert low is not None and low.span is not None and low.span.text == '"binned_entropy"'
     assert low.message.startswith("the diversity is below its maximum: ") and message in low.message
@@ -132,14 +132,14 @@ def test_why_a_family_is_not_more_diverse(beds: Path, text: str, message: str, h
     assert Outcome.of(family).diversity < Outcome.of(family).maximum
 
 
-def test_a_family_that_is_too_small_says_what_was_rejected(beds: Path) -> None:
+def test_too_small_family_is_reported_with_the_reason_for_rejections(beds: Path) -> None:
     _, low = evolved(beds, '[diversity]\nkind = "gini"\n[mutation]\nrules = ["idle"]\n' + SEARCH)
     assert low is not None and low.code == "small-family"
     assert "only 1 of 4 environments that satisfy the constraints were found" in low.message
     assert "because no rule could be applied" in low.message
 
 
-def test_a_diversity_without_a_maximum_is_never_low(beds: Path) -> None:
+def test_diversity_without_a_maximum_is_never_reported_as_low(beds: Path) -> None:
     family, low = evolved(beds, '[diversity]\nkind = "variance"\n[mutation]\nrules = ["plant"]\n' + SEARCH)
     assert low is None and Outcome.of(family).maximum == inf
     assert str(Outcome.of(family)).startswith("diversity ") and " of " not in str(Outcome.of(family))
@@ -168,9 +168,7 @@ from = "Bed"
 to = "Bed"
 along = ["next"]
 """
-ENTROPY = (
-    '[diversity]\nkind = "binned_entropy"\nof = "way"\nrange = [0, 4]\n[mutation]\nrules = ["cut", "plant"]\n'
-)
+ENTROPY = '[diversity]\nkind = "binned_entropy"\nof = "way"\nrange = [0, 4]\n[mutation]\nrules = ["cut", "plant"]\n'
 
 
 def measured(beds: Path, measure: str) -> float:
@@ -180,13 +178,13 @@ def measured(beds: Path, measure: str) -> float:
     return domain.problem(engine).measures["way"].evaluate(engine)
 
 
-def test_an_object_that_cannot_be_reached_is_at_no_distance(beds: Path) -> None:
+def test_shortest_path_to_an_unreachable_object_is_infinite(beds: Path) -> None:
     assert measured(beds, TO_NEST) == inf
     assert measured(beds, LONG) == 2.0
     assert measured(beds, WAY) == 0.0  # it is both the start and the goal
 
 
-def test_an_initial_model_without_a_value_is_refused_by_name(beds: Path) -> None:
+def test_initial_model_without_a_value_of_a_measure_is_refused(beds: Path) -> None:
     beds.write_text(FAMILY + TO_NEST + ENTROPY)
     with pytest.raises(LoadError) as caught:
         generate(str(beds), beds.parent / "run.sqlite")
@@ -196,17 +194,17 @@ def test_an_initial_model_without_a_value_is_refused_by_name(beds: Path) -> None
     assert problem.hint is not None and "otherwise = 0" in problem.hint
     assert not (beds.parent / "run.sqlite").exists()
     domain = Domain.load(str(beds))
-    assert [*map(str, domain_problems(domain.spec, domain.workspace))] == [str(problem)]
+    assert [*map(str, check_domain(domain.spec, domain.workspace))] == [str(problem)]
 
 
-def test_what_counts_otherwise_is_the_value(beds: Path) -> None:
+def test_otherwise_is_the_value_of_models_without_a_value(beds: Path) -> None:
     beds.write_text(FAMILY + TO_NEST + "otherwise = 4.5\n" + ENTROPY + SEARCH)
     family = generate(str(beds), beds.parent / "run.sqlite")
     assert {member.measures["way"] for member in family.members} == {4.5}
 
 
 @pytest.mark.parametrize("value", ["inf", "nan", '"far"', "true", "[1]"])
-def test_what_counts_otherwise_is_a_finite_number(beds: Path, value: str) -> None:
+def test_otherwise_value_that_is_not_a_finite_number_is_refused(beds: Path, value: str) -> None:
     beds.write_text(FAMILY + TO_NEST + f"otherwise = {value}\n" + ENTROPY)
     with pytest.raises(LoadError, match=r"`otherwise` (must be a number|is .*, but must be from)"):
         Domain.load(str(beds))
@@ -220,38 +218,34 @@ class Even:
         return inf if count % 2 else count
 
 
-def test_a_model_without_a_value_is_rejected_with_that_reason(beds: Path) -> None:
+def test_model_without_a_value_is_rejected_and_the_reason_is_stored(beds: Path) -> None:
     components = Components().with_("measure", "even", lambda options, context: Even())
-    text = (
-        '[diversity]\nkind = "binned_entropy"\nof = "even"\nrange = [0, 8]\n[mutation]\nrules = ["plant"]\n'
-    )
+    text = '[diversity]\nkind = "binned_entropy"\nof = "even"\nrange = [0, 8]\n[mutation]\nrules = ["plant"]\n'
     family, _ = evolved(beds, '[measures.even]\nkind = "even"\n' + text + SEARCH, components)
     assert {member.measures["even"] % 2 for member in family.members} == {0.0}
     with RunStore.open(beds.parent / "run.sqlite") as store:
-        assert store.reasons()["the model has no value of `even`"] > 0
+        assert store.rejection_counts()["the model has no value of `even`"] > 0
         assert all(one.measures["even"] % 2 == 0 for one in store.individuals())
 
 
-def test_values_outside_of_the_range_are_told_at_the_start(beds: Path) -> None:
+def test_initial_value_outside_the_range_is_reported_at_the_start(beds: Path) -> None:
     beds.write_text(FAMILY + '[diversity]\nkind = "binned_entropy"\n[mutation]\nrules = ["plant"]\n' + SEARCH)
     told: list[Diagnostic] = []
     generate(str(beds), beds.parent / "run.sqlite", warn=told.extend)
     domain = Domain.load(str(beds))
     (problem,) = told
-    assert [*map(str, domain_problems(domain.spec, domain.workspace))] == [str(problem)]
+    assert [*map(str, check_domain(domain.spec, domain.workspace))] == [str(problem)]
     assert problem.severity == "warning"
     assert problem.message.startswith("`flowers` of the initial model is 2, outside of the range 0 to 1")
     assert problem.hint is not None and "`range = [0, 4]`" in problem.hint
 
 
-def test_entropy_divides_the_range_that_a_measure_declares(beds: Path) -> None:
+def test_entropy_uses_the_range_that_a_measure_declares(beds: Path) -> None:
     class Mine(Even):
         range = (2.0, 10.0)
 
     components = Components().with_("measure", "even", lambda options, context: Mine())
     text = '[measures.even]\nkind = "even"\n[diversity]\nof = "even"\n[mutation]\nrules = ["plant"]\n'
     beds.write_text(FAMILY + text)
-    diversity = (
-        Domain.load(str(beds), components).problem(Domain.load(str(beds), components).engine()).diversity
-    )
+    diversity = Domain.load(str(beds), components).problem(Domain.load(str(beds), components).engine()).diversity
     assert (diversity.low, diversity.high) == (2.0, 10.0)  # type: ignore[attr-defined]

@@ -36,8 +36,7 @@ def built(metamodel: Metamodel) -> tuple[Engine, dict[str, int]]:
     """Two ways from source to port, one of them over a swamp."""
     model = Model(metamodel)
     nodes = {
-        name: model.graph.new(cls)
-        for name, cls in {"s": "Source", "a": "Field", "b": "Swamp", "p": "Port"}.items()
+        name: model.graph.new(cls) for name, cls in {"s": "Source", "a": "Field", "b": "Swamp", "p": "Port"}.items()
     }
     onward = metamodel.feature("Field", "next")
     for source, target in ("sa", "sb", "ap", "bp"):
@@ -67,9 +66,7 @@ CORNERS = Metamodel(
 )
 
 
-def listed_paths(
-    size: int, links: set[tuple[int, int]], starts: set[int], goals: set[int], closed: set[int]
-) -> int:
+def listed_paths(size: int, links: set[tuple[int, int]], starts: set[int], goals: set[int], closed: set[int]) -> int:
     """Return how many paths networkx lists from a start to a goal that visit no closed node."""
     graph = nx.DiGraph(link for link in links if closed.isdisjoint(link))
     graph.add_nodes_from(set(range(size)) - closed)
@@ -81,7 +78,7 @@ def listed_paths(
 
 
 @given(st.integers(2, 8), st.data())
-def test_paths_are_counted_as_networkx_lists_them(size: int, data: st.DataObject) -> None:
+def test_path_complexity_equals_the_paths_listed_by_networkx(size: int, data: st.DataObject) -> None:
     some_nodes = st.sets(st.integers(0, size - 1))
     links = data.draw(st.sets(st.sampled_from(list(combinations(range(size), 2)))))
     starts, goals, avoid = (data.draw(some_nodes) for _ in range(3))
@@ -94,12 +91,12 @@ def test_paths_are_counted_as_networkx_lists_them(size: int, data: st.DataObject
     assert found == (1.0 - free / every if every else 1.0)
 
 
-def test_a_goal_needs_no_way_on(places: Metamodel) -> None:
+def test_goal_without_outgoing_links_ends_a_path(places: Metamodel) -> None:
     engine, _ = built(places)
     assert PathComplexity(places, "Source", "Port", ("next",), "Swamp").evaluate(engine) == 0.5
 
 
-def test_links_and_classes_that_change_are_seen(places: Metamodel) -> None:
+def test_path_complexity_is_updated_after_changed_links_and_classes(places: Metamodel) -> None:
     measure = PathComplexity(places, "Source", "Port", ("next",), "Swamp")
     engine, nodes = built(places)
     engine.model.graph.retype(nodes["a"], "Swamp")

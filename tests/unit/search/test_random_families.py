@@ -36,7 +36,7 @@ def models(family: Family) -> list[str]:
     return [member.model for member in family.members]
 
 
-def test_members_are_valid_and_ordered_and_the_target_is_the_same(family: Family) -> None:
+def test_random_families_have_valid_ordered_members_and_the_same_target(family: Family) -> None:
     for number, found in enumerate(random_families(family, 3, (2, 9, 30)), start=1):
         assert found.name == f"{family.name}, random {number}"
         assert [member.name for member in found.members] == ["E1", "E2", "E3", "E4"]
@@ -45,19 +45,19 @@ def test_members_are_valid_and_ordered_and_the_target_is_the_same(family: Family
         assert values == sorted(values) and len(set(models(found))) == 4
         for member in found.members:
             problem = found.domain.problem(found.domain.engine(found.model(member)))
-            assert problem.valid() and problem.measure() == member.measures
+            assert problem.is_valid() and problem.compute_measures() == member.measures
         table = found.explored(found.members[0]).tabular
         assert table.n_observations == found.explored(found.members[-1]).tabular.n_observations
 
 
-def test_a_walk_depends_on_its_seed_and_its_number_alone(family: Family) -> None:
+def test_random_family_depends_only_on_its_seed_and_number(family: Family) -> None:
     first = [models(one) for one in random_families(family, 3, (5, 5, 5))]
     assert first[:2] == [models(one) for one in random_families(family, 2, (5, 5, 5))]
     assert len({model for one in first for model in one}) == 3 * 3 + 1
     assert first[0] != next(models(one) for one in random_families(family, 1, (5, 5, 5), seed=1))
 
 
-def test_so_many_applications_lie_between(family: Family) -> None:
+def test_members_lie_the_given_number_of_applications_from_the_target(family: Family) -> None:
     """Each mutation of the forest retypes one tile."""
     (still,) = random_families(family, 1, (0, 0, 0))
     assert set(models(still)) == {family.members[-1].model}
@@ -71,7 +71,7 @@ def test_so_many_applications_lie_between(family: Family) -> None:
             assert changed == 1 if steps == 1 else changed <= 2
 
 
-def test_lineages_are_those_of_the_store(run: Path, family: Family) -> None:
+def test_lineage_lengths_equal_those_of_the_store(run: Path, family: Family) -> None:
     with RunStore.open(run) as store:
         lengths = lineage_lengths(family, store)
         stored = {one.id: one for one in store.individuals()}

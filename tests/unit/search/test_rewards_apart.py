@@ -17,20 +17,18 @@ from envgraph.search import Domain, generate, make_environment
 from envgraph.solve import certify, value_iteration
 
 
-def test_what_pays_has_a_name() -> None:
+def test_each_reward_clause_has_a_name() -> None:
     names = [reward_names(Domain.load(one).behaviour) for one in ("taxi", "triage", "warehouse")]  # type: ignore[arg-type]
     assert names[0] == ("pickUp", "dropOff", "each step", "arrived")
     assert names[1] == ("treat", "each step", "dead", "neg inHouse")
     assert "lift" in names[2]
 
 
-@pytest.mark.parametrize(
-    ("domain", "engine"), [("taxi", "table"), ("triage", "live"), ("triage", "compiled")]
-)
-def test_rewards_are_told_apart_and_nothing_else_changes(
+@pytest.mark.parametrize(("domain", "engine"), [("taxi", "table"), ("triage", "live"), ("triage", "compiled")])
+def test_separate_rewards_in_info_sum_to_the_reward_and_change_nothing_else(
     domain: str, engine: str, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr("envgraph.env.compiled._program.has_numba", lambda: False)
+    monkeypatch.setattr("envgraph.env.compiled._compiled_program.has_numba", lambda: False)
     apart: Any = envgraph.make(domain=domain, engine=engine, rewards=True, max_episode_steps=40)
     plain: Any = envgraph.make(domain=domain, engine=engine, max_episode_steps=40)
     names = reward_names(Domain.load(domain).behaviour)  # type: ignore[arg-type]
@@ -49,7 +47,7 @@ def test_rewards_are_told_apart_and_nothing_else_changes(
     assert sum(gain > 0 for gain in paid.values()) >= 3
 
 
-def test_members_are_gone_over_to_and_each_reward_has_a_table(tmp_path: Path) -> None:
+def test_separate_rewards_work_after_switching_members(tmp_path: Path) -> None:
     family = generate(
         "burning_forest/paper.toml",
         tmp_path / "run.sqlite",

@@ -45,35 +45,33 @@ def family(run: Path) -> Family:
     return open_family(run)
 
 
-def test_members_are_valid_and_distinct_and_what_was_measured(family: Family) -> None:
+def test_sampled_members_are_valid_distinct_and_have_the_stored_measures(family: Family) -> None:
     problem = family.domain.problem(family.domain.engine())
     assert len({member.model for member in family.members}) == len(family.members) == 60
     assert [member.initial for member in family.members] == [False] * 59 + [True]
     assert all(reachable(rows) for rows in maps(family))
     for member in family.members[::6]:
         problem = family.domain.problem(family.domain.engine(family.model(member)))
-        assert problem.valid() and problem.measure() == member.measures
+        assert problem.is_valid() and problem.compute_measures() == member.measures
 
 
-def test_bins_of_a_measure_that_is_covered_have_as_many_members_each(family: Family) -> None:
+def test_each_bin_of_a_covered_measure_has_the_same_number_of_members(family: Family) -> None:
     counts = Counter(min(int(member.measures["complexity"] * 5), 4) for member in family.members)
     assert counts == dict.fromkeys(range(5), 12)
     values = [member.measures["complexity"] for member in family.members[:-1]]
     assert values == sorted(values)
 
 
-def test_the_seed_decides(run: Path, family: Family, tmp_path: Path) -> None:
+def test_seed_determines_the_samples(run: Path, family: Family, tmp_path: Path) -> None:
     again = generate("burning_forest/paper.toml", tmp_path / "again.sqlite", samples=60, overrides=[COVER])
     assert again.members == family.members and write_family(again) == write_family(family)
-    other = generate(
-        "burning_forest/paper.toml", tmp_path / "other.sqlite", samples=60, overrides=[COVER], seed=1
-    )
+    other = generate("burning_forest/paper.toml", tmp_path / "other.sqlite", samples=60, overrides=[COVER], seed=1)
     assert len({one.model for one in (*other.members, *family.members)}) == 119  # the target is in both
     with RunStore.open(run) as one, RunStore.open(tmp_path / "again.sqlite") as two:
-        assert [*one.individuals()] == [*two.individuals()] and one.reasons() == two.reasons()
+        assert [*one.individuals()] == [*two.individuals()] and one.rejection_counts() == two.rejection_counts()
 
 
-def test_rules_lead_to_a_member_from_the_initial_model(run: Path, family: Family) -> None:
+def test_lineage_of_a_member_reproduces_it_from_the_initial_model(run: Path, family: Family) -> None:
     member = family.members[7]
     with RunStore.open(run) as store:
         assert member.individual is not None
@@ -93,7 +91,7 @@ def test_a_family_of_samples_is_written_and_read(family: Family, tmp_path: Path)
     assert [one.model for one in found.members] == [one.model for one in family.members]
 
 
-def test_an_engine_that_members_share_fills_the_same_program(family: Family, tmp_path: Path) -> None:
+def test_shared_engine_of_members_gives_the_same_program(family: Family, tmp_path: Path) -> None:
     file = tmp_path / "family.json"
     file.write_text(write_family(family))
     alone = read_family(file)  # has an engine for each
@@ -101,17 +99,17 @@ def test_an_engine_that_members_share_fills_the_same_program(family: Family, tmp
     assert family.keys == alone.keys and shared.source == apart.source
     for name in ("tables", "reals", "ints", "floats", "offsets"):
         assert (getattr(shared.arrays, name) == getattr(apart.arrays, name)).all(), name
-    twins = [shared.twin(place) for place in (2, 5)]
+    twins = [shared.live_counterpart(place) for place in (2, 5)]
     for place, twin in zip((2, 5), twins, strict=True):
-        with twin.at(shared.arrays.ints[place], shared.arrays.floats[place]) as simulator:
+        with twin.in_state(shared.arrays.ints[place], shared.arrays.floats[place]) as simulator:
             assert model_to_json(simulator.engine.model) == json.loads(family.members[place].model)
 
 
-def test_many_environments_are_stepped_by_a_program(run: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_vector_of_many_members_is_stepped_by_a_compiled_program(run: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     with monkeypatch.context() as context:
-        context.setattr("envgraph.search.families._opened.MANY", 3)
-        context.setattr("envgraph.search.families._opened.has_numba", lambda: True)
-        context.setattr("envgraph.env.compiled._program.has_numba", lambda: False)  # in Python
+        context.setattr("envgraph.search.families._lazy_family.MEMBERS_TO_COMPILE", 3)
+        context.setattr("envgraph.search.families._lazy_family.has_numba", lambda: True)
+        context.setattr("envgraph.env.compiled._compiled_program.has_numba", lambda: False)  # in Python
         many = envgraph.make_vec(run, num_envs=6, variant=["E1", "E9", "E17", "E60"])
     few = envgraph.make_vec(run, num_envs=6, variant=["E1", "E9", "E17", "E60"])
     assert isinstance(many, CompiledVectorEnv) and isinstance(few, EnvgraphVectorEnv)
@@ -123,7 +121,7 @@ def test_many_environments_are_stepped_by_a_program(run: Path, monkeypatch: pyte
             assert (one == other).all()
 
 
-def test_with_maximise_a_bin_keeps_its_best(tmp_path: Path) -> None:
+def test_samples_with_an_objective_keep_the_best_members_of_each_bin(tmp_path: Path) -> None:
     """The measure that is covered is the one that counts: of each fifth the members at its upper end stay."""
     given = ["samples.maximise=['complexity']", "samples.attempts=600", COVER]
     found = generate("burning_forest/paper.toml", tmp_path / "run.sqlite", samples=10, overrides=given)
@@ -137,8 +135,7 @@ def test_with_maximise_a_bin_keeps_its_best(tmp_path: Path) -> None:
 
 GARDEN = {
     "garden.metamodel": "metamodel garden\nclass Plot { contains Bed bed }\nclass Bed { int size }\n",
-    "garden.model": 'import "garden.metamodel"\n'
-    "model plot : garden { p : Plot { bed = b : Bed { size = 0 } } }\n",
+    "garden.model": 'import "garden.metamodel"\nmodel plot : garden { p : Plot { bed = b : Bed { size = 0 } } }\n',
     "garden.rules": 'import "garden.metamodel"\n'
     "rule grow { lhs { b : Bed; check(b.size < 6); } modify { set b.size += 1; } }\n"
     "rule shrink { lhs { b : Bed; check(b.size > 0); } modify { set b.size -= 1; } }\n",
@@ -159,17 +156,20 @@ def garden(tmp_path: Path) -> Path:
     return tmp_path
 
 
-def test_where_there_are_few_models_all_are_found_and_it_is_told(garden: Path) -> None:
+def test_sampling_finds_all_models_of_a_small_space_and_reports_the_shortage(garden: Path) -> None:
     """A bed has seven sizes, of which one is forbidden: a walk goes past it."""
     found = generate(str(garden), garden / "run.sqlite")
     assert sorted(one.measures["size"] for one in found.members) == [0, 1, 2, 4, 5, 6]
     with RunStore.open(garden / "run.sqlite") as store:
         told = why_low(found, store)
-        assert sum(store.reasons().values()) + 6 >= 500 and "the model was found before" in store.reasons()
+        assert (
+            sum(store.rejection_counts().values()) + 6 >= 500
+            and "the model was found before" in store.rejection_counts()
+        )
     assert told is not None and "only 6 of 50 environments" in told.message and "attempts" in str(told.hint)
 
 
-def test_a_heavy_tailed_strength_is_that_of_walks(garden: Path) -> None:
+def test_heavy_tailed_strength_can_be_used_for_samples(garden: Path) -> None:
     given = ["mutation.strength=heavy_tailed", "samples.count=6"]
     found = generate(str(garden), garden / "run.sqlite", overrides=given)
     assert len(found.members) == 6
@@ -191,29 +191,27 @@ def test_a_heavy_tailed_strength_is_that_of_walks(garden: Path) -> None:
         ("samples.number=9", "unknown key `number` in `[samples]`"),
     ],
 )
-def test_mistakes_are_told_where_they_are(garden: Path, given: str, message: str) -> None:
+def test_mistakes_in_sample_options_are_reported_with_their_position(garden: Path, given: str, message: str) -> None:
     diversity = "diversity.kind=variance"
     with pytest.raises(LoadError, match="--set:1:") as caught:
         generate(str(garden), garden / "run.sqlite", overrides=[given, diversity])
     assert message in str(caught.value) and not (garden / "run.sqlite").exists()
 
 
-def test_a_run_of_samples_has_no_generations_to_go_on_to(run: Path, family: Family) -> None:
+def test_more_generations_are_refused_for_a_run_of_samples(run: Path, family: Family) -> None:
     assert resume(run).members == family.members
     with pytest.raises(InvalidArgument, match="has samples and thus no generations"):
         resume(run, generations=5)
 
 
-def test_an_interrupted_run_begins_anew(run: Path, family: Family, tmp_path: Path) -> None:
+def test_resuming_an_interrupted_run_of_samples_starts_it_again(run: Path, family: Family, tmp_path: Path) -> None:
     with RunStore.open(run) as store:
-        settings, sources = store.settings(), store.sources()
+        settings, sources = store.settings(), store.source_texts()
     RunStore.create(tmp_path / "run.sqlite", settings, sources).close()
     assert resume(tmp_path / "run.sqlite").members == family.members
 
 
-def test_a_member_that_is_not_what_was_measured_is_told_when_it_is_asked_for(
-    run: Path, tmp_path: Path
-) -> None:
+def test_member_whose_model_differs_from_its_stored_hash_is_reported_on_access(run: Path, tmp_path: Path) -> None:
     path = tmp_path / "run.sqlite"
     path.write_bytes(run.read_bytes())
     with sqlite3.connect(path) as db:
@@ -222,13 +220,11 @@ def test_a_member_that_is_not_what_was_measured_is_told_when_it_is_asked_for(
         db.execute("DROP TABLE content")  # as in a store of an older version
     found = open_family(path)
     (wrong,) = (member for member in found.members if member.individual == last)
-    with pytest.raises(
-        InvalidArgument, match=f"the model of individual {last} does not have the stored hash"
-    ):
+    with pytest.raises(InvalidArgument, match=f"the model of individual {last} does not have the stored hash"):
         found.model(wrong)
 
 
-def test_many_members_are_summed_up(
+def test_commands_summarise_families_of_many_members(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     monkeypatch.chdir(tmp_path)

@@ -20,7 +20,7 @@ def wetness(family: Family) -> list[float]:
     return [-float(len(family.model(member).graph.extent("BurningTile"))) for member in family.members]
 
 
-def looped(rounds: int = 12) -> tuple[Sampling, list[str], list[float]]:
+def run_sampling_rounds(rounds: int = 12) -> tuple[Sampling, list[str], list[float]]:
     """After some rounds: the models that were asked for, and the score of each that was kept when it was told."""
     sampling, asked, kept = (
         Sampling(Domain.load("burning_forest/paper.toml", overrides=WANTED)),
@@ -35,14 +35,14 @@ def looped(rounds: int = 12) -> tuple[Sampling, list[str], list[float]]:
     return sampling, asked, kept
 
 
-def test_models_are_new_and_valid_and_the_best_of_each_bin_stay() -> None:
-    sampling, asked, kept = looped()
+def test_sampling_asks_new_valid_models_and_keeps_the_best_of_each_bin() -> None:
+    sampling, asked, kept = run_sampling_rounds()
     family = sampling.family()
     assert len(set(asked)) == 120 and len(family.members) == 12
     problem = family.domain.problem(family.domain.engine())
     for member in family.members:
         problem = family.domain.problem(family.domain.engine(family.model(member)))
-        assert problem.valid() and problem.measure() == member.measures
+        assert problem.is_valid() and problem.compute_measures() == member.measures
         assert member.initial or member.model in asked
     bins = [min(int(member.measures["complexity"] * 3), 2) for member in family.members]
     assert [bins.count(number) for number in range(3)] == [4, 4, 4] and family.members[-1].initial
@@ -50,14 +50,12 @@ def test_models_are_new_and_valid_and_the_best_of_each_bin_stay() -> None:
 
 
 def test_the_same_scores_give_the_same_models() -> None:
-    (one, asked, _), (other, again, _) = looped(3), looped(3)
+    (one, asked, _), (other, again, _) = run_sampling_rounds(3), run_sampling_rounds(3)
     assert asked == again
-    assert [member.model for member in one.family().members] == [
-        member.model for member in other.family().members
-    ]
+    assert [member.model for member in one.family().members] == [member.model for member in other.family().members]
 
 
-def test_a_family_in_memory_is_stepped_and_stays_what_it_was() -> None:
+def test_asked_family_can_be_stepped_and_is_not_changed_by_later_sampling() -> None:
     sampling = Sampling(Domain.load("burning_forest/paper.toml", overrides=WANTED))
     family = sampling.ask(3)
     texts = [member.model for member in family.members]
@@ -70,18 +68,16 @@ def test_a_family_in_memory_is_stepped_and_stays_what_it_was() -> None:
     assert family.split(1)[1].members[0].name in ("E1", "E2", "E3")
 
 
-def test_the_archive_is_kept_as_a_run(tmp_path: Path) -> None:
-    sampling, _, _ = looped(2)
+def test_archive_of_a_sampling_can_be_written_as_a_run(tmp_path: Path) -> None:
+    sampling, _, _ = run_sampling_rounds(2)
     sampling.write(tmp_path / "run.sqlite")
     found = open_family(tmp_path / "run.sqlite")
-    assert [member.model for member in found.members] == [
-        member.model for member in sampling.family().members
-    ]
+    assert [member.model for member in found.members] == [member.model for member in sampling.family().members]
     with pytest.raises(InvalidArgument, match="exists already"):
         sampling.write(tmp_path / "run.sqlite")
 
 
-def test_each_model_has_a_score_and_only_once() -> None:
+def test_scores_are_required_for_each_asked_model_exactly_once() -> None:
     sampling = Sampling(Domain.load("burning_forest/paper.toml", overrides=WANTED))
     with pytest.raises(InvalidArgument, match="for each of the 0 models"):
         sampling.tell([1.0])
@@ -92,7 +88,7 @@ def test_each_model_has_a_score_and_only_once() -> None:
     assert sampling.tell([1.0, 2.0]) == (True, True)
 
 
-def test_where_there_are_no_more_models_it_is_told(tmp_path: Path) -> None:
+def test_sampling_reports_that_no_more_new_models_are_found(tmp_path: Path) -> None:
     for name, text in GARDEN.items():
         (tmp_path / name).write_text(text)
     sampling = Sampling(Domain.load(str(tmp_path)))
@@ -101,7 +97,7 @@ def test_where_there_are_no_more_models_it_is_told(tmp_path: Path) -> None:
         sampling.ask(9)
 
 
-def test_the_file_says_how_many_are_kept() -> None:
+def test_sampling_without_a_samples_section_is_refused() -> None:
     for given in ((), ("samples.maximise=complexity",)):
         with pytest.raises(InvalidArgument, match=r"needs `\[samples\]` without `maximise`"):
             Sampling(Domain.load("burning_forest/paper.toml", overrides=given))

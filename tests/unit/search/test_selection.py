@@ -19,15 +19,15 @@ from envgraph.search import (
     ElitistParents,
     ExactSelection,
     HillClimbing,
-    Over,
     Pool,
     RandomParents,
     SimulatedAnnealing,
     Statistic,
+    StatisticMeasure,
     SurvivorSelection,
     TournamentParents,
     Variance,
-    acceptance,
+    acceptance_probability,
 )
 
 
@@ -40,7 +40,7 @@ class Valued:
 
 def pool(values: Sequence[float], statistic: Statistic) -> Pool:
     candidates = cast("list[Candidate]", [Valued(value) for value in values])
-    return Pool(candidates, [Over(statistic, "value")], "value")
+    return Pool(candidates, [StatisticMeasure(statistic, "value")], "value")
 
 
 SELECTIONS = [SimulatedAnnealing(), HillClimbing(), BeamSearch(), ExactSelection()]
@@ -58,7 +58,7 @@ def test_survivors_reach_the_maximum_entropy_where_each_bin_has_a_candidate(
 
 @pytest.mark.parametrize("selection", SELECTIONS, ids=lambda selection: type(selection).__name__)
 @given(values=st.lists(st.floats(0, 1), min_size=4, max_size=9), seed=st.integers(0, 2**32))
-def test_survivors_are_distinct_keep_the_pinned_and_are_never_worse(
+def test_survivors_are_distinct_contain_pinned_candidates_and_score_no_worse(
     selection: SurvivorSelection, values: list[float], seed: int
 ) -> None:
     measure = BinnedEntropy(3)
@@ -68,30 +68,24 @@ def test_survivors_are_distinct_keep_the_pinned_and_are_never_worse(
 
 
 @given(values=st.lists(st.floats(0, 1), min_size=5, max_size=9), seed=st.integers(0, 2**32))
-def test_annealing_reaches_what_trying_all_families_reaches(values: list[float], seed: int) -> None:
+def test_annealing_reaches_the_score_of_exact_selection(values: list[float], seed: int) -> None:
     measure = BinnedEntropy(4)
     best = ExactSelection().select(pool(values, measure), 4, [0], [0, 1, 2, 3], default_rng(0))
-    found = SimulatedAnnealing(rounds=2000).select(
-        pool(values, measure), 4, [0], [0, 1, 2, 3], default_rng(seed)
-    )
-    assert measure.score([values[i] for i in found]) == pytest.approx(
-        measure.score([values[i] for i in best])
-    )
+    found = SimulatedAnnealing(rounds=2000).select(pool(values, measure), 4, [0], [0, 1, 2, 3], default_rng(seed))
+    assert measure.score([values[i] for i in found]) == pytest.approx(measure.score([values[i] for i in best]))
 
 
 def test_annealing_is_a_function_of_its_generator() -> None:
     values = default_rng(5).random(40).tolist()
     runs = [
-        SimulatedAnnealing().select(
-            pool(values, BinnedEntropy(10)), 10, [0], list(range(10)), default_rng(seed)
-        )
+        SimulatedAnnealing().select(pool(values, BinnedEntropy(10)), 10, [0], list(range(10)), default_rng(seed))
         for seed in (7, 7, 8)
     ]
     assert runs[0] == runs[1]
 
 
 @pytest.mark.parametrize("selection", SELECTIONS, ids=lambda selection: type(selection).__name__)
-def test_survivors_drift_among_families_that_nothing_tells_apart(selection: SurvivorSelection) -> None:
+def test_survivors_vary_with_the_seed_among_families_of_equal_score(selection: SurvivorSelection) -> None:
     found = {
         tuple(selection.select(pool([0.9] * 6, BinnedEntropy(3)), 3, [0], [0, 1, 2], default_rng(seed)))
         for seed in range(20)
@@ -100,7 +94,7 @@ def test_survivors_drift_among_families_that_nothing_tells_apart(selection: Surv
 
 
 @pytest.mark.parametrize("selection", SELECTIONS, ids=lambda selection: type(selection).__name__)
-def test_of_families_of_equal_score_the_one_that_varies_most_survives(selection: SurvivorSelection) -> None:
+def test_family_of_the_largest_variance_survives_among_equal_scores(selection: SurvivorSelection) -> None:
     values = [1.0, 0.95, 0.96, 0.97, 0.94, 0.99]
     for seed in range(20):
         chosen = selection.select(pool(values, BinnedEntropy(3)), 3, [0], [0, 1, 2], default_rng(seed))
@@ -109,7 +103,7 @@ def test_of_families_of_equal_score_the_one_that_varies_most_survives(selection:
 
 
 @pytest.mark.parametrize("selection", SELECTIONS, ids=lambda selection: type(selection).__name__)
-def test_a_family_that_is_better_than_all_others_stays(selection: SurvivorSelection) -> None:
+def test_best_family_survives_unchanged(selection: SurvivorSelection) -> None:
     values = [0.1, 0.35, 0.9, 0.2, 0.4, 0.8]
     assert selection.select(pool(values, BinnedEntropy(3)), 3, [0], [0, 1, 2], default_rng(3)) == [0, 1, 2]
 
@@ -120,9 +114,9 @@ def test_annealing_survives_a_temperature_that_underflows() -> None:
 
 
 def test_acceptance_follows_the_metropolis_rule() -> None:
-    assert acceptance(0.0, 0.1) == 1.0
-    assert acceptance(0.2, 0.1) == pytest.approx(0.1353352832366127)
-    assert (acceptance(0.1, 0.0), acceptance(0.0, 0.0)) == (0.0, 1.0)
+    assert acceptance_probability(0.0, 0.1) == 1.0
+    assert acceptance_probability(0.2, 0.1) == pytest.approx(0.1353352832366127)
+    assert (acceptance_probability(0.1, 0.0), acceptance_probability(0.0, 0.0)) == (0.0, 1.0)
 
 
 class Downhill:
@@ -144,11 +138,11 @@ class Downhill:
 
 
 @pytest.mark.parametrize("temperature", [0.05, 0.1, 1.0])
-def test_annealing_accepts_worse_families_by_that_rule(temperature: float) -> None:
+def test_annealing_accepts_worse_families_by_the_metropolis_rule(temperature: float) -> None:
     measure = Downhill()
     constant = SimulatedAnnealing(rounds=10_000, initial_temperature=temperature, cooling_rate=1.0)
     constant.select(pool([0.1, 0.2], measure), 1, [], [0], default_rng(8))
-    assert measure.made / 10_000 == pytest.approx(acceptance(0.1, temperature), abs=0.02)
+    assert measure.made / 10_000 == pytest.approx(acceptance_probability(0.1, temperature), abs=0.02)
 
 
 @pytest.mark.parametrize("arguments", [{"rounds": -1}, {"initial_temperature": 0.0}, {"cooling_rate": 1.5}])
@@ -179,7 +173,7 @@ def test_tournament_prefers_the_fitter_and_elitism_takes_only_the_best() -> None
     pinned=st.sampled_from([[], [0], [1, 3]]),
     bins=st.integers(1, 6),
 )
-def test_filled_bins_have_the_entropy_that_trying_all_families_finds(
+def test_filling_bins_reaches_the_entropy_of_trying_all_families(
     values: list[float], size: int, pinned: list[int], bins: int
 ) -> None:
     measure, size = BinnedEntropy(bins), max(size, len(pinned))
@@ -193,7 +187,7 @@ def test_filled_bins_have_the_entropy_that_trying_all_families_finds(
     )
 
 
-def test_filled_bins_of_a_large_pool_are_never_worse_than_annealing() -> None:
+def test_filling_bins_of_a_large_pool_is_never_worse_than_annealing() -> None:
     for seed in range(20):
         rng = default_rng(seed)
         values, measure = (rng.random(60) ** 3).tolist(), BinnedEntropy(20)
@@ -205,7 +199,7 @@ def test_filled_bins_of_a_large_pool_are_never_worse_than_annealing() -> None:
         assert exact >= annealed - 1e-9
 
 
-def test_too_many_families_to_try_are_told_before_a_run() -> None:
+def test_too_many_families_to_try_are_reported_before_the_run() -> None:
     given = ["search.survivors=exact", "search.population=20"]
     Domain.load("burning_forest/paper.toml", overrides=given)
     with pytest.raises(LoadError, match="up to 68,923,264,410 families must be tried"):

@@ -20,7 +20,7 @@ def street(tmp_path_factory: pytest.TempPathFactory) -> Family:
     return generate(write_street(place), place / "run.sqlite", generations=3)
 
 
-def test_a_family_without_a_drawing_has_pictures_of_boxes(street: Family) -> None:
+def test_family_without_a_drawing_is_shown_as_object_boxes(street: Family) -> None:
     assert street.scene(street.members[0]) is None
     for member in street.members:
         boxes = [part.text for part in ElementTree.fromstring(street.svg(member)).iter(f"{SVG}text")]
@@ -29,7 +29,7 @@ def test_a_family_without_a_drawing_has_pictures_of_boxes(street: Family) -> Non
         assert lit == member.measures["light"] == street.text(member).count("│ Lit#")
 
 
-def test_counts_have_no_decimals_and_captions_stay_below_their_pictures(street: Family) -> None:
+def test_captions_are_shortened_and_show_counts_without_decimals(street: Family) -> None:
     long = replace(
         street.members[0], name="a street that is lit from its one end to the other", measures={"light": 2.0}
     )
@@ -44,7 +44,7 @@ def test_counts_have_no_decimals_and_captions_stay_below_their_pictures(street: 
     assert len(set(places)) == len(places) == 2 * len(family.members)
 
 
-def test_notebooks_show_a_family_and_its_members_as_they_are_drawn(street: Family) -> None:
+def test_notebooks_show_the_pictures_of_a_family_and_its_members(street: Family) -> None:
     html = street._repr_html_()
     assert html.count("<figure") == html.count("<svg") == len(street.members)
     shown = street.members[0]._repr_html_()

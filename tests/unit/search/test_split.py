@@ -25,7 +25,7 @@ def tiles(family: Family) -> dict[str, list[str]]:
     return {name: [model.graph.class_of(node) for node in range(1, 65)] for name, model in models.items()}
 
 
-def far(one: list[str], other: list[str]) -> int:
+def map_distance(one: list[str], other: list[str]) -> int:
     return sum(a != b for a, b in zip(one, other, strict=True))
 
 
@@ -33,17 +33,17 @@ def names(family: Family) -> list[str]:
     return [member.name for member in family.members]
 
 
-def test_distances_are_those_of_the_maps(family: Family, tiles: dict[str, list[str]]) -> None:
+def test_distances_of_members_count_the_different_tiles_of_their_maps(
+    family: Family, tiles: dict[str, list[str]]
+) -> None:
     found = family.distances()
     assert found.shape == (40, 40) and (found == found.T).all() and not found.diagonal().any()
     maps = [*tiles.values()]
-    assert found.tolist() == [[far(one, other) for other in maps] for one in maps]
-    assert (
-        found[:, None, :] <= found[:, :, None] + found[None]
-    ).all()  # none is longer than by way of a third
+    assert found.tolist() == [[map_distance(one, other) for other in maps] for one in maps]
+    assert (found[:, None, :] <= found[:, :, None] + found[None]).all()  # none is longer than by way of a third
 
 
-def test_a_split_has_each_member_once(family: Family) -> None:
+def test_split_assigns_each_member_to_one_part_reproducibly(family: Family) -> None:
     trained, tested = family.split(0.25, seed=3)
     assert (len(trained.members), len(tested.members)) == (30, 10)
     assert sorted([*names(trained), *names(tested)]) == sorted(names(family))
@@ -53,17 +53,19 @@ def test_a_split_has_each_member_once(family: Family) -> None:
     assert names(again[1]) == names(tested) != names(other[1]) and len(other[1].members) == 10
 
 
-def test_no_member_is_like_one_in_the_other_part(family: Family, tiles: dict[str, list[str]]) -> None:
+def test_split_with_a_minimum_distance_removes_members_close_to_the_other_part(
+    family: Family, tiles: dict[str, list[str]]
+) -> None:
     trained, tested = family.split(5, apart=9, seed=1)
     assert 0 < len(trained.members) < 35
     left_out = set(names(family)) - {*names(trained), *names(tested)}
     for member in family.members:
         if member.name not in names(tested):
-            nearest = min(far(tiles[member.name], tiles[other]) for other in names(tested))
+            nearest = min(map_distance(tiles[member.name], tiles[other]) for other in names(tested))
             assert (nearest < 9) == (member.name in left_out)
 
 
-def test_what_is_tested_can_be_said(family: Family) -> None:
+def test_split_by_a_predicate_selects_the_test_members(family: Family) -> None:
     values = sorted(member.measures["complexity"] for member in family.members)
     trained, tested = family.split(lambda member: member.measures["complexity"] >= values[30])
     assert len(tested.members) == 10
@@ -73,7 +75,7 @@ def test_what_is_tested_can_be_said(family: Family) -> None:
     assert names(family.between("complexity", low, high)) == band and len(band) >= 6
 
 
-def test_members_at_even_steps_make_a_curriculum(family: Family) -> None:
+def test_spaced_members_are_evenly_distributed_by_complexity(family: Family) -> None:
     found = family.spaced(6)
     values = [one.measures["complexity"] for one in family.members[:-1]]
     assert found.members[-1].initial and names(found)[-1] == "E40" and len(set(names(found))) == 6
@@ -85,7 +87,7 @@ def test_members_at_even_steps_make_a_curriculum(family: Family) -> None:
     assert names(family.spaced(40)) == names(family) and len(family.spaced(2).members) == 2
 
 
-def test_a_part_keeps_names_and_indices(family: Family, tmp_path: Path) -> None:
+def test_subset_keeps_the_names_and_key_index_of_the_family(family: Family, tmp_path: Path) -> None:
     part = family.subset(["E9", family.members[2], 5])
     assert names(part) == ["E3", "E5", "E9"] and part.keys == family.keys
     file = tmp_path / "part.json"
@@ -93,7 +95,7 @@ def test_a_part_keeps_names_and_indices(family: Family, tmp_path: Path) -> None:
     assert [one.model for one in read_family(file).members] == [one.model for one in part.members]
 
 
-def test_a_part_that_was_written_counts_the_objects_of_the_whole(family: Family, tmp_path: Path) -> None:
+def test_written_subset_keeps_the_key_index_of_the_whole_family(family: Family, tmp_path: Path) -> None:
     document = json.loads(write_family(family.subset(["E1"])))
     known = document["keys"]["Tile"]
     document["keys"]["Tile"] = [*known, [99, 99]]  # of a member that is in the other part
@@ -105,13 +107,11 @@ def test_a_part_that_was_written_counts_the_objects_of_the_whole(family: Family,
     assert table.n_observations > family.explored(family.members[0]).tabular.n_observations
 
 
-def test_members_are_columns(family: Family) -> None:
+def test_family_is_returned_as_columns_of_member_values(family: Family) -> None:
     columns = family.columns()
     assert [*columns] == ["name", "initial", "complexity"] and columns["initial"].sum() == 1
     assert columns["complexity"].tolist() == [one.measures["complexity"] for one in family.members]
-    certified = Member(
-        "E1", {"complexity": 0.5}, family.members[0].model, certificates={"plan": None, "limit": 9.0}
-    )
+    certified = Member("E1", {"complexity": 0.5}, family.members[0].model, certificates={"plan": None, "limit": 9.0})
     found = Family(family.name, family.bundle, (certified, family.members[1]), family.domain).columns()
     assert np.isnan(found["plan"]).all() and found["limit"][0] == 9.0 and np.isnan(found["limit"][1])
 
@@ -133,6 +133,6 @@ def test_members_are_columns(family: Family) -> None:
         lambda family: family.between("complexiy", 0, 1),
     ],
 )
-def test_parts_without_members_are_refused(family: Family, asked: Any) -> None:
+def test_invalid_or_empty_subsets_are_refused(family: Family, asked: Any) -> None:
     with pytest.raises(InvalidArgument, match=r"member|environment|complexity"):
         asked(family)

@@ -23,9 +23,7 @@ from envgraph.search import Generation, Individual, RunStore, generate, open_fam
 
 @pytest.fixture
 def store(tmp_path: Path) -> Iterator[RunStore]:
-    with RunStore.create(
-        tmp_path / "runs" / "a" / "run.sqlite", {"seed": 7}, {"a.query": "pattern"}
-    ) as store:
+    with RunStore.create(tmp_path / "runs" / "a" / "run.sqlite", {"seed": 7}, {"a.query": "pattern"}) as store:
         yield store
 
 
@@ -34,15 +32,15 @@ def individual(id_: int, generation: int = 0, parent: int | None = None) -> Indi
     return Individual(id_, generation, id_ - 1, parent, trace, {"complexity": id_ / 10}, f"{id_:016x}")
 
 
-def test_what_is_written_reads_back_equal(store: RunStore) -> None:
+def test_store_returns_the_written_generation_and_settings(store: RunStore) -> None:
     born = [individual(0), individual(1, parent=0)]
     store.write_generation(Generation(0, (0, 1), 1.0, 2, {"slow": 2, "wet": 3}), born)
     assert list(store.individuals()) == born
     assert store.last_generation() == Generation(0, (0, 1), 1.0, 2, {"slow": 2, "wet": 3})
-    assert store.history() == [(0, 1.0, 2, 5)]
-    assert store.reasons() == {"slow": 2, "wet": 3}
+    assert store.generation_statistics() == [(0, 1.0, 2, 5)]
+    assert store.rejection_counts() == {"slow": 2, "wet": 3}
     assert store.settings() == {"format": 2, "seed": 7}
-    assert store.sources() == {"a.query": "pattern"}
+    assert store.source_texts() == {"a.query": "pattern"}
 
 
 def test_the_tables_are_documented(store: RunStore) -> None:
@@ -69,15 +67,15 @@ def test_lineage_leads_from_the_initial_model_to_the_individual(store: RunStore)
     assert [ancestor.id for ancestor in store.lineage(2)] == [0, 1, 2]
 
 
-def test_a_store_that_was_opened_for_reading_is_not_written(store: RunStore) -> None:
+def test_store_opened_for_reading_refuses_writing(store: RunStore) -> None:
     with (
         RunStore.open(store.path) as reader,
         pytest.raises(InvalidArgument, match=r"was opened for reading; use .*writing=True"),
     ):
-        reader.set("seed", 3)
+        reader.set_setting("seed", 3)
 
 
-def test_a_generation_that_fails_half_way_leaves_nothing(store: RunStore) -> None:
+def test_generation_that_cannot_be_written_is_rolled_back(store: RunStore) -> None:
     store.write_generation(Generation(0, (0,), 0.0, 1), [individual(0)])
     with pytest.raises(InvalidArgument, match="cannot be written"):
         store.write_generation(Generation(1, (1,), 0.0, 1), [individual(1, 1, 0), individual(0, 1)])
@@ -87,7 +85,7 @@ def test_a_generation_that_fails_half_way_leaves_nothing(store: RunStore) -> Non
     assert last is not None and last.number == 0
 
 
-def test_models_are_added_later(store: RunStore) -> None:
+def test_models_can_be_added_to_stored_individuals(store: RunStore) -> None:
     store.write_generation(Generation(0, (0,), 0.0, 1), [individual(0)])
     store.write_models({0: "{}"})
     assert store.individual(0).model == "{}"
@@ -109,14 +107,10 @@ def test_an_existing_store_is_not_overwritten(store: RunStore) -> None:
         RunStore.create(store.path, {}, {})
 
 
-def test_of_two_processes_that_make_one_store_the_second_is_refused(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_second_process_that_creates_the_same_store_is_refused(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     path = tmp_path / "run.sqlite"
     RunStore.create(path, {"seed": 1}, {}).close()
-    monkeypatch.setattr(
-        Path, "exists", lambda self: False
-    )  # the other process was not yet done when we looked
+    monkeypatch.setattr(Path, "exists", lambda self: False)  # the other process was not yet done when we looked
     with pytest.raises(InvalidArgument, match="exists already"):
         RunStore.create(path, {"seed": 2}, {})
     with RunStore.open(path) as store:
@@ -165,16 +159,16 @@ def elsewhere() -> Iterator[Path]:
     shutil.rmtree(directory)
 
 
-def test_a_run_that_cannot_be_written_can_be_read(elsewhere: Path) -> None:
+def test_read_only_run_can_be_read(elsewhere: Path) -> None:
     path = elsewhere / "run.sqlite"
     family = generate("burning_forest/paper.toml", path, generations=1, population=2)
     text = write_family(family)
     with locked(elsewhere):
         assert write_family(open_family(path)) == text
         with RunStore.open(path) as store:
-            assert len(store.history()) == 2
+            assert len(store.generation_statistics()) == 2
             with pytest.raises(InvalidArgument, match="cannot be written"):
-                store.set("seed", 3)
+                store.set_setting("seed", 3)
     assert [file.name for file in elsewhere.iterdir()] == ["run.sqlite"]
 
 
@@ -187,23 +181,23 @@ def test_a_run_on_a_full_disk_can_be_read(tmp_path: Path) -> None:
         resource.setrlimit(resource.RLIMIT_FSIZE, (1_000, limits[1]))
         for _ in range(2):  # the first attempt may leave a file beside it
             with RunStore.open(path, writing=True) as store:
-                assert len(store.history()) == 2
+                assert len(store.generation_statistics()) == 2
                 with pytest.raises(
                     InvalidArgument, match=r"run\.sqlite cannot be written: .*; make room on the full disk"
                 ):
-                    store.set("seed", 3)
+                    store.set_setting("seed", 3)
         found = write_family(open_family(path))
     finally:
         resource.setrlimit(resource.RLIMIT_FSIZE, limits)
     assert found == text and path.read_bytes() == before
     with RunStore.open(path, writing=True) as store:
-        store.set("seed", 3)
+        store.set_setting("seed", 3)
 
 
-def test_a_run_that_was_killed_and_cannot_be_written_says_what_to_do(elsewhere: Path) -> None:
+def test_read_only_run_of_a_killed_process_is_refused_with_advice(elsewhere: Path) -> None:
     path = elsewhere / "run.sqlite"
     with RunStore.create(elsewhere / "open.sqlite", {"seed": 1}, {}) as store:
-        store.set("seed", 2)
+        store.set_setting("seed", 2)
         for ending in ("", "-wal"):  # as a kill leaves them
             shutil.copy(f"{store.path}{ending}", f"{path}{ending}")
     with locked(elsewhere), pytest.raises(InvalidArgument, match="copy its directory to a writable place"):
@@ -212,10 +206,10 @@ def test_a_run_that_was_killed_and_cannot_be_written_says_what_to_do(elsewhere: 
         assert again.settings()["seed"] == 2
 
 
-def test_a_store_that_is_overwritten_forgets_the_log_of_the_old_one(tmp_path: Path) -> None:
+def test_overwritten_store_discards_the_write_ahead_log_of_the_old_store(tmp_path: Path) -> None:
     path = tmp_path / "run.sqlite"
     with RunStore.create(tmp_path / "open.sqlite", {"seed": 1}, {}) as store:
-        store.set("seed", 2)
+        store.set_setting("seed", 2)
         for ending in ("", "-wal"):
             shutil.copy(f"{store.path}{ending}", f"{path}{ending}")
     with RunStore.create(path, {"seed": 3}, {}, overwrite=True) as again:
@@ -225,7 +219,7 @@ def test_a_store_that_is_overwritten_forgets_the_log_of_the_old_one(tmp_path: Pa
         assert again.settings()["seed"] == 3
 
 
-def test_a_store_whose_tables_have_damaged_names_is_none(store: RunStore) -> None:
+def test_store_with_damaged_table_names_is_refused(store: RunStore) -> None:
     path = store.path
     store.close()
     with closing(sqlite3.connect(path)) as connection:
@@ -258,9 +252,9 @@ OLD = (7, {"run.sqlite", "training/100/runs.csv", "tables/a.npz", "report.html",
 NEW = (8, {"run.sqlite", "notes.txt"})
 
 
-def test_a_run_is_replaced_when_the_new_one_has_a_generation(old: Path) -> None:
+def test_run_is_replaced_when_the_new_run_writes_its_first_generation(old: Path) -> None:
     with RunStore.create(old, {"seed": 8}, {}, overwrite=True) as new, RunStore.open(old) as reader:
-        new.set("more", 1)
+        new.set_setting("more", 1)
         assert new.settings()["seed"] == 8
         assert content(old)[0] == 7
         new.write_generation(Generation(0, (0, 1), 0.0, 2), [individual(0), individual(1)])
@@ -269,12 +263,10 @@ def test_a_run_is_replaced_when_the_new_one_has_a_generation(old: Path) -> None:
 
 
 @pytest.mark.parametrize("when", ["before", "within"])
-def test_an_error_leaves_the_run_that_was_to_be_replaced(
-    old: Path, when: str, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_error_while_a_run_is_replaced_keeps_the_old_run(old: Path, when: str, monkeypatch: pytest.MonkeyPatch) -> None:
     with pytest.raises(OSError, match="full"), RunStore.create(old, {"seed": 8}, {}, overwrite=True) as new:
         if when == "within":
-            monkeypatch.setattr("envgraph.search._store._connect", fail)
+            monkeypatch.setattr("envgraph.search._run_store._connect", fail)
             new.write_generation(Generation(0, (0,), 0.0, 1), [individual(0)])
         fail()
     monkeypatch.undo()
@@ -302,10 +294,8 @@ with RunStore.create(Path(sys.argv[1]), {"seed": 8}, {}, overwrite=True) as stor
 """
 
 
-@pytest.mark.parametrize(
-    ("function", "number", "left"), [("rename", 2, OLD), ("rename", 3, OLD), ("rmtree", 1, NEW)]
-)
-def test_a_kill_while_a_run_is_replaced_is_mended_by_the_next_command(
+@pytest.mark.parametrize(("function", "number", "left"), [("rename", 2, OLD), ("rename", 3, OLD), ("rmtree", 1, NEW)])
+def test_run_killed_during_replacement_is_repaired_by_the_next_command(
     old: Path, function: str, number: int, left: object, caplog: pytest.LogCaptureFixture
 ) -> None:
     code = subprocess.run([sys.executable, "-c", KILLED, old, function, str(number)], check=False).returncode
@@ -319,21 +309,15 @@ def test_a_kill_while_a_run_is_replaced_is_mended_by_the_next_command(
 
 
 @pytest.mark.parametrize("again", ["create", "open"])
-def test_a_second_writer_is_refused_by_the_process_of_the_first(store: RunStore, again: str) -> None:
+def test_second_writer_is_refused_with_the_process_of_the_first_writer(store: RunStore, again: str) -> None:
     store.write_generation(Generation(0, (0,), 0.0, 1), [individual(0)])
     code = (
         "import sys; from pathlib import Path; from envgraph.search import RunStore\n"
         "path = Path(sys.argv[1])\n"
         "print(RunStore.open(path).last_generation().number)\n"
-        + (
-            "RunStore.open(path, writing=True)"
-            if again == "open"
-            else "RunStore.create(path, {}, {}, overwrite=True)"
-        )
+        + ("RunStore.open(path, writing=True)" if again == "open" else "RunStore.create(path, {}, {}, overwrite=True)")
     )
-    done = subprocess.run(
-        [sys.executable, "-c", code, store.path], check=False, capture_output=True, text=True
-    )
+    done = subprocess.run([sys.executable, "-c", code, store.path], check=False, capture_output=True, text=True)
     holder = f"process {os.getpid()} on host {socket.gethostname()}"
     assert done.stdout == "0\n" and f"{holder} is writing {store.path}" in done.stderr
     with pytest.raises(InvalidArgument, match=r"process \d+ on host .* is writing"):
@@ -347,7 +331,7 @@ def test_a_second_writer_is_refused_by_the_process_of_the_first(store: RunStore,
     "make",
     [os.mkfifo, os.mkdir, lambda path: path.symlink_to("mine"), lambda path: path.symlink_to("/dev/zero")],
 )
-def test_what_is_not_a_file_in_place_of_a_lock_is_an_error(old: Path, make: Callable[[Path], object]) -> None:
+def test_lock_path_that_is_not_a_file_is_an_error(old: Path, make: Callable[[Path], object]) -> None:
     (old.parent / "mine").write_text("mine")
     make(old.parent / ".run.sqlite.lock")
     with pytest.raises(InvalidArgument, match=r"\.run\.sqlite\.lock is not a file; remove "):
@@ -359,7 +343,7 @@ LINKS = ("run.sqlite", "report.html", "tables", "training", "training/300", "tra
 
 
 @pytest.mark.parametrize("name", LINKS)
-def test_a_run_with_links_is_refused(old: Path, tmp_path: Path, name: str) -> None:
+def test_run_with_symbolic_links_is_refused(old: Path, tmp_path: Path, name: str) -> None:
     link = old.parent / name
     target = tmp_path / "elsewhere"
     if link.exists():
@@ -372,14 +356,12 @@ def test_a_run_with_links_is_refused(old: Path, tmp_path: Path, name: str) -> No
         lambda: RunStore.open(old, writing=True),
         lambda: RunStore.create(old, {}, {}, overwrite=True),
     ):
-        with pytest.raises(
-            InvalidArgument, match=f"{name} is a symbolic link" if name != "run.sqlite" else "link"
-        ):
+        with pytest.raises(InvalidArgument, match=f"{name} is a symbolic link" if name != "run.sqlite" else "link"):
             again()
 
 
 @pytest.mark.parametrize("kind", ["link", "file", "pipe", "directory"])
-def test_only_results_are_moved_back_to_a_run(old: Path, tmp_path: Path, kind: str) -> None:
+def test_repair_of_a_run_ignores_foreign_files_and_symbolic_links(old: Path, tmp_path: Path, kind: str) -> None:
     """Whoever reads a run of a stranger loses no file outside of it."""
     precious = tmp_path / "precious"
     precious.mkdir()
@@ -400,14 +382,14 @@ def test_only_results_are_moved_back_to_a_run(old: Path, tmp_path: Path, kind: s
 
 
 @pytest.mark.parametrize("how", ["removed", "replaced"])
-def test_a_store_that_is_replaced_under_a_writer_is_noticed(old: Path, how: str) -> None:
+def test_replacing_or_removing_an_open_store_is_reported_to_its_writer(old: Path, how: str) -> None:
     with RunStore.open(old, writing=True) as store:
         other = old.read_bytes()
         old.unlink()
         if how == "replaced":
             old.write_bytes(other)
         with pytest.raises(InvalidArgument, match="was replaced or removed while this command used it"):
-            store.set("seed", 9)
+            store.set_setting("seed", 9)
     assert how == "removed" or content(old)[0] == 7
 
 
@@ -419,7 +401,7 @@ def test_a_store_that_is_replaced_under_a_writer_is_noticed(old: Path, how: str)
         "CREATE VIRTUAL TABLE evil USING fts5(a)",
     ],
 )
-def test_what_would_run_in_a_store_of_somebody_else_is_refused(old: Path, statement: str) -> None:
+def test_store_with_views_or_triggers_is_refused(old: Path, statement: str) -> None:
     with closing(sqlite3.connect(old)) as file:
         file.execute(statement)
     for writing in (False, True):
@@ -427,7 +409,7 @@ def test_what_would_run_in_a_store_of_somebody_else_is_refused(old: Path, statem
             RunStore.open(old, writing=writing)
 
 
-def test_damage_is_found_before_a_run_goes_on(old: Path) -> None:
+def test_damaged_store_is_refused_for_writing(old: Path) -> None:
     with closing(sqlite3.connect(old)) as file:
         size, page = file.execute("PRAGMA page_size").fetchone()[0], 0
         (page,) = file.execute("SELECT rootpage FROM sqlite_schema WHERE name = 'generation'").fetchone()
@@ -454,7 +436,7 @@ def test_an_individual_that_was_changed_is_refused(old: Path, change: str) -> No
         store.individual(0)
 
 
-def test_stores_without_hashes_open_and_go_on(old: Path) -> None:
+def test_stores_without_hashes_can_be_read_and_continued(old: Path) -> None:
     with closing(sqlite3.connect(old)) as file:
         file.execute("DROP TABLE content")
     with RunStore.open(old, writing=True) as store:

@@ -57,12 +57,10 @@ model target : burning_forest {{
 
 
 def evolved(forest: str, store: Path, generations: int, *overrides: str) -> Family:
-    return generate(
-        forest, store, seed=1, population=20, generations=generations, overrides=(*STRENGTH, *overrides)
-    )
+    return generate(forest, store, seed=1, population=20, generations=generations, overrides=(*STRENGTH, *overrides))
 
 
-def test_a_large_model_leaves_the_bin_that_single_applications_do_not(forest: str, tmp_path: Path) -> None:
+def test_heavy_tailed_strength_reaches_all_bins_of_a_large_model(forest: str, tmp_path: Path) -> None:
     single = evolved(forest, tmp_path / "single.sqlite", 25, "mutation.strength=single")
     assert Outcome.of(single).diversity == 0
     with RunStore.open(tmp_path / "single.sqlite") as store:
@@ -72,7 +70,7 @@ def test_a_large_model_leaves_the_bin_that_single_applications_do_not(forest: st
     assert found.diversity == found.maximum and len(set(found.bins)) == 20
 
 
-def test_applications_are_few_or_many_and_of_one_rule_or_mixed(forest: str, tmp_path: Path) -> None:
+def test_mutations_have_few_or_many_applications_of_one_or_several_rules(forest: str, tmp_path: Path) -> None:
     evolved(forest, tmp_path / "run.sqlite", 10, "search.target=false")
     with RunStore.open(tmp_path / "run.sqlite") as store:
         traces = [one.trace for one in store.individuals() if one.generation > 0]
@@ -107,10 +105,10 @@ def test_an_interrupted_run_resumes_to_the_same_store(forest: str, tmp_path: Pat
     resume(tmp_path / "cut.sqlite")
     with RunStore.open(tmp_path / "cut.sqlite") as cut, RunStore.open(tmp_path / "whole.sqlite") as whole:
         assert list(cut.individuals()) == list(whole.individuals())
-        assert cut.history() == whole.history() and len(whole.history()) == 6
+        assert cut.generation_statistics() == whole.generation_statistics() and len(whole.generation_statistics()) == 6
 
 
-def test_random_families_take_the_same_mutations(forest: str, tmp_path: Path) -> None:
+def test_random_families_use_the_mutation_strength_of_the_file(forest: str, tmp_path: Path) -> None:
     evolved(forest, tmp_path / "run.sqlite", 2)
     family = open_family(str(tmp_path / "run.sqlite"), tmp_path)
     found = next(random_families(family, 1, (1,) * 20))

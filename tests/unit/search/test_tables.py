@@ -17,14 +17,14 @@ from gymnasium.utils.env_checker import check_env
 
 import envgraph.env
 from envgraph.cli import main
-from envgraph.env import Explored, TooManyStates
+from envgraph.env import ExploredEnvironment, TooManyStates
 from envgraph.errors import LIMITS, InvalidArgument
 from envgraph.lang import bundled_domain
 from envgraph.search import (
     Components,
     Domain,
     Family,
-    domain_problems,
+    check_domain,
     generate,
     make,
     make_environment,
@@ -42,11 +42,11 @@ def visited(monkeypatch: pytest.MonkeyPatch) -> list[bool]:
     """An entry for each enumeration: whether it made pictures."""
     found: list[bool] = []
 
-    def explore(*arguments: object, pictures: bool, **options: object) -> Explored:
+    def explore(*arguments: object, pictures: bool, **options: object) -> ExploredEnvironment:
         found.append(pictures)
         return envgraph.env.explore(*arguments, pictures=pictures, **options)  # type: ignore[arg-type]
 
-    monkeypatch.setattr("envgraph.env.compiled.explored", explore)
+    monkeypatch.setattr("envgraph.env.compiled.explore_fast", explore)
     return found
 
 
@@ -79,16 +79,16 @@ def exported(made: tuple[bytes, str], tmp_path: Path) -> Path:
     return path
 
 
-def kept(place: Path) -> list[Path]:
+def cached_tables(place: Path) -> list[Path]:
     return sorted(place.glob("*.npz")) if place.exists() else []
 
 
-def test_a_run_keeps_the_states_of_its_members(run: Path, cache: Path, visited: list[bool]) -> None:
+def test_tables_of_members_are_cached_beside_the_run(run: Path, cache: Path, visited: list[bool]) -> None:
     for _ in range(2):
         family = open_family(run)
         sizes = [family.explored(member).tabular.n_states for member in family.members]
     assert visited == [False] * 2
-    assert len(kept(run.parent / "tables")) == 2 and not kept(cache)
+    assert len(cached_tables(run.parent / "tables")) == 2 and not cached_tables(cache)
     assert sizes == [table.n_states for table in map(fresh, family.members, [family] * 2)]
 
 
@@ -97,7 +97,7 @@ def fresh(member: object, family: Family) -> envgraph.env.Tabular:
     return envgraph.env.explore(engine, family.behaviour, family.keys).tabular
 
 
-def test_everybody_uses_them(
+def test_training_and_environments_use_the_cached_tables(
     run: Path, visited: list[bool], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.chdir(tmp_path)
@@ -113,21 +113,21 @@ def test_everybody_uses_them(
     assert visited == [False] * 2
 
 
-def test_a_family_file_and_a_domain_have_theirs_in_the_cache_of_the_user(
+def test_tables_of_family_files_and_domains_are_cached_in_the_user_cache(
     exported: Path, cache: Path, visited: list[bool]
 ) -> None:
     for _ in range(2):
         make_environment(family=exported, variant=1)
         make_environment("burning_forest")
     assert visited == [False] * 2
-    assert len(kept(cache)) == 2
+    assert len(cached_tables(cache)) == 2
 
 
-def test_texts_are_read_for_the_first_environment_alone(
+def test_family_texts_are_read_only_for_the_first_environment(
     run: Path, exported: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     limits = [make(stored, 1).spec.max_episode_steps for stored in (run, exported)]  # type: ignore[union-attr]
-    monkeypatch.setattr("envgraph.search.families._opened.open_family", None)  # what would read them
+    monkeypatch.setattr("envgraph.search.families._lazy_family.open_family", None)  # what would read them
     for stored in run, exported:
         assert make(stored, "E1").spec.max_episode_steps == limits.pop(0) == 200  # type: ignore[union-attr]
         make_vec(stored, 2, variant=[1, 1]).close()
@@ -136,13 +136,13 @@ def test_texts_are_read_for_the_first_environment_alone(
 
 
 @pytest.mark.parametrize("changed", ["source SET text = text", "individual SET model = model"])
-def test_a_changed_run_is_read_again(run: Path, monkeypatch: pytest.MonkeyPatch, changed: str) -> None:
+def test_changed_run_invalidates_its_cached_record(run: Path, monkeypatch: pytest.MonkeyPatch, changed: str) -> None:
     make(run)
     with closing(sqlite3.connect(run)) as store:
         store.execute(f"UPDATE {changed} || ' '")
         store.execute("DROP TABLE content")  # as in a store of an older version
         store.commit()
-    monkeypatch.setattr("envgraph.search.families._opened.open_family", None)
+    monkeypatch.setattr("envgraph.search.families._lazy_family.open_family", None)
     with pytest.raises(TypeError):
         make(run)
 
@@ -157,19 +157,17 @@ def test_a_damaged_record_is_made_anew(run: Path, damage: str) -> None:
     assert record.read_text(encoding="utf-8") == good
 
 
-def test_pictures_are_made_for_those_who_want_to_see(
+def test_pictures_are_computed_only_for_environments_that_render(
     exported: Path, cache: Path, visited: list[bool]
 ) -> None:
     env = gymnasium.make(ID, family=exported)
     check_env(env.unwrapped)  # makes three more, of which two can be drawn
     make_environment(family=exported)
     assert visited == [False, True]
-    assert len(kept(cache)) == 1
+    assert len(cached_tables(cache)) == 1
 
 
-def test_an_edited_behaviour_never_meets_an_old_table(
-    cache: Path, visited: list[bool], tmp_path: Path
-) -> None:
+def test_edited_domain_files_invalidate_cached_tables(cache: Path, visited: list[bool], tmp_path: Path) -> None:
     domain = tmp_path / "domain"
     shutil.copytree(bundled_domain("burning_forest"), domain)
     make_environment(str(domain))
@@ -183,14 +181,14 @@ def test_an_edited_behaviour_never_meets_an_old_table(
         assert old in text
         (domain / name).write_text(text.replace(old, new, 1), encoding="utf-8")
         assert float(make_environment(str(domain)).tabular.reward.max()) == 11.0  # type: ignore[union-attr]
-    assert len(visited) == len(kept(cache)) == 4
+    assert len(visited) == len(cached_tables(cache)) == 4
     text = (domain / "family.toml").read_text(encoding="utf-8")
     (domain / "family.toml").write_text(f"# How to search changes no state.\n{text}", encoding="utf-8")
     make_environment(str(domain))
     assert len(visited) == 4
 
 
-def test_a_check_of_a_directory_meets_no_old_table(
+def test_check_of_edited_rules_uses_no_cached_table(
     cache: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     domain = tmp_path / "domain"
@@ -205,12 +203,12 @@ def test_a_check_of_a_directory_meets_no_old_table(
     assert "violates `reachable success`" in capsys.readouterr().err
     rules.write_text(text, encoding="utf-8")
     assert main() == 0
-    assert not kept(cache)  # a search of states keeps nothing
+    assert not cached_tables(cache)  # a search of states keeps nothing
 
 
 def test_a_damaged_table_is_made_anew(exported: Path, cache: Path, visited: list[bool]) -> None:
     make_environment(family=exported)
-    (file,) = kept(cache)
+    (file,) = cached_tables(cache)
     good = file.read_bytes()
     file.write_bytes(good[:-200])
     make_environment(family=exported)
@@ -218,7 +216,7 @@ def test_a_damaged_table_is_made_anew(exported: Path, cache: Path, visited: list
     assert file.read_bytes() == good
 
 
-def test_a_table_of_another_user_in_the_cache_is_not_read(
+def test_cached_table_owned_by_another_user_is_not_read(
     exported: Path, cache: Path, visited: list[bool], monkeypatch: pytest.MonkeyPatch
 ) -> None:
     make_environment(family=exported)
@@ -228,18 +226,18 @@ def test_a_table_of_another_user_in_the_cache_is_not_read(
     assert visited == [False] * 2
 
 
-def test_too_many_states_are_found_out_once(
+def test_too_many_states_are_cached_as_a_refusal(
     exported: Path, cache: Path, monkeypatch: pytest.MonkeyPatch, visited: list[bool]
 ) -> None:
     family = open_family(exported)
     behaviour = family.behaviour
     words: list[tuple[object, ...]] = []
 
-    def explore(*arguments: object, **options: object) -> Explored:
+    def explore(*arguments: object, **options: object) -> ExploredEnvironment:
         visited.append(False)
         raise TooManyStates(behaviour, 7)
 
-    monkeypatch.setattr("envgraph.env.compiled.explored", explore)
+    monkeypatch.setattr("envgraph.env.compiled.explore_fast", explore)
     for _ in range(2):
         with pytest.raises(TooManyStates, match="more than 7 states") as refused:
             family.explored(family.members[0])
@@ -252,7 +250,9 @@ def test_too_many_states_are_found_out_once(
     assert len(visited) == 2
 
 
-def test_what_functions_of_python_do_is_not_kept(cache: Path, visited: list[bool], tmp_path: Path) -> None:
+def test_tables_of_behaviours_with_python_functions_are_not_cached(
+    cache: Path, visited: list[bool], tmp_path: Path
+) -> None:
     domain = tmp_path / "domain"
     shutil.copytree(bundled_domain("burning_forest"), domain)
     query = domain / "burning_forest.query"
@@ -266,25 +266,25 @@ def test_what_functions_of_python_do_is_not_kept(cache: Path, visited: list[bool
         )
         family.explored(family.members[0])
     assert visited == [False] * 2
-    assert not kept(cache) and not kept(tmp_path / "tables")
+    assert not cached_tables(cache) and not cached_tables(tmp_path / "tables")
 
 
-def test_it_can_be_switched_off(run: Path, visited: list[bool], monkeypatch: pytest.MonkeyPatch) -> None:
+def test_table_cache_can_be_switched_off(run: Path, visited: list[bool], monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setenv("ENVGRAPH_CACHE", "off")
     make_environment(family=run)
     make_environment(family=run)
     assert visited == [False] * 2
-    assert not kept(run.parent / "tables")
+    assert not cached_tables(run.parent / "tables")
 
 
-def test_where_nothing_can_be_written_the_user_is_next_and_then_it_is_told(
+def test_unwritable_cache_falls_back_to_the_user_cache_and_then_warns(
     run: Path, cache: Path, visited: list[bool], caplog: pytest.LogCaptureFixture
 ) -> None:
     (run.parent / "tables").touch()  # as good as a directory that may not be written, whoever runs the test
     with caplog.at_level(logging.WARNING, "envgraph"):
         make_environment(family=run)
         make_environment(family=run)
-        assert len(visited) == len(kept(cache)) == 1 and not caplog.messages
+        assert len(visited) == len(cached_tables(cache)) == 1 and not caplog.messages
         shutil.rmtree(cache)
         cache.touch()
         make_environment(family=run)
@@ -292,9 +292,7 @@ def test_where_nothing_can_be_written_the_user_is_next_and_then_it_is_told(
     assert "could not be cached" in message and "ENVGRAPH_CACHE" in message
 
 
-def test_pipes_in_the_cache_are_neither_read_nor_written(
-    exported: Path, cache: Path, visited: list[bool]
-) -> None:
+def test_pipes_in_the_cache_are_neither_read_nor_written(exported: Path, cache: Path, visited: list[bool]) -> None:
     make_environment(family=exported)
     names = [path.name for path in cache.iterdir() if path.suffix in (".npz", ".record")]
     assert len(names) >= 2
@@ -306,7 +304,7 @@ def test_pipes_in_the_cache_are_neither_read_nor_written(
     assert all((cache / name).is_fifo() for name in names)
 
 
-def test_what_nobody_has_used_for_longest_makes_room(
+def test_least_recently_used_tables_are_removed_from_the_full_cache(
     exported: Path, cache: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     cache.mkdir()
@@ -315,11 +313,11 @@ def test_what_nobody_has_used_for_longest_makes_room(
         os.utime(cache / name, (time.time() - age,) * 2)
     monkeypatch.setitem(LIMITS, "cached bytes", 1_500_000)
     make_environment(family=exported, variant=1)
-    assert [path.name for path in kept(cache)][1:] == ["used.npz"]
+    assert [path.name for path in cached_tables(cache)][1:] == ["used.npz"]
     assert (cache / "notes.txt").exists()
 
 
-def test_many_may_write_and_read_at_once(exported: Path, cache: Path) -> None:
+def test_threads_can_read_and_write_cached_tables_concurrently(exported: Path, cache: Path) -> None:
     found: list[int] = []
     families = [open_family(exported) for _ in range(4)]
 
@@ -332,10 +330,10 @@ def test_many_may_write_and_read_at_once(exported: Path, cache: Path) -> None:
     for thread in threads:
         thread.join()
     assert len(found) == 4 and len(set(found)) == 1
-    assert [path.suffix for path in kept(cache)] == [".npz"]
+    assert [path.suffix for path in cached_tables(cache)] == [".npz"]
 
 
-def test_a_person_at_a_terminal_sees_the_states_being_counted(
+def test_terminal_shows_the_progress_of_state_enumeration(
     cache: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     monkeypatch.setattr("sys.stderr.isatty", lambda: True, raising=False)
@@ -343,7 +341,7 @@ def test_a_person_at_a_terminal_sees_the_states_being_counted(
     assert "\rstates of BurningForest: 48, 100 outcomes\x1b[K\r" in capsys.readouterr().err
 
 
-def test_of_several_members_it_is_told_whose_states_are_counted(
+def test_progress_names_the_member_whose_states_are_enumerated(
     exported: Path, cache: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     monkeypatch.setattr("sys.stderr.isatty", lambda: True, raising=False)
@@ -353,15 +351,13 @@ def test_of_several_members_it_is_told_whose_states_are_counted(
     assert "\renvironments: 1 of 2, E1" in told
 
 
-def test_check_generate_and_make_visit_the_states_of_the_initial_model_once(
+def test_check_measure_and_make_share_the_states_of_the_initial_model(
     cache: Path, visited: list[bool], monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(
-        "envgraph.env.compiled._enumeration.explored", None
-    )  # what would visit them each time
+    monkeypatch.setattr("envgraph.env.compiled._enumeration.explore_fast", None)  # what would visit them each time
     for _ in range(2):
         domain = Domain.load("keydoor/diverse.toml")
-        assert domain_problems(domain.spec, domain.workspace) == []
-    assert domain.problem(domain.engine()).measure()["plan"] == 9.0
+        assert check_domain(domain.spec, domain.workspace) == []
+    assert domain.problem(domain.engine()).compute_measures()["plan"] == 9.0
     make_environment("keydoor")
-    assert visited == [False] and [path.suffix for path in kept(cache)] == [".npz"]
+    assert visited == [False] and [path.suffix for path in cached_tables(cache)] == [".npz"]

@@ -39,17 +39,14 @@ def tables(draw: st.DrawFn) -> Tabular:
         following, quarters = draw(st.integers(0, states - 1)), draw(st.integers(-4, 4))
         return (eighths / 8, following, quarters / 4, draw(st.sampled_from([0, 0, 0, 1, 2])))
 
-    rows = [
-        [[outcome(eighths) for eighths in draw(st.sampled_from(EIGHTHS))] for _ in "ab"]
-        for _ in range(states)
-    ]
+    rows = [[[outcome(eighths) for eighths in draw(st.sampled_from(EIGHTHS))] for _ in "ab"] for _ in range(states)]
     return table(rows, {0: 1.0} if states == 1 else {0: 0.25, states - 1: 0.75})
 
 
 Reading = Callable[[Fraction, int, Fraction, int, Fraction], Fraction]
 
 
-def fractions(
+def exact_expectation(
     tabular: Tabular, shares: Sequence[Sequence[Fraction]] | None, limit: int, reading: Reading
 ) -> Fraction:
     """Expectation of what `reading` makes of each outcome, of the best action if there is no policy; by recursion."""
@@ -77,11 +74,13 @@ def fractions(
     return sum((Fraction(weight) * worth(state, limit) for state, weight in starts), Fraction(0))
 
 
-def succeeds(chance: Fraction, ended: int, reward: Fraction, following: int, after: Fraction) -> Fraction:
+def success_reading(chance: Fraction, ended: int, reward: Fraction, following: int, after: Fraction) -> Fraction:
     return chance * (1 if ended == 1 else after)
 
 
-def halved(chance: Fraction, ended: int, reward: Fraction, following: int, after: Fraction) -> Fraction:
+def half_discounted_reading(
+    chance: Fraction, ended: int, reward: Fraction, following: int, after: Fraction
+) -> Fraction:
     return chance * (reward + after / 2)
 
 
@@ -91,16 +90,14 @@ def test_certificates_are_those_of_fractions(tabular: Tabular, limit: int, eight
     even = [[Fraction(1, 2)] * 2] * tabular.n_states
     found = certify(tabular, np.array(shares, dtype=np.float64), limit=limit, discount=0.5)
     expected = {
-        "random_success": fractions(tabular, even, limit, succeeds),
-        "optimal_return": fractions(tabular, None, limit, halved),
-        "success": fractions(tabular, shares, limit, succeeds),
-        "policy_return": fractions(tabular, shares, limit, halved),
+        "random_success": exact_expectation(tabular, even, limit, success_reading),
+        "optimal_return": exact_expectation(tabular, None, limit, half_discounted_reading),
+        "success": exact_expectation(tabular, shares, limit, success_reading),
+        "policy_return": exact_expectation(tabular, shares, limit, half_discounted_reading),
     }
     for name, value in expected.items():
         assert getattr(found, name) == pytest.approx(float(value), rel=1e-13, abs=1e-13), name
-    assert found.regret == pytest.approx(
-        float(expected["optimal_return"] - expected["policy_return"]), abs=1e-13
-    )
+    assert found.regret == pytest.approx(float(expected["optimal_return"] - expected["policy_return"]), abs=1e-13)
     assert found.regret >= -1e-13
     p = expected["success"]
     assert found.learnability == pytest.approx(float(p * (1 - p)), abs=1e-13)
@@ -108,19 +105,17 @@ def test_certificates_are_those_of_fractions(tabular: Tabular, limit: int, eight
 
 
 @given(tables(), st.sampled_from([1, 2]))
-def test_the_shortest_plan_is_the_first_limit_within_which_an_outcome_has_a_chance(
-    tabular: Tabular, outcome: int
-) -> None:
+def test_the_shortest_plan_is_the_smallest_limit_with_a_positive_probability(tabular: Tabular, outcome: int) -> None:
     def ends_so(chance: Fraction, ended: int, reward: Fraction, following: int, after: Fraction) -> Fraction:
         return chance * (1 if ended == outcome else after)
 
     limits = range(1, tabular.n_states + 1)
-    first = next((limit for limit in limits if fractions(tabular, None, limit, ends_so) > 0), inf)
+    first = next((limit for limit in limits if exact_expectation(tabular, None, limit, ends_so) > 0), inf)
     assert shortest_plan(tabular, outcome) == shortest_plan(tabular, outcome, native=False) == first
 
 
 @pytest.mark.parametrize("seed", range(6))
-def test_without_a_limit_that_matters_they_solve_linear_equations(seed: int) -> None:
+def test_certificates_with_a_large_limit_agree_with_linear_equations(seed: int) -> None:
     tabular = random_table(seed)
     policy = np.random.default_rng(seed).dirichlet(np.ones(3), size=12)
     chance = policy[:, :, None] * tabular.probability
@@ -132,12 +127,8 @@ def test_without_a_limit_that_matters_they_solve_linear_equations(seed: int) -> 
     visits = np.linalg.solve((np.eye(12) - moves).T, start)
     discounted = np.linalg.solve((np.eye(12) - 0.9 * moves).T, start)
     found = certify(tabular, policy, limit=5_000, discount=0.9)
-    assert found.success == pytest.approx(
-        visits @ (chance * (tabular.terminated == 1)).sum(axis=(1, 2)), rel=1e-12
-    )
-    assert found.policy_return == pytest.approx(
-        discounted @ (chance * tabular.reward).sum(axis=(1, 2)), rel=1e-12
-    )
+    assert found.success == pytest.approx(visits @ (chance * (tabular.terminated == 1)).sum(axis=(1, 2)), rel=1e-12)
+    assert found.policy_return == pytest.approx(discounted @ (chance * tabular.reward).sum(axis=(1, 2)), rel=1e-12)
     best = value_iteration(tabular, 0.9, 1e-13)
     assert found.optimal_return == pytest.approx(start @ best.values, rel=1e-12)
     assert certify(tabular, best.policy, limit=5_000, discount=0.9).regret == pytest.approx(0.0, abs=1e-12)
@@ -145,9 +136,7 @@ def test_without_a_limit_that_matters_they_solve_linear_equations(seed: int) -> 
 
 @pytest.mark.skipif(find_spec("numba") is None, reason="needs numba")
 @pytest.mark.parametrize("seed", range(4))
-def test_compiled_loops_and_those_of_python_give_the_same_bits(
-    seed: int, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_compiled_and_python_loops_give_identical_results(seed: int, monkeypatch: pytest.MonkeyPatch) -> None:
     cases = [random_table(seed), forest(["SVB", "RWR", "BVG"])]
     policies = [np.random.default_rng(seed).integers(one.n_actions, size=one.n_states) for one in cases]
 
@@ -172,20 +161,20 @@ def test_certificates_of_the_published_target() -> None:
     assert found.regret == pytest.approx(0.0, abs=1e-12)
 
 
-def test_without_a_policy_it_is_the_random_walk_that_learns() -> None:
+def test_certificates_without_a_policy_use_the_random_walk() -> None:
     coin = table([[[(1.0, 1, 1.0, 1)], [(1.0, 0, 0.0, 0)]], [END, END]])
     found = certify(coin, limit=1)
     assert (found.random_success, found.success, found.policy_return) == (0.5, 0.5, 0.5)
     assert (found.regret, found.learnability) == (0.5, 0.25)
 
 
-def test_actions_and_their_probabilities_are_the_same_policy() -> None:
+def test_a_policy_can_be_given_as_actions_or_as_probabilities() -> None:
     tabular = random_table(1)
     actions = np.arange(12) % 3
     assert certify(tabular, actions) == certify(tabular, np.eye(3)[actions])
 
 
-def test_success_that_takes_longer_than_the_limit_is_out_of_reach() -> None:
+def test_a_table_is_not_solvable_if_success_takes_longer_than_the_limit() -> None:
     way = table([[[(1.0, 1, 0.0, 0)]], [[(1.0, 1, 1.0, 1)]]])
     near, far = certify(way, limit=2), certify(way, limit=1)
     assert (near.shortest_plan, near.solvable, near.random_success) == (2.0, True, 1.0)
@@ -193,7 +182,7 @@ def test_success_that_takes_longer_than_the_limit_is_out_of_reach() -> None:
     assert certify(forest(["SB", "BG"])).shortest_plan == inf
 
 
-def test_the_best_agent_counts_the_steps() -> None:
+def test_the_optimal_return_uses_policies_that_depend_on_the_step() -> None:
     """Waiting is worth 1 a step, leaving at the last one 5: no policy over states does both."""
     door = table([[[(1.0, 0, 1.0, 0)], [(1.0, 1, 5.0, 1)]], [END, END]])
     assert optimal_return(door, 10) == 14.0
@@ -202,9 +191,7 @@ def test_the_best_agent_counts_the_steps() -> None:
 
 
 @given(st.lists(st.integers(-5, 5), min_size=1, max_size=6), st.integers(1, 12))
-def test_cvar_is_the_greatest_lower_bound_of_rockafellar_and_uryasev(
-    values: list[int], twelfths: int
-) -> None:
+def test_cvar_is_the_greatest_lower_bound_of_rockafellar_and_uryasev(values: list[int], twelfths: int) -> None:
     alpha = Fraction(twelfths, 12)
     bounds = (
         level - sum((Fraction(max(level - value, 0)) for value in values), Fraction(0)) / len(values) / alpha
@@ -213,7 +200,7 @@ def test_cvar_is_the_greatest_lower_bound_of_rockafellar_and_uryasev(
     assert cvar(values, twelfths / 12) == pytest.approx(float(max(bounds)), abs=1e-12)
 
 
-def test_cvar_goes_from_the_worst_to_the_mean() -> None:
+def test_cvar_is_the_minimum_at_alpha_0_and_the_mean_at_alpha_1() -> None:
     assert cvar([3.0, 1.0, 2.0], 0.0) == 1.0
     assert cvar([3.0, 1.0, 2.0], 1.0) == 2.0
     assert cvar([inf, 1.0, 3.0], 0.5) == pytest.approx(5 / 3)
@@ -221,13 +208,13 @@ def test_cvar_goes_from_the_worst_to_the_mean() -> None:
 
 
 @pytest.mark.parametrize("policy", [[0.5, 0.4], [1.5, -0.5], [0.5, float("nan")]])
-def test_what_is_no_distribution_is_refused(policy: list[float]) -> None:
+def test_a_policy_that_is_not_a_distribution_is_refused(policy: list[float]) -> None:
     two = table([[[(1.0, 0, 0.0, 0)]] * 2])
     with pytest.raises(InvalidArgument, match="probabilities of actions"):
         evaluate_policy(two, np.array([policy]), 1)
 
 
-def test_arguments_that_do_not_fit_are_refused() -> None:
+def test_invalid_arguments_are_refused() -> None:
     loop = table([[[(1.0, 0, 0.0, 0)]]])
     for policy in (np.zeros(2, int), np.zeros(1), np.ones((1, 2))):
         with pytest.raises(InvalidArgument, match="`policy` has the shape"):

@@ -13,7 +13,7 @@ from tests.unit.learn.small_tables import random_table
 
 @pytest.mark.parametrize("discount", [1.0, 0.9])
 @pytest.mark.parametrize(("outcomes", "starts"), [(1, 1), (3, 1), (2, 4)])
-def test_both_ways_agree_on_random_tables(outcomes: int, starts: int, discount: float) -> None:
+def test_both_computations_agree_on_random_tables(outcomes: int, starts: int, discount: float) -> None:
     for seed in range(10):
         table = random_table(seed, outcomes, starts)
         one, other = (how(table, limit=17, discount=discount) for how in (certify, recomputed))
@@ -21,7 +21,7 @@ def test_both_ways_agree_on_random_tables(outcomes: int, starts: int, discount: 
             assert getattr(one, name) == pytest.approx(getattr(other, name), rel=1e-12, abs=1e-12), name
 
 
-def test_both_ways_agree_on_the_published_family() -> None:
+def test_both_computations_agree_on_the_published_family() -> None:
     for table in published_family():
         one, other = certify(table), recomputed(table)
         assert one.shortest_plan == other.shortest_plan < inf
@@ -29,7 +29,7 @@ def test_both_ways_agree_on_the_published_family() -> None:
         assert one.optimal_return == pytest.approx(other.optimal_return, rel=1e-12)
 
 
-def test_what_cannot_be_solved_has_no_plan() -> None:
+def test_an_unsolvable_table_has_an_infinite_shortest_plan() -> None:
     table = random_table(1)
     closed = replace(table, terminated=np.zeros_like(table.terminated))
     assert recomputed(closed).shortest_plan == certify(closed).shortest_plan == inf

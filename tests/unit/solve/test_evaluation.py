@@ -14,7 +14,7 @@ def rng() -> np.random.Generator:
     return np.random.default_rng(0)
 
 
-def test_one_episode_is_exact_where_nothing_is_drawn() -> None:
+def test_one_episode_is_exact_in_deterministic_tables() -> None:
     generator = rng()
     found = evaluate(np.zeros((2, 1)), table([[[(1.0, 1, 3.0, 1)]], [END]]), 3_000, 200, generator)
     assert (found.success_rate, found.mean_return, found.mean_length) == (1.0, 3.0, 1.0)
@@ -22,16 +22,16 @@ def test_one_episode_is_exact_where_nothing_is_drawn() -> None:
     assert generator.random() == rng().random()
 
 
-def test_an_episode_that_reaches_the_limit_is_no_success() -> None:
+def test_a_truncated_episode_is_not_a_success() -> None:
     found = evaluate(np.zeros((1, 1)), table([[[(1.0, 0, -1.0, 0)]]]), 1, 7, rng())
     assert (found.success_rate, found.mean_return, found.mean_length) == (0.0, -7.0, 7.0)
 
 
-def test_failure_is_no_success() -> None:
+def test_an_episode_that_ends_in_failure_is_not_a_success() -> None:
     assert evaluate(np.zeros((2, 1)), table([[[(1.0, 1, 1.0, 2)]], [END]]), 1, 9, rng()).success_rate == 0.0
 
 
-def test_of_equal_actions_the_lowest_is_taken() -> None:
+def test_the_lowest_of_equal_actions_is_chosen() -> None:
     fork = table([[[(1.0, 1, 1.0, 1)], [(1.0, 1, 2.0, 2)]], [END, END]])
     assert evaluate(np.zeros((2, 2)), fork, 1, 9, rng()).mean_return == 1.0
     assert evaluate(np.array([[0.0, 1.0], [0.0, 0.0]]), fork, 1, 9, rng()).mean_return == 2.0
@@ -58,7 +58,7 @@ def test_sampled_episodes_agree_with_expected_values(seed: int) -> None:
 
 
 @pytest.mark.parametrize("seed", range(4))
-def test_following_agrees_with_expected_values(seed: int) -> None:
+def test_deterministic_episodes_agree_with_expected_values(seed: int) -> None:
     tabular = random_table(seed, outcomes=1, starts=3)
     q = np.random.default_rng(seed).random((7, 3))
     followed = evaluate(q, tabular, 1, 25, rng())
@@ -68,12 +68,12 @@ def test_following_agrees_with_expected_values(seed: int) -> None:
     assert followed.mean_length == pytest.approx(exact.mean_length)
 
 
-def test_one_seed_gives_one_evaluation() -> None:
+def test_evaluations_with_the_same_seed_are_equal() -> None:
     q = np.zeros((7, 3))
     assert evaluate(q, random_table(3), 50, 25, rng()) == evaluate(q, random_table(3), 50, 25, rng())
 
 
-def test_arguments_that_do_not_fit_are_refused() -> None:
+def test_invalid_arguments_are_refused() -> None:
     loop = table([[[(1.0, 0, 0.0, 0)]]])
     with pytest.raises(InvalidArgument, match="`q` has the shape"):
         evaluate(np.zeros((2, 1)), loop, 1, 1, rng())

@@ -37,13 +37,13 @@ def recursive_hit(tabular: Tabular, policy: np.ndarray, horizon: int) -> float:
     return sum(weight * hit(state, horizon) for state, weight in starts)
 
 
-def test_a_random_walk_hits_with_the_probability_of_its_steps() -> None:
+def test_the_hit_probability_of_a_random_walk_grows_with_the_horizon() -> None:
     coin = table([[[(1.0, 1, 0.0, 1)], [(1.0, 0, 0.0, 0)]], [END, END]])
     assert hit_probability(coin, horizon=1) == 0.5
     assert hit_probability(coin, horizon=3) == 0.875
 
 
-def test_failure_is_no_hit() -> None:
+def test_an_episode_that_ends_in_failure_is_not_a_hit() -> None:
     assert hit_probability(table([[[(1.0, 1, 0.0, 2)]], [END]])) == 0.0
 
 
@@ -51,27 +51,23 @@ def test_failure_is_no_hit() -> None:
 def test_hit_probability_agrees_with_a_recursion(seed: int) -> None:
     tabular = random_table(seed)
     policy = np.random.default_rng(seed).dirichlet(np.ones(3), size=7)
-    assert hit_probability(tabular, policy, 12) == pytest.approx(
-        recursive_hit(tabular, policy, 12), rel=1e-12
-    )
+    assert hit_probability(tabular, policy, 12) == pytest.approx(recursive_hit(tabular, policy, 12), rel=1e-12)
 
 
-def test_a_softened_policy_shares_among_the_best_actions() -> None:
-    fork = table(
-        [[[(1.0, 1, 1.0, 1)], [(1.0, 1, 1.0, 1)], [(1.0, 1, 0.0, 1)], [(1.0, 1, 0.0, 1)]], [END] * 4]
-    )
+def test_a_softened_policy_divides_probability_equally_among_best_actions() -> None:
+    fork = table([[[(1.0, 1, 1.0, 1)], [(1.0, 1, 1.0, 1)], [(1.0, 1, 0.0, 1)], [(1.0, 1, 0.0, 1)]], [END] * 4])
     assert softened_policy(fork, 0.5)[0].tolist() == [0.375, 0.375, 0.125, 0.125]
     assert softened_policy(fork, 1.0)[0].tolist() == [0.25] * 4
 
 
-def test_what_cannot_be_seen_gets_the_uniform_policy() -> None:
+def test_unreachable_observations_get_the_uniform_policy() -> None:
     """State 2 prefers action 1, but no episode comes there."""
     island = table([[[(1.0, 1, 0.0, 1)]] * 2, [END] * 2, [[(1.0, 1, 0.0, 2)], [(1.0, 1, 1.0, 1)]]])
     assert value_iteration(island).policy[2] == 1
     assert softened_policy(island, 0.0)[2].tolist() == [0.5, 0.5]
 
 
-def test_states_that_look_alike_get_the_mean_of_their_best_actions() -> None:
+def test_states_with_the_same_observation_get_the_mean_of_their_best_actions() -> None:
     right_then_left = table(
         [
             [[(1.0, 0, 0.0, 2)], [(1.0, 1, 0.0, 0)]],
@@ -90,13 +86,13 @@ def test_chain_transfer_sums_the_logarithms_along_the_chain() -> None:
     assert chain_transfer([first]) == log10(hit_probability(first))
 
 
-def test_a_helpful_chain_beats_one_whose_way_is_another() -> None:
+def test_a_chain_with_the_path_of_the_target_has_higher_transfer() -> None:
     target = forest(["SRR", "BBR", "BBG"])
     along, aside = forest(["SRR", "VVR", "VVG"]), forest(["SVV", "RVV", "RRG"])
     assert chain_transfer([along, target]) > chain_transfer([aside, target])
 
 
-def test_a_target_out_of_reach_is_minus_infinity() -> None:
+def test_chain_transfer_to_an_unreachable_target_is_minus_infinity() -> None:
     assert chain_transfer([forest(["SB", "BG"])]) == -inf
 
 
@@ -107,11 +103,9 @@ def test_a_random_walk_hardly_ever_solves_the_published_target() -> None:
     assert 1e-6 < hits[-1] < 1e-5
 
 
-def test_tables_that_list_only_reachable_states_give_the_same() -> None:
+def test_chain_transfer_does_not_depend_on_unreachable_states() -> None:
     family = published_family()[-2:]
-    assert chain_transfer([_reachable_part(one) for one in family]) == pytest.approx(
-        chain_transfer(family), rel=1e-12
-    )
+    assert chain_transfer([_reachable_part(one) for one in family]) == pytest.approx(chain_transfer(family), rel=1e-12)
 
 
 def _reachable_part(tabular: Tabular) -> Tabular:
@@ -133,7 +127,7 @@ def _reachable_part(tabular: Tabular) -> Tabular:
     )
 
 
-def test_arguments_that_do_not_fit_are_refused() -> None:
+def test_invalid_arguments_are_refused() -> None:
     loop = table([[[(1.0, 0, 0.0, 0)]]])
     with pytest.raises(InvalidArgument, match="`policy` has the shape"):
         hit_probability(loop, np.ones((2, 1)))

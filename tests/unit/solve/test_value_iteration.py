@@ -13,7 +13,7 @@ END = [(1.0, 1, 0.0, 0)]
 
 @pytest.mark.parametrize("seed", range(6))
 @pytest.mark.parametrize("discount", [0.0, 0.5, 0.95])
-def test_no_deviation_improves_on_the_policy_found(seed: int, discount: float) -> None:
+def test_no_change_of_an_action_improves_the_policy(seed: int, discount: float) -> None:
     """The policy's own values, from a system of linear equations, are those found and satisfy Bellman's equation."""
     tabular = random_table(seed)
     found = value_iteration(tabular, discount)
@@ -33,14 +33,14 @@ def test_the_best_returns_of_the_published_family() -> None:
     assert returns == pytest.approx([10.7, 10.7, 10.9, 10.9, 10.9, 10.2], abs=1e-12)
 
 
-def test_equal_actions_are_all_best_and_the_lowest_is_the_policy() -> None:
+def test_equal_actions_are_all_best_actions_and_the_policy_has_the_lowest() -> None:
     fork = table([[[(1.0, 1, 0.1 + 0.2, 1)], [(1.0, 1, 0.3, 1)], [(1.0, 1, 0.2, 1)]], [END, END, END]])
     found = value_iteration(fork)
     assert found.best_actions[0].tolist() == [True, True, False]
     assert found.policy[0] == 0
 
 
-def test_nothing_follows_a_terminated_outcome() -> None:
+def test_values_ignore_states_after_a_terminated_outcome() -> None:
     tempting = table([[[(1.0, 1, 1.0, 2)]], [[(1.0, 1, 100.0, 0)]]])
     assert value_iteration(tempting, 0.9).values[0] == 1.0
 
@@ -56,9 +56,7 @@ def test_values_that_grow_without_bound_are_an_error() -> None:
         value_iteration(table([[[(1.0, 0, 1.0, 0)]]]), 1.0)
 
 
-@pytest.mark.parametrize(
-    ("discount", "tolerance"), [(1.1, 1e-9), (-0.1, 1e-9), (0.9, 0.0), (float("nan"), 1e-9)]
-)
+@pytest.mark.parametrize(("discount", "tolerance"), [(1.1, 1e-9), (-0.1, 1e-9), (0.9, 0.0), (float("nan"), 1e-9)])
 def test_arguments_outside_their_range_are_refused(discount: float, tolerance: float) -> None:
     with pytest.raises(InvalidArgument):
         value_iteration(table([[[(1.0, 0, 1.0, 0)]]]), discount, tolerance)

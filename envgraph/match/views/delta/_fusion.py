@@ -8,12 +8,12 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import field
 
-from envgraph.code import Assign, Block, Body, For, If, Name, Statement, dataclass
-from envgraph.match.generate._symbols import Literal, Source
-from envgraph.match.generate._write import Module
-from envgraph.match.views.delta._delta import Delta, tuple_names, write_delta
-from envgraph.match.views.delta._occurrences import Role
-from envgraph.match.views.delta._planning import ViewPlanner
+from envgraph.code import Assign, Body, BodyBuilder, For, If, Name, Statement, dataclass
+from envgraph.match.generate._source_builder import SourceBuilder
+from envgraph.match.generate._symbols import ConstantSymbol, GeneratedSource
+from envgraph.match.views.delta._delta_functions import Delta, emit_delta, tuple_names
+from envgraph.match.views.delta._occurrences import TupleEffect
+from envgraph.match.views.delta._view_planner import ViewPlanner
 from envgraph.metamodel import Value
 
 Change = tuple[str, bool]
@@ -21,7 +21,7 @@ Change = tuple[str, bool]
 
 
 @dataclass(slots=True)
-class Group:
+class BranchGroup:
     """Branches that follow the same assignments, in order.
 
     Attributes:
@@ -30,11 +30,11 @@ class Group:
     """
 
     assignments: Body
-    branches: list[Branch] = field(default_factory=list)
+    branches: list[CodeBranch] = field(default_factory=list)
 
 
 @dataclass(slots=True)
-class Branch:
+class CodeBranch:
     """A loop or condition, and the statements inside it.
 
     Attributes:
@@ -44,11 +44,11 @@ class Branch:
     """
 
     heads: Body
-    inside: list[Group] = field(default_factory=list)
+    inside: list[BranchGroup] = field(default_factory=list)
     changes: set[Change] = field(default_factory=set)
 
 
-class FusedModule(Module):
+class FusedSourceBuilder(SourceBuilder):
     """A generated source in which equal constants have the same name."""
 
     def __init__(self) -> None:
@@ -58,11 +58,11 @@ class FusedModule(Module):
     def literal(self, value: Value) -> Name:
         key = (type(value), repr(value))
         if key not in self._literals:
-            self._literals[key] = self.name(Literal(value))
+            self._literals[key] = self.name_of(ConstantSymbol(value))
         return self._literals[key]
 
 
-def fused_source(planner: ViewPlanner, deltas: Sequence[Delta], coming: bool) -> Source:
+def fused_source(planner: ViewPlanner, deltas: Sequence[Delta], inserting: bool) -> GeneratedSource:
     """Return the source of a function that executes several delta functions one after the other.
 
     Each delta function is a nest of loops and conditions around one change, whose effect no nest reads. So two nests
@@ -73,51 +73,51 @@ def fused_source(planner: ViewPlanner, deltas: Sequence[Delta], coming: bool) ->
     Args:
         planner: orders goals.
         deltas: the deltas, of tuples of one relation.
-        coming: True if the tuple has just been inserted; False if it will be deleted.
+        inserting: True if the tuple has just been inserted; False if it will be deleted.
 
     Raises:
         Unplannable: a variable cannot be enumerated.
     """
-    module, groups = FusedModule(), list[Group]()
+    module, groups = FusedSourceBuilder(), list[BranchGroup]()
     whole: list[Statement] = []
     for delta in deltas:
-        block = Block()
-        write_delta(planner, module, block, delta, coming)
+        block = BodyBuilder()
+        emit_delta(planner, module, block, delta, inserting)
         # Only a single nest that does not read its own changes can be fused.
-        if delta.occurrence.role is not Role.NUMBER and delta.own is None:
-            adding = coming != (delta.occurrence.role is Role.NONE)
-            insert(groups, block.body(), (delta.name, adding))
+        if delta.occurrence.role is not TupleEffect.COUNT and delta.own is None:
+            adding = inserting != (delta.occurrence.role is TupleEffect.NEGATED)
+            insert_nest(groups, block.finish_body(), (delta.name, adding))
         else:
-            whole += [*merged(groups), *block.body()]
+            whole += [*merge_groups(groups), *block.finish_body()]
             groups = []
-    whole += merged(groups)
-    return module.source(module.function("delta", tuple_names(deltas[0].occurrence), tuple(whole)))
+    whole += merge_groups(groups)
+    return module.finish(module.add_function("delta", tuple_names(deltas[0].occurrence), tuple(whole)))
 
 
-def insert(groups: list[Group], nest: Body, change: Change) -> None:
+def insert_nest(groups: list[BranchGroup], nest: Body, change: Change) -> None:
     """Add a nest of loops and tests to the groups, if possible inside a branch that begins with the same statements."""
     count = next(index for index, statement in enumerate(nest) if not isinstance(statement, Assign))
     assignments, (first, *behind) = nest[:count], nest[count:]
-    heads, inside = _opened(first)
+    heads, inside = _split_head(first)
     rest = (*inside, *behind)
-    branch = _alike(groups, assignments, heads, change) if rest else None
+    branch = _find_branch(groups, assignments, heads, change) if rest else None
     if branch is None:
         if not groups or groups[-1].assignments != assignments:
-            groups.append(Group(assignments))
-        branch = Branch(heads)
+            groups.append(BranchGroup(assignments))
+        branch = CodeBranch(heads)
         groups[-1].branches.append(branch)
     branch.changes.add(change)
     if rest:
-        insert(branch.inside, rest, change)
+        insert_nest(branch.inside, rest, change)
 
 
-def _opened(statement: Statement) -> tuple[Body, Body]:
+def _split_head(statement: Statement) -> tuple[Body, Body]:
     """Return a statement without its body, and the statements in the body; directly nested conditions count as one."""
     match statement:
         case For(target, iterable, inside):
             return (For(target, iterable, ()),), inside
         case If(test, (If() as inner,)):
-            heads, inside = _opened(inner)
+            heads, inside = _split_head(inner)
             return (If(test, ()), *heads), inside
         case If(test, inside):
             return (If(test, ()),), inside
@@ -125,7 +125,7 @@ def _opened(statement: Statement) -> tuple[Body, Body]:
             return (statement,), ()
 
 
-def _alike(groups: Sequence[Group], assignments: Body, heads: Body, change: Change) -> Branch | None:
+def _find_branch(groups: Sequence[BranchGroup], assignments: Body, heads: Body, change: Change) -> CodeBranch | None:
     """Return the last branch with this head after these assignments, to put a nest with this change into it.
 
     Return None if there is none, if a later branch changes the same view, or if the branch changes it the opposite way.
@@ -142,17 +142,17 @@ def _alike(groups: Sequence[Group], assignments: Body, heads: Body, change: Chan
     return None
 
 
-def merged(groups: Sequence[Group]) -> Body:
+def merge_groups(groups: Sequence[BranchGroup]) -> Body:
     """Return the statements of all groups in order."""
     found: list[Statement] = []
     for group in groups:
         found += group.assignments
         for branch in group.branches:
-            found += _closed(branch.heads, merged(branch.inside))
+            found += _join_heads(branch.heads, merge_groups(branch.inside))
     return tuple(found)
 
 
-def _closed(heads: Body, inside: Body) -> Body:
+def _join_heads(heads: Body, inside: Body) -> Body:
     """Return the statements with these heads around other statements; after an assignment, the others follow it."""
     for head in reversed(heads):
         match head:

@@ -247,9 +247,7 @@ CORNERS = {
 }
 
 REFUSED = {
-    "a rule that merges objects (`yard.wrong`)": wrong(
-        "lhs { s : Item; t : Item; } modify { [[merge s <- t;]] }"
-    ),
+    "a rule that merges objects (`yard.wrong`)": wrong("lhs { s : Item; t : Item; } modify { [[merge s <- t;]] }"),
     "an `agent` block of a class that has no objects in a model (`Pit`)": Yard(
         "rule up(s : Spot) { lhs { s : Spot; } modify { set s.n += 1; } }",
         "action up(s : Spot) = up(s)\nagent [[p]] : Pit { }\nagent m : Man { observe m.kind }",

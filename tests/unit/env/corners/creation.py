@@ -52,8 +52,7 @@ CORNERS = {
             modify { create i -pair-> j; } }
         """,
         "action make(m : Man) = make(m, _)\naction pop = pop() reward 1\naction shift = shift() reward 2\n"
-        "action wed = wed() reward 4\non find weds(i, j) reward j.id - i.id\nobserve find weds(_, _)\n"
-        + LOOK,
+        "action wed = wed() reward 4\non find weds(i, j) reward j.id - i.id\nobserve find weds(_, _)\n" + LOOK,
         SIZES + "pattern weds(i : Item, j : Item) { Item.pair(i, j); }",
     ),
     "several at once, one inside the other": Yard(
@@ -97,8 +96,7 @@ CORNERS = {
         SIZES + "pattern wanted(m : Man, i : Item) { Man.wants(m, i); }",
     ),
     "arrivals by chance, and each that waits may leave": Yard(
-        MADE
-        + "@semantics(spo) rule leave(i : Item) { lhs { i : Item; check i.id > 3; } modify { delete i; } }\n",
+        MADE + "@semantics(spo) rule leave(i : Item) { lhs { i : Item; check i.id > 3; } modify { delete i; } }\n",
         "action wait = nothing()\neach step apply 0.4: make(adam, _) | 0.3: make(eve, _)\n"
         "on find late(i) reward -1 apply leave(i)\non reset apply make(adam, _)\n" + LOOK,
         SIZES + "pattern late(i : Item) { Item.id(i, n); check n > 6 && n % 2 == 0; }",

@@ -24,9 +24,7 @@ QUERY = """
 pattern at(i : Item, s : Spot) { Item.at(i, s); }
 pattern low(s : Spot) { Spot.n(s, 0); }
 """
-SEEN = (
-    "observe count find low(_) up to 5\nobserve adam.at among Spot or none\nobserve count find lit(_) up to 5"
-)
+SEEN = "observe count find low(_) up to 5\nobserve adam.at among Spot or none\nobserve count find lit(_) up to 5"
 LIT = "pattern lit(s : Spot) { Spot.lit(s, true); }"
 
 CORNERS = {
@@ -180,9 +178,7 @@ rule meet { lhs { y : Yard; } forall { lhs { m : Man; s : Spot; } modify { set m
 unit flatten(s : Pit) { flat(s); }
 """
 REFUSED = {
-    construct: Yard(
-        f"{RULES}{OTHERS}unit wrong(s : Spot) {{ {body} }}", "action wrong(s : Spot) = wrong(s)", QUERY
-    )
+    construct: Yard(f"{RULES}{OTHERS}unit wrong(s : Spot) {{ {body} }}", "action wrong(s : Spot) = wrong(s)", QUERY)
     for construct, body in {
         "a step of a unit that may fail after other steps (`wrong`)": "up(s); [[down(s)]];",
         "`alap` in a unit (`wrong`)": "[[alap { up(s); }]]",

@@ -235,18 +235,12 @@ CORNERS = {
 
 REFUSED = {
     "a concatenation of strings": wrong('lhs { s : Spot; } modify { set s.tag = [[s.tag + "x"]]; }'),
-    "a rule that concatenates strings (`yard.wrong`)": wrong(
-        'lhs { s : Spot; } modify { [[set s.tag += "x";]] }'
-    ),
+    "a rule that concatenates strings (`yard.wrong`)": wrong('lhs { s : Spot; } modify { [[set s.tag += "x";]] }'),
     "a rule that changes a key (`Spot.x`)": wrong("lhs { s : Spot; } modify { [[set s.x += 1;]] }"),
     "a rule that sets a multi-valued attribute (`yard.wrong`)": wrong(
         'lhs { s : Spot; } modify { [[set s.marks = ["x"];]] }'
     ),
-    "a product of ints that may exceed 64 bits": wrong(
-        "lhs { s : Spot; } modify { set s.n = [[s.n * s.n * s.n]]; }"
-    ),
+    "a product of ints that may exceed 64 bits": wrong("lhs { s : Spot; } modify { set s.n = [[s.n * s.n * s.n]]; }"),
     "the function `ceil`": wrong("lhs { s : Spot; } modify { set s.n = [[ceil(s.f)]]; }"),
-    "an int outside of the 32-bit range (5000000000)": wrong(
-        "[[lhs]] { s : Spot; } modify { set s.n = 5000000000; }"
-    ),
+    "an int outside of the 32-bit range (5000000000)": wrong("[[lhs]] { s : Spot; } modify { set s.n = 5000000000; }"),
 }

@@ -5,7 +5,7 @@ import numpy as np
 from envgraph.learn.audit import (
     AuditSettings,
 )
-from envgraph.learn.audit._levels import (
+from envgraph.learn.audit._audit_levels import (
     AuditLevels,
 )
 from envgraph.solve.learning import LevelTables, PolicySettings

@@ -13,21 +13,21 @@ from envgraph.errors import EvaluationError, LoadError
 from envgraph.lang import data_path
 from envgraph.learn.audit import (
     EDITING,
-    audit_settings,
+    parse_audit_settings,
 )
-from envgraph.learn.audit._editing import (
-    Editor,
+from envgraph.learn.audit._accel import (
+    LevelEditor,
 )
-from envgraph.learn.audit._features import StateFeatures, _decoded
-from envgraph.learn.audit._levels import (
+from envgraph.learn.audit._audit_levels import (
     AuditLevels,
-    Maker,
+    LevelGenerator,
     make_levels,
 )
-from envgraph.learn.audit._run import (
+from envgraph.learn.audit._audit_settings import AuditProtocol
+from envgraph.learn.audit._state_features import StateFeatures, _decode_observations
+from envgraph.learn.audit._student_run import (
     run_method,
 )
-from envgraph.learn.audit._settings import AuditProtocol
 from envgraph.search import Domain
 from envgraph.solve import certify
 from envgraph.solve.learning import PolicyLearner
@@ -42,10 +42,10 @@ def domain() -> Domain:
 
 @pytest.fixture(scope="module")
 def levels(domain: Domain) -> AuditLevels:
-    return make_levels(domain, replace(audit_settings(domain), **SMALL))
+    return make_levels(domain, replace(parse_audit_settings(domain), **SMALL))
 
 
-def test_groups_are_disjoint_and_tests_solvable(levels: AuditLevels) -> None:
+def test_groups_of_levels_are_disjoint_and_held_out_levels_solvable(levels: AuditLevels) -> None:
     groups = levels.training, levels.probed, levels.held_out, levels.hard
     assert [len(one) for one in groups] == [8, 2, 4, 2]
     assert np.concatenate(groups).tolist() == list(range(16))
@@ -54,8 +54,8 @@ def test_groups_are_disjoint_and_tests_solvable(levels: AuditLevels) -> None:
     assert levels.plan[levels.hard].min() > np.quantile(levels.plan[levels.held_out], 0.8)
 
 
-def test_tables_are_those_of_the_levels(domain: Domain, levels: AuditLevels) -> None:
-    policy = audit_settings(domain).policy
+def test_certificates_of_tables_agree_with_the_levels(domain: Domain, levels: AuditLevels) -> None:
+    policy = parse_audit_settings(domain).policy
     for number in (0, 3, 11):
         begin, end = levels.tables.first[number : number + 2]
         one = table_of(levels, number)
@@ -86,15 +86,15 @@ def table_of(levels: AuditLevels, number: int) -> Tabular:
     )
 
 
-def test_a_student_sees_the_rows_of_the_patterns_from_where_it_is(domain: Domain) -> None:
+def test_a_student_observes_the_pattern_rows_at_its_position(domain: Domain) -> None:
     engine, keys = domain.engine(), domain.keys()
     assert domain.behaviour is not None
-    features = StateFeatures(domain, engine, keys, audit_settings(domain))
+    features = StateFeatures(domain, engine, keys, parse_audit_settings(domain))
     table = explore(engine, domain.behaviour, keys).tabular
-    seen = features.of(table)
+    seen = features.features_of(table)
     names = {number: feature for feature, number in features.numbers.items()}
-    at, destination = _decoded(table).T
-    routers = [key[0] for key in keys.of_class("Router")]
+    at, destination = _decode_observations(table).T
+    routers = [key[0] for key in keys.keys_of("Router")]
     for state, features in enumerate(seen):
         here, there = routers[at[state]], routers[destination[state]]
         following = {"l": "a"}.get(here, chr(ord(here) + 1))
@@ -113,27 +113,25 @@ def test_levels_are_read_back(levels: AuditLevels, tmp_path: Path) -> None:
     assert again.plan.tolist() == levels.plan.tolist()
 
 
-def test_too_few_levels_are_an_error_that_says_what_to_do(
-    domain: Domain, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_too_few_different_levels_are_an_error_with_a_hint(domain: Domain, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(AuditProtocol, "patience", 1)
     with pytest.raises(EvaluationError, match="too few different levels") as raised:
-        make_levels(domain, replace(audit_settings(domain), levels=8, probed=2, held_out=20))
+        make_levels(domain, replace(parse_audit_settings(domain), levels=8, probed=2, held_out=20))
     assert "initial_applications" in str(raised.value)
 
 
-def wrong(tmp_path: Path, old: str, new: str) -> str:
+def load_error_after_change(tmp_path: Path, old: str, new: str) -> str:
     """What is said of a copy of the network's audit with something else in it."""
     shutil.copytree(data_path("rules", "network"), tmp_path / "network")
     path = tmp_path / "network" / "audit" / "audit.toml"
     path.write_text(path.read_text().replace(old, new))
     with pytest.raises(LoadError) as raised:
-        audit_settings(Domain.load(str(path)))
+        parse_audit_settings(Domain.load(str(path)))
     return str(raised.value).replace(str(tmp_path), "")
 
 
-def test_all_that_is_wrong_is_said_with_its_place(tmp_path: Path) -> None:
-    said = wrong(
+def test_all_errors_of_the_audit_table_are_reported_with_positions(tmp_path: Path) -> None:
+    said = load_error_after_change(
         tmp_path,
         'sees = ["itself", "ahead", "behind", "onward"]',
         'sees = ["itself", "ahaed"]\nhiden = 64\nlevels = "many"',
@@ -148,13 +146,13 @@ def test_all_that_is_wrong_is_said_with_its_place(tmp_path: Path) -> None:
     assert "did you mean `ahead`?" in said
 
 
-def test_a_family_without_an_audit_says_what_to_write(tmp_path: Path) -> None:
-    said = wrong(tmp_path, '[audit]\nsees = ["itself", "ahead", "behind", "onward"]', "")
+def test_a_family_without_an_audit_table_is_refused_with_a_hint(tmp_path: Path) -> None:
+    said = load_error_after_change(tmp_path, '[audit]\nsees = ["itself", "ahead", "behind", "onward"]', "")
     assert "the family file has no `[audit]`" in said
     assert "patterns that say what a student sees" in said
 
 
-def test_floats_are_not_seen(tmp_path: Path) -> None:
+def test_float_columns_in_observed_patterns_are_refused(tmp_path: Path) -> None:
     shutil.copytree(data_path("rules", "network"), tmp_path / "network")
     query = tmp_path / "network" / "audit" / "audit.query"
     slow = "pattern slow(router : Router, latency : float) { Router.ports.latency(router, latency); }"
@@ -162,30 +160,30 @@ def test_floats_are_not_seen(tmp_path: Path) -> None:
     path = tmp_path / "network" / "audit" / "audit.toml"
     path.write_text(path.read_text().replace('"onward"', '"slow"'))
     with pytest.raises(LoadError, match="`slow` has a float"):
-        audit_settings(Domain.load(str(path)))
+        parse_audit_settings(Domain.load(str(path)))
 
 
-def test_a_level_is_made_again_from_its_number(domain: Domain, levels: AuditLevels) -> None:
-    maker = Maker(domain, audit_settings(domain))
+def test_a_level_is_recreated_from_its_number(domain: Domain, levels: AuditLevels) -> None:
+    maker = LevelGenerator(domain, parse_audit_settings(domain))
     for level in (9, 2, 13):
-        assert maker.varied(int(levels.numbers[level]))
-        taken = maker.taken()
+        assert maker.make_model(int(levels.numbers[level]))
+        taken = maker.table_if_new()
         assert taken is not None
-        assert same(taken[0], table_of(levels, level))
+        assert are_equal(taken[0], table_of(levels, level))
         assert taken[1] == levels.plan[level]
-    assert not maker.new(), "it was there before"
+    assert not maker.is_new_model(), "it was there before"
 
 
-def same(one: Tabular, other: Tabular) -> bool:
+def are_equal(one: Tabular, other: Tabular) -> bool:
     names = ("next_state", "probability", "terminated", "start_states")
     return all(np.array_equal(getattr(one, name), getattr(other, name)) for name in names)
 
 
 def test_edits_make_new_levels_that_hold_the_constraints(domain: Domain, levels: AuditLevels) -> None:
-    settings = replace(audit_settings(domain), **SMALL)
+    settings = replace(parse_audit_settings(domain), **SMALL)
     student, rng = PolicyLearner(levels.tables, settings.policy, 0, native=False), np.random.default_rng(0)
     before = student.evaluate(levels.held_out)
-    editor = Editor(domain, settings, levels, student)
+    editor = LevelEditor(domain, settings, levels, student)
     children = editor(levels.training, rng)
     assert (children[children != levels.training] >= 16).all()
     made = len(editor.levels.plan) - 16
@@ -197,17 +195,17 @@ def test_edits_make_new_levels_that_hold_the_constraints(domain: Domain, levels:
     tables = [table_of(editor.levels, level) for level in range(len(editor.levels.plan))]
     for level, version in editor._versions.items():
         problem.engine.checkout(version, discard=True)
-        assert problem.valid()
+        assert problem.is_valid()
         found = certify(tables[level], limit=settings.policy.limit, discount=settings.policy.discount)
         assert (found.shortest_plan if found.solvable else 0) == editor.levels.plan[level]
-        assert same(editor._maker._tables.table(problem.engine, editor._maker._keys), tables[level])
+        assert are_equal(editor._maker._tables.build(problem.engine, editor._maker._keys), tables[level])
     played = student.play(np.array([16, 17, 18, 3]))
     assert (played.length > 0).all()
     assert editor.levels.tables.seen.max() < levels.tables.inputs
 
 
-def test_a_run_that_edits_is_the_same_again(domain: Domain, levels: AuditLevels) -> None:
-    settings = audit_settings(domain)
+def test_runs_with_edited_levels_are_reproducible(domain: Domain, levels: AuditLevels) -> None:
+    settings = parse_audit_settings(domain)
     policy = replace(settings.policy, hidden=2, levels=4, minibatches=1, epochs=1, steps=8, limit=8)
     given = replace(settings, policy=policy, steps=24 * 4 * 8)
     quick = replace(EDITING[0], choice=Buffer(size=8, replay=0.9, fresh_learned=False))

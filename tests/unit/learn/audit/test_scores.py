@@ -5,18 +5,18 @@ import numpy as np
 from envgraph.env.schedules import Replay, Shuffled, Sifter, Sifting
 from envgraph.learn.audit import (
     METHODS,
-    Method,
+    AuditMethod,
 )
-from envgraph.learn.audit._levels import (
+from envgraph.learn.audit._audit_levels import (
     AuditLevels,
-)
-from envgraph.learn.audit._run import (
-    schedule_of,
 )
 from envgraph.learn.audit._scores import (
     score_levels,
 )
-from envgraph.solve.learning import Played
+from envgraph.learn.audit._student_run import (
+    make_schedule,
+)
+from envgraph.solve.learning import PlayStatistics
 from tests.unit.learn.audit.small_levels import corridors
 
 
@@ -26,24 +26,24 @@ class Oracle:
     def __init__(self, levels: AuditLevels) -> None:
         self.levels = levels
 
-    def play(self, chosen: np.ndarray) -> Played:
+    def play(self, chosen: np.ndarray) -> PlayStatistics:
         success = 1.0 / (1.0 + chosen)
-        return Played(np.full(len(chosen), 8), success, success, -success, success, success, success)
+        return PlayStatistics(np.full(len(chosen), 8), success, success, -success, success, success, success)
 
     def evaluate(self, chosen: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         success = 1.0 / (1.0 + chosen)
         return success, success * self.levels.optimum[chosen]
 
 
-def test_each_method_is_a_schedule() -> None:
+def test_each_method_has_its_schedule() -> None:
     levels = corridors()
-    found = {method.name: type(schedule_of(method, levels, Oracle(levels))) for method in METHODS}
+    found = {method.name: type(make_schedule(method, levels, Oracle(levels))) for method in METHODS}
     assert (found["DR"], found["PLR, PVL"], found["SFL, 16 rollouts"]) == (Shuffled, Replay, Sifter)
 
 
-def test_a_generator_of_solvable_levels_gives_no_other() -> None:
+def test_a_method_with_solvable_levels_asks_only_for_solvable_levels() -> None:
     levels, rng = corridors(), np.random.default_rng(0)
-    schedule = schedule_of(Method("x", solvable=True), levels, Oracle(levels))
+    schedule = make_schedule(AuditMethod("x", only_solvable=True), levels, Oracle(levels))
     for _ in range(9):
         assert levels.solvable[schedule.ask(4, rng).members].all()
 
@@ -62,9 +62,9 @@ def test_exact_scores_are_those_of_their_definitions() -> None:
     assert found.tolist() == (success * (1 - success)).tolist()
 
 
-def test_exact_scores_sift_without_an_episode() -> None:
+def test_exact_scores_select_levels_without_playing_episodes() -> None:
     levels, rng = corridors(), np.random.default_rng(0)
-    method = Method("x", "exact learnability", Sifting(None, candidates=20, best=2))
-    batch = schedule_of(method, levels, Oracle(levels)).ask(4, rng)
+    method = AuditMethod("x", "exact learnability", Sifting(None, candidates=20, best=2))
+    batch = make_schedule(method, levels, Oracle(levels)).ask(4, rng)
     assert batch.learn
     assert set(batch.members[:2].tolist()) <= {1, 2}, "p (1 - p) is highest where p is one half, then a third"

@@ -13,21 +13,21 @@ from envgraph.learn.audit import (
     METHODS,
     PROBED,
     PROTOCOL,
+    AuditMethod,
+    AuditRun,
     AuditSettings,
-    Method,
-    Run,
     Study,
-    _run as one_run,
+    _student_run as one_run,
     _study as module,
     audit,
     findings_of,
-    summaries,
+    summarise_methods,
     write_audit,
 )
-from envgraph.learn.audit._levels import (
+from envgraph.learn.audit._audit_levels import (
     AuditLevels,
 )
-from envgraph.learn.audit._run import (
+from envgraph.learn.audit._student_run import (
     run_method,
 )
 from envgraph.learn.audit._study import read_run
@@ -46,29 +46,29 @@ def domain() -> Domain:
 def prepared(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     """A directory with levels; runs have their results at once."""
     corridors().save(tmp_path / "levels.npz")
-    monkeypatch.setattr(module, "run_method", at_once)
+    monkeypatch.setattr(module, "run_method", fake_run_method)
     return tmp_path
 
 
-def at_once(
-    levels: AuditLevels, given: AuditSettings, method: Method, seed: int, *, domain: Domain | None
-) -> Run:
+def fake_run_method(
+    levels: AuditLevels, given: AuditSettings, method: AuditMethod, seed: int, *, domain: Domain | None
+) -> AuditRun:
     assert domain is None, "nothing is edited"
     return run(method.name, seed, np.random.default_rng([seed, len(method.name)]).random(8))
 
 
-def test_a_run_counts_all_steps_and_is_the_same_again() -> None:
+def test_a_run_counts_all_steps_and_is_reproducible() -> None:
     levels, given = corridors(), settings()
     first, again = (run_method(levels, given, FEW[2], 1, native=False) for _ in range(2))
     assert first == again
     assert len(first.steps) == len(first.curve) == 8
     assert first.steps[-1] >= given.steps > first.steps[-2]
-    sifting = Method("x", "SFL", Sifting(4, candidates=8, best=2))
+    sifting = AuditMethod("x", "SFL", Sifting(4, candidates=8, best=2))
     sifted = run_method(levels, given, sifting, 1, native=False)
     assert sifted.updates[-1] < given.steps / 32, "the rollouts took the steps"
 
 
-def test_probing_leaves_no_trace_in_the_student(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_probing_does_not_change_the_training_of_the_student(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(one_run, "ROLLOUTS", (1, PROTOCOL.shown_rollouts))
     levels, given = corridors(), settings()
     first = run_method(levels, given, METHODS[0], 0, native=False)
@@ -86,7 +86,7 @@ def files(directory: Path) -> dict[str, str]:
     return {path.name: path.read_text() for path in sorted((directory / "runs").glob("*.json"))}
 
 
-def test_an_interrupted_audit_goes_on_to_the_same_result(prepared: Path, domain: Domain) -> None:
+def test_an_interrupted_audit_resumes_to_the_same_result(prepared: Path, domain: Domain) -> None:
     given = replace(settings(), seeds=2)
 
     def stop(done: int, total: int, what: str) -> None:
@@ -100,35 +100,33 @@ def test_an_interrupted_audit_goes_on_to_the_same_result(prepared: Path, domain:
     study = audit(domain, given, prepared, methods=FEW)
     after = files(prepared)
     assert before.items() <= after.items()
-    assert [(run.method, run.seed) for run in study.runs] == [
-        (method.name, seed) for method in FEW for seed in (0, 1)
-    ]
+    assert [(run.method, run.seed) for run in study.runs] == [(method.name, seed) for method in FEW for seed in (0, 1)]
     for path in (prepared / "runs").glob("*.json"):
         path.unlink()
     audit(domain, given, prepared, methods=FEW)
     assert files(prepared) == after
 
 
-def test_more_seeds_go_on_and_other_settings_are_refused(prepared: Path, domain: Domain) -> None:
+def test_an_audit_resumes_with_more_seeds_and_refuses_other_settings(prepared: Path, domain: Domain) -> None:
     given = replace(settings(), seeds=2, controls=2)
     audit(domain, given, prepared, methods=FEW[:1])
     study = audit(domain, replace(given, seeds=3), prepared, methods=FEW[:1])
-    assert sorted(study.of("DR")) == [0, 1, 2]
+    assert sorted(study.runs_of("DR")) == [0, 1, 2]
     with pytest.raises(InvalidArgument, match="contains another audit"):
         audit(domain, replace(given, steps=9_999), prepared, methods=FEW[:1])
 
 
-def test_a_damaged_result_is_named(tmp_path: Path) -> None:
+def test_a_damaged_result_file_is_refused_by_name(tmp_path: Path) -> None:
     path = tmp_path / "DR.0.json"
     path.write_text(json.dumps({"method": "DR"}))
     with pytest.raises(InvalidArgument, match=r"DR\.0\.json: the file is not the result of a run; remove it"):
         read_run(path)
 
 
-def run(method: str, seed: int, success: np.ndarray) -> Run:
+def run(method: str, seed: int, success: np.ndarray) -> AuditRun:
     points = tuple(range(1, 9))
     curve = tuple(float(success.mean()) * point / 8 for point in points)
-    return Run(method, seed, points, points, curve, tuple(success.tolist()), (0.5,), 0.1, 0.2, 0.3)
+    return AuditRun(method, seed, points, points, curve, tuple(success.tolist()), (0.5,), 0.1, 0.2, 0.3)
 
 
 def study(gain: float, noise: float, seeds: int = 12) -> Study:
@@ -153,13 +151,15 @@ def study(gain: float, noise: float, seeds: int = 12) -> Study:
         (-0.1, 0.02, 3, "undecided"),
     ],
 )
-def test_a_verdict_goes_by_interval_and_test(gain: float, noise: float, seeds: int, verdict: str) -> None:
+def test_the_verdict_depends_on_the_interval_and_the_p_value(
+    gain: float, noise: float, seeds: int, verdict: str
+) -> None:
     (found,) = findings_of([study(gain, noise, seeds)])
     assert found.claim == "leaving unsolvable levels out helps"
     assert found.verdict == verdict
 
 
-def crossed(seed: int, gain: float = 0.0) -> Study:
+def study_with_varied_levels(seed: int, gain: float = 0.0) -> Study:
     """A null study, but for the gain: 14 seeds on 20 levels, which differ more in what a method gains than seeds do."""
     rng, runs = np.random.default_rng(seed), []
     levels = 0.1 * rng.standard_normal(20)
@@ -171,14 +171,14 @@ def crossed(seed: int, gain: float = 0.0) -> Study:
     return Study("Corridors", corridors(), settings(), tuple(runs))
 
 
-def test_p_is_valid_where_levels_differ_more_than_seeds() -> None:
-    found = [finding for seed in range(400) for finding in findings_of([crossed(seed)])]
+def test_p_values_are_calibrated_if_levels_differ_more_than_seeds() -> None:
+    found = [finding for seed in range(400) for finding in findings_of([study_with_varied_levels(seed)])]
     assert 0.02 < np.mean([one.p_value < 0.05 for one in found]) < 0.08
     assert all((one.p_value < 0.05) == (not one.low <= 0 <= one.high) for one in found)
 
 
-def test_no_claim_is_decided_that_its_interval_leaves_open() -> None:
-    found = [finding for seed in range(60) for finding in findings_of([crossed(seed, 0.04)])]
+def test_verdicts_agree_with_their_intervals() -> None:
+    found = [finding for seed in range(60) for finding in findings_of([study_with_varied_levels(seed, 0.04)])]
     assert {one.verdict for one in found} >= {"stands", "undecided"}
     for one in found:
         assert one.verdict != "stands" or one.low > 0
@@ -186,13 +186,15 @@ def test_no_claim_is_decided_that_its_interval_leaves_open() -> None:
 
 
 def test_p_values_are_corrected_for_the_claims_of_all_domains() -> None:
-    one = crossed(0, 0.08)
+    one = study_with_varied_levels(0, 0.08)
     (alone,) = findings_of([one])
-    together = findings_of([one, replace_name(crossed(1), "A"), replace_name(crossed(2), "B")])
+    together = findings_of(
+        [one, replace_name(study_with_varied_levels(1), "A"), replace_name(study_with_varied_levels(2), "B")]
+    )
     assert together[0].p_value == pytest.approx(4 * alone.p_value), "three domains and all of them"
 
 
-def ranked(correlations: list[float], parts: list[float]) -> Study:
+def study_with_rankings(correlations: list[float], parts: list[float]) -> Study:
     """Students whose scores all rank levels alike."""
     runs = []
     for seed, one in enumerate(correlations):
@@ -204,16 +206,16 @@ def ranked(correlations: list[float], parts: list[float]) -> Study:
     return Study("Corridors", corridors(), settings(), tuple(runs))
 
 
-def test_a_claim_on_ranks_is_about_other_levels_too() -> None:
+def test_claims_on_ranks_are_undecided_if_levels_disagree() -> None:
     correlations = [0.1 + 0.001 * place for place in range(12)]
     alike, apart = [0.1, 0.11] * 10, [0.9, -0.7] * 10
-    assert {one.verdict for one in findings_of([ranked(correlations, alike)])} == {"stands"}
-    found = findings_of([ranked(correlations, apart)])
+    assert {one.verdict for one in findings_of([study_with_rankings(correlations, alike)])} == {"stands"}
+    found = findings_of([study_with_rankings(correlations, apart)])
     assert {one.verdict for one in found} == {"undecided"}
     assert all(one.low < 0 < one.high for one in found)
 
 
-def test_several_domains_are_also_judged_together() -> None:
+def test_several_domains_have_a_combined_finding() -> None:
     one, other = study(0.1, 0.02), replace_name(study(0.06, 0.02), "Others")
     found = {finding.domain: finding for finding in findings_of([one, other])}
     assert list(found) == ["Corridors", "Others", "all domains"]
@@ -225,10 +227,10 @@ def replace_name(one: Study, name: str) -> Study:
     return Study(name, one.levels, one.settings, one.runs)
 
 
-def test_equal_updates_are_read_off_the_curve_of_domain_randomisation() -> None:
+def test_the_gain_at_equal_updates_uses_the_curve_of_domain_randomisation() -> None:
     levels = np.full(8, 0.8)
     robust = replace(run("robust PLR, PVL", 0, levels), updates=(1, 1, 2, 2, 3, 3, 4, 4))
-    found = summaries(Study("x", corridors(), settings(), (run("DR", 0, levels), robust)))
+    found = summarise_methods(Study("x", corridors(), settings(), (run("DR", 0, levels), robust)))
     assert found[1].at_equal_updates == pytest.approx(0.8 - 0.4)
 
 

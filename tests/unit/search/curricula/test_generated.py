@@ -33,9 +33,7 @@ from tests.profile import AT_NIGHT
 
 FILE = str(data_path("rules", "burning_forest", "teaching.toml"))
 SHORT = ["objective.effort=1_000_000", "objective.steps=300", "objective.lanes=2", "search.population=3"]
-needs_numba = pytest.mark.skipif(
-    find_spec("numba") is None, reason="numba, the extra `fast`, is not installed"
-)
+needs_numba = pytest.mark.skipif(find_spec("numba") is None, reason="numba, the extra `fast`, is not installed")
 
 
 @pytest.fixture(scope="module")
@@ -46,7 +44,7 @@ def whole(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, Family]:
 
 
 @needs_numba
-def test_a_run_keeps_the_members_in_the_order_that_was_searched_for(tmp_path: Path) -> None:
+def test_run_keeps_members_in_the_order_found_by_the_search(tmp_path: Path) -> None:
     told = []
     overrides = [*SHORT, "search.population=6"]
     family = generate(FILE, tmp_path / "run.sqlite", overrides=overrides, climbing=told.append)
@@ -66,7 +64,7 @@ def test_a_run_keeps_the_members_in_the_order_that_was_searched_for(tmp_path: Pa
 
 
 @needs_numba
-def test_a_run_that_was_interrupted_is_made_anew(tmp_path: Path, whole: tuple[Path, Family]) -> None:
+def test_resuming_an_interrupted_search_starts_it_again(tmp_path: Path, whole: tuple[Path, Family]) -> None:
     def interrupt(progress: curricula.CurriculumProgress) -> None:
         raise KeyboardInterrupt
 
@@ -77,13 +75,13 @@ def test_a_run_that_was_interrupted_is_made_anew(tmp_path: Path, whole: tuple[Pa
     assert resume(tmp_path / "run.sqlite", workers=2).members == whole[1].members
 
 
-def test_an_objective_of_ones_own_is_registered(tmp_path: Path) -> None:
+def test_custom_objective_can_be_registered(tmp_path: Path) -> None:
     class Easy:
         """Families whose members are close to complexity 0."""
 
         drawn, most, effort = False, 0.0, 100
 
-        def scores(self, family: Sequence[curricula.Level], seeds: range) -> NDArray[np.float64]:
+        def scores(self, family: Sequence[curricula.ModelLevel], seeds: range) -> NDArray[np.float64]:
             total = sum(level.measures["complexity"] for level in family[:-1])
             return np.full((1, len(seeds)), -total)
 
@@ -108,7 +106,7 @@ def test_a_file_of_a_bundled_domain_has_a_short_name(tmp_path: Path, monkeypatch
 
 
 @pytest.mark.parametrize("name", [file.partition("/")[0] for _, file, _, _ in BUNDLED])
-def test_the_family_of_each_bundled_domain_teaches(name: str) -> None:
+def test_teaching_file_of_each_bundled_domain_has_a_learning_objective(name: str) -> None:
     teaching = Domain.load(name)
     diverse = Domain.load(f"{name}/{'paper' if name == 'burning_forest' else 'diverse'}.toml")
     assert teaching.spec.objective is not None and str(teaching.spec.objective.kind) == "learning"
@@ -138,7 +136,7 @@ def test_the_family_of_each_bundled_domain_teaches(name: str) -> None:
         ("objective.enough=true", "wrong-type", "write `enough = 0.5`"),
     ],
 )
-def test_mistakes_are_told_with_a_hint(override: str, code: str, hint: str) -> None:
+def test_mistakes_in_an_objective_are_reported_with_a_hint(override: str, code: str, hint: str) -> None:
     with pytest.raises(LoadError) as failure:
         Domain.load(FILE, overrides=[override])
     (problem,) = (one for one in failure.value.diagnostics if one.severity is Severity.ERROR)
@@ -159,7 +157,7 @@ def test_an_objective_needs_an_environment(tmp_path: Path) -> None:
 
 
 @needs_numba
-def test_a_run_that_has_ended_is_not_made_again(whole: tuple[Path, Family]) -> None:
+def test_resuming_a_finished_run_does_not_search_again(whole: tuple[Path, Family]) -> None:
     path, family = whole
     told: list[object] = []
     assert resume(path, climbing=told.append).members == family.members
@@ -168,7 +166,7 @@ def test_a_run_that_has_ended_is_not_made_again(whole: tuple[Path, Family]) -> N
 
 @AT_NIGHT
 @needs_numba
-def test_a_target_may_have_too_many_states_for_a_table(tmp_path: Path) -> None:
+def test_family_is_generated_for_a_target_with_too_many_states_for_a_table(tmp_path: Path) -> None:
     overrides = ['objective={ kind = "learning", steps = 100, effort = 4_000_000 }', "search.population=3"]
     family = generate("network/diverse.toml", tmp_path / "run.sqlite", overrides=overrides, workers=2)
     assert family.value is not None and 0.0 < family.value < 1.0
@@ -178,10 +176,8 @@ def test_a_target_may_have_too_many_states_for_a_table(tmp_path: Path) -> None:
 
 @AT_NIGHT
 @needs_numba
-def test_a_family_without_a_grid_teaches_what_the_target_alone_does_not(tmp_path: Path) -> None:
-    family = generate(
-        "network/family.toml", tmp_path / "run.sqlite", overrides=["objective.effort=150_000_000"]
-    )
+def test_family_of_network_models_teaches_more_than_the_target_alone(tmp_path: Path) -> None:
+    family = generate("network/family.toml", tmp_path / "run.sqlite", overrides=["objective.effort=150_000_000"])
     tables = [family.explored(member).tabular for member in family.members]
     settings = TrainingSettings.from_spec(family.domain.spec.training, limit=family.limit)
     solved = [
@@ -213,7 +209,7 @@ def test_a_family_without_a_grid_teaches_what_the_target_alone_does_not(tmp_path
         ),
     ],
 )
-def test_what_is_wrong_with_the_target_is_said_before_there_is_a_run(
+def test_unusable_target_is_reported_before_the_run_is_created(
     kind: str, step: str, message: str, hint: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setitem(LIMITS, "searched states", 50)
@@ -249,7 +245,7 @@ def test_what_is_wrong_with_the_target_is_said_before_there_is_a_run(
         ),
     ],
 )
-def test_a_diversity_that_no_family_has_is_not_demanded(
+def test_demanded_diversity_that_no_family_can_have_is_refused(
     tmp_path: Path, overrides: list[str], message: str, hint: str
 ) -> None:
     with pytest.raises(LoadError) as failure:
@@ -262,12 +258,12 @@ def test_a_diversity_that_no_family_has_is_not_demanded(
 
 
 @needs_numba
-def test_a_family_is_stored_whole_or_not_at_all(
+def test_family_is_stored_completely_or_not_at_all(
     tmp_path: Path, whole: tuple[Path, Family], monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """A run that ends at any commit of its store is gone on with, and comes to the same."""
     kept: dict[str, Callable[..., None]] = {
-        "set": RunStore.set,
+        "set": RunStore.set_setting,
         "write_generation": RunStore.write_generation,
     }
     calls = 0
@@ -294,7 +290,7 @@ def test_a_family_is_stored_whole_or_not_at_all(
 
 
 @needs_numba
-def test_a_family_that_was_searched_for_has_no_more_generations(whole: tuple[Path, Family]) -> None:
+def test_more_generations_are_refused_for_a_family_with_an_objective(whole: tuple[Path, Family]) -> None:
     path, _ = whole
     with pytest.raises(InvalidArgument, match="has an objective and thus no generations"):
         resume(path, generations=7)

@@ -9,15 +9,13 @@ import pytest
 from envgraph.cli import main
 from envgraph.lang import data_path
 from envgraph.search import Domain, Family, Outcome, RunStore, describe_search, generate, why_low
-from envgraph.search.curricula import Learning, Levels, Moves, Starts
-from envgraph.search.curricula._reverse import GOOD, reverse_curriculum
-from envgraph.search.curricula._starts import Easing, Origin
+from envgraph.search.curricula import FamilyMoves, FirstFamilySampler, LearningObjective, LevelFactory
+from envgraph.search.curricula._first_families import Easing, FamilyOrigin
+from envgraph.search.curricula._reverse_curricula import GOOD_SUCCESS_RATE, reverse_curriculum
 from envgraph.solve import evaluate
 from envgraph.solve.learning import TrainingSettings, train_curriculum
 
-pytestmark = pytest.mark.skipif(
-    find_spec("numba") is None, reason="numba, the extra `fast`, is not installed"
-)
+pytestmark = pytest.mark.skipif(find_spec("numba") is None, reason="numba, the extra `fast`, is not installed")
 
 
 def small(tmp_path: Path, *more: str, effort: int = 50_000_000) -> str:
@@ -49,10 +47,12 @@ def found(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, Family]:
     return folder, generate(small(folder), folder / "run.sqlite")
 
 
-def test_steps_and_members_that_no_file_names_are_chosen(tmp_path: Path, found: tuple[Path, Family]) -> None:
+def test_missing_training_steps_and_population_are_chosen_by_the_search(
+    tmp_path: Path, found: tuple[Path, Family]
+) -> None:
     _, family = found
     training, outcome = family.domain.spec.training, Outcome.of(family)
-    assert family.value is not None and family.value >= GOOD
+    assert family.value is not None and family.value >= GOOD_SUCCESS_RATE
     assert training.steps_per_environment * len(family.members) == family.objective["steps"] < 5_000
     assert family.domain.spec.search.population == len(family.members)
     assert f"after as many steps on {family.members[-1].name} alone" in str(outcome)
@@ -68,7 +68,7 @@ def test_steps_and_members_that_no_file_names_are_chosen(tmp_path: Path, found: 
     assert (again.members, again.objective) == (family.members, family.objective)
 
 
-def test_constraints_that_the_agent_violates_on_its_way_hold_for_the_target_alone(
+def test_constraints_violated_during_the_episode_apply_only_to_the_target(
     found: tuple[Path, Family],
 ) -> None:
     folder, family = found
@@ -82,18 +82,18 @@ def test_constraints_that_the_agent_violates_on_its_way_hold_for_the_target_alon
     assert sentences[0].startswith(f"the environments before {target} are states of an optimal episode")
     domain = family.domain
     first = domain.problem(domain.engine(family.model(family.members[0])))
-    assert list(map(str, first.violations())) == ["require truckOnStart"]
+    assert list(map(str, first.violated_constraints())) == ["require truckOnStart"]
 
 
-def test_fewer_members_are_tried_first_and_states_lie_equally_far_apart(tmp_path: Path) -> None:
+def test_reverse_curriculum_tries_fewer_members_first_with_evenly_spaced_states(tmp_path: Path) -> None:
     domain = Domain.load(small(tmp_path))
     assert domain.behaviour is not None
-    levels = Levels(domain.problem(domain.engine()), domain.behaviour)
-    starts = Starts(levels, Moves(levels), None, np.random.default_rng(0), "auto")
-    objective = Learning(TrainingSettings(limit=50), levels.target, [], 1)
+    levels = LevelFactory(domain.problem(domain.engine()), domain.behaviour)
+    starts = FirstFamilySampler(levels, FamilyMoves(levels), None, np.random.default_rng(0), "auto")
+    objective = LearningObjective(TrainingSettings(limit=50), levels.target, [], 1)
     tried = []
 
-    def success(family: object, learning: Learning, seeds: int) -> float:
+    def success(family: object, learning: LearningObjective, seeds: int) -> float:
         tried.append((len(family), learning.steps[0], seeds))  # type: ignore[arg-type]
         return float(len(family) == 4 and learning.steps[0] * 4 > 500)  # type: ignore[arg-type]
 
@@ -104,12 +104,12 @@ def test_fewer_members_are_tried_first_and_states_lie_equally_far_apart(tmp_path
     assert 500 < 4 * found.objective.steps[0] < 650
     left = []
     for level in found.family:
-        levels.go_to(level.version)
+        levels.check_out(level.version)
         left.append(len(level.trace))
     assert left == sorted(set(left), reverse=True) and left[-1] == 0
 
 
-def test_a_family_that_teaches_little_is_told(
+def test_family_that_teaches_little_is_reported(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     few = ("training.steps_per_environment = 2", "search.population = 3")
@@ -124,12 +124,12 @@ def test_a_family_that_teaches_little_is_told(
     assert (tmp_path / "little" / "run.sqlite").exists()
 
 
-def test_samples_are_drawn_from_a_file_that_asks_for_a_family_that_teaches(tmp_path: Path) -> None:
+def test_samples_can_be_generated_from_a_file_with_a_learning_objective(tmp_path: Path) -> None:
     family = generate(small(tmp_path), tmp_path / "run.sqlite", samples=5)
     assert len(family.members) == 5 and family.value is None
 
 
-def test_generations_are_refused_where_there_are_none(
+def test_generations_option_is_refused_for_a_file_with_an_objective(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     words = ("generate", small(tmp_path), "--directory", str(tmp_path), "--generations", "3")
@@ -138,22 +138,18 @@ def test_generations_are_refused_where_there_are_none(
     assert "small.toml` has an objective for whole families" in capsys.readouterr().err
 
 
-def test_a_family_that_is_not_good_has_the_success_of_new_learners(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_value_of_a_poor_family_is_measured_with_new_learners(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """The success by which it was chosen is that of the luckiest of many families on few seeds."""
-    monkeypatch.setattr(Learning, "success", lambda self, family, seeds: 0.5 if len(seeds) == 8 else 0.25)
+    monkeypatch.setattr(LearningObjective, "success_rate", lambda self, family, seeds: 0.5 if len(seeds) == 8 else 0.25)
     few = ("training.steps_per_environment = 2", "search.population = 3")
     family = generate(small(tmp_path, *few, effort=3_000_000), tmp_path / "run.sqlite")
     assert family.value == 0.25
 
 
-def test_constraints_of_the_target_are_named_whatever_the_members_are_made_from(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    eased = Origin(None, Easing("retype RoadTile", "retype RoadTile"))
-    monkeypatch.setattr(Starts, "reversed_episodes", lambda self, size: iter(()))
-    monkeypatch.setattr(Starts, "origin", lambda self, rng: eased)
+def test_constraints_of_the_target_are_named_for_eased_members(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    eased = FamilyOrigin(None, Easing("retype RoadTile", "retype RoadTile"))
+    monkeypatch.setattr(FirstFamilySampler, "reverse_curricula", lambda self, size: iter(()))
+    monkeypatch.setattr(FirstFamilySampler, "sample_origin", lambda self, rng: eased)
     steps = ("training.steps_per_environment = 300", "search.population = 3")
     family = generate(small(tmp_path, *steps, effort=3_000_000), tmp_path / "run.sqlite")
     with RunStore.open(tmp_path / "run.sqlite") as store:

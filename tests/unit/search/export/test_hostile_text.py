@@ -10,8 +10,8 @@ import pytest
 
 import envgraph
 from envgraph.cli import main
-from envgraph.cli._adopt import _ways
-from envgraph.cli._new import write_domain
+from envgraph.cli._adopt_command import _candidate_templates
+from envgraph.cli._new_command import write_domain
 from envgraph.env import adopt
 from envgraph.errors import InvalidArgument
 from envgraph.lang import Bundle
@@ -24,11 +24,9 @@ UNNAMED = [name for name in NAMES if name in ("", "..", "\0") or name.startswith
 """Names that arrays cannot have."""
 
 
-def test_each_format_writes_names_as_text(tmp_path: Path) -> None:
+def test_each_export_format_escapes_names(tmp_path: Path) -> None:
     possible = [name for name in NAMES if name not in UNNAMED]
-    made = exported(
-        yard(["".join(possible), *possible[:6], "\\", "class", "a" * 245]), tmp_path / "yard", FORMATS
-    )
+    made = exported(yard(["".join(possible), *possible[:6], "\\", "class", "a" * 245]), tmp_path / "yard", FORMATS)
     assert made == {*FORMATS} - {"minigrid", "frozenlake"}
     assert exported(named(lake(), NAMES), tmp_path / "lake", ("frozenlake",))
     assert "minigrid" in exported(doors("".join(NAMES)), tmp_path / "doors", FORMATS)
@@ -38,25 +36,27 @@ def test_each_format_writes_names_as_text(tmp_path: Path) -> None:
     assert not list(tmp_path.rglob("CANARY*"))
 
 
-def test_templates_of_users_that_forget_filters_write_names_as_text(tmp_path: Path) -> None:
+def test_user_templates_without_filters_escape_names(tmp_path: Path) -> None:
     exporters.own_templates(yard(["".join(NAMES), *NAMES]), tmp_path)
     exporters.check(tmp_path)
 
 
 @pytest.mark.parametrize("name", ["".join(NAMES), "\\"])
-def test_models_and_pictures_hold_names_as_text(name: str) -> None:
+def test_models_and_pictures_escape_names(name: str) -> None:
     exporters.read_models(yard([name, *NAMES]))
 
 
-def test_domains_that_are_adopted_hold_names_as_text() -> None:
+def test_adopted_domains_escape_names() -> None:
     kinds = {
-        kind: words for id in ("FrozenLake-v1", "CliffWalking-v1") for kind, words in _ways(adopt(id, 0)[0])
+        kind: words
+        for id in ("FrozenLake-v1", "CliffWalking-v1")
+        for kind, words in _candidate_templates(adopt(id, 0)[0])
     }
     for kind, words in kinds.items():
         assert of_texts(kind, {**words, "id": "".join(NAMES), "said": "".join(NAMES)}).members
 
 
-def test_no_template_is_left_out() -> None:
+def test_list_of_template_folders_is_complete() -> None:
     root = Path(envgraph.__file__).parent
     assert {path.parent.relative_to(root).as_posix() for path in root.rglob("*.j2")} == {
         *("cli/templates/new", "cli/templates/adopt/grid", "cli/templates/adopt/minigrid"),
@@ -65,11 +65,9 @@ def test_no_template_is_left_out() -> None:
     }
 
 
-def test_titles_of_levels_stay_comments(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_titles_of_imported_levels_stay_comments(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     titles = [name.replace("\n", " ") for name in NAMES]
-    (tmp_path / "levels.xsb").write_bytes(
-        "".join(f"; {one}\n#####\n#@$.#\n#####\n" for one in titles).encode()
-    )
+    (tmp_path / "levels.xsb").write_bytes("".join(f"; {one}\n#####\n#@$.#\n#####\n" for one in titles).encode())
     words = ["envgraph", "import", str(tmp_path / "levels.xsb"), "-o", str(tmp_path / "out")]
     monkeypatch.setattr(sys, "argv", words)
     assert main() == 0  # it reads what it has written
@@ -79,20 +77,20 @@ def test_titles_of_levels_stay_comments(tmp_path: Path, monkeypatch: pytest.Monk
 
 
 @pytest.mark.parametrize("name", UNNAMED)
-def test_names_that_arrays_cannot_have_are_refused(name: str) -> None:
+def test_names_that_are_invalid_for_arrays_are_refused(name: str) -> None:
     family = lake()
     with pytest.raises(InvalidArgument, match="is not a valid array name; rename the member"):
         write_tables({name: family.explored(family.members[0]).tabular})
 
 
 @pytest.mark.parametrize("name", ["class", "é", "_yard", "yard_", "my-yard", "a b", CODE])
-def test_folders_that_are_no_names_of_packages_are_refused(name: str, tmp_path: Path) -> None:
+def test_folders_that_are_invalid_package_names_are_refused(name: str, tmp_path: Path) -> None:
     with pytest.raises(InvalidArgument, match="cannot be imported as a package"):
         write_package(lake(), tmp_path / name)
     assert not list(tmp_path.iterdir())
 
 
-def test_an_environment_that_cannot_be_a_class_is_refused(tmp_path: Path) -> None:
+def test_environment_name_that_is_no_python_class_name_is_refused(tmp_path: Path) -> None:
     family = lake()
     given = family.bundle.texts.items()
     texts = {name: text.replace("environment Adopted(", "environment Half½(") for name, text in given}
@@ -103,14 +101,14 @@ def test_an_environment_that_cannot_be_a_class_is_refused(tmp_path: Path) -> Non
 
 
 @pytest.mark.parametrize("name", [f"L{{{CODE}}}", "My levels (v2)", "", "a\n"])
-def test_names_that_cannot_be_in_an_id_are_refused(name: str, tmp_path: Path) -> None:
+def test_names_that_are_invalid_in_an_environment_id_are_refused(name: str, tmp_path: Path) -> None:
     for family in (named(doors(), [name]), named(doors(), ["Doors", name])):
         assert not exported(family, tmp_path / "doors", ("minigrid",))
     assert not (tmp_path / "doors/minigrid").exists()
 
 
 @pytest.mark.parametrize("name", NAMES)
-def test_new_domains_have_plain_names(name: str, tmp_path: Path) -> None:
+def test_invalid_names_of_new_domains_are_refused(name: str, tmp_path: Path) -> None:
     if name not in ("class", "a" * 245):
         with pytest.raises(InvalidArgument, match="cannot be the name of a domain"):
             write_domain(tmp_path, name)

@@ -14,7 +14,7 @@ import numpy as np
 import pytest
 from gymnasium.utils.env_checker import check_env
 
-from envgraph.env import EnvgraphEnv, Explored, TooManyStates
+from envgraph.env import EnvgraphEnv, ExploredEnvironment, TooManyStates
 from envgraph.env.compiled import CompiledEnv, NotCompiled, program_of
 from envgraph.errors import EvaluationError, InvalidArgument
 from envgraph.graph import model_to_json
@@ -27,18 +27,16 @@ SMALL = ("search.generations=1", "search.population=2")
 
 @pytest.fixture(scope="module")
 def forest(tmp_path_factory: pytest.TempPathFactory) -> Family:
-    return generate(
-        "burning_forest/paper.toml", tmp_path_factory.mktemp("forest") / "run.sqlite", overrides=[*SMALL]
-    )
+    return generate("burning_forest/paper.toml", tmp_path_factory.mktemp("forest") / "run.sqlite", overrides=[*SMALL])
 
 
 @pytest.fixture(scope="module")
 def halls() -> Family:
     """With too many states for tables, and agents that take turns."""
-    return alone("warehouse")
+    return single_member_family("warehouse")
 
 
-def alone(domain: str) -> Family:
+def single_member_family(domain: str) -> Family:
     """A family whose only member is the model of a domain."""
     loaded = Domain.load(domain)
     model = json.dumps(model_to_json(loaded.initial()))
@@ -74,7 +72,7 @@ def same(one: Any, other: Any, steps: int) -> int:
     return ended
 
 
-def test_environments_of_tables_step_as_ours(forest: Family, tmp_path: Path) -> None:
+def test_exported_table_environments_step_like_the_original(forest: Family, tmp_path: Path) -> None:
     written = write_package(forest, tmp_path / "some_fires")
     assert sorted(path.relative_to(tmp_path / "some_fires").as_posix() for path in written) == [
         "README.md",
@@ -127,17 +125,17 @@ environment Lift {
 }
 
 
-def test_agents_that_act_together_have_no_turns(tmp_path: Path) -> None:
+def test_exported_environments_of_simultaneous_agents_have_no_turns(tmp_path: Path) -> None:
     for name, text in LIFTERS.items():
         (tmp_path / name).write_text(text, "utf-8")
-    lifters = alone(str(tmp_path / "family.toml"))
+    lifters = single_member_family(str(tmp_path / "family.toml"))
     write_package(lifters, tmp_path / "lifters")
     theirs = imported(tmp_path / "lifters", "lifters").make("E1").unwrapped
     assert same(theirs, EnvgraphEnv(lifters.explored(lifters.members[0]).tabular), 200) > 5
     assert "acts next" not in (tmp_path / "lifters" / "README.md").read_text("utf-8")
 
 
-def test_the_model_is_there_as_a_dictionary(forest: Family, tmp_path: Path) -> None:
+def test_exported_package_returns_transitions_as_a_dictionary(forest: Family, tmp_path: Path) -> None:
     write_package(forest, tmp_path / "more_fires")
     found = imported(tmp_path / "more_fires", "more_fires").transitions("E2")
     table = forest.explored(forest.members[1]).tabular
@@ -149,7 +147,7 @@ def test_the_model_is_there_as_a_dictionary(forest: Family, tmp_path: Path) -> N
             assert outcomes[0][3] == (table.terminated[state, action, 0] > 0)
 
 
-def test_environments_of_programs_step_as_ours(
+def test_exported_program_environments_step_like_the_original(
     halls: Family, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     engine = halls.domain.engine()
@@ -167,20 +165,20 @@ def test_environments_of_programs_step_as_ours(
     check_env(theirs)
 
 
-def test_what_is_random_is_drawn_as_ours(
+def test_exported_environments_sample_random_outcomes_like_the_original(
     halls: Family, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     table = replace(random_table(3), agent_names=("left", "right"), turn=np.arange(12, dtype=np.int32) % 2)
     table.check()
     assert not table.deterministic and len(table.start_states) > 1
-    monkeypatch.setattr(Family, "explored", lambda *_: Explored(table, ()))
+    monkeypatch.setattr(Family, "explored", lambda *_: ExploredEnvironment(table, ()))
     write_package(halls, tmp_path / "chances")
     theirs = imported(tmp_path / "chances", "chances").make("E1").unwrapped
     assert same(theirs, EnvgraphEnv(table), 500) > 0
     assert theirs.reset()[1]["agent"] in ("left", "right")
 
 
-def test_what_has_neither_tables_nor_a_program_is_refused(
+def test_family_with_neither_tables_nor_a_program_is_refused(
     halls: Family, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     def program(*_: object) -> NoReturn:
@@ -188,14 +186,12 @@ def test_what_has_neither_tables_nor_a_program_is_refused(
 
     monkeypatch.setattr(Family, "explored", too_many)
     monkeypatch.setattr(Family, "program", program)
-    with pytest.raises(
-        EvaluationError, match="has more than 3 states, and it cannot be compiled: it has units"
-    ):
+    with pytest.raises(EvaluationError, match="has more than 3 states, and it cannot be compiled: it has units"):
         write_package(halls, tmp_path / "halls")
     assert not (tmp_path / "halls").exists()
 
 
-def test_templates_of_a_user_get_models_and_need_no_environment(
+def test_user_templates_receive_models_and_need_no_environment(
     forest: Family, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.delattr(Family, "explored")
@@ -209,7 +205,7 @@ def test_templates_of_a_user_get_models_and_need_no_environment(
     assert len(letters) == 64 and (tmp_path / "my-maps" / "E2.map").read_text() == letters
 
 
-def test_nothing_is_written_where_a_template_fails(forest: Family, tmp_path: Path) -> None:
+def test_failing_template_leaves_no_files(forest: Family, tmp_path: Path) -> None:
     templates = tmp_path / "templates"
     assert len(copy_templates(templates)) == 8
     (templates / "zz.j2").write_text("{{ limit.none }}")
@@ -221,7 +217,7 @@ def test_nothing_is_written_where_a_template_fails(forest: Family, tmp_path: Pat
 
 
 @pytest.mark.parametrize("name", ["my-fires", "class", "9"])
-def test_what_cannot_be_imported_is_no_package(forest: Family, tmp_path: Path, name: str) -> None:
+def test_folder_names_that_cannot_be_imported_are_refused(forest: Family, tmp_path: Path, name: str) -> None:
     with pytest.raises(InvalidArgument, match="cannot be imported as a package"):
         write_package(forest, tmp_path / name)
 

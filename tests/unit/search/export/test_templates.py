@@ -8,7 +8,7 @@ from typing import Any
 import pytest
 
 from envgraph.errors import EvaluationError, InvalidArgument, LoadError
-from envgraph.search.export import Templates
+from envgraph.search.export import TemplateDirectory
 
 KNOWN = ("package", "actions")
 
@@ -30,7 +30,7 @@ def written(folder: Path, files: dict[str, str]) -> Path:
 def made(folder: Path, files: dict[str, str], *members: str, **values: Any) -> dict[str, str | bytes]:
     """What templates make."""
     given = {"package": "levels", "actions": ("left", "right"), **values}
-    return Templates(written(folder, files), KNOWN).files(given, [Level(name) for name in members])
+    return TemplateDirectory(written(folder, files), KNOWN).render_files(given, [Level(name) for name in members])
 
 
 def test_text_and_paths_are_rendered_and_other_files_copied(tmp_path: Path) -> None:
@@ -69,14 +69,12 @@ ODD = 'a "b" {c}\\\n<d> [e](f) \u202e'
         ("a.py", "{{ '\"' }}{{ '\"' | safe }}", r'\u0022"'),
     ],
 )  # fmt: skip
-def test_values_are_texts_of_the_language_of_the_file(
-    file: str, template: str, text: str, tmp_path: Path
-) -> None:
+def test_values_are_escaped_for_the_language_of_the_file(file: str, template: str, text: str, tmp_path: Path) -> None:
     files = {f"{file}.j2": '{% include "included.j2" %}', "included.j2": template}
     assert made(tmp_path, files, package=ODD)[file] == text
 
 
-def test_member_in_a_path_makes_a_file_for_each(tmp_path: Path) -> None:
+def test_member_in_a_path_creates_one_file_per_member(tmp_path: Path) -> None:
     files = {"maps/{{member.name}}.txt.j2": "this is {{ member.name }}"}
     assert made(tmp_path, files, "E1", "E2") == {"maps/E1.txt": "this is E1", "maps/E2.txt": "this is E2"}
 
@@ -86,7 +84,7 @@ def test_templates_include_each_other(tmp_path: Path) -> None:
     assert made(tmp_path, files) == {"a": "levels!", "b": "levels"}
 
 
-def test_all_mistakes_of_all_templates_are_said_at_their_places(tmp_path: Path) -> None:
+def test_all_mistakes_of_all_templates_are_reported_with_positions(tmp_path: Path) -> None:
     files = {
         "a.j2": "fine\n  {{ pakage }} {{ actions }} {{ other }}\n",
         "b.j2": "\n{% for one in actions %}\n",
@@ -117,37 +115,37 @@ def test_all_mistakes_of_all_templates_are_said_at_their_places(tmp_path: Path) 
         ("{% for n in range(10 ** 9) %}{% endfor %}", "range too big"),
     ],
 )
-def test_what_a_template_cannot_do_is_said_at_its_place(tmp_path: Path, text: str, told: str) -> None:
+def test_runtime_error_of_a_template_is_reported_with_its_position(tmp_path: Path, text: str, told: str) -> None:
     with pytest.raises(EvaluationError) as error:
         made(tmp_path, {"a.j2": text})
     assert str(error.value).startswith(f"{tmp_path}/a.j2:") and told in str(error.value)
 
 
-def test_a_mistake_in_an_included_template_is_placed_there(tmp_path: Path) -> None:
+def test_mistake_in_an_included_template_is_reported_in_that_template(tmp_path: Path) -> None:
     with pytest.raises(EvaluationError, match=r"b\.j2:2:1: ") as error:
         made(tmp_path, {"a.j2": '{% include "b.j2" %}', "b.j2": "\n{{ package.none }}"})
     assert error.value.span is not None
 
 
 @pytest.mark.parametrize("name", ["../up", "/etc/up", "a/../../up", "a\nb", "..\\up", "a//b"])
-def test_paths_stay_below_the_folder(tmp_path: Path, name: str) -> None:
+def test_template_paths_outside_the_folder_are_refused(tmp_path: Path, name: str) -> None:
     with pytest.raises(InvalidArgument, match="which is not a valid path"):
         made(tmp_path, {"{{package}}.txt.j2": "text"}, package=f"{name}/x")
 
 
-def test_two_templates_do_not_make_one_file(tmp_path: Path) -> None:
+def test_two_templates_that_render_the_same_file_are_refused(tmp_path: Path) -> None:
     with pytest.raises(InvalidArgument, match="two templates render `levels"):
         made(tmp_path, {"levels.txt": "", "{{package}}.txt.j2": "text"})
 
 
-def test_no_templates_are_refused(tmp_path: Path) -> None:
+def test_missing_or_empty_template_directory_is_refused(tmp_path: Path) -> None:
     with pytest.raises(InvalidArgument, match="there is no directory"):
-        Templates(tmp_path / "none", KNOWN)
+        TemplateDirectory(tmp_path / "none", KNOWN)
     with pytest.raises(InvalidArgument, match="has no templates in it"):
-        Templates(tmp_path, KNOWN)
+        TemplateDirectory(tmp_path, KNOWN)
 
 
-def test_a_template_that_is_no_text_is_refused(tmp_path: Path) -> None:
+def test_template_that_is_not_valid_text_is_refused(tmp_path: Path) -> None:
     (tmp_path / "a.j2").write_bytes(b"\xff")
     with pytest.raises(LoadError, match=r"a\.j2"):
-        Templates(tmp_path, KNOWN)
+        TemplateDirectory(tmp_path, KNOWN)

@@ -21,7 +21,7 @@ from envgraph.search.optimising import (
     TreeSearch,
     Walk,
     optimise,
-    pursue,
+    search_goals,
 )
 from tests.oracle.test_assignment import cra, random_model, value
 
@@ -72,7 +72,7 @@ def test_every_strategy_finds_the_optimum_of_a_tiny_problem(strategy: Strategy, 
 
 
 @pytest.mark.parametrize("strategy", STRATEGIES, ids=repr)
-def test_the_engine_stands_at_the_best_model_and_the_trace_leads_there(strategy: Strategy) -> None:
+def test_engine_ends_at_the_best_model_and_its_trace_reproduces_the_model(strategy: Strategy) -> None:
     engine = envgraph.open("assignment")
     found = search(engine, strategy, steps=150)
     best = found.best
@@ -86,7 +86,7 @@ def test_the_engine_stands_at_the_best_model_and_the_trace_leads_there(strategy:
 
 
 @pytest.mark.parametrize("strategy", STRATEGIES, ids=repr)
-def test_one_seed_has_one_result_and_views_change_none(strategy: Strategy) -> None:
+def test_result_depends_on_the_seed_and_not_on_watched_patterns(strategy: Strategy) -> None:
     def text(engine: Engine, seed: int) -> str:
         return trace_to_text(engine, search(engine, strategy, 120, seed).best.trace)
 
@@ -97,7 +97,7 @@ def test_one_seed_has_one_result_and_views_change_none(strategy: Strategy) -> No
     assert text(engine, 5) == first
 
 
-def test_patterns_of_large_models_are_watched_meanwhile() -> None:
+def test_search_watches_the_patterns_of_large_models_while_it_runs() -> None:
     def watched(engine: Engine) -> tuple[str, ...]:
         seen: list[tuple[str, ...]] = []
 
@@ -120,7 +120,7 @@ def test_patterns_of_large_models_are_watched_meanwhile() -> None:
     assert held.model is large.model
 
 
-def test_a_search_leaves_the_engine_as_it_was_but_for_the_model() -> None:
+def test_search_changes_only_the_model_of_the_engine() -> None:
     engine = envgraph.open("assignment", seed=3)
     before = engine.rng
     state = before.bit_generator.state
@@ -129,10 +129,10 @@ def test_a_search_leaves_the_engine_as_it_was_but_for_the_model() -> None:
     assert engine.rng is before
     assert before.bit_generator.state == state
     assert engine.watched == ("assignment.craIndex",)
-    assert not engine.model.graph.history.depth
+    assert not engine.model.graph.history.savepoint_depth
 
 
-def test_fewer_violations_come_before_any_objective() -> None:
+def test_fewer_violations_are_preferred_to_any_objective_value() -> None:
     engine = random_model(2, 6)
     found = optimise(engine, ["introduce"], minimise="methodOf", forbid=["unassigned"], steps=200)
     assert found.best.violation == 0, "each class costs, and all features are assigned all the same"
@@ -151,7 +151,7 @@ def test_fewer_violations_come_before_any_objective() -> None:
     assert 1 <= engine.count("attributeOf") <= 2
 
 
-def test_what_cannot_be_satisfied_is_told() -> None:
+def test_unsatisfiable_constraints_are_reported_as_violations() -> None:
     engine = envgraph.open("assignment")
     found = optimise(
         engine, ["introduce"], maximise="craIndex", require=["unassigned"], forbid=["unassigned"], steps=60
@@ -160,11 +160,9 @@ def test_what_cannot_be_satisfied_is_told() -> None:
     assert found.initial == {"craIndex": 0.0}
 
 
-def test_of_several_objectives_nothing_in_the_front_is_dominated() -> None:
+def test_no_solution_of_the_pareto_front_is_dominated() -> None:
     engine = envgraph.open("assignment")
-    found = optimise(
-        engine, MOVES, maximise="cohesion", minimise="coupling", forbid=["unassigned"], steps=1500, seed=2
-    )
+    found = optimise(engine, MOVES, maximise="cohesion", minimise="coupling", forbid=["unassigned"], steps=1500, seed=2)
     points = [(one.values["cohesion"], one.values["coupling"]) for one in found.front]
     assert len(points) > 3
     assert points == sorted(points, reverse=True), "the best in the first objective first"
@@ -191,7 +189,7 @@ def test_a_target_ends_the_search() -> None:
     assert found.steps < 5000
 
 
-def test_a_move_that_is_refused_or_finds_nothing_is_no_step_to_anywhere() -> None:
+def test_refused_moves_leave_the_model_unchanged() -> None:
     engine = envgraph.open("network")  # `dropLink` is always refused: links have ends
     state = engine.model.state_hash()
     found = optimise(engine, ["dropLink"], minimise="connected", steps=20)
@@ -200,13 +198,11 @@ def test_a_move_that_is_refused_or_finds_nothing_is_no_step_to_anywhere() -> Non
     assert engine.model.state_hash() == state
 
 
-def test_what_a_move_leads_to_is_remembered_until_one_is_kept(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_results_of_moves_are_cached_until_a_move_is_accepted(monkeypatch: pytest.MonkeyPatch) -> None:
     """What is remembered changes no result: a strategy that forgets it finds the same."""
     made = list[str]()
     fire = Engine.fire
-    monkeypatch.setattr(
-        Engine, "fire", lambda engine, *chosen: made.append(chosen[0]) or fire(engine, *chosen)
-    )
+    monkeypatch.setattr(Engine, "fire", lambda engine, *chosen: made.append(chosen[0]) or fire(engine, *chosen))
     found = search(tiny(), Annealing(), steps=600)
     assert len(made) < 400
     remembered, undo = len(made), Walk.undo
@@ -221,7 +217,7 @@ def test_what_a_move_leads_to_is_remembered_until_one_is_kept(monkeypatch: pytes
     assert (again.best.values, again.best.trace) == (found.best.values, found.best.trace)
 
 
-def test_what_a_callable_measures_may_be_an_objective() -> None:
+def test_custom_measure_can_be_an_objective() -> None:
     class Classes:
         def evaluate(self, engine: Engine) -> float:
             return float(len(engine.model.nodes("Class")))
@@ -238,7 +234,7 @@ def test_progress_is_reported() -> None:
     assert told == [256]
 
 
-def timed(strategy: Strategy, *, steps: int, seconds: float | None) -> tuple[Engine, Optimum]:
+def search_with_fake_clock(strategy: Strategy, *, steps: int, seconds: float | None) -> tuple[Engine, Optimum]:
     """Search with a clock on which each move takes a second."""
     walks: list[Walk] = []
 
@@ -248,33 +244,33 @@ def timed(strategy: Strategy, *, steps: int, seconds: float | None) -> tuple[Eng
             strategy.search(walk)
 
     engine = envgraph.open("assignment")
-    goals, constraints = [Goal.of(engine, "craIndex", "maximise")], [Forbid("unassigned")]
-    clock = lambda: float(walks[0].spent) if walks else 0.0  # noqa: E731
-    return engine, pursue(
+    goals, constraints = [Goal.from_pattern(engine, "craIndex", "maximise")], [Forbid("unassigned")]
+    clock = lambda: float(walks[0].moves_tried) if walks else 0.0  # noqa: E731
+    return engine, search_goals(
         engine, MOVES, goals, constraints, Timed(), steps=steps, seconds=seconds, seed=1, clock=clock
     )
 
 
 @pytest.mark.parametrize("strategy", STRATEGIES, ids=repr)
-def test_a_search_ends_after_its_moves_or_its_time_and_finds_the_same(strategy: Strategy) -> None:
+def test_search_limited_by_moves_or_time_finds_the_same_solution(strategy: Strategy) -> None:
     """Annealing cools by whichever is used up first: with 10**9 moves it would never cool by moves alone."""
     results = [
-        timed(strategy, steps=300, seconds=None),
-        timed(strategy, steps=10**9, seconds=300.0),
-        timed(strategy, steps=300, seconds=1e9),
-        timed(strategy, steps=300, seconds=300.0),
+        search_with_fake_clock(strategy, steps=300, seconds=None),
+        search_with_fake_clock(strategy, steps=10**9, seconds=300.0),
+        search_with_fake_clock(strategy, steps=300, seconds=1e9),
+        search_with_fake_clock(strategy, steps=300, seconds=300.0),
     ]
     assert {found.steps for _, found in results} == {300}
     assert len({trace_to_text(engine, found.best.trace) for engine, found in results}) == 1
 
 
-def test_more_runs_than_moves_or_time_end() -> None:
-    assert timed(Annealing(runs=50), steps=7, seconds=None)[1].steps == 7
-    assert timed(Annealing(runs=50), steps=10**9, seconds=7.0)[1].steps == 7
-    assert timed(Annealing(), steps=10**9, seconds=0.0)[1].steps == 0
+def test_annealing_with_more_runs_than_moves_or_time_ends_at_the_limit() -> None:
+    assert search_with_fake_clock(Annealing(runs=50), steps=7, seconds=None)[1].steps == 7
+    assert search_with_fake_clock(Annealing(runs=50), steps=10**9, seconds=7.0)[1].steps == 7
+    assert search_with_fake_clock(Annealing(), steps=10**9, seconds=0.0)[1].steps == 0
 
 
-def test_what_makes_no_sense_is_refused_before_anything_is_changed() -> None:
+def test_invalid_arguments_are_refused_before_the_model_is_changed() -> None:
     engine = envgraph.open("assignment")
     state = engine.model.state_hash()
 
@@ -289,9 +285,7 @@ def test_what_makes_no_sense_is_refused_before_anything_is_changed() -> None:
     refused("`moves` is empty", [], maximise="craIndex")
     refused("unknown .*`unasigned`", maximise="craIndex", forbid=["unasigned"])
     refused("`steps` is 0, but must be", maximise="craIndex", steps=0)
-    refused(
-        "`target` must have a finite number for each of the 1 objectives", maximise="craIndex", target=[1, 2]
-    )
+    refused("`target` must have a finite number for each of the 1 objectives", maximise="craIndex", target=[1, 2])
     for wrong in (lambda: Annealing(0), lambda: HillClimb(0), lambda: Beam(0), lambda: TreeSearch(length=0)):
         with pytest.raises(InvalidArgument):
             wrong()
@@ -300,16 +294,14 @@ def test_what_makes_no_sense_is_refused_before_anything_is_changed() -> None:
     assert engine.model.state_hash() == state
 
 
-def test_where_an_objective_has_no_value_any_that_has_one_is_better() -> None:
+def test_any_objective_value_is_preferred_to_a_missing_value() -> None:
     engine = random_model(2, 6)
-    found = optimise(
-        engine, MOVES, minimise="cohesionOf", steps=200
-    )  # a value only where there is a single class
+    found = optimise(engine, MOVES, minimise="cohesionOf", steps=200)  # a value only where there is a single class
     assert found.initial == {"cohesionOf": inf}
     assert found.best.values["cohesionOf"] == 0.0
 
 
-def test_an_error_in_the_middle_leaves_the_model_as_it_was() -> None:
+def test_error_during_the_search_leaves_the_model_unchanged() -> None:
     class Fails:
         def __init__(self) -> None:
             self.asked = 0
@@ -323,7 +315,7 @@ def test_an_error_in_the_middle_leaves_the_model_as_it_was() -> None:
     with pytest.raises(EvaluationError, match="objective `odd` must return a number"):
         optimise(engine, MOVES, maximise=Goal("odd", Fails()), steps=100)
     assert engine.model.state_hash() == state
-    assert not engine.model.graph.history.depth
+    assert not engine.model.graph.history.savepoint_depth
     search(engine, steps=20)
 
 

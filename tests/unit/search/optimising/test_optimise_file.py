@@ -37,7 +37,7 @@ steps = 200
 """
 
 
-def test_a_value_that_the_initial_model_lacks_may_be_missing(tmp_path: Path) -> None:
+def test_missing_attribute_of_the_initial_model_is_only_reported(tmp_path: Path) -> None:
     (tmp_path / "input.xmi").write_text(CONTEST)
     (tmp_path / "problem.toml").write_text(PROBLEM)
     domain = Domain.load(str(tmp_path / "problem.toml"))
@@ -47,7 +47,7 @@ def test_a_value_that_the_initial_model_lacks_may_be_missing(tmp_path: Path) -> 
     assert not engine.exists("unassigned")
 
 
-def test_targets_that_the_initial_model_lacks_are_to_be_found(tmp_path: Path) -> None:
+def test_search_adds_required_targets_missing_from_the_initial_model(tmp_path: Path) -> None:
     empty = '<classes name="C"/>\n</cra:ClassModel>'
     (tmp_path / "input.xmi").write_text(CONTEST.replace("</cra:ClassModel>", empty))
     (tmp_path / "problem.toml").write_text(PROBLEM)
@@ -56,7 +56,7 @@ def test_targets_that_the_initial_model_lacks_are_to_be_found(tmp_path: Path) ->
     assert all(cls.encapsulates for cls in engine.model.nodes("Class"))
 
 
-def test_the_model_of_a_family_has_to_conform_all_the_same(tmp_path: Path) -> None:
+def test_initial_model_of_a_family_with_missing_values_is_refused(tmp_path: Path) -> None:
     (tmp_path / "input.xmi").write_text(CONTEST)
     (tmp_path / "family.toml").write_text(PROBLEM.partition("[optimise]")[0])
     with pytest.raises(LoadError, match="has no value of `name`"):

@@ -22,9 +22,7 @@ from tests.profile import AT_NIGHT, NIGHTLY
 from tests.unit.learn.forest_tables import published_family
 from tests.unit.learn.small_tables import random_table
 
-needs_numba = pytest.mark.skipif(
-    find_spec("numba") is None, reason="numba, the extra `fast`, is not installed"
-)
+needs_numba = pytest.mark.skipif(find_spec("numba") is None, reason="numba, the extra `fast`, is not installed")
 SETTINGS = TrainingSettings(steps_per_environment=3_000 if NIGHTLY else 1_000, checkpoint=300, limit=30)
 
 
@@ -80,7 +78,7 @@ def test_loops_agree_on_random_tables(
 
 
 @needs_numba
-def test_loops_agree_where_ties_are_everywhere() -> None:
+def test_loops_agree_on_tables_with_many_tied_values() -> None:
     """Rewards of 0 and 1 with learning rate 1: Q-values meet again and again, and the lowest action counts."""
     for seed in range(10):
         table = random_table(seed)
@@ -90,7 +88,7 @@ def test_loops_agree_where_ties_are_everywhere() -> None:
 
 
 @pytest.mark.parametrize("backend", available_backends())
-def test_both_loops_leave_the_generator_at_the_same_place(backend: Backend) -> None:
+def test_both_loops_leave_the_random_generator_in_the_same_state(backend: Backend) -> None:
     rng, expected = np.random.default_rng(3), np.random.default_rng(3)
     train_curriculum([random_table(1), random_table(2)], SETTINGS, rng, backend=backend)
     expected.random(2 * (1 + 3 * SETTINGS.steps_per_environment))
@@ -110,7 +108,7 @@ def test_short_training_runs_on_lists(settings: dict[str, Any], pays: int) -> No
     assert choose_backend("auto", pays, TrainingSettings(**settings)) == available_backends()[0]
 
 
-def test_without_numba_everything_runs_on_lists(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_training_uses_the_python_backend_without_numba(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setitem(sys.modules, "numba", None)
     assert available_backends() == ("python",)
     assert choose_backend("auto", 10**9, SETTINGS) == "python"

@@ -20,11 +20,11 @@ SETTINGS = TrainingSettings(
 )
 
 
-def chosen(values: NDArray[np.float64], u: float) -> int:
+def epsilon_greedy_action(values: NDArray[np.float64], u: float) -> int:
     return int(u / 0.3 * len(values)) if u < 0.3 else int(values.argmax())
 
 
-def expected(values: NDArray[np.float64]) -> float:
+def expected_value(values: NDArray[np.float64]) -> float:
     return float(0.7 * values.max() + 0.3 * values.mean())
 
 
@@ -37,7 +37,7 @@ def n_step(world: Tabular, settings: TrainingSettings, seed: int) -> NDArray[np.
         state = int(world.start_states[0])
         states, actions, rewards, ended = (
             [state],
-            [chosen(q[world.observation[state]], next(draws))],
+            [epsilon_greedy_action(q[world.observation[state]], next(draws))],
             [0.0],
             0,
         )
@@ -50,9 +50,9 @@ def n_step(world: Tabular, settings: TrainingSettings, seed: int) -> NDArray[np.
                 ended, left = int(world.terminated[at]), left - 1
                 if ended or t + 1 == settings.limit or not left:
                     end = t + 1
-                    tail = 0.0 if ended else expected(q[world.observation[states[end]]])
+                    tail = 0.0 if ended else expected_value(q[world.observation[states[end]]])
                 elif settings.agent == "sarsa":
-                    actions.append(chosen(q[world.observation[states[t + 1]]], next(draws)))
+                    actions.append(epsilon_greedy_action(q[world.observation[states[t + 1]]], next(draws)))
             tau = t - n + 1
             if tau >= 0:
                 last = min(tau + n, end)
@@ -61,11 +61,11 @@ def n_step(world: Tabular, settings: TrainingSettings, seed: int) -> NDArray[np.
                     g += gamma ** (last - tau) * tail
                 else:
                     row = q[world.observation[states[last]]]
-                    g += gamma**n * (row[actions[last]] if settings.agent == "sarsa" else expected(row))
+                    g += gamma**n * (row[actions[last]] if settings.agent == "sarsa" else expected_value(row))
                 seen = world.observation[states[tau]]
                 q[seen, actions[tau]] += settings.learning_rate * (g - q[seen, actions[tau]])
             if settings.agent == "expected_sarsa" and t + 1 < end:
-                actions.append(chosen(q[world.observation[states[t + 1]]], next(draws)))
+                actions.append(epsilon_greedy_action(q[world.observation[states[t + 1]]], next(draws)))
             t += 1
             if tau == end - 1:
                 break
@@ -74,7 +74,7 @@ def n_step(world: Tabular, settings: TrainingSettings, seed: int) -> NDArray[np.
 
 @pytest.mark.parametrize("agent", ["sarsa", "expected_sarsa"])
 @pytest.mark.parametrize("n", [1, 3, 20])
-def test_n_step_learning_is_that_of_the_box(agent: str, n: int) -> None:
+def test_n_step_learning_agrees_with_the_algorithm_of_the_book(agent: str, n: int) -> None:
     settings = TrainingSettings.from_spec({"agent": agent, "n_step": n}, **_spec())
     for seed in range(3):
         world = random_table(seed, 1, 1)
@@ -83,14 +83,10 @@ def test_n_step_learning_is_that_of_the_box(agent: str, n: int) -> None:
 
 
 def _spec() -> dict[str, object]:
-    return {
-        name: getattr(SETTINGS, name)
-        for name in SETTINGS.__dataclass_fields__
-        if name not in ("agent", "n_step")
-    }
+    return {name: getattr(SETTINGS, name) for name in SETTINGS.__dataclass_fields__ if name not in ("agent", "n_step")}
 
 
-def test_double_q_learning_does_not_take_the_best_of_noise_for_value() -> None:
+def test_double_q_learning_overestimates_noisy_actions_less_than_q_learning() -> None:
     """Example 6.7: the left leads to many actions, whose rewards are -0.1 on average; the right ends with 0."""
     noisy = [[(0.5, 1, 0.9, 2), (0.5, 1, -1.1, 2)]] * 10
     world = table([[[(1.0, 1, 0.0, 0)], *[[(1.0, 0, 0.0, 2)]] * 9], noisy])
@@ -108,7 +104,7 @@ def test_double_q_learning_does_not_take_the_best_of_noise_for_value() -> None:
     assert lefts["double_q_learning"] < lefts["q_learning"] - 0.02
 
 
-def test_of_two_values_one_is_moved_towards_the_other() -> None:
+def test_double_q_learning_updates_one_of_its_two_values_in_each_step() -> None:
     """One step of one action: each visit moves one of both by the rate, and the mean by half of that."""
     world = table([[[(1.0, 0, 1.0, 1)]]])
     settings = TrainingSettings(agent="double_q_learning", steps_per_environment=1, learning_rate=0.5)
@@ -120,21 +116,18 @@ def test_of_two_values_one_is_moved_towards_the_other() -> None:
 
 
 @pytest.mark.parametrize("agent", ["q_learning", "sarsa", "double_q_learning"])
-def test_of_equal_actions_each_is_taken_as_often(agent: str) -> None:
+def test_random_ties_choose_equal_actions_equally_often(agent: str) -> None:
     """All that can happen is worth nothing, so that nothing is learned but where the agent went."""
     row = [[(1.0, action, 0.0, 0)] for action in range(4)]
     world = replace(table([row] * 4), reward=np.zeros((4, 4, 1)))
-    paid = replace(
-        world, reward=np.where(np.arange(4)[:, None] == world.next_state[0], 1.0, 0.0)[None].repeat(4, 0)
-    )
+    paid = replace(world, reward=np.where(np.arange(4)[:, None] == world.next_state[0], 1.0, 0.0)[None].repeat(4, 0))
     settings = TrainingSettings.from_spec(
         {"agent": agent, "ties": "random", "epsilon": {"start": 0.0, "minimum": 0.0}},
         steps_per_environment=1,
         learning_rate=1.0,
     )
     went = Counter(
-        int(train_curriculum([paid], settings, np.random.default_rng(seed)).q[0].argmax())
-        for seed in range(400)
+        int(train_curriculum([paid], settings, np.random.default_rng(seed)).q[0].argmax()) for seed in range(400)
     )
     assert sorted(went) == [0, 1, 2, 3] and min(went.values()) > 70
     lowest = replace(settings, ties="lowest")
@@ -142,7 +135,7 @@ def test_of_equal_actions_each_is_taken_as_often(agent: str) -> None:
 
 
 @pytest.mark.parametrize("agent", ["q_learning", "double_q_learning"])
-def test_more_than_one_step_is_for_agents_that_learn_of_what_they_do(agent: str) -> None:
+def test_n_step_learning_is_refused_for_q_learning_agents(agent: str) -> None:
     with pytest.raises(InvalidArgument, match="`n_step` above 1 is for `sarsa` and `expected_sarsa`"):
         TrainingSettings.from_spec({"agent": agent, "n_step": 2})
 

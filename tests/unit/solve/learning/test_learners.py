@@ -6,15 +6,13 @@ from importlib.util import find_spec
 import numpy as np
 import pytest
 
-from envgraph.env.compiled import streams
+from envgraph.env.compiled import generator_states
 from envgraph.solve import evaluate, steps_to_success
-from envgraph.solve.learning import Epsilon, Learners, TrainingSettings, flatten, train_curriculum
+from envgraph.solve.learning import Epsilon, LearnerGroup, TrainingSettings, flatten_tabular, train_curriculum
 from tests.unit.learn.forest_tables import published_family
 from tests.unit.learn.small_tables import random_table
 
-needs_numba = pytest.mark.skipif(
-    find_spec("numba") is None, reason="numba, the extra `fast`, is not installed"
-)
+needs_numba = pytest.mark.skipif(find_spec("numba") is None, reason="numba, the extra `fast`, is not installed")
 
 
 def generators(count: int) -> list[np.random.Generator]:
@@ -23,11 +21,11 @@ def generators(count: int) -> list[np.random.Generator]:
 
 @needs_numba
 @pytest.mark.parametrize("steps", [2_000, 20_000])
-def test_each_succeeds_exactly_where_the_trainer_does(steps: int) -> None:
+def test_learners_succeed_exactly_where_the_trainer_succeeds(steps: int) -> None:
     family = published_family()
     settings = TrainingSettings(steps_per_environment=steps)
-    found = Learners(settings, family[-1]).judge(
-        [flatten(one) for one in family], streams(generators(12)), steps
+    found = LearnerGroup(settings, family[-1]).train_and_play(
+        [flatten_tabular(one) for one in family], generator_states(generators(12)), steps
     )
     expected = []
     for rng in generators(12):
@@ -39,12 +37,12 @@ def test_each_succeeds_exactly_where_the_trainer_does(steps: int) -> None:
 
 @needs_numba
 @pytest.mark.parametrize(("outcomes", "starts"), [(1, 4), (3, 1), (4, 3)])
-def test_a_played_episode_is_one_of_the_greedy_policy(outcomes: int, starts: int) -> None:
+def test_episodes_of_learners_follow_the_greedy_policy(outcomes: int, starts: int) -> None:
     """The share of successes of many learners is that of the trainer's Q-values, up to chance."""
     tables = [random_table(seed, outcomes, starts) for seed in (3, 4)]
     settings = TrainingSettings(steps_per_environment=800, limit=30, epsilon=Epsilon(reset="never"))
-    found = Learners(settings, tables[-1]).judge(
-        [flatten(one) for one in tables], streams(generators(60)), 800
+    found = LearnerGroup(settings, tables[-1]).train_and_play(
+        [flatten_tabular(one) for one in tables], generator_states(generators(60)), 800
     )
     expected = []
     for rng in generators(60):
@@ -56,36 +54,33 @@ def test_a_played_episode_is_one_of_the_greedy_policy(outcomes: int, starts: int
 
 
 @needs_numba
-def test_streams_are_left_as_they_are_and_decide_alone() -> None:
+def test_scores_depend_only_on_their_random_streams() -> None:
     family = published_family()
-    learners, tables = Learners(TrainingSettings(), family[-1]), [flatten(one) for one in family]
-    rows = streams(generators(4))
+    learners, tables = LearnerGroup(TrainingSettings(), family[-1]), [flatten_tabular(one) for one in family]
+    rows = generator_states(generators(4))
     before = rows.copy()
-    together = learners.judge(tables, rows, 500).scores
+    together = learners.train_and_play(tables, rows, 500).scores
     assert np.array_equal(rows, before)
-    apart = [learners.judge(tables, rows[place : place + 1], 500).scores[0] for place in range(4)]
+    apart = [learners.train_and_play(tables, rows[place : place + 1], 500).scores[0] for place in range(4)]
     assert together.tolist() == apart
 
 
 @needs_numba
-def test_observations_that_nobody_meets_take_no_space() -> None:
+def test_unvisited_observations_take_no_memory() -> None:
     """Ten billion rows of values would not fit; what is learned is what is learned without them."""
     tables = [random_table(seed, 3, 2) for seed in (3, 4)]
-    wide = [
-        replace(one, observation=one.observation.astype(np.int64) * 10**9, n_observations=10**10)
-        for one in tables
-    ]
+    wide = [replace(one, observation=one.observation.astype(np.int64) * 10**9, n_observations=10**10) for one in tables]
     settings = TrainingSettings(steps_per_environment=300, limit=30)
     found = [
-        Learners(settings, some[-1])
-        .judge([flatten(one) for one in some], streams(generators(20)), 300)
+        LearnerGroup(settings, some[-1])
+        .train_and_play([flatten_tabular(one) for one in some], generator_states(generators(20)), 300)
         .scores
         for some in (tables, wide)
     ]
     assert np.array_equal(*found) and found[0].std() > 0.0
 
 
-def test_distances_are_those_of_a_search_from_each_state() -> None:
+def test_steps_to_success_agree_with_a_breadth_first_search() -> None:
     for seed in range(8):
         table = random_table(seed, 2, 1)
         found = steps_to_success(table)

@@ -64,8 +64,8 @@ def small(shape: tuple[int, ...], names: tuple[str, ...] = ("stay", "go"), width
     )
 
 
-def test_tables_become_levels_with_an_input_for_each_value_of_a_component() -> None:
-    found = LevelTables.of([small((3, 2)), small((3, 2), width=2)], scale=0.5)
+def test_tables_are_converted_to_levels_with_one_hot_inputs() -> None:
+    found = LevelTables.from_tabulars([small((3, 2)), small((3, 2), width=2)], scale=0.5)
     assert (found.inputs, found.actions, found.width, len(found)) == (5, 2, 2, 2)
     assert found.first.tolist() == [0, 2, 4]
     assert found.starts.tolist() == [0, 2]
@@ -80,12 +80,12 @@ def test_tables_become_levels_with_an_input_for_each_value_of_a_component() -> N
     assert student.evaluate([0, 1], greedy=True)[0].tolist() == [1.0, 1.0]
 
 
-def test_levels_have_the_same_actions_and_observations() -> None:
+def test_levels_with_different_actions_or_observations_are_refused() -> None:
     for others in ([small((3, 2)), small((2, 3))], [small((3,)), small((3,), ("go", "stay"))], []):
         with pytest.raises(InvalidArgument, match="with the same actions and observations"):
-            LevelTables.of(others)
+            LevelTables.from_tabulars(others)
     one, other = small((3,)), small((4,))
-    assert LevelTables.of([one, other], [[[0], [1]], [[], [6]]]).inputs == 7
+    assert LevelTables.from_tabulars([one, other], [[[0], [1]], [[], [6]]]).inputs == 7
 
 
 def learner(seed: int = 3, settings: PolicySettings = SETTINGS, native: bool = False) -> PolicyLearner:
@@ -125,7 +125,7 @@ def tabular(tables: LevelTables, level: int) -> Tabular:
     )
 
 
-def test_success_and_return_are_those_of_the_certificates() -> None:
+def test_evaluated_success_and_return_agree_with_policy_evaluation() -> None:
     one, tables = learner(), levels()
     policy, _ = outputs(tables, one.parameters, SETTINGS.hidden)
     for greedy in (False, True):
@@ -138,7 +138,7 @@ def test_success_and_return_are_those_of_the_certificates() -> None:
             assert value[place] == pytest.approx(found.mean_return, abs=1e-12)
 
 
-def test_many_episodes_succeed_as_often_as_the_exact_probability_says() -> None:
+def test_sampled_success_agrees_with_the_exact_probability() -> None:
     one = learner()
     exact, _ = one.evaluate([0, 1])
     played = one.play(np.array([0, 1]), episodes=2000)
@@ -183,10 +183,7 @@ def naive_gae(episode: list[tuple[float, float, float]]) -> list[float]:
     """Sums of (discount x lambda) ** l times the error of the value l steps later."""
     errors = [reward + SETTINGS.discount * follows - value for value, reward, follows in episode]
     factor = SETTINGS.discount * SETTINGS.smoothing
-    return [
-        sum(factor**later * error for later, error in enumerate(errors[begin:]))
-        for begin in range(len(errors))
-    ]
+    return [sum(factor**later * error for later, error in enumerate(errors[begin:])) for begin in range(len(errors))]
 
 
 def naive_minimum(episode: list[tuple[float, float, float]]) -> list[float]:
@@ -236,9 +233,9 @@ def test_the_gradient_is_that_of_the_loss() -> None:
     assert one.parameters @ numeric < before @ numeric
 
 
-def test_what_a_twin_plays_leaves_no_trace() -> None:
+def test_episodes_of_a_copied_learner_do_not_change_the_learner() -> None:
     one, other = learner(), learner()
-    one.twin(7).play(np.array([0, 1]), episodes=3)
+    one.copy_with_seed(7).play(np.array([0, 1]), episodes=3)
     first, second = (each.play(np.array([0, 1])) for each in (one, other))
     assert first.positive.tolist() == second.positive.tolist()
     assert one.best.tolist() == other.best.tolist()
@@ -258,17 +255,15 @@ def test_numba_and_python_give_the_same_bit_for_bit() -> None:
             one.improve(rng)
         played = one.play(np.array([1, 0]), episodes=9)
         success, value = one.evaluate([0, 1])
-        found.append(
-            (one.parameters.tobytes(), played.negative.tobytes(), success.tobytes(), value.tobytes())
-        )
+        found.append((one.parameters.tobytes(), played.negative.tobytes(), success.tobytes(), value.tobytes()))
     assert found[0] == found[1]
 
 
-def test_levels_that_come_later_are_as_those_that_were_there() -> None:
+def test_levels_added_later_are_trained_like_initial_levels() -> None:
     one, both = learner(), learner()
-    twice = levels().with_more(levels())
+    twice = levels().extended_by(levels())
     assert len(twice) == 4
-    both.learn_of(twice)
+    both.replace_levels(twice)
     for mine, others in zip(one.evaluate([0, 1, 0, 1]), both.evaluate([2, 3, 0, 1]), strict=True):
         assert np.array_equal(mine, others)
     first, second = one.play(np.array([0, 1, 1, 0])), both.play(np.array([2, 3, 3, 2]))

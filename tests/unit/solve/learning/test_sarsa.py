@@ -60,11 +60,8 @@ def learned(agent: str, seed: int) -> tuple[float, list[int]]:
     return reward[-1] - reward[len(reward) // 2], rows
 
 
-def test_it_keeps_away_from_the_cliff_since_it_knows_that_it_explores() -> None:
-    gained = {
-        agent: [learned(agent, seed) for seed in range(3)]
-        for agent in ("q_learning", "sarsa", "expected_sarsa")
-    }
+def test_sarsa_avoids_the_cliff_and_has_a_higher_return_than_q_learning() -> None:
+    gained = {agent: [learned(agent, seed) for seed in range(3)] for agent in ("q_learning", "sarsa", "expected_sarsa")}
     along = [min(rows) for _, rows in gained["q_learning"]]
     assert along == [HEIGHT - 2] * 3
     rewards = {agent: np.mean([reward for reward, _ in found]) for agent, found in gained.items()}
@@ -72,7 +69,7 @@ def test_it_keeps_away_from_the_cliff_since_it_knows_that_it_explores() -> None:
     assert all(min(rows) == 0 for _, rows in gained["expected_sarsa"])
 
 
-def test_without_exploration_the_expected_value_is_the_best_one() -> None:
+def test_expected_sarsa_without_exploration_equals_q_learning() -> None:
     greedy = TrainingSettings(
         epsilon=Epsilon(start=0.0, minimum=0.0), steps_per_environment=2_000, limit=30, initial_value=0.5
     )
@@ -85,7 +82,7 @@ def test_without_exploration_the_expected_value_is_the_best_one() -> None:
 
 
 @pytest.mark.parametrize("agent", ["sarsa", "expected_sarsa"])
-def test_it_learns_to_succeed(agent: str) -> None:
+def test_sarsa_agents_learn_to_succeed(agent: str) -> None:
     table = cliff()
     settings = TrainingSettings(agent=agent, steps_per_environment=20_000, limit=60)
     training = train_curriculum([table], settings, np.random.default_rng(0))

@@ -66,15 +66,13 @@ def test_a_family_file_gives_settings() -> None:
         "epsilon": {"start": 0.9, "decay": 0.99, "minimum": 0.1, "per": "step", "reset": "never"},
         "seeds": 5,
     }
-    expected = TrainingSettings(
-        learning_rate=0.2, epsilon=Epsilon(0.9, 0.99, 0.1, "step", "never"), seeds=5, limit=60
-    )
+    expected = TrainingSettings(learning_rate=0.2, epsilon=Epsilon(0.9, 0.99, 0.1, "step", "never"), seeds=5, limit=60)
     assert TrainingSettings.from_spec(spec, limit=60) == expected
     epsilon = SimpleNamespace(**spec["epsilon"])  # type: ignore[arg-type]
     assert TrainingSettings.from_spec(SimpleNamespace(**(spec | {"epsilon": epsilon})), limit=60) == expected
 
 
-def test_what_a_spec_leaves_out_keeps_its_default() -> None:
+def test_missing_values_of_a_spec_keep_their_defaults() -> None:
     assert TrainingSettings.from_spec({}) == TrainingSettings()
     assert TrainingSettings.from_spec(SimpleNamespace(seeds=None), limit=None) == TrainingSettings()
 
@@ -88,6 +86,6 @@ def test_what_a_spec_leaves_out_keeps_its_default() -> None:
         ({"seeds": 0}, "`seeds`"),
     ],
 )
-def test_a_spec_that_makes_no_sense_is_refused(spec: dict[str, object], message: str) -> None:
+def test_an_invalid_spec_is_refused(spec: dict[str, object], message: str) -> None:
     with pytest.raises(InvalidArgument, match=message):
         TrainingSettings.from_spec(spec)

@@ -7,7 +7,14 @@ import pytest
 
 from envgraph.errors import InvalidArgument
 from envgraph.learn import Epsilon, TrainingSettings, available_backends, train_curriculum
-from envgraph.solve.learning import Backend, flatten, initial_values, occurring, prepare, train
+from envgraph.solve.learning import (
+    Backend,
+    flatten_tabular,
+    initial_values,
+    prepare,
+    renumber_occurring,
+    train,
+)
 from tests.unit.learn.small_tables import random_table, table
 
 HALVES = TrainingSettings(
@@ -41,14 +48,14 @@ def test_a_truncated_step_bootstraps_and_a_terminated_one_does_not(backend: Back
     assert train_curriculum([terminated], settings, rng(), steps=[1], backend=backend).q[0, 0] == 2.5
 
 
-def test_of_equal_actions_the_lowest_is_taken(backend: Backend) -> None:
+def test_the_lowest_of_equal_actions_is_chosen(backend: Backend) -> None:
     better_second = table([[[(1.0, 0, 0.0, 0)], [(1.0, 0, 1.0, 0)]]])
     found = train_curriculum([better_second], HALVES, rng(), steps=[50], backend=backend)
     assert found.q.tolist() == [[0.0, 0.0]]
     assert found.curve.reward[-1] == 0.0
 
 
-def test_a_value_that_falls_hands_over_to_the_next_best_action(backend: Backend) -> None:
+def test_the_next_best_action_is_chosen_after_a_value_decreases(backend: Backend) -> None:
     """From (1, 1, 1) action 0 falls to 0.5, then action 1; action 2 pays and stays."""
     bandit = table([[[(1.0, 0, 0.0, 2)], [(1.0, 0, 0.0, 2)], [(1.0, 0, 1.0, 2)]]])
     found = train_curriculum([bandit], replace(HALVES, initial_value=1.0), rng(), steps=[10], backend=backend)
@@ -56,7 +63,7 @@ def test_a_value_that_falls_hands_over_to_the_next_best_action(backend: Backend)
     assert found.curve.reward[-1] == 8.0
 
 
-def test_an_episode_ends_at_the_limit_and_begins_again_at_the_start(backend: Backend) -> None:
+def test_an_episode_is_reset_at_the_step_limit(backend: Backend) -> None:
     chain = table([[[(1.0, 1, 1.0, 0)]], [[(1.0, 2, 10.0, 0)]], [[(1.0, 2, 100.0, 0)]]])
     found = train_curriculum([chain], HALVES, rng(), steps=[5], backend=backend)
     assert found.curve.steps == (1, 2, 3, 4, 5)
@@ -71,14 +78,14 @@ def test_each_stage_begins_a_new_episode(backend: Backend) -> None:
     assert found.curve.episodes == (0, 0, 1)
 
 
-def test_only_success_counts_as_success(backend: Backend) -> None:
+def test_failure_is_not_counted_as_success(backend: Backend) -> None:
     for ended, successes in ((1, 3), (2, 0)):
         once = table([[[(1.0, 1, 0.0, ended)]], [ABSORBING]])
         curve = train_curriculum([once], HALVES, rng(), steps=[3], backend=backend).curve
         assert (curve.episodes[-1], curve.successes[-1]) == (3, successes)
 
 
-def test_curve_is_read_every_checkpoint_and_at_the_end_of_each_stage(backend: Backend) -> None:
+def test_curve_has_points_at_each_checkpoint_and_stage_end(backend: Backend) -> None:
     loop = table([[[(1.0, 0, 1.0, 0)]]])
     settings = replace(HALVES, checkpoint=4)
     curve = train_curriculum([loop, loop], settings, rng(), steps=[10, 4], backend=backend).curve
@@ -103,14 +110,12 @@ def test_epsilon_decays_per_finished_episode_or_step(
 ) -> None:
     """Episodes are two steps long."""
     loop = table([[[(1.0, 0, 1.0, 0)]]])
-    found = train_curriculum(
-        [loop] * len(steps), replace(HALVES, epsilon=epsilon), rng(), steps=steps, backend=backend
-    )
+    found = train_curriculum([loop] * len(steps), replace(HALVES, epsilon=epsilon), rng(), steps=steps, backend=backend)
     assert found.epsilon == expected
 
 
 @pytest.mark.parametrize(("steps", "checkpoint"), [(200, 1), (40_000, 20_000)])
-def test_a_step_takes_the_documented_draws(backend: Backend, steps: int, checkpoint: int) -> None:
+def test_a_step_draws_the_documented_random_numbers(backend: Backend, steps: int, checkpoint: int) -> None:
     """u picks the action, v the outcome and w the next start; 16,384 steps are drawn at once."""
     tabular, settings = random_table(4), replace(RANDOM, limit=3, checkpoint=checkpoint)
     curve = train_curriculum([tabular], settings, rng(9), steps=[steps], backend=backend).curve
@@ -134,10 +139,10 @@ def test_a_step_takes_the_documented_draws(backend: Backend, steps: int, checkpo
     assert list(curve.reward) == totals[checkpoint - 1 :: checkpoint]
 
 
-def test_rounding_never_leads_into_the_padding() -> None:
+def test_rounding_never_selects_a_padded_outcome() -> None:
     """Ten times 0.1 is less than 1, but the tenth outcome takes the rest, not the eleventh."""
     tabular = replace(random_table(1, starts=11), start_probability=np.array([0.1] * 10 + [0.0]))
-    assert np.searchsorted(flatten(tabular).start_cumulative, np.nextafter(1.0, 0.0), "right") == 9
+    assert np.searchsorted(flatten_tabular(tabular).start_cumulative, np.nextafter(1.0, 0.0), "right") == 9
 
 
 def test_exploration_is_uniform_below_epsilon(backend: Backend) -> None:
@@ -151,14 +156,14 @@ def test_exploration_is_uniform_below_epsilon(backend: Backend) -> None:
     assert fourth == pytest.approx(7_000, abs=250) and third == pytest.approx(1_000, abs=150)
 
 
-def test_given_values_are_where_training_begins_and_stay_as_they_are(backend: Backend) -> None:
+def test_training_starts_from_given_values_and_does_not_change_them(backend: Backend) -> None:
     loop = table([[[(1.0, 0, 1.0, 0)]]])
     q = np.array([[8.0]])
     assert train_curriculum([loop], HALVES, rng(), steps=[1], q=q, backend=backend).q[0, 0] == 6.5
     assert q.tolist() == [[8.0]]
 
 
-def test_states_that_look_alike_share_their_values(backend: Backend) -> None:
+def test_states_with_the_same_observation_share_their_values(backend: Backend) -> None:
     chain = table([[[(1.0, 1, 1.0, 0)]], [[(1.0, 1, 1.0, 0)]]], observation=[0, 0])
     found = train_curriculum([chain], HALVES, rng(), steps=[2], backend=backend)
     assert found.q.tolist() == [[0.5 + 0.5 * (1.0 + 0.25 - 0.5)]]
@@ -183,13 +188,13 @@ def test_states_that_look_alike_share_their_values(backend: Backend) -> None:
         ),
     ],
 )
-def test_arguments_that_do_not_fit_are_refused(arguments: dict[str, object], message: str) -> None:
+def test_invalid_arguments_are_refused(arguments: dict[str, object], message: str) -> None:
     call = {"tabulars": [table([[[(1.0, 0, 0.0, 0)]]])], "settings": HALVES, "rng": rng()} | arguments
     with pytest.raises(InvalidArgument, match=message):
         train_curriculum(**call)  # type: ignore[arg-type]
 
 
-def test_padding_and_states_that_nobody_comes_to_cost_a_loop_nothing() -> None:
+def test_padding_and_unvisited_states_are_not_prepared_for_the_loop() -> None:
     row = [[(0.5, 1, 0.0, 0), (0.5, 0, 0.0, 0)], [(1.0, 0, 0.0, 0)]]
     wide = table([row] * 500, observation=[state * 10 for state in range(500)])
     (ready,) = prepare([wide])
@@ -197,10 +202,15 @@ def test_padding_and_states_that_nobody_comes_to_cost_a_loop_nothing() -> None:
     settings = TrainingSettings(steps_per_environment=1_000)
     values = initial_values(ready, settings)
     train([ready], settings, np.random.default_rng(0), [1_000], values, "python")
-    assert {place for place, read in enumerate(ready.known) if read} == {0, 1, 2, 3}  # of states 0 and 1
+    assert {place for place, read in enumerate(ready.cached_outcomes) if read} == {
+        0,
+        1,
+        2,
+        3,
+    }  # of states 0 and 1
 
 
-def test_of_too_many_observations_those_that_occur_are_numbered() -> None:
+def test_occurring_observations_are_renumbered_if_there_are_too_many() -> None:
     small = random_table(1)
     rare = replace(
         small,
@@ -209,7 +219,7 @@ def test_of_too_many_observations_those_that_occur_are_numbered() -> None:
         observation_shape=(10, 10**8),
         observation_names=("here", "there"),
     )
-    [found] = occurring([rare])
+    [found] = renumber_occurring([rare])
     found.check()
     assert found.n_observations == len(set(small.observation.tolist()))
     learnt = [train_curriculum([one], RANDOM, rng(), steps=[200]).q for one in (small, found)]

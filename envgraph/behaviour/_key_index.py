@@ -1,0 +1,259 @@
+"""Number objects by their keys, so that an index means the same object in every member of a family."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable, Iterator, Mapping
+from itertools import product
+from typing import Any, Self
+
+from envgraph.behaviour._behaviour import Action, Agent, Behaviour, Domain, ObserveFind, ObserveObject
+from envgraph.behaviour._parameter_domains import domain_type
+from envgraph.code import dataclass
+from envgraph.errors import EvaluationError, InvalidArgument
+from envgraph.graph import Model
+from envgraph.metamodel import Attribute, EnumType, Metamodel, Value, accepts
+from envgraph.pattern import ObjectType
+
+Key = tuple[Value, ...]
+"""The key of an object: the values of its class's key attributes, or (id,) if the class has no key."""
+
+
+def indexed_classes(behaviour: Behaviour, metamodel: Metamodel) -> tuple[str, ...]:
+    """Return the classes whose objects a behaviour numbers: domains of actions, `among`, `for`, and agents."""
+    agents = (agent.cls for agent in behaviour.agents)
+    return tuple(dict.fromkeys([*multiplying_classes(behaviour, metamodel), *agents]))
+
+
+def multiplying_classes(behaviour: Behaviour, metamodel: Metamodel) -> tuple[str, ...]:
+    """Return the classes over whose objects actions or observations range; the classes of agents are not included."""
+    found: dict[str, None] = {}
+    owners: tuple[Behaviour | Agent, ...] = (behaviour, *behaviour.agents)
+    for owner in owners:
+        for action in owner.actions:
+            types = [domain_type(domain, metamodel) for _, domain in action.parameters]
+            found.update((type_.cls, None) for type_ in types if isinstance(type_, ObjectType))
+        for observation in owner.observations:
+            if isinstance(observation, ObserveObject):
+                found[observation.among] = None
+            if not isinstance(observation, ObserveFind) and observation.each and observation.each.type:
+                found[observation.each.type] = None
+    return tuple(found)
+
+
+@dataclass(frozen=True, slots=True)
+class KeyIndex:
+    """The keys of objects over a family, by class, in the order of their indices.
+
+    The index of an object is the rank of its key in the sorted union over all members of a family (an enum sorts by
+    the order of its literals). Objects of a class without `@key` are identified by their ids, which follow the order
+    of creation: those of the initial model come before later ones.
+
+    Attributes:
+        keys: the sorted keys of each class that the behaviour numbers.
+    """
+
+    keys: Mapping[str, tuple[Key, ...]]
+
+    @classmethod
+    def of_model(cls, model: Model, classes: Iterable[str]) -> Self:
+        """Return the index of one model for some classes; `merge` combines the indices of a family.
+
+        Raises:
+            EvaluationError: an object has no value in a key attribute, or two objects have the same key.
+        """
+        return cls({name: _sorted_keys(model, name) for name in classes})
+
+    def merge(self, other: KeyIndex, metamodel: Metamodel) -> KeyIndex:
+        """Return the index over the members of the family that this index or the other one covers."""
+        names = dict.fromkeys([*self.keys, *other.keys])
+        return KeyIndex(
+            {name: _sort_keys({*self.keys.get(name, ()), *other.keys.get(name, ())}, metamodel, name) for name in names}
+        )
+
+    def keys_of(self, cls: str) -> tuple[Key, ...]:
+        """Return the keys of a class, in the order of their indices.
+
+        Raises:
+            InvalidArgument: the index does not contain the class.
+        """
+        if cls not in self.keys:
+            raise InvalidArgument(f"the index has no class `{cls}`; it has {', '.join(self.keys) or 'no classes'}")
+        return self.keys[cls]
+
+    def size(self, cls: str) -> int:
+        """Return the number of indices of a class, which is the number of its different keys in the family."""
+        return len(self.keys_of(cls))
+
+    def index(self, model: Model, cls: str, node: int) -> int:
+        """Return the index of an object in a class.
+
+        Raises:
+            EvaluationError: the family has no such key: the object was created, or its key changed, during an episode.
+        """
+        try:
+            return self.keys_of(cls).index(key_reader(model, cls)(node))
+        except ValueError:
+            raise _missing_key_error(model, cls, node) from None
+
+    def indexer(self, model: Model, cls: str) -> Callable[[int], int]:
+        """Return a function that maps object ids to indices as `index` does, but faster, for one model and class."""
+        rank = {key: position for position, key in enumerate(self.keys_of(cls))}
+        key_of = key_reader(model, cls)
+
+        def index(node: int) -> int:
+            found = rank.get(key_of(node))
+            if found is None:
+                raise _missing_key_error(model, cls, node)
+            return found
+
+        return index
+
+    def objects(self, model: Model, cls: str) -> list[int | None]:
+        """Return the object id for each index of a class; None if this member of the family has no such object."""
+        key_of = key_reader(model, cls)
+        found = {key_of(node): node for node in model.graph.extent(cls)}
+        return [found.get(key) for key in self.keys_of(cls)]
+
+    def to_json(self) -> dict[str, list[list[Value]]]:
+        """Return the index as JSON-ready data, for the family file."""
+        return {name: [list(key) for key in keys] for name, keys in self.keys.items()}
+
+    @classmethod
+    def from_json(cls, data: Any, metamodel: Metamodel) -> Self:
+        """Return the index that `to_json` wrote.
+
+        Raises:
+            InvalidArgument: the data has another form, or does not fit the metamodel.
+        """
+        if not isinstance(data, dict):
+            raise InvalidArgument("the index of keys must be an object of lists")
+        for name, keys in data.items():
+            if name not in metamodel.classes:
+                raise InvalidArgument(f"the index of keys names an unknown class `{name}`")
+            if not isinstance(keys, list) or not all(_is_valid_key(metamodel, name, key) for key in keys):
+                raise InvalidArgument(f"the keys of `{name}` do not fit its key attributes")
+        return cls({name: _sort_keys({tuple(key) for key in keys}, metamodel, name) for name, keys in data.items()})
+
+
+def ordered_objects(model: Model, cls: str) -> list[int]:
+    """Return the objects of a class ordered by key; by creation if a key is missing, or if the class has none."""
+    order = _sort_function(model.metamodel, cls)
+    try:
+        keys = {node: order(key) for node, key in _object_keys(model, cls).items()}
+    except EvaluationError:
+        return sorted(model.graph.extent(cls))
+    return sorted(keys, key=lambda node: (keys[node], node))
+
+
+def expand_action(
+    action: Action, keys: KeyIndex, metamodel: Metamodel
+) -> Iterator[tuple[str, tuple[int | Value, ...]]]:
+    """Yield every action of a clause: its name, such as `move(a, 2)`, and its arguments, where objects are indices."""
+    domains = [list(_domain_values(domain, keys, metamodel)) for _, domain in action.parameters]
+    for values in product(*domains):
+        shown = ", ".join(text for text, _ in values)
+        yield f"{action.name}({shown})" if values else action.name, tuple(value for _, value in values)
+
+
+def _domain_values(domain: Domain, keys: KeyIndex, metamodel: Metamodel) -> Iterator[tuple[str, int | Value]]:
+    """Yield each element of a domain as text (for the names of actions) and as value, for an object its index."""
+    match domain_type(domain, metamodel):
+        case ObjectType(cls):
+            for index, key in enumerate(keys.keys_of(cls)):
+                yield ", ".join(map(str, key)), index
+        case EnumType(literals=literals):
+            yield from ((literal, literal) for literal in literals)
+        case _:
+            yield from ((str(number), number) for number in range(domain.low, domain.high + 1))
+
+
+def key_reader(model: Model, cls: str) -> Callable[[int], Key]:
+    """Return a function that reads the key of an object of a class.
+
+    The function raises EvaluationError if a key attribute of the object has no value.
+    """
+    attributes = key_attributes(model.metamodel, cls)
+    if not attributes:
+        return lambda node: (node,)
+
+    def read(node: int) -> Key:
+        values = []
+        for attribute in attributes:
+            value = model.graph.value(node, attribute)
+            if value is None:
+                raise EvaluationError(f"{model.node(node)!r} has no `{attribute.name}`, which is part of its key")
+            values.append(value)
+        return tuple(values)
+
+    return read
+
+
+def key_attributes(metamodel: Metamodel, cls: str) -> tuple[Attribute, ...]:
+    """Return the key attributes of a class; () if it has no key."""
+    features = metamodel.features(cls)
+    return tuple(f for name in metamodel.key(cls) if isinstance(f := features[name], Attribute))
+
+
+class DuplicateKeyError(EvaluationError):
+    """An error: two objects of a class have the same key.
+
+    Attributes:
+        nodes: the ids of the objects, in the order of their creation.
+    """
+
+    def __init__(self, model: Model, cls: str, nodes: tuple[int, int], key: Key) -> None:
+        self.nodes = nodes
+        names = " and ".join(
+            f"`{model.graph.display_name(node) or f'{model.graph.class_of(node)}#{node}'}`" for node in nodes
+        )
+        attributes = key_attributes(model.metamodel, cls)
+        values = ", ".join(f"{one.name} = {value}" for one, value in zip(attributes, key, strict=True))
+        super().__init__(f"{names} have the same key, {values}, but each object of `{cls}` needs its own")
+
+
+def _object_keys(model: Model, cls: str) -> dict[int, Key]:
+    read = key_reader(model, cls)
+    return {node: read(node) for node in model.graph.extent(cls)}
+
+
+def _sorted_keys(model: Model, cls: str) -> tuple[Key, ...]:
+    owner: dict[Key, int] = {}
+    for node, key in _object_keys(model, cls).items():
+        if key in owner:
+            raise DuplicateKeyError(model, cls, (owner[key], node), key)
+        owner[key] = node
+    return _sort_keys(set(owner), model.metamodel, cls)
+
+
+def _sort_keys(keys: set[Key], metamodel: Metamodel, cls: str) -> tuple[Key, ...]:
+    return tuple(sorted(keys, key=_sort_function(metamodel, cls)))
+
+
+def _sort_function(metamodel: Metamodel, cls: str) -> Callable[[Key], tuple[Any, ...]]:
+    """Return the function that `sorted` needs to sort keys: by their values, enum literals by their position."""
+    attributes = key_attributes(metamodel, cls)
+    if not attributes:
+        return lambda key: key
+    ranks = [a.type.literals.index if isinstance(a.type, EnumType) else _identity for a in attributes]
+    return lambda key: tuple(rank(value) for rank, value in zip(ranks, key, strict=True))
+
+
+def _identity(value: Any) -> Any:
+    return value
+
+
+def _is_valid_key(metamodel: Metamodel, cls: str, key: Any) -> bool:
+    attributes = key_attributes(metamodel, cls)
+    if not isinstance(key, list):
+        return False
+    if not attributes:
+        return len(key) == 1 and type(key[0]) is int
+    return len(key) == len(attributes) and all(
+        accepts(attribute.type, value) for attribute, value in zip(attributes, key, strict=True)
+    )
+
+
+def _missing_key_error(model: Model, cls: str, node: int) -> EvaluationError:
+    return EvaluationError(
+        f"{model.node(node)!r} has no index among `{cls}`: no initial model of the family has an object with its key"
+    )

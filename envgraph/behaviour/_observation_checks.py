@@ -1,0 +1,227 @@
+"""Check the observations and drawings of a behaviour."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+from envgraph.behaviour._behaviour import (
+    DrawGraph,
+    DrawGrid,
+    DrawnLink,
+    Observation,
+    ObserveAttribute,
+    ObserveFind,
+    ObserveObject,
+    ObserveRange,
+    Token,
+)
+from envgraph.behaviour._clause_checks import CheckBase, Scope, type_names, type_with_article
+from envgraph.behaviour._drawn_edges import edge_ends
+from envgraph.behaviour._helper_patterns import condition_helper, count_helper
+from envgraph.errors import Severity, Span, did_you_mean, name_hint
+from envgraph.metamodel import Attribute, EnumType, Reference, Scalar
+from envgraph.pattern import Expression, Navigation, ObjectType, StaticType
+
+
+class ViewChecks(CheckBase):
+    """The checks of observations and drawings."""
+
+    # --- observations
+
+    def check_observation(self, observation: Observation, outer: Scope) -> int:
+        """Check an observation; return its number of values.
+
+        An observation of an object counts as 1 value, because the number of objects depends on the family. An `if` part
+        adds 1, for the value that means "not visible".
+        """
+        scope = dict(outer)
+        if not isinstance(observation, ObserveFind) and observation.each is not None:
+            each = observation.each
+            if outer.get(each.name) is not None:
+                message = f"`{each.name}` is already a parameter"
+                self.report("duplicate-definition", message, each.span, "choose another name after `for`")
+            scope[each.name] = self.parameter_class(each)
+        if isinstance(observation, ObserveFind):
+            return self._check_observe_find(observation, scope)
+        if observation.visible is not None:
+            question = condition_helper("#check", observation.visible, type_names(scope))
+            self.check_helper(question, observation.visible, scope)
+        unseen = observation.visible is not None
+        match observation:
+            case ObserveObject():
+                self._check_observe_object(observation, scope)
+                return 1 + unseen
+            case ObserveRange():
+                return self._check_observe_range(observation, scope) + unseen
+            case ObserveAttribute():
+                return self._check_observe_attribute(observation, scope) + unseen
+
+    def _check_observed_path(self, path: Expression, scope: Scope) -> StaticType | None:
+        """Return the type of an observed path; report an invalid path and return None.
+
+        If a feature of the path has many values, the hint is to observe a pattern instead.
+        """
+        known = len(self.problems)
+        type_ = self.check_path(path, scope)
+        hint = "use a pattern: `observe find p(..)`, or `observe count find p(..) up to n`"
+        self.problems[known:] = [
+            replace(one, hint=hint) if one.code == "many-valued" else one for one in self.problems[known:]
+        ]
+        return type_
+
+    def _check_observe_find(self, observation: ObserveFind, scope: Scope) -> int:
+        names = type_names(scope)
+        if observation.up_to is None:
+            question = condition_helper("#check", observation.call, names)
+        else:
+            question = count_helper("#check", observation.call, names)
+            if observation.up_to < 1:
+                message = f"the bound of `up to` is {observation.up_to}, but must be at least 1"
+                self.report("empty-range", message, observation.span, "write `up to 1` or more")
+        self.check_helper(question, observation.call, scope)
+        return 2 if observation.up_to is None else max(1, observation.up_to + 1)
+
+    def _check_observe_object(self, observation: ObserveObject, scope: Scope) -> None:
+        among = self.check_class(observation.among, observation.among_span or observation.span)
+        type_ = self._check_observed_path(observation.path, scope)
+        if type_ is None or among is None:
+            return
+        if not isinstance(type_, ObjectType):
+            hint = _data_hint(type_)
+            message = f"the path leads to {type_with_article(type_)}, not to an object of `{among.cls}`"
+            self.report("wrong-type", message, observation.path.span, hint)
+        elif not self.metamodel.may_overlap(type_.cls, among.cls):
+            message = f"the path leads to {type_with_article(type_)}, which is never {type_with_article(among)}"
+            span = observation.among_span or observation.span
+            self.report("wrong-type", message, span, f"write `among {type_.cls}`")
+        elif observation.or_none:
+            return
+        elif not self.metamodel.covers(among.cls, type_.cls):
+            wider = f"{type_.cls} or none" if self._first_optional(observation.path, scope) else type_.cls
+            message = (
+                f"this may lead to {type_with_article(type_)} that is not {type_with_article(among)}, "
+                "so there is nothing to observe"
+            )
+            hint = f"write `among {wider}`, or `among {among.cls} or none`"
+            self.report("other-class", message, observation.path.span, hint, Severity.WARNING)
+        elif loose := self._first_optional(observation.path, scope):
+            message = f"`{loose}` may have no target, and then there is nothing to observe"
+            hint = f"write `among {among.cls} or none`"
+            self.report("maybe-none", message, observation.path.span, hint, Severity.WARNING)
+
+    def _first_optional(self, path: Expression, scope: Scope) -> Reference | None:
+        """Return the first reference on a path that may have no target; None if there is none."""
+        if not isinstance(path, Navigation):
+            return None
+        earlier = self._first_optional(path.object, scope)
+        feature = self.last_feature(path, scope)
+        return earlier or (feature if isinstance(feature, Reference) and feature.lower == 0 else None)
+
+    def _check_observe_range(self, observation: ObserveRange, scope: Scope) -> int:
+        type_ = self._check_observed_path(observation.path, scope)
+        if type_ is not None and type_ is not Scalar.INT:
+            message = f"only an `int` can be observed in a range, not {type_with_article(type_)}"
+            hint = f"write `among {type_.cls}`" if isinstance(type_, ObjectType) else None
+            self.report("wrong-type", message, observation.path.span, hint)
+        low, high = observation.low, observation.high
+        if low > high:
+            self.report("empty-range", f"the range {low}..{high} is empty", observation.span, f"write `{high}..{low}`")
+        return max(1, high - low + 1)
+
+    def _check_observe_attribute(self, observation: ObserveAttribute, scope: Scope) -> int:
+        type_ = self._check_observed_path(observation.path, scope)
+        if type_ is None or isinstance(type_, EnumType) or type_ is Scalar.BOOL:
+            return 2 if type_ is Scalar.BOOL else len(type_.literals) if isinstance(type_, EnumType) else 1
+        hint = f"write `among {type_.cls}`" if isinstance(type_, ObjectType) else _data_hint(type_)
+        message = f"{type_with_article(type_)} cannot be observed, because its number of values is not fixed"
+        self.report("wrong-type", message, observation.path.span, hint)
+        return 1
+
+    # --- drawing
+
+    def check_drawing(self, draw: DrawGrid | DrawGraph, scope: Scope) -> None:
+        """Report errors in a `draw` clause: in its classes and attributes, edges and tokens."""
+        cls = self.check_class(draw.cls, draw.cls_span or draw.span)
+        if cls is not None and isinstance(draw, DrawGrid):
+            for name, span in ((draw.column, draw.column_span), (draw.row, draw.row_span)):
+                self._check_drawn_attribute(cls.cls, name, span or draw.span, whole=True)
+        if cls is not None and isinstance(draw, DrawGraph) and draw.label is not None:
+            self._check_drawn_attribute(cls.cls, draw.label, draw.label_span or draw.span, whole=False)
+        for link in draw.links if isinstance(draw, DrawGraph) else ():
+            self._check_link(link, cls)
+        for token in draw.tokens:
+            self._check_token(token, cls, scope)
+
+    def _check_link(self, link: DrawnLink, nodes: ObjectType | None) -> None:
+        cls = self.check_class(link.cls, link.cls_span or link.span)
+        if cls is None or nodes is None:
+            return
+        if link.label is not None:
+            self._check_drawn_attribute(cls.cls, link.label, link.label_span or link.span, whole=False)
+        kinds = [
+            kind
+            for kind in self.metamodel.concrete_classes(cls.cls)
+            if len(edge_ends(self.metamodel, kind, nodes.cls)) < 2
+        ]
+        if kinds:
+            message = f"{type_with_article(ObjectType(kinds[0]))} cannot be drawn as an edge between two nodes"
+            hint = f"instead of an edge, which needs two single references to {type_with_article(nodes)}, "
+            hint += self._token_hint(cls.cls, nodes.cls) or f"leave `{link.cls}` out"
+            self.report("wrong-type", message, link.cls_span or link.span, hint)
+
+    def _token_hint(self, cls: str, nodes: str) -> str | None:
+        """Return a hint for drawing the objects of a class as tokens on nodes; None if no reference leads to a node."""
+        for one in self.metamodel.features(cls).values():
+            if isinstance(one, Reference) and not one.many and self.metamodel.is_a(one.target, nodes):
+                name = cls[:1].lower() + cls[1:]
+                return f"write `with {name} : {cls} at {name}.{one.name}` to draw it as a token on a node"
+        return None
+
+    def _check_drawn_attribute(self, cls: str, name: str, span: Span | None, whole: bool) -> None:
+        features = self.metamodel.features(cls)
+        feature = features.get(name)
+        if not isinstance(feature, Attribute):
+            known = [f.name for f in features.values() if isinstance(f, Attribute)]
+            hint = name_hint(name, known)
+            self.report("unknown-feature", f"`{cls}` has no attribute `{name}`", span, hint)
+        elif feature.many:
+            message = f"`{feature}` has many values, but only one can be shown"
+            self.report("many-valued", message, span, "name an attribute with one value")
+        elif whole and feature.type is not Scalar.INT:
+            message = f"a position in the grid must be an `int`, but `{feature}` is {type_with_article(feature.type)}"
+            ints = [f"`{f.name}`" for f in features.values() if isinstance(f, Attribute) and f.type is Scalar.INT]
+            hint = f"use an attribute of that type: {', '.join(ints)}" if ints else None
+            self.report("wrong-type", message, span, hint)
+
+    def _check_token(self, token: Token, cell: ObjectType | None, outer: Scope) -> None:
+        scope = dict(outer)
+        if token.letter is not None and len(token.letter) != 1:
+            message = f"the letter of `{token.variable}` must be a single character"
+            self.report("bad-glyph", message, token.letter_span, "write one letter")
+        if token.cls is not None:
+            scope[token.variable] = self.check_class(token.cls, token.cls_span or token.span)
+        elif token.variable not in scope:
+            message = f"unknown variable `{token.variable}`"
+            hint = (
+                did_you_mean(token.variable, scope) or f"for all objects of a class: `{token.variable} : Class at ..`"
+            )
+            span = token.span
+            if span is not None:
+                span = span.source.span_between(span.start, span.start + len(token.variable))
+            self.report("unknown-variable", message, span, hint)
+            return
+        type_ = self.check_path(token.path, scope)
+        if type_ is None or cell is None:
+            return
+        if not isinstance(type_, ObjectType) or not self.metamodel.may_overlap(type_.cls, cell.cls):
+            message = (
+                f"`{token.variable}` must be drawn at {type_with_article(cell)}, not at {type_with_article(type_)}"
+            )
+            hint = f"write a path that leads to {type_with_article(cell)}, or draw a `grid` of another class"
+            self.report("wrong-type", message, token.path.span, hint)
+
+
+def _data_hint(type_: StaticType) -> str | None:
+    if type_ is Scalar.INT:
+        return "write `in lo..hi`"
+    return "observe a bool, an enum, an int in a range, or an object" if isinstance(type_, Scalar) else None

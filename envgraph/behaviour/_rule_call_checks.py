@@ -1,0 +1,212 @@
+"""Check the branches, rule calls and rewards of a behaviour."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from math import isfinite
+
+from envgraph.behaviour._behaviour import Action, Branch, RuleCall
+from envgraph.behaviour._clause_checks import CheckBase, Scope
+from envgraph.behaviour._rule_signatures import callable_names, format_call, signature_of
+from envgraph.errors import Note, Severity, Span, count_with_noun, list_names, name_hint, quote_with_article
+from envgraph.metamodel import Attribute, Scalar
+from envgraph.pattern import (
+    Constant,
+    Expression,
+    ObjectType,
+    StaticType,
+    Variable,
+    check_expression,
+    may_be_assignable,
+    type_text,
+    value_hint,
+    variables_in,
+)
+from envgraph.rewrite import Signature
+
+
+class CallChecks(CheckBase):
+    """The checks of clauses that apply rules or pay rewards."""
+
+    def check_branches(self, branches: Sequence[Branch], scope: Scope) -> list[Scope]:
+        """Check a list of branches; return the output variables of each branch."""
+        fixed = [self._check_probability(branch, scope) for branch in branches]
+        if all(0.0 <= one <= 1.0 for one in fixed) and sum(fixed) > 1.0 + 1e-9:
+            message = f"the probabilities add up to {sum(fixed):.6g}, which is above 1"
+            last = next(branch for branch, one in zip(reversed(branches), reversed(fixed), strict=True) if one)
+            self.report("bad-probability", message, last.probability_span or last.span, _remaining_share_hint(fixed))
+        return [self.check_call(branch.call, scope) for branch in branches]
+
+    def _check_probability(self, branch: Branch, scope: Scope) -> float:
+        """Check the probability of a branch; return its value if it is a number, and 0.0 if it must be computed."""
+        given, span = branch.probability, branch.probability_span or branch.span
+        if not isinstance(given, int | float):
+            type_, problems = check_expression(given, scope, self.metamodel, expected=Scalar.FLOAT)
+            self.problems.extend(problems)
+            if type_ is None and isinstance(given, Constant):
+                self.report("bad-probability", "`none` is not a probability", span, "write a number from 0 to 1")
+            elif not problems:
+                self._check_probability_range(given, type_, scope)
+            return 0.0
+        if not (isfinite(given) and 0.0 <= given <= 1.0):
+            self.report(
+                "bad-probability",
+                f"the probability is {given}, but must be from 0 to 1",
+                span,
+                "write a number from 0 to 1",
+            )
+        return given
+
+    def _check_probability_range(self, given: Expression, type_: StaticType | None, scope: Scope) -> None:
+        """Warn of a computed probability if its `@range` leaves 0 to 1, or if it is an `int` without a range."""
+        attribute = self.last_feature(given, scope)
+        declared = attribute.range if isinstance(attribute, Attribute) else None
+        if declared is not None and not 0 <= declared[0] < declared[1] <= 1:
+            message = f"`{attribute}` is from {declared[0]:g} to {declared[1]:g}, but a probability must be from 0 to 1"
+        elif declared is None and type_ is Scalar.INT and not isinstance(given, Constant):
+            message = "a probability must be from 0 to 1, but this is an `int`"
+        else:
+            return
+        hint = "divide it, as in `(x.number / 10.0)`, or declare `@range(0, 1)` before the attribute"
+        self.report("unlikely-probability", message, given.span, hint, Severity.WARNING)
+
+    def check_rewards(self, action: Action, scope: Scope, outputs: list[Scope]) -> None:
+        """Check the rewards of an action, given the output variables of each branch."""
+        shared = dict(scope)
+        partly: set[str] = set()
+        for name in dict.fromkeys(name for scope_ in outputs for name in scope_):
+            types = [found[name] for found in outputs if name in found]
+            shared[name] = types[0] if all(type_ == types[0] for type_ in types) else None
+            if len(types) < len(outputs):
+                partly.add(name)
+        self._check_output_bound(action.reward, partly, "leave it out: it has a value in some branches only")
+        self.check_reward(action.reward, shared)
+        self._check_output_bound(
+            action.else_reward,
+            set(shared) - set(scope),
+            "leave it out: a rule that is not applied has no outputs",
+        )
+        self.check_reward(action.else_reward, shared)
+
+    def _check_output_bound(self, reward: Expression | None, names: set[str], hint: str) -> None:
+        """Report the first of the variables `names`, which may have no value, in a reward; the hint is `hint`."""
+        found = next((v for v in variables_in(reward) if v.name in names), None) if reward else None
+        if found is not None:
+            self.report("unbound-output", f"`{found.name}` may have no value here", found.span, hint)
+
+    def check_reward(self, reward: Expression | None, scope: Mapping[str, StaticType | None]) -> None:
+        """Report a reward that is not a number; do nothing if there is no reward."""
+        if reward is None:
+            return
+        type_, problems = check_expression(reward, scope, self.metamodel, expected=Scalar.FLOAT)
+        self.problems.extend(problems)
+        if type_ is None and isinstance(reward, Constant):
+            self.report("wrong-type", "a reward must be a number", reward.span, "leave it out for no reward")
+
+    # --- calls of rules
+
+    def check_call(self, call: RuleCall, scope: Scope) -> Scope:
+        """Check `rule(arguments)`; return the output variables that the call binds, with their types.
+
+        For an invalid call, the types of the variables are None.
+        """
+        if call.rule is None:
+            if call.arguments:
+                self.report("wrong-arity", "`nothing` takes no arguments", call.span, "write `nothing()`")
+            return {}
+        signature = signature_of(self.engine, call.rule)
+        if signature is None:
+            self._report_unknown_rule(call)
+            return _supposed_outputs(call, scope)
+        if signature.kind == "group":
+            message = f"`{call.rule}` is a group of rules, but an environment calls single rules or units"
+            self.report("no-rule", message, call.rule_span or call.span, "name a rule or a unit")
+            return _supposed_outputs(call, scope)
+        firsts = self.engine.catalog.first_calls(call.rule)
+        if firsts:
+            message = f"unit `{call.rule}` takes the first match, which may depend on how a state was reached"
+            hint = "leave `first` out, so that each match is an outcome; for `top` write `all`"
+            notes = tuple(Note("the first match is taken here", one.span) for one in firsts[:1])
+            self.report("first-match", message, call.rule_span or call.span, hint, notes=notes)
+        self._check_dangling(call.rule, call.rule_span or call.span)
+        if len(call.arguments) != len(signature.parameters):
+            count = count_with_noun(len(signature.parameters), "argument")
+            message = f"{signature.kind} `{call.rule}` takes {count}, not {len(call.arguments)}"
+            self.report("wrong-arity", message, call.span, f"write `{format_call(signature)}`")
+            return _supposed_outputs(call, scope)
+        return self._check_arguments(call, signature, scope)
+
+    def _check_dangling(self, rule: str, span: Span | None) -> None:
+        """Warn once for each deletion of a rule that is refused if the object has other links (dangling edges).
+
+        During an episode, a refused deletion raises an error.
+        """
+        for one in self.engine.catalog.unnamed_links(rule):
+            links = list_names(map(str, one.references))
+            message = f"`{rule}` deletes `{one.name}`, but is refused if it has other links: {links}"
+            if all(problem.message != message for problem in self.problems):
+                hint = "match them in the rule, forbid them in `not`, or write `@semantics(spo)` to delete them too"
+                notes = (Note("the object is deleted here", one.span),)
+                self.report("may-be-refused", message, span, hint, Severity.WARNING, notes)
+
+    def _report_unknown_rule(self, call: RuleCall) -> None:
+        assert call.rule is not None
+        span = call.rule_span or call.span
+        if call.rule in self.library.unknown:
+            return
+        if self.library.resolve(call.rule) is not None:
+            message = f"`{call.rule}` is a pattern, not a rule"
+            self.report("unknown-rule", message, span, "use patterns in `on find` or `observe find`")
+            return
+        names = callable_names(self.engine)
+        several = [name for name in names if name.endswith(f".{call.rule}")]
+        if len(several) > 1:
+            message = f"`{call.rule}` may mean several rules"
+            self.report("ambiguous-rule", message, span, "write " + " or ".join(f"`{name}`" for name in several))
+            return
+        hint = name_hint(call.rule, [*names, "nothing"])
+        self.report("unknown-rule", f"unknown rule `{call.rule}`", span, hint)
+
+    def _check_arguments(self, call: RuleCall, signature: Signature, scope: Scope) -> Scope:
+        outputs: Scope = {}
+        for argument, slot in zip(call.arguments, signature.parameters, strict=True):
+            if not slot.is_output:
+                self._check_argument(argument, slot.type, scope)
+            elif not isinstance(argument, Variable) or scope.get(argument.name) or argument.name in outputs:
+                message = f"the output `{slot.name}` of `{call.rule}` must be bound to a new name"
+                self.report("bound-output", message, argument.span, f"write `{slot.name}`")
+            elif not argument.is_anonymous:
+                outputs[argument.name] = slot.type
+        return outputs
+
+    def _check_argument(self, argument: Expression, expected: StaticType | None, scope: Scope) -> None:
+        if isinstance(argument, Variable) and argument.is_anonymous:
+            hint = "bind it: `on find p(x) apply r(x)`; or remove the parameter from the rule"
+            self.report("wrong-type", "an argument needs a value", argument.span, hint)
+            return
+        wanted = None if isinstance(expected, ObjectType) else expected
+        type_, problems = check_expression(argument, scope, self.metamodel, expected=wanted)
+        self.problems.extend(problems)
+        if problems or type_ is None or not isinstance(expected, ObjectType):
+            if not problems and type_ is None and isinstance(argument, Constant):
+                hint = f"write the name of {quote_with_article(type_text(expected))}" if expected else "write a value"
+                self.report("wrong-type", "an argument needs a value", argument.span, hint)
+            return
+        if not may_be_assignable(type_, expected, self.metamodel):
+            message = f"expected `{type_text(expected)}`, found `{type_text(type_)}`"
+            fitting = [
+                name for name, known in scope.items() if known and may_be_assignable(known, expected, self.metamodel)
+            ]
+            hint = f"write {list_names(fitting)}" if fitting else value_hint(expected)
+            self.report("wrong-type", message, argument.span, hint)
+
+
+def _supposed_outputs(call: RuleCall, scope: Scope) -> Scope:
+    """Return the variables that an invalid call would probably bind, namely all unbound ones, with the type None."""
+    arguments = [argument for argument in call.arguments if isinstance(argument, Variable)]
+    return {argument.name: None for argument in arguments if argument.name not in scope}
+
+
+def _remaining_share_hint(probabilities: Sequence[float]) -> str | None:
+    rest = 1.0 - sum(probabilities[:-1])
+    return f"write at most {rest:.6g} for the last one" if rest > 0.0 and len(probabilities) > 1 else None

@@ -1,0 +1,32 @@
+"""Walk through frozen data: generated code, patterns and rules."""
+
+from __future__ import annotations
+
+from collections.abc import Hashable, Iterator
+from dataclasses import fields, is_dataclass
+from functools import cache
+from typing import Any
+
+
+@cache
+def compared_fields(cls: Hashable) -> tuple[str, ...]:
+    """Return the names of a data class's fields that take part in comparison; () for any other class."""
+    return tuple(field.name for field in fields(cls) if field.compare) if is_dataclass(cls) else ()
+
+
+def differing_fields(one: Any, other: Any) -> list[str]:
+    """Return the names of the compared fields whose values in `one` and `other` differ, in field order."""
+    names = compared_fields(one.__class__)
+    return [name for name in names if getattr(one, name) != getattr(other, name, None)]
+
+
+def walk_parts(data: Any) -> Iterator[Any]:
+    """Yield `data` and, recursively, the items of tuples and the compared fields of data classes, parents first."""
+    waiting = [data]
+    while waiting:
+        one = waiting.pop()
+        yield one
+        if isinstance(one, tuple):
+            waiting += reversed(one)
+        else:
+            waiting += [getattr(one, name) for name in reversed(compared_fields(one.__class__))]

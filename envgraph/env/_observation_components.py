@@ -1,0 +1,298 @@
+"""Create functions that read the components of an observation from the model."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable, Sequence
+from itertools import count as count_from, zip_longest
+
+from envgraph.behaviour import (
+    Behaviour,
+    FeatureReader,
+    KeyIndex,
+    Observation,
+    ObserveFind,
+    ObserveObject,
+    ObservePath,
+    ObserveRange,
+    follow_path,
+    key_reader,
+)
+from envgraph.env._prepared_clauses import NameClasses, NameValues, merge_clauses
+from envgraph.errors import EvaluationError
+from envgraph.graph import Model
+from envgraph.metamodel import EnumType, Metamodel, Value
+from envgraph.pattern import (
+    Constant,
+    EnumLiteral,
+    Expression,
+    Navigation,
+    ObjectType,
+    PatternCall,
+    StaticType,
+    Variable,
+    check_expression,
+)
+
+
+class KeyedObjects:
+    """A list of the current objects of a class by index, which is updated after the model has changed."""
+
+    def __init__(self, model: Model, keys: KeyIndex, cls: str) -> None:
+        self.keys = keys.keys_of(cls)
+        self._model, self._index, self._cls = model, keys, cls
+        self._key_of = key_reader(model, cls)
+        self._found = keys.objects(model, cls)
+        self._revision = model.graph.store.revision
+
+    def get(self, position: int) -> int | None:
+        """Return the object that has the index `position` in the current state, or None."""
+        node = self._found[position]
+        if node is not None and self._has_index(node, position):
+            return node
+        if (
+            self._revision != self._model.graph.store.revision
+        ):  # objects may have been created or deleted, or have new keys
+            self._found = self._index.objects(self._model, self._cls)
+            self._revision = self._model.graph.store.revision
+        return self._found[position]
+
+    def _has_index(self, node: int, position: int) -> bool:
+        model = self._model
+        if not model.graph.alive(node) or not model.metamodel.is_a(model.graph.class_of(node), self._cls):
+            return False
+        return self._key_of(node) == self.keys[position]
+
+
+def component_size(observation: Observation, types: NameClasses, keys: KeyIndex, metamodel: Metamodel) -> int:
+    """Return the number of values of a clause's components, with one more for `or none`, and one for hidden objects."""
+    if isinstance(observation, ObserveFind):
+        return 2 if observation.up_to is None else observation.up_to + 1
+    unseen = observation.visible is not None
+    match observation:
+        case ObserveObject(among=among, or_none=or_none):
+            return keys.size(among) + or_none + unseen
+        case ObserveRange(low=low, high=high):
+            return high - low + 1 + unseen
+        case _:
+            type_ = path_type(observation, types, metamodel)
+            return (len(type_.literals) if isinstance(type_, EnumType) else 2) + unseen
+
+
+def path_type(observation: ObservePath, types: NameClasses, metamodel: Metamodel) -> StaticType | None:
+    """Return the type of the value or object that an observed path leads to; None if the path has errors."""
+    scope: dict[str, StaticType | None] = {name: ObjectType(cls) for name, cls in types.items()}
+    if observation.each is not None:
+        scope[observation.each.name] = ObjectType(observation.each.type or "")
+    return check_expression(observation.path, scope, metamodel)[0]
+
+
+def component_reader(
+    path: Expression,
+    owner: tuple[str, Callable[[], Value | None]] | None,
+    model: Model,
+    read: FeatureReader,
+    index: Callable[[Value | None], int],
+    padding: int,
+    bound: NameValues,
+) -> Callable[[], int]:
+    """Return a function that reads a component of an observation.
+
+    Args:
+        path: the observed path.
+        owner: the name at which the path begins, and a function that returns its object, or None if it is missing; then
+            the component is `padding`. None if the path begins at a bound name.
+        model: the model, which names objects for messages.
+        read: a function that reads features of objects.
+        index: converts the value of the path to the component.
+        padding: the component if the owner's object is missing.
+        bound: the values of the other names; if it contains the owner's name, the owner never changes.
+    """
+    name, value = owner or ("", None)
+    fixed = name in bound
+
+    def observe() -> int:
+        scope = bound
+        if value is not None:
+            node = value()
+            if node is None:
+                return padding
+            if not fixed:
+                scope = {**bound, name: node}
+        found: Value | int | None = 0
+        try:
+            found = follow_path(path, scope, read)
+            return index(found)
+        except EvaluationError as error:
+            where = _describe_gap(model, path, scope, read) if found is None else ""
+            raise EvaluationError(f"{error.message}{where}", path.span, error.hint) from None
+
+    return observe
+
+
+def path_target_reader(
+    path: Expression, owner: tuple[str, Callable[[], Value | None]], bound: NameValues, read: FeatureReader
+) -> Callable[[], int | None]:
+    """Return a function that returns the object at the end of a path, or None if the path leads to no object.
+
+    `owner` is the name at which the path begins, and a function that returns its object or None.
+    """
+    name, value = owner
+
+    def read_target_index() -> int | None:
+        node = value()
+        if node is None:
+            return None
+        try:
+            found = follow_path(path, {**bound, name: node}, read)
+        except EvaluationError:  # an object on the path was deleted
+            return None
+        return found if type(found) is int else None
+
+    return read_target_index
+
+
+def observe_clauses(behaviour: Behaviour) -> list[Observation]:
+    """Return all distinct `observe` clauses: those of `agent` blocks, then those that all agents share."""
+    own = (one for agent in behaviour.agents for one in agent.observations)
+    return [*dict.fromkeys([*own, *behaviour.observations])]
+
+
+def clause_name(observation: Observation) -> str:
+    """Return the text of an `observe` clause, with spaces for dots (for PyTorch): `hero at`, `count reached(_)`."""
+    if isinstance(observation, ObserveFind):
+        what = _format_expression(observation.call)
+        return what if observation.up_to is None else f"count {what}"
+    return _format_expression(observation.path)
+
+
+def component_names(behaviour: Behaviour, keys: KeyIndex, count: int) -> tuple[str, ...]:
+    """Return distinct names for the first `count` components of an observation.
+
+    If the agents of several blocks have different components at one position, "or" joins their names.
+    """
+    rows = [
+        [
+            name
+            for one, _ in merge_clauses(own, {}, behaviour.observations, {})
+            for name in _clause_component_names(one, keys)
+        ]
+        for own in ([agent.observations for agent in behaviour.agents] or [()])
+    ]
+    columns = [dict.fromkeys(name for name in column if name) for column in zip_longest(*rows)]
+    lead = ["agent"] if len(rows) > 1 else []
+    return _make_distinct([*lead, *(" or ".join(column) for column in columns)][:count])
+
+
+def combined_component_names(behaviour: Behaviour, keys: KeyIndex, seats: Iterable[tuple[str, int]]) -> tuple[str, ...]:
+    """Return distinct names for the observed components of all simultaneous agents: own ones, then shared ones.
+
+    Args:
+        behaviour: a behaviour whose agents act simultaneously.
+        keys: the indices of objects.
+        seats: for each agent its name, and the number of its `agent` block.
+    """
+    found = []
+    for who, number in seats:
+        agent = behaviour.agents[number]
+        for name in (name for one in agent.observations for name in _clause_component_names(one, keys)):
+            found.append(f"{who.replace('.', '_')} {name.removeprefix(f'{agent.variable} ')}")
+    return _make_distinct(
+        [*found, *(name for one in behaviour.observations for name in _clause_component_names(one, keys))]
+    )
+
+
+def _make_distinct(names: Iterable[str]) -> tuple[str, ...]:
+    found: dict[str, None] = {}
+    for name in names:
+        copies = (f"{name} {number}" for number in count_from(2))
+        found[name if name not in found else next(one for one in copies if one not in found)] = None
+    return tuple(found)
+
+
+def _clause_component_names(observation: Observation, keys: KeyIndex) -> list[str]:
+    name = clause_name(observation)
+    each = None if isinstance(observation, ObserveFind) else observation.each
+    if each is None or each.type is None:
+        return [name]
+    rest = name.removeprefix(each.name)
+    texts = (", ".join(map(str, key)).replace(".", "_") for key in keys.keys_of(each.type))
+    return [f"{each.name}[{text}]{rest}" for text in texts]
+
+
+def _format_expression(one: object) -> str:
+    match one:
+        case Navigation(object=owner, feature=feature):
+            return f"{_format_expression(owner)} {feature}"
+        case PatternCall(pattern=pattern, arguments=arguments, closure=closure):
+            return f"{pattern.rpartition('.')[2]}{closure}({', '.join(map(_format_expression, arguments))})"
+        case Variable(name=name):
+            return "_" if name.startswith("_") else name
+        case EnumLiteral(literal=literal):
+            return f"::{literal}"
+        case Constant(value=value):
+            return str(value).replace(".", "_")
+        case _:
+            return ".."
+
+
+def _describe_gap(model: Model, path: Expression, scope: NameValues, read: FeatureReader) -> str:
+    """Return a text such as ": Hero h has no `read_target_index`" for the object at which a path ends without a value;
+    or "".
+    """
+    while isinstance(path, Navigation):
+        owner = follow_path(path.object, scope, read)
+        if type(owner) is int:
+            return f": {model.graph.describe(owner)} has no `{path.feature}`"
+        path = path.object
+    return ""
+
+
+def object_indexer(
+    model: Model, indexer: Callable[[int], int], missing: int | None, cls: str, path_class: str
+) -> Callable[[Value | None], int]:
+    """Return a function that converts an object to its index within a class, or raises EvaluationError.
+
+    Args:
+        model: the model of the objects.
+        indexer: returns the index of an object of the class.
+        missing: the index for no object and for objects of other classes; None if these are errors.
+        cls: the class.
+        path_class: the class that a path leads to; objects may have subclasses of it.
+    """
+    metamodel = model.metamodel
+    certain = metamodel.covers(cls, path_class)
+
+    def index(value: Value | None) -> int:
+        if type(value) is int and (certain or metamodel.is_a(model.graph.class_of(value), cls)):
+            return indexer(value)
+        if missing is not None:
+            return missing
+        if type(value) is int:
+            message = f"an observed path leads to {model.graph.describe(value)}, which is not of class `{cls}`"
+            raise EvaluationError(message, hint=f"write `among {path_class}`, or `among {cls} or none`")
+        raise EvaluationError("an observed path has no value", hint=f"write `among {cls} or none`")
+
+    return index
+
+
+def range_indexer(low: int, high: int) -> Callable[[Value | None], int]:
+    def index(value: Value | None) -> int:
+        if type(value) is not int:
+            message = "an observed path has no value, but a component with a range needs one"
+            hint = "give the attribute a value in each state, or observe a pattern with `find`"
+            raise EvaluationError(message, hint=hint)
+        return min(max(value, low), high) - low
+
+    return index
+
+
+def literal_indexer(literals: Sequence[Value]) -> Callable[[Value | None], int]:
+    places = {literal: position for position, literal in enumerate(literals)}
+
+    def index(value: Value | None) -> int:
+        if value is None:
+            hint = "give the attribute a value in each state, or observe a pattern with `find`"
+            raise EvaluationError("an observed attribute has no value", hint=hint)
+        return places[value]
+
+    return index

@@ -1,0 +1,141 @@
+"""Convert the components of an observation to an observation in a Gymnasium space.
+
+`observation="index"` is one number, "multi" the components, "flat" the components as concatenated one-hot vectors,
+"dict" the components by name. Observations of the whole model are in `_model_views`.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Hashable, Sequence
+from decimal import Decimal
+from math import prod
+from typing import Any, Final, Literal
+
+import numpy as np
+from gymnasium import spaces
+from numpy.typing import NDArray
+
+from envgraph.errors import LARGEST_INT, InvalidArgument, check_known
+
+ObservationKind = Literal["index", "multi", "flat", "dict", "image", "graph"]
+
+OBSERVATION_KINDS: Final = ("index", "multi", "flat", "dict", "image", "graph")
+MODEL_KINDS: Final = ("image", "graph")
+"""The kinds that are computed from the model; tables do not support them."""
+
+MAX_CACHED_OBSERVATIONS: Final = 2**14
+"""Maximum number of cached observations; a full cache is cleared. Not measured: one takes some microseconds."""
+
+
+def check_observation_kind(kind: object) -> None:
+    """Raise an error if an observation kind is unknown.
+
+    Raises:
+        InvalidArgument: the kind is unknown.
+    """
+    check_known(kind, OBSERVATION_KINDS, f"unknown kind of observation {kind!r}")
+
+
+class ObservationCache:
+    """A cache of observations by the state or index that they are computed from."""
+
+    def __init__(self) -> None:
+        self._known: dict[Hashable, Any] = {}
+
+    def get(self, key: Hashable, compute: Callable[[], Any]) -> Any:
+        """Return a copy of the cached observation for a key; if it is not cached, `compute` computes it."""
+        found = self._known.get(key)
+        if found is None:
+            if len(self._known) >= MAX_CACHED_OBSERVATIONS:
+                self._known.clear()
+            found = self._known[key] = compute()
+        if isinstance(found, spaces.GraphInstance):
+            parts: Any = found
+            return spaces.GraphInstance(*(part.copy() for part in parts))
+        return found.copy()
+
+
+class ComponentView:
+    """A conversion of observation components to observations in a Gymnasium space.
+
+    Args:
+        kind: "index", "multi", "flat" or "dict".
+        shape: sizes of the components; the first varies fastest in an index.
+        names: the names of the components.
+
+    Raises:
+        InvalidArgument: another kind, or more observations than "index" can number.
+
+    Attributes:
+        space: the space of the observations.
+    """
+
+    def __init__(self, kind: ObservationKind, shape: Sequence[int], names: Sequence[str]) -> None:
+        check_observation_kind(kind)
+        if kind in MODEL_KINDS:
+            hint = 'make the environment with `engine="compiled"` or `"live"`'
+            raise InvalidArgument(
+                f'an observation "{kind}" is computed from the model, which a table does not have', hint
+            )
+        if kind == "index" and prod(shape) > LARGEST_INT:
+            message = f"{Decimal(prod(shape)):.3g} observations cannot be numbered: the maximum is {LARGEST_INT:,}"
+            hint = 'observe less, or use `observation="flat"`, "multi", "dict", "image" or "graph"'
+            raise InvalidArgument(message, hint)
+        self.kind: ObservationKind = kind
+        self._shape = tuple(shape) or (1,)
+        self._names = tuple(names)
+        self._first = np.cumsum([0, *self._shape[:-1]])
+        self._memory = ObservationCache()
+        self.space = self._space()
+
+    def _space(self) -> spaces.Space[Any]:
+        match self.kind:
+            case "index":
+                return spaces.Discrete(int(np.prod(self._shape, dtype=object)))
+            case "multi":
+                return spaces.MultiDiscrete(list(self._shape))
+            case "flat":
+                return spaces.Box(0.0, 1.0, (sum(self._shape),), np.float32)
+            case _:
+                sizes = zip(self._names, self._shape, strict=True)
+                return spaces.Dict({name: spaces.Discrete(size) for name, size in sizes})
+
+    def from_index(self, index: int) -> Any:
+        """Return a copy of the observation with an index, which may be larger than int64 allows."""
+        if self.kind == "index":
+            return np.int64(index)
+        return self._memory.get(index, lambda: self.from_components(split_index(index, self._shape)))
+
+    def from_components_cached(self, parts: NDArray[np.int64]) -> Any:
+        """Return the observation with these components, cached; not for "index"."""
+        return self._memory.get(parts.tobytes(), lambda: self.from_components(parts.copy()))
+
+    def from_components(self, parts: NDArray[np.int64]) -> Any:
+        """Convert components, on the last axis of `parts`, to observations; "dict" gives an array for each name."""
+        match self.kind:
+            case "index":
+                return np.ravel_multi_index(tuple(np.moveaxis(parts, -1, 0)), self._shape, order="F")
+            case "multi":
+                return parts
+            case "flat":
+                found = np.zeros((*parts.shape[:-1], sum(self._shape)), dtype=np.float32)
+                np.put_along_axis(found, parts + self._first, 1.0, axis=-1)
+                return found
+            case _:
+                columns = np.moveaxis(parts, -1, 0)
+                return {name: columns[place] for place, name in enumerate(self._names)}
+
+    def __reduce__(self) -> tuple[type[ComponentView], tuple[Any, ...]]:
+        return ComponentView, (self.kind, self._shape, self._names)
+
+
+def split_index(observation: NDArray[np.int64] | int, shape: Sequence[int]) -> NDArray[np.int64]:
+    """Return the components of observations given by index, on a new last axis; the first component varies fastest."""
+    if isinstance(observation, int):
+        found = []
+        for size in shape or (1,):
+            observation, part = divmod(observation, size)
+            found.append(part)
+        return np.array(found, dtype=np.int64)
+    parts = np.unravel_index(observation, tuple(shape) or (1,), order="F")
+    return np.stack([np.asarray(part, dtype=np.int64) for part in parts], axis=-1)

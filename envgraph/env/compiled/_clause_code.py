@@ -1,0 +1,441 @@
+"""Emit statements for the clauses of a behaviour: values, calls of rules, and queries."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
+
+from envgraph import code
+from envgraph.behaviour import Branch, HelperPattern, RuleCall, condition_helper, read_variables
+from envgraph.code import dataclass
+from envgraph.env._prepared_behaviour import add_helper_pattern
+from envgraph.env._prepared_clauses import NameClasses
+from envgraph.env._random_choices import missing_probability
+from envgraph.env._tabular import MAX_REWARD
+from envgraph.env.compiled._changes import plan_of
+from envgraph.env.compiled._effect_code import EffectEmitter
+from envgraph.env.compiled._matching import MatchEmitter
+from envgraph.env.compiled._not_compiled import NotCompiled, add_missing_span
+from envgraph.env.compiled._program_layout import (
+    ERROR,
+    NOBODY,
+    ONE,
+    TOP,
+    ZERO,
+    D,
+    emit_call,
+    emit_result,
+    emit_state_entry,
+    emit_sum,
+    emit_table_entry,
+)
+from envgraph.env.compiled._refused_rules import emit_attempts
+from envgraph.env.compiled._statement_list import StatementList
+from envgraph.env.compiled._symbols import ObjectByIndex
+from envgraph.env.compiled._term_code import (
+    CodeTerm,
+    ExpressionEmitter,
+    emit_as_float,
+    initial_constant,
+    variable_term,
+)
+from envgraph.env.compiled._unit_steps import emit_unit
+from envgraph.match.plan import PatternQuery
+from envgraph.metamodel import Scalar
+from envgraph.pattern import Constant, Expression, Negation, ObjectType, StaticType, Variable
+from envgraph.rewrite import Engine
+from envgraph.rewrite.plans import RulePlan
+
+
+@dataclass(frozen=True, slots=True)
+class RuleCallResult:
+    """The variables that hold the result of a rule call after its code has run.
+
+    Attributes:
+        done_variable: the variable that is 1 if a rule was applied or the call is `nothing()`, otherwise 0.
+        outputs: the terms of the output names.
+    """
+
+    done_variable: code.Local
+    outputs: Mapping[str, CodeTerm]
+
+
+class FunctionEmitter(StatementList):
+    """An emitter of the statements of one function of a behaviour.
+
+    Args:
+        matching: emits code that finds matches.
+        engine: supplies the rules.
+        behaviour: the name of the behaviour.
+        leave: the return statement of the function after an error.
+    """
+
+    def __init__(self, matching: MatchEmitter, engine: Engine, behaviour: str, error_return: code.Return) -> None:
+        super().__init__(error_return)
+        self.matching = matching
+        self.facts = matching.facts
+        self.module = matching.module
+        self.engine = engine
+        self.behaviour = behaviour
+        self.first_row: code.Expression = TOP
+        self.row_regions_above = 0
+
+    def emit_function_call(self, name: str, *arguments: code.Expression) -> code.Call:
+        """Return code that calls a function of the program, and record that the current function calls it."""
+        self.module.record_call(name, self.row_regions_above)
+        return emit_call(name, *arguments, top=self.first_row)
+
+    # --- values
+
+    def emit_value(
+        self, expression: Expression, scope: Mapping[str, CodeTerm], expected: StaticType | None = None
+    ) -> CodeTerm:
+        """Emit code for an expression, and return its term."""
+        terms = ExpressionEmitter(self.facts, scope)
+        term = terms.emit(expression, expected)
+        self.append(*terms.statements)
+        return term
+
+    def emit_number(self, expression: Expression, scope: Mapping[str, CodeTerm]) -> code.Expression:
+        """Emit code for a reward or weight as a float; a missing, failing or too large value is an error."""
+        term = self.emit_value(expression, scope)
+        if term.tests:
+            self.append_fail_if(code.emit_not(code.emit_joined("and", term.tests, True)))
+        known = expression.value if isinstance(expression, Constant) else None
+        if term.type is not Scalar.FLOAT or (isinstance(known, float) and abs(known) <= MAX_REWARD):
+            return emit_as_float(term)
+        local = self.module.new_local("r", "float")
+        self.append_assignment(local, term.value)
+        self.append_fail_if(code.Operation(">", (code.emit_call("abs", local), code.Constant(MAX_REWARD))))
+        return local
+
+    def emit_object_at_index(self, cls: str, index: code.Expression) -> code.Local:
+        """Emit code that looks up the object with an index in a class, or -1 if there is none. Return its variable."""
+        local, changes = self.facts.new_local_for(ObjectType(cls)), self.facts.changes
+        objects = self.facts.layout.offset(ObjectByIndex(cls, changes.possible_classes(cls)))
+        self.append_assignment(local, emit_table_entry(emit_sum(objects, index)))
+        if not changes.is_fixed_class(cls):
+            there = code.Operation(">=", (local, ZERO))
+            gone = code.Operation("and", (there, code.emit_not(self.facts.emit_is_instance(local, cls))))
+            self.append(code.If(gone, (code.Assign(local, NOBODY),)))
+        return local
+
+    def deleted_test(self, term: CodeTerm, cls: str) -> code.Expression | None:
+        """Return an expression that tests if an object is deleted or no longer of a class; None if it cannot be."""
+        if self.facts.changes.is_fixed_class(cls):
+            return None
+        return code.emit_not(self.facts.emit_is_instance(term.value, cls))
+
+    def alive_test(self, term: CodeTerm) -> code.Expression | None:
+        """Return an expression that tests if an object is not deleted; None if it cannot be deleted."""
+        assert isinstance(term.type, ObjectType)
+        return self.facts.emit_is_alive(term.value, term.type.cls)
+
+    # --- calls
+
+    def emit_rule_call(self, rule: RuleCall, scope: Mapping[str, CodeTerm]) -> RuleCallResult:
+        """Emit code that evaluates the arguments of a call, then applies its rule at one match or runs its unit.
+
+        If the call is `nothing()`, the code only sets `done` to 1.
+        """
+        if rule.rule is None:
+            done = self.module.new_local("done")
+            self.append_assignment(done, ONE)
+            return RuleCallResult(done, {})
+        given, tests = self._emit_arguments(rule, scope)
+        parameters = self.engine.signature(rule.rule).parameters
+        called = self.emit_application(
+            rule,
+            given,
+            tests,
+            {
+                taken.name: argument.name
+                for argument, taken in zip(rule.arguments, parameters, strict=True)
+                if taken.is_output and isinstance(argument, Variable) and not argument.is_anonymous
+            },
+        )
+        if self._is_unit(rule):
+            self.append(code.If(code.Operation("!=", (emit_state_entry(ERROR), ZERO)), (self.error_return,)))
+        return called
+
+    def emit_application(
+        self,
+        rule: RuleCall,
+        given: Mapping[str, code.Expression],
+        tests: Sequence[code.Expression],
+        output_names: Mapping[str, str],
+        *,
+        retries_refused: bool = False,
+    ) -> RuleCallResult:
+        """Emit code that applies a rule or runs a unit if all tests pass.
+
+        Args:
+            rule: the call.
+            given: the values of parameters.
+            tests: tests that have to pass.
+            output_names: the name that gets each output parameter.
+            retries_refused: if the model refuses the rule at a match, apply it at another match.
+        """
+        done = self.module.new_local("done")
+        self.append_assignment(done, ZERO)
+        function = self._retrying_function if retries_refused else self.application_function
+        applied = function(rule, tuple(given), tuple(output_names))
+        types = self.output_types(rule, tuple(output_names))
+        outputs = [self.facts.new_local_for(type_) for type_ in types]
+        for local, type_ in zip(outputs, types, strict=True):
+            self.append_assignment(local, initial_constant(type_))
+        found = self.emit_function_call(applied, *given.values())
+        target = code.emit_tuple(done, *outputs) if outputs else done
+        self.append(code.If(code.emit_joined("and", tests, True), (code.Assign(target, found),)))
+        self.append(code.If(code.Operation("<", (done, ZERO)), (self.error_return,)))
+        terms = [variable_term(local, type_) for local, type_ in zip(outputs, types, strict=True)]
+        return RuleCallResult(done, dict(zip(output_names.values(), terms, strict=True)))
+
+    def emit_can_run(self, branches: Sequence[Branch], scope: Mapping[str, CodeTerm], can: code.Local) -> None:
+        """Emit code that sets the variable `can` to 1 if the call of a branch with positive probability can succeed."""
+        for chance, branch in zip(self._emit_probabilities(branches, scope)[0], branches, strict=True):
+            possible = code.Operation(">", (chance, code.Constant(0.0)))
+            self.append_if(possible, lambda call=branch.call: self._emit_can_call(call, scope, can))  # type: ignore[misc]
+
+    def _emit_can_call(self, rule: RuleCall, scope: Mapping[str, CodeTerm], can: code.Local) -> None:
+        if rule.rule is None:
+            self.append_assignment(can, ONE)
+            return
+        given, tests = self._emit_arguments(rule, scope)
+        found = code.emit_joined("and", [*tests, self.emit_can_apply(rule, given)], True)
+        self.append(code.If(found, (code.Assign(can, ONE),)))
+        if self._is_unit(rule):  # only running the unit reports the error
+            wrong = code.Operation("!=", (emit_state_entry(ERROR), ZERO))
+            self.append(code.If(wrong, (code.Assign(can, ONE), code.Assign(emit_state_entry(ERROR), ZERO))))
+
+    def emit_can_apply(
+        self, rule: RuleCall, given: Mapping[str, code.Expression], *, retries_refused: bool = False
+    ) -> code.Expression:
+        """Return code that tests if a rule has a match, or a unit can succeed, with values for parameters.
+
+        With `retries_refused`, only a match at which the model does not refuse the rule counts.
+        """
+        if retries_refused:
+            return code.emit_equal(
+                self.emit_function_call(
+                    self._retrying_function(rule, tuple(given), (), tests_only=True), *given.values()
+                ),
+                ONE,
+            )
+        if self._is_unit(rule):
+            key = "may", rule.rule, tuple(given)
+            name = self.module.function_for(
+                key, "may", lambda: emit_unit(self, rule, tuple(given), (), tests_only=True)
+            )
+            return code.emit_equal(self.emit_function_call(name, *given.values()), ONE)
+        plan = plan_of(self.engine, rule)
+        places = {plan.variables.index(name): value for name, value in given.items()}
+        exists = self.matching.emit_exists(PatternQuery(plan.body.pattern, tuple(sorted(places)), ()))
+        return self.emit_function_call(exists, *(places[position] for position in sorted(places)))
+
+    def new_emitter(self, error_return: code.Return) -> FunctionEmitter:
+        """Return an emitter for another function, with its own return statement after an error."""
+        return FunctionEmitter(self.matching, self.engine, self.behaviour, error_return)
+
+    def _is_unit(self, rule: RuleCall) -> bool:
+        assert rule.rule is not None
+        return self.engine.signature(rule.rule).kind == "unit"
+
+    def _emit_arguments(
+        self, rule: RuleCall, scope: Mapping[str, CodeTerm]
+    ) -> tuple[dict[str, code.Expression], list[code.Expression]]:
+        """Emit code for the arguments of a call; return input values by parameter, and tests of the values."""
+        assert rule.rule is not None
+        parameters = self.engine.signature(rule.rule).parameters
+        given: dict[str, code.Expression] = {}
+        tests: list[code.Expression] = []
+        for argument, taken in zip(rule.arguments, parameters, strict=True):
+            if not taken.is_output:
+                term = self.emit_value(argument, scope, taken.type)
+                if term.valid:
+                    self._emit_argument_check(argument, scope, term)
+                tests += term.tests
+                if isinstance(term.type, ObjectType):
+                    tests += [alive] if (alive := self.alive_test(term)) is not None else []
+                    tests += self._class_tests(rule, term, taken.type)
+                elif term.overflow_test is not None and taken.type is not Scalar.FLOAT:
+                    wrong = code.emit_joined("and", [*term.tests, term.overflow_test], True)
+                    self.append_fail_if(wrong, "BEYOND")
+                given[taken.name] = emit_as_float(term) if taken.type is Scalar.FLOAT else term.number_code
+        return given, tests
+
+    def _class_tests(self, rule: RuleCall, term: CodeTerm, taken: StaticType | None) -> list[code.Expression]:
+        """Return expressions that test if an object has the class of a rule's parameter; none if its class is certain.
+
+        Raises:
+            NotCompiled: the class of a unit's argument is not certain.
+        """
+        assert isinstance(term.type, ObjectType)
+        assert isinstance(taken, ObjectType)
+        if self.facts.metamodel.is_a(term.type.cls, taken.cls):
+            return []
+        if self._is_unit(rule):
+            raise NotCompiled(f"an argument of a unit whose class is not certain (`{rule.rule}`)", rule.span)
+        return [self.facts.emit_is_instance(term.value, taken.cls)]
+
+    def _emit_argument_check(self, argument: Expression, scope: Mapping[str, CodeTerm], term: CodeTerm) -> None:
+        """Emit code that fails if the evaluation of an argument fails, unless it reads from a deleted object."""
+        wrong = code.emit_not(code.emit_joined("and", term.valid, True))
+        self.append_fail_if(code.emit_joined("and", [*self._existence_tests(argument, scope), wrong], True))
+
+    def _existence_tests(self, expression: Expression, scope: Mapping[str, CodeTerm]) -> list[code.Expression]:
+        """Return expressions that test if the objects from which an expression reads are not deleted."""
+        there: list[code.Expression] = []
+        for root in read_variables(expression):
+            there += scope[root.name].present
+            there += [alive] if (alive := self.alive_test(scope[root.name])) is not None else []
+        return there
+
+    def application_function(self, rule: RuleCall, bound: tuple[str, ...], wanted: tuple[str, ...]) -> str:
+        """Emit a function that applies a rule at a sampled match, or runs a unit. Return the function's name.
+
+        It returns 1 and the outputs, 0 without a match or if the unit fails, and -1 after a refusal or an error.
+        """
+        key = "apply", rule.rule, bound, wanted
+        write = emit_unit if self._is_unit(rule) else FunctionEmitter._emit_rule_function
+        return self.module.function_for(key, "apply", lambda: write(self, rule, bound, wanted))
+
+    def _emit_rule_function(
+        self, rule: RuleCall, bound: tuple[str, ...], wanted: tuple[str, ...]
+    ) -> tuple[list[code.Local], code.Body]:
+        plan, given, key = self.plan_and_view(rule, bound)
+        nothing = [initial_constant(type_) for type_ in self.output_types(rule, wanted)]
+
+        def emit_change(found: Sequence[code.Expression]) -> code.Body:
+            slots = {**given, **dict(zip(key.outputs, found, strict=True))}
+            return self.emit_rule_effects(rule, slots, wanted)
+
+        missing = code.Return(emit_result(ZERO, nothing))
+        body = self.matching.emit_sample(key, [*given.values()], emit_change, missing)
+        return [given[plan.variables.index(name)] for name in bound], body
+
+    def plan_and_view(
+        self, rule: RuleCall, bound: tuple[str, ...]
+    ) -> tuple[RulePlan, dict[int, code.Local], PatternQuery]:
+        """Return a rule's plan, variables for the bound positions of its match, and the view of the other positions."""
+        plan = plan_of(self.engine, rule)
+        positions = tuple(sorted(plan.variables.index(name) for name in bound))
+        others = tuple(p for p in range(len(plan.variables)) if p not in positions)
+        given = {p: self.facts.new_local_for(plan.types[p]) for p in positions}
+        return plan, given, PatternQuery(plan.body.pattern, positions, others)
+
+    def emit_rule_effects(
+        self, rule: RuleCall, slots: Mapping[int, code.Expression], wanted: Sequence[str]
+    ) -> code.Body:
+        """Emit the statements that apply a rule at a match and return its outputs."""
+        plan = plan_of(self.engine, rule)
+        nothing = [initial_constant(type_) for type_ in self.output_types(rule, wanted)]
+        refused, places = code.Return(emit_result(NOBODY, nothing)), dict(plan.outputs)
+        effects = EffectEmitter(self.matching, plan, [slots[p] for p in range(len(plan.variables))], refused)
+        with add_missing_span(plan.body.span or rule.span):
+            changes = effects.emit()
+        return (
+            *changes,
+            code.Return(emit_result(ONE, [effects.slot_value(places[name]) for name in wanted])),
+        )
+
+    def _retrying_function(
+        self, rule: RuleCall, bound: tuple[str, ...], wanted: tuple[str, ...], *, tests_only: bool = False
+    ) -> str:
+        """Return the name of a function like that of `application_function`, which tries another match if the rule is
+        refused.
+
+        After a refusal the state is restored. If every match is refused, the function leaves the error in the state.
+        With `tests_only` the function only tests, and restores the state in any case.
+        """
+        key = "try", rule.rule, bound, wanted, tests_only
+        return self.module.function_for(
+            key, "attempt", lambda: emit_attempts(self, rule, bound, wanted, tests_only=tests_only)
+        )
+
+    def output_types(self, rule: RuleCall, wanted: Sequence[str]) -> list[StaticType]:
+        """Return the types of the output parameters `wanted`."""
+        assert rule.rule is not None
+        types = {taken.name: taken.type for taken in self.engine.signature(rule.rule).parameters}
+        return [types[name] or ObjectType("") for name in wanted]
+
+    def emit_branches(self, branches: Sequence[Branch], scope: Mapping[str, CodeTerm]) -> RuleCallResult:
+        """Emit code that samples a branch and runs it. If the probabilities sum to less than 1, it may run none."""
+        if [branch.probability for branch in branches] == [1.0]:
+            return self.emit_rule_call(branches[0].call, scope)
+        done, drawn = self.module.new_local("done"), self.module.new_local("b")
+        self.append_assignment(done, ZERO)
+        chances, left = self._emit_probabilities(branches, scope)
+        self.append_assignment(drawn, code.emit_call("choose", D, code.emit_tuple(*chances), left))
+        outputs: dict[str, CodeTerm] = {}
+        for number, branch in enumerate(branches):
+
+            def write(branch: Branch = branch) -> None:
+                called = self.emit_rule_call(branch.call, scope)
+                self.append_assignment(done, called.done_variable)
+                for name, term in called.outputs.items():
+                    if name not in outputs:
+                        outputs[name] = replace(term, value=self.facts.new_local_for(term.type or ObjectType("")))
+                    local = outputs[name].value
+                    assert isinstance(local, code.Local)
+                    self.append_assignment(local, term.number_code)
+
+            self.append_if(code.emit_equal(drawn, code.Constant(number)), write)
+        return RuleCallResult(done, outputs)
+
+    def _emit_probabilities(
+        self, branches: Sequence[Branch], scope: Mapping[str, CodeTerm]
+    ) -> tuple[list[code.Expression], code.Expression]:
+        """Return code for the probabilities of branches, and of no branch. The code fails if their sum exceeds 1."""
+        given = [branch.probability for branch in branches]
+        fixed = [float(one) for one in given if isinstance(one, int | float)]
+        if len(fixed) == len(given):
+            return [code.Constant(one) for one in fixed], code.Constant(missing_probability(fixed))
+        chances = [self._emit_probability(one, scope) for one in given]
+        left = self.module.new_local("left", "float")
+        self.append_assignment(left, code.Constant(0.0))
+        for chance in chances:
+            self.append(code.Assign(left, chance, "+="))
+        self.append_assignment(left, code.Operation("-", (code.Constant(1.0), left)))
+        self.append_fail_if(code.Operation("<", (left, code.Constant(-1e-9))))
+        return chances, left
+
+    def _emit_probability(self, given: float | Expression, scope: Mapping[str, CodeTerm]) -> code.Expression:
+        """Emit code for a probability, 0 if an object was deleted. It fails if the value is not from 0 to 1."""
+        if isinstance(given, int | float):
+            return code.Constant(float(given))
+        term = self.emit_value(given, scope)
+        chance = self.facts.new_local_for(Scalar.FLOAT)
+        self.append_assignment(chance, code.Constant(0.0))
+        within = [code.Operation("<=", pair) for pair in ((ZERO, chance), (chance, ONE))]
+        valued = (
+            code.Assign(chance, emit_as_float(term)),
+            code.If(code.emit_not(code.emit_joined("and", within, True)), self.failure_statements()),
+        )
+        lacking_value = code.If(
+            code.emit_joined("and", self._existence_tests(given, scope), True), self.failure_statements()
+        )
+        self.append(
+            *((code.If(code.emit_joined("and", term.tests, True), valued, (lacking_value,)),) if term.tests else valued)
+        )
+        return chance
+
+    # --- questions
+
+    def condition_pattern(self, condition: Negation | object, types: NameClasses) -> HelperPattern:
+        """Add the helper pattern of a condition to the engine, and return it with its variables."""
+        return add_helper_pattern(
+            self.engine,
+            self.behaviour,
+            lambda name: condition_helper(name, condition, types),  # type: ignore[arg-type]
+        )
+
+    def pattern_view(self, question: HelperPattern, free: bool = True) -> PatternQuery:
+        """Return the view that finds a helper pattern's free variables, or only tests for a match (`free=False`)."""
+        bound = len(question.bound)
+        outputs = tuple(range(bound, bound + len(question.free))) if free else ()
+        return PatternQuery(question.pattern.qualified_name, tuple(range(bound)), outputs)
+
+    def bound_alive_tests(self, question: HelperPattern, scope: Mapping[str, CodeTerm]) -> list[code.Expression]:
+        """Return expressions that test if the objects in the bound variables of a helper pattern are not deleted."""
+        return [test for name in question.bound if (test := self.alive_test(scope[name])) is not None]

@@ -1,0 +1,315 @@
+"""Emit the changes of links that a rule makes, as assignments to the cells that store links."""
+
+from __future__ import annotations
+
+from envgraph import code
+from envgraph.env.compiled._block_matches import MatchFrame
+from envgraph.env.compiled._containment_code import emit_is_inside
+from envgraph.env.compiled._link_reading import LinkCell
+from envgraph.env.compiled._match_statements import MatchStatements
+from envgraph.env.compiled._program_layout import NOBODY, ZERO, emit_call
+from envgraph.env.compiled._symbols import LinkColumn
+from envgraph.metamodel import Reference
+from envgraph.pattern import ObjectType
+from envgraph.rewrite.plans import AddLink, ChangeTargets, MoveToContainer, RemoveLink, SetTargets
+
+
+class LinkEmitter:
+    """An emitter of changes of links.
+
+    Args:
+        site: the match that changes are made for.
+    """
+
+    def __init__(self, site: MatchStatements) -> None:
+        self._site = site
+        self._facts = site.facts
+
+    def _link_cells(self, source: int, reference: Reference, target: int) -> list[LinkCell]:
+        """Return the cells that store a link between the objects in two slots: two for a symmetric reference."""
+        slots, sure = self._site.slots, self._site.has_certain_class
+        ends = [(source, target), (target, source)] if self._facts.links.is_symmetric(reference) else [(source, target)]
+        return [
+            self._facts.links.link_cell(
+                reference,
+                slots[one],
+                slots[other],
+                classes_known=(sure(one, reference.owner), sure(other, reference.target)),
+            )
+            for one, other in ends
+        ]
+
+    def emit_is_linked(self, source: int, reference: Reference, target: int) -> code.Expression:
+        if self._facts.changes.is_fixed_feature(reference):
+            raise AssertionError(reference)
+        return code.emit_joined("and", self._link_cells(source, reference, target)[0].tests_linked, True)
+
+    def emit_unlink(self, unlink: RemoveLink) -> None:
+        cells = self._link_cells(unlink.source, unlink.reference, unlink.target)
+        test = self.emit_is_linked(unlink.source, unlink.reference, unlink.target)
+        self._site.append(code.If(test, tuple(code.Assign(kept.place, kept.unlinked_value) for kept in cells)))
+
+    def emit_leave_container(self, move: MoveToContainer) -> None:
+        """Emit code that removes an object from its container, unless it is the container that the rule moves it to."""
+        cls = self._site.frame.classes.get(move.node)
+        assert cls is not None
+        metamodel, node = self._facts.metamodel, self._site.slots[move.node]
+        for reference in metamodel.references:
+            if not (reference.containment and metamodel.may_overlap(cls, reference.target)):
+                continue
+            stays = None
+            if reference == move.reference:
+                stays = code.Operation(
+                    "!=", (self._emit_container(reference, node, cls), self._site.slots[move.container])
+                )
+            self._emit_removal(reference, node, cls, stays)
+
+    def _emit_container(self, reference: Reference, node: code.Expression, cls: str) -> code.Expression:
+        """Return code for the container that holds an object by a reference, -1 for none."""
+        sure = self._facts.metamodel.is_a(cls, reference.target)
+        found = self._facts.links.only_other_end(reference, node, forward=False, class_known=sure)
+        assert found is not None
+        return found
+
+    def _emit_removal(
+        self, reference: Reference, node: code.Expression, cls: str, test: code.Expression | None
+    ) -> None:
+        """Emit code that removes an object from its container by a reference, if `test` holds; always if it is None."""
+        stored, same = self._facts.links.column_of(reference)
+        if stored.belongs_to_sources is same:
+            holder = self._facts.new_local_for(ObjectType(""))
+            self._site.append(code.Assign(holder, self._emit_container(reference, node, cls)))
+            place, _ = self._facts.links.column_cell(stored, holder, class_known=True)
+            there: list[code.Expression] = [code.Operation(">=", (holder, ZERO))]
+        else:
+            sure = self._facts.metamodel.is_a(cls, reference.target)
+            place, there = self._facts.links.column_cell(stored, node, class_known=sure)
+        tests = [*there, *([] if test is None else [test])]
+        cleared = code.Assign(place, NOBODY)
+        self._site.append(code.If(code.emit_joined("and", tests, True), (cleared,)) if tests else cleared)
+
+    def emit_link(self, link: AddLink | MoveToContainer) -> None:
+        """Emit code that adds a link, unless it exists. The code refuses the rule if an end has too many links.
+
+        For a containment, it also refuses containment cycles, and objects that have another container.
+        """
+        if isinstance(link, MoveToContainer):
+            source, reference, target = link.container, link.reference, link.node
+        else:
+            source, reference, target = link.source, link.reference, link.target
+        held = self._facts.metamodel.containment_link(reference, source, target)
+
+        def write() -> None:
+            if held is not None:
+                contains, container, content = held
+                self._emit_cycle_check(content, container, contains.target)
+                self._emit_container_check(content, contains)
+            self._emit_room_check(reference, self._site.slots[source], source, forward=True)
+            self._emit_room_check(reference, self._site.slots[target], target, forward=False)
+            cells = self._link_cells(source, reference, target)
+            for test in dict.fromkeys(test for kept in cells for test in kept.guard):
+                self._site.append_refuse_unless(test)
+            self._site.append(*(code.Assign(kept.place, kept.linked_value) for kept in cells))
+
+        made = self._site.collect(write)
+        there = code.Operation(">=", (self._site.slots[target], ZERO))
+        missing_ = code.emit_not(self.emit_is_linked(source, reference, target))
+        test = code.Operation("and", (there, missing_)) if target in self._site.frame.types else missing_
+        self._site.append(code.If(test, made))
+
+    def _emit_cycle_check(self, content: int, container: int, cls: str) -> None:
+        """Emit code that refuses the rule if an object would enter a container that it contains, at any depth."""
+        facts, site = self._facts, self._site
+        if content in site.frame.creators and all(holder != content for _, holder, _ in self._container_entries()):
+            return
+        inner = facts.metamodel.all_content_classes(
+            facts.metamodel.concrete_classes(site.frame.classes.get(content) or cls)
+        )
+        holder = site.frame.classes.get(container)
+        if any(holder is None or facts.metamodel.may_overlap(one, holder) for one in inner):
+            found = emit_call(emit_is_inside(facts), site.slots[content], site.slots[container])
+            site.append_refuse_unless(code.emit_not(found))
+
+    def _emit_container_check(self, content: int, entered: Reference) -> None:
+        """Emit code that refuses the rule if an object already has a container by a reference other than `entered`."""
+        maker = self._site.frame.creators.get(content)
+        entering = [
+            node
+            for node, _, frame in self._container_entries()
+            if node == content and frame.creators.get(node) is maker
+        ]
+        if maker is self._site.frame and len(entering) == 1:
+            return
+        metamodel, cls = self._facts.metamodel, self._site.frame.classes.get(content) or entered.target
+        for reference in metamodel.references:
+            if reference.containment and reference != entered and metamodel.may_overlap(cls, reference.target):
+                held = self._emit_container(reference, self._site.slots[content], cls)
+                self._site.append_refuse_unless(code.Operation("<", (held, ZERO)))
+
+    def _container_entries(self) -> list[tuple[int, int, MatchFrame]]:
+        """Return all objects that the rule or its blocks put into containers: content slot, container slot, frame."""
+        found: list[tuple[int, int, MatchFrame]] = []
+        for frame in self._site.blocks.frames:
+            found += [(move.node, move.container, frame) for move in frame.plan.moves]
+            for link in frame.plan.links:
+                held = self._facts.metamodel.containment_link(link.reference, link.source, link.target)
+                if held is not None:
+                    found.append((held[2], held[1], frame))
+        return found
+
+    def _emit_room_check(self, reference: Reference, node: code.Expression, slot: int, *, forward: bool) -> None:
+        """Emit code that refuses the rule if an object has the most targets allowed, or sources if not `forward`."""
+        upper = reference.upper if forward else self._facts.metamodel.max_sources(reference)
+        if upper is None:
+            return
+        sure = self._site.has_certain_class(slot, reference.owner if forward else reference.target)
+        one = (
+            self._facts.links.only_other_end(reference, node, forward=forward, class_known=sure) if upper == 1 else None
+        )
+        if one is not None:
+            self._site.append_refuse_unless(code.Operation("<", (one, ZERO)))
+        else:
+            counted = emit_call(self._facts.links.emit_counter(reference, forward), node)
+            self._site.append_refuse_unless(code.Operation("<", (counted, code.Constant(upper))))
+
+    def emit_set_target(self, change: SetTargets) -> None:
+        """Emit code that sets the only target of an object, or removes it if the change has no value.
+
+        If a single-valued opposite of the target is occupied, the former link is removed.
+        """
+        site, links, reference = self._site, self._facts.links, change.reference
+        stored, same = links.column_of(reference)
+        source = site.slots[change.object]
+        target = site.slots[change.values[0]] if change.values else NOBODY
+        old: code.Expression
+        if stored.belongs_to_sources is same:
+            old, guard = links.column_cell(
+                stored, source, class_known=site.has_certain_class(change.object, reference.owner)
+            )
+
+            def write() -> None:
+                for test in guard:
+                    site.append_refuse_unless(test)
+                if links.is_symmetric(reference):
+                    self._emit_store(stored, old, NOBODY)
+                self._emit_make_room(stored, reference, target)
+                site.append(code.Assign(old, target))  # type: ignore[arg-type]
+                if links.is_symmetric(reference):
+                    self._emit_store(stored, target, source)
+        else:
+            found = links.only_other_end(reference, source, forward=True, class_known=False)
+            assert found is not None
+            old = self._facts.new_local_for(ObjectType(""))
+            site.append(code.Assign(old, found))
+
+            def write() -> None:
+                self._emit_store(stored, old, NOBODY)
+                self._emit_store(stored, target, source)
+
+        site.append(code.If(code.Operation("!=", (old, target)), site.collect(write)))
+
+    def emit_set_container(self, change: SetTargets) -> None:
+        """Emit code that moves an object into a new container, or only out of its old one if there is no value."""
+        site, reference, value = self._site, change.reference, change.values[0] if change.values else None
+        contains = reference if reference.containment else self._facts.metamodel.opposite(reference)
+        assert contains is not None
+        source, target = site.slots[change.object], NOBODY if value is None else site.slots[value]
+        old = self._facts.new_local_for(ObjectType(""))
+        found = self._facts.links.only_other_end(reference, source, forward=True, class_known=False)
+        assert found is not None
+        site.append(code.Assign(old, found))
+        there = code.Operation(">=", (target, ZERO))
+
+        def write() -> None:
+            if reference.containment:
+                self._emit_removal(contains, old, contains.target, code.Operation(">=", (old, ZERO)))
+            else:
+                self._emit_removal(contains, source, contains.target, None)
+            if value is not None:
+                ends = change.object, value
+                entering = ends if reference.containment else ends[::-1]
+                site.append(code.If(there, site.collect(lambda: self._emit_put(contains, *entering))))
+
+        site.append(code.If(code.Operation("!=", (old, target)), site.collect(write)))
+
+    def _emit_put(self, reference: Reference, container: int, content: int) -> None:
+        """Emit code that moves an object into a container. A single-valued reference loses its former content.
+
+        The rule is refused if the container is full, or is inside the object.
+        """
+        site, metamodel = self._site, self._facts.metamodel
+        cls, node = site.frame.classes.get(content) or reference.target, site.slots[content]
+        for other in metamodel.references:
+            if other.containment and metamodel.may_overlap(cls, other.target):
+                self._emit_removal(other, node, cls, None)
+        if reference.upper == 1:
+            inside_ = self._facts.new_local_for(ObjectType(""))
+            found = self._facts.links.only_other_end(reference, site.slots[container], forward=True, class_known=False)
+            assert found is not None
+            site.append(code.Assign(inside_, found))
+            self._emit_removal(reference, inside_, reference.target, code.Operation(">=", (inside_, ZERO)))
+        else:
+            self._emit_room_check(reference, site.slots[container], container, forward=True)
+        self._emit_cycle_check(content, container, reference.target)
+        (kept,) = self._link_cells(container, reference, content)
+        for test in kept.guard:
+            site.append_refuse_unless(test)
+        site.append(code.Assign(kept.place, kept.linked_value))
+
+    def emit_set_targets(self, change: SetTargets) -> None:
+        """Emit code that replaces all targets of an object."""
+        block, reference = code.BodyBuilder(), change.reference
+        source, sure = (
+            self._site.slots[change.object],
+            self._site.has_certain_class(change.object, reference.owner),
+        )
+        links = self._facts.links
+        target, kept = links.loop_over_links(block, reference, source, forward=True, class_known=sure)
+        block.add(code.Assign(kept.place, kept.unlinked_value))
+        if links.is_symmetric(reference):
+            back = links.link_cell(reference, target, source, classes_known=(True, sure))
+            block.add(code.Assign(back.place, back.unlinked_value))
+        self._site.append(*block.finish_body())
+        self.emit_change_targets(ChangeTargets(change.object, reference, "+=", change.values))
+
+    def emit_change_targets(self, change: ChangeTargets) -> None:
+        """Emit code that adds or removes targets. An added target loses its former link of a single-valued opposite."""
+        opposite = self._facts.metamodel.opposite(change.reference)
+        for value in change.values:
+            if change.operator == "-=":
+                made = self._site.collect(
+                    lambda value=value: self.emit_unlink(RemoveLink(change.object, change.reference, value))  # type: ignore[misc]
+                )
+            elif opposite is not None and opposite.upper == 1:
+                made = self._site.collect(
+                    lambda value=value: self.emit_set_target(SetTargets(value, opposite, (change.object,)))  # type: ignore[misc]
+                )
+            else:
+                self.emit_link(AddLink(change.object, change.reference, value))
+                continue
+            there = code.Operation(">=", (self._site.slots[value], ZERO))
+            self._site.append(*([code.If(there, made)] if value in self._site.frame.types else made))
+
+    def _emit_store(self, stored: LinkColumn, holder: code.Expression, other: code.Expression) -> None:
+        """Emit code that stores `other` in the column's cell of an object, if the object is not -1."""
+        place, _ = self._facts.links.column_cell(stored, holder, class_known=True)
+        there = code.Operation(">=", (holder, ZERO))
+        self._site.append(code.If(there, (code.Assign(place, other),)))
+
+    def _emit_make_room(self, stored: LinkColumn, reference: Reference, target: code.Expression) -> None:
+        """Emit code that removes the former link to a target, if the reference has a single-valued opposite.
+
+        If the opposite has another maximum, the code refuses the rule when the target has too many sources.
+        """
+        links, opposite = self._facts.links, self._facts.metamodel.opposite(reference)
+        there = code.Operation(">=", (target, ZERO))
+        if opposite is not None and opposite.upper == 1:
+            holder = self._facts.new_local_for(ObjectType(""))
+            held = links.only_other_end(reference, target, forward=False, class_known=False)
+            assert held is not None
+            self._site.append(code.Assign(holder, code.ConditionalExpression(there, held, NOBODY)))
+            self._emit_store(stored, holder, NOBODY)
+        elif opposite is not None and opposite.upper is not None:
+            counted = emit_call(links.emit_counter(reference, forward=False), target)
+            few = code.Operation("<", (counted, code.Constant(opposite.upper)))
+            self._site.append_refuse_unless(code.Operation("or", (code.emit_not(there), few)))

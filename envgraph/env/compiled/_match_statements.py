@@ -1,0 +1,54 @@
+"""Collect the statements of a rule that act on one match, of the rule itself or of one of its blocks."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+from envgraph import code
+from envgraph.env.compiled._block_matches import BlockMatches, MatchFrame, Slots
+from envgraph.env.compiled._matching import MatchEmitter
+from envgraph.env.compiled._statement_list import StatementList
+from envgraph.rewrite.plans import RulePlan
+
+
+class MatchStatements(StatementList):
+    """The statements of a rule, and the match that they act on: first the rule's match, after `set_match` one of a
+    block.
+
+    Args:
+        matching: emits code that finds matches of blocks, and that reads the model.
+        plan: the plan of the rule.
+        slots: code for the values of the rule's match, by position in the plan.
+        leave: the return statement of the function if the rule is refused.
+
+    Attributes:
+        rule: the frame of the rule.
+        frame, slots: the frame of the current rule or block, and code for the values of its match.
+        match_row: the variable for the number of the current match among those of its block; None for the rule's match.
+    """
+
+    def __init__(
+        self,
+        matching: MatchEmitter,
+        plan: RulePlan,
+        slots: Sequence[code.Expression],
+        error_return: code.Return,
+    ) -> None:
+        super().__init__(error_return)
+        self.facts = matching.facts
+        self.plan = plan
+        self.blocks = BlockMatches(matching, plan, dict(enumerate(slots)), error_return)
+        self.rule = self.blocks.frames[0]
+        self.set_match(self.rule, self.rule.slots, None)
+
+    def set_match(self, frame: MatchFrame, slots: Slots, row: code.Local | None) -> None:
+        """Set the current match, on which later statements act: its frame, the values of its slots, and its row."""
+        self.frame, self.slots, self.match_row = frame, slots, row
+
+    def append_refuse_unless(self, test: code.Expression) -> None:
+        """Emit code that refuses the rule unless the test is true."""
+        self.append_fail_if(code.emit_not(test), "REFUSED")
+
+    def has_certain_class(self, slot: int, cls: str) -> bool:
+        own = self.frame.classes.get(slot)
+        return own is not None and self.facts.metamodel.is_a(own, cls)

@@ -1,0 +1,178 @@
+"""Emit code for the changes that a rule makes to objects: creation, deletion and change of class."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+from envgraph import code
+from envgraph.env.compiled._body_code import CAPACITY
+from envgraph.env.compiled._containment_code import (
+    class_set_word,
+    emit_delete,
+    emit_is_inside,
+    emit_leave_sets,
+    ends_of,
+    holds_content,
+    single_attributes,
+)
+from envgraph.env.compiled._match_statements import MatchStatements
+from envgraph.env.compiled._member_data import emit_missing_value
+from envgraph.env.compiled._program_layout import NOBODY, TOP, ZERO, emit_call, emit_sum
+from envgraph.env.compiled._symbols import LinkColumn
+from envgraph.env.compiled._term_code import emit_literal
+from envgraph.metamodel import Attribute, Reference
+from envgraph.rewrite.plans import CreateObject, DeleteObject, RetypeObject
+
+
+class ObjectChangeEmitter:
+    """An emitter of the code that creates, retypes and deletes the objects of one match.
+
+    Args:
+        site: the match, and the statements that the code is added to.
+    """
+
+    def __init__(self, site: MatchStatements) -> None:
+        self._match = site
+        self._facts = site.facts
+
+    def emit_create(self, new: CreateObject) -> None:
+        """Emit code that adds a new object to the set of its class and gives its attributes their initial values."""
+        facts, node, there = self._facts, self._match.slots[new.node], self._facts.module.new_local("p")
+        group = facts.changes.group_of(new.cls)
+        assert group is not None
+        self._match.append(code.Assign(there, facts.emit_object_index(group, node, class_known=True)[0]))
+        self._match.append(code.Assign(class_set_word(facts, group, new.cls, there), _emit_bit_at(there), "|="))
+        for attribute in single_attributes(facts.metamodel, [new.cls]).values():
+            self._emit_initial_value(attribute, node)
+
+    def emit_retype(self, retype: RetypeObject) -> None:
+        """Emit code that changes the class of an object.
+
+        Attributes that the new class lacks are cleared, attributes that it adds get their initial values. Links that
+        the new class does not allow are removed if the rule is `is_spo`; otherwise the rule is refused if they exist.
+        """
+        facts, node, new = self._facts, self._match.slots[retype.node], retype.cls
+        cls, group = self._match.frame.plan.classes[retype.node], facts.changes.group_of(new)
+        assert cls is not None
+        assert group is not None
+        for old in facts.metamodel.concrete_classes(cls):
+            changed = self._match.collect(lambda old=old: self._emit_class_change(old, new, node))  # type: ignore[misc]
+            if old != new and changed:
+                self._match.append(code.If(facts.emit_is_instance(node, old, exact=True), changed))
+        self._emit_leave_sets(group, retype.node)
+        place = facts.emit_object_index(group, node, class_known=True)[0]
+        self._match.append(code.Assign(class_set_word(facts, group, new, place), _emit_bit_at(place), "|="))
+
+    def _emit_class_change(self, old: str, new: str, node: code.Expression) -> None:
+        metamodel = self._facts.metamodel
+        for reference, forward in ends_of(metamodel, [old]):
+            if not metamodel.is_a(new, reference.owner if forward else reference.target):
+                self._emit_drop_links(reference, node, old, forward=forward, clears=self._match.plan.is_spo)
+        before, after = (single_attributes(metamodel, [cls]) for cls in (old, new))
+        for index, attribute in before.items():
+            if index not in after:
+                place = self._facts.attribute_cell(attribute, node, class_known=True)[0]
+                self._match.append(code.Assign(place, emit_missing_value(attribute.type)))
+        for index, attribute in after.items():
+            if index not in before:
+                self._emit_initial_value(attribute, node)
+
+    def _emit_initial_value(self, attribute: Attribute, node: code.Expression) -> None:
+        """Emit code that sets an attribute to its initial value."""
+        place, _ = self._facts.attribute_cell(attribute, node, class_known=True)
+        value = attribute.initial
+        assert not isinstance(value, tuple)
+        self._match.append(code.Assign(place, emit_literal(self._facts, value, attribute.type).number_code))
+
+    def _emit_leave_sets(self, group: tuple[str, ...], slot: int) -> None:
+        """Emit code that removes an object from the sets of all classes of its group."""
+        self._match.append(*emit_leave_sets(self._facts, group, self._match.slots[slot], class_known=True))
+
+    def emit_delete(self, delete: DeleteObject) -> None:
+        """Emit code that deletes an object and all objects that it contains.
+
+        Links to other objects are removed if the rule is `is_spo`; otherwise they refuse the rule.
+        """
+        cls = self._match.frame.plan.classes[delete.node]
+        assert cls is not None
+        facts, node = self._facts, self._match.slots[delete.node]
+        metamodel = facts.metamodel
+        concrete = metamodel.concrete_classes(cls)
+        if not concrete:
+            return
+        if metamodel.all_content_classes(concrete):
+            self._emit_delete_with_contents(concrete, delete.node)
+            return
+        for reference, forward in ends_of(metamodel, concrete):
+            is_content = holds_content(metamodel, reference, not forward)
+            self._emit_drop_links(reference, node, cls, forward=forward, clears=is_content or self._match.plan.is_spo)
+        for attribute in single_attributes(metamodel, concrete).values():
+            place, guard = facts.attribute_cell(attribute, node, class_known=metamodel.is_a(cls, attribute.owner))
+            self._emit_clear_cell(place, emit_missing_value(attribute.type), guard)
+        group = facts.changes.group_of(concrete[0])
+        assert group is not None
+        self._emit_leave_sets(group, delete.node)
+
+    def not_contained_tests(self, delete: DeleteObject) -> list[code.Expression]:
+        """Return expressions that test if the object is not contained in another object that the rule deletes."""
+        facts, slots, classes = self._facts, self._match.slots, self._match.frame.plan.classes
+        found: list[code.Expression] = []
+        for other in self._match.frame.plan.deletes:
+            inner = facts.metamodel.all_content_classes(facts.metamodel.concrete_classes(classes[other.node] or ""))
+            if other is not delete and any(
+                facts.metamodel.may_overlap(one, classes[delete.node] or "") for one in inner
+            ):
+                within = emit_call(emit_is_inside(facts), slots[other.node], slots[delete.node])
+                same = code.emit_equal(slots[other.node], slots[delete.node])
+                found.append(code.Operation("or", (same, code.emit_not(within))))
+        return found
+
+    def _emit_delete_with_contents(self, concrete: tuple[str, ...], slot: int) -> None:
+        """Emit code that calls a function to delete an object and its contents, and leaves if this is refused."""
+        facts, site = self._facts, self._match
+        function = emit_delete(facts, concrete, site.plan.is_spo)
+        levels = len(site.blocks.frames) - 1
+        facts.module.record_call(function, levels)
+        top = emit_sum(TOP, code.Operation("*", (CAPACITY, code.Constant(levels))))
+        gone = code.Operation("<", (emit_call(function, site.slots[slot], top=top), ZERO))
+        site.append(code.If(gone, (site.error_return,)))
+
+    def _emit_drop_links(
+        self, reference: Reference, node: code.Expression, cls: str, *, forward: bool, clears: bool
+    ) -> None:
+        """Emit code that removes an object's links of a reference, or if not `clears`, refuses the rule if any exist.
+
+        Args:
+            reference, node, cls: the reference, the object, and the object's known class.
+            forward: True for links of which the object is the source, False for links of which it is the target.
+            clears: True to remove links; if False, the rule is refused if links exist.
+        """
+        facts = self._facts
+        kept, _ = facts.links.storage_of(reference)
+        sure = facts.metamodel.is_a(cls, reference.owner if forward else reference.target)
+        if isinstance(kept, LinkColumn) and kept.belongs_to_sources is forward:
+            place, guard = facts.links.column_cell(kept, node, class_known=sure)
+            if not clears:
+                free = code.Operation("<", (place, ZERO))
+                self._match.append_refuse_unless(
+                    code.ConditionalExpression(guard[0], free, code.TRUE) if guard else free
+                )
+            self._emit_clear_cell(place, NOBODY, guard)
+            return
+        block = code.BodyBuilder()
+        _, link = facts.links.loop_over_links(block, reference, node, forward=forward, class_known=sure)
+        if clears:
+            block.add(code.Assign(link.place, link.unlinked_value))
+        else:
+            block.add(*self._match.failure_statements("REFUSED"))
+        self._match.append(*block.finish_body())
+
+    def _emit_clear_cell(
+        self, place: code.Subscript, nothing: code.Expression, guard: Sequence[code.Expression]
+    ) -> None:
+        cleared = code.Assign(place, nothing)
+        self._match.append(code.If(code.emit_joined("and", guard, True), (cleared,)) if guard else cleared)
+
+
+def _emit_bit_at(place: code.Expression) -> code.Expression:
+    return code.emit_call("bit_at", place)

@@ -1,0 +1,76 @@
+"""Python versions of array access and bit operations, for programs that run without numba; `_arrays` has numba's.
+
+`uniform` and `hash_row` of `kernels` use 64-bit words, and are replaced here by versions that use Python's ints.
+"""
+
+from __future__ import annotations
+
+from typing import Any, Final
+from zlib import crc32
+
+import numpy as np
+
+__all__ = [
+    "arrays_at",
+    "bit",
+    "bit_at",
+    "count_bits",
+    "fixed",
+    "hash_row",
+    "lowest_bit",
+    "matrix",
+    "uniform",
+    "vector",
+    "width",
+]
+
+MASK_64_BITS: Final = 2**64 - 1
+
+
+def as_numpy_array(array: Any) -> Any:
+    """Return the argument: without numba, the array arguments of programs are NumPy arrays already."""
+    return array
+
+
+vector = matrix = fixed = arrays_at = as_numpy_array
+
+
+def width(array: Any) -> int:
+    """Return the number of columns of a two-dimensional array."""
+    return int(array.shape[1])
+
+
+def bit(word: int, place: int) -> int:
+    """Return the bit (0 or 1) of an element of a bit set, from the 32-bit word that contains the element."""
+    return (word >> (place & 31)) & 1
+
+
+def bit_at(place: int) -> int:
+    """Return a 32-bit word in which only the bit of an element of a bit set is set."""
+    return 1 << (int(place) & 31)
+
+
+def count_bits(word: int) -> int:
+    """Return the number of bits that are set in a word."""
+    return int(word).bit_count()
+
+
+def lowest_bit(word: int) -> int:
+    """Return the position of the lowest bit that is set in a word."""
+    return int(word & -word).bit_length() - 1
+
+
+def uniform(states: Any, row: int) -> float:
+    """Return the next double of NumPy's PCG64 in [0, 1), and update the generator state in a row of `states`."""
+    lo, hi, inc_lo, inc_hi = (int(part) for part in states[row])
+    state = (hi << 64 | lo) * 0x2360ED051FC65DA44385DF649FCCF645 + (inc_hi << 64 | inc_lo)
+    lo, hi = state & MASK_64_BITS, state >> 64 & MASK_64_BITS
+    states[row, 0], states[row, 1] = lo, hi
+    mixed, turns = hi ^ lo, hi >> 58
+    mixed = (mixed >> turns | mixed << (-turns & 63)) & MASK_64_BITS
+    return float((mixed >> 11) * 2.0**-53)
+
+
+def hash_row(states: Any, floats: Any, row: int) -> Any:
+    """Return a hash of a state, which is one row of ints and one row of floats."""
+    return np.uint64(crc32(states[row].tobytes() + floats[row].tobytes()))

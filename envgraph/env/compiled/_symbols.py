@@ -1,0 +1,522 @@
+"""Define the tables of a program, which hold facts of a member, and the columns, which hold the changeable state."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from math import prod
+from typing import Final, Literal, TypeAlias
+
+import numpy as np
+from numpy.typing import NDArray
+
+from envgraph.behaviour import bind_parameter, key_attributes, key_reader
+from envgraph.code import dataclass
+from envgraph.env.compiled._member_data import NO_OBJECT, Cell, MemberData, Row, missing_value, value_count
+from envgraph.env.compiled._not_compiled import AssumptionViolated, NotCompiled
+from envgraph.metamodel import Attribute, Metamodel, Reference, Scalar
+from envgraph.pattern import Library, ObjectType, Parameter, StaticType
+
+WORD_BITS: Final = 32
+"""Number of bits of a word of a bit set."""
+
+
+class IntValued:
+    """The base class of tables and columns of ints."""
+
+    __slots__ = ()
+    is_float = False
+
+
+# --- relations that no rule changes
+
+
+@dataclass(frozen=True, slots=True)
+class ClassInstances:
+    """The objects of a class, as rows of one column."""
+
+    cls: str
+    exact: bool = False
+
+    def column_types(self, library: Library) -> tuple[StaticType, ...]:
+        """Return the types of the columns."""
+        return (ObjectType(self.cls),)
+
+    def rows(self, member: MemberData) -> list[Row]:
+        """Return the rows of the relation in the member's initial model."""
+        return [(number,) for number in member.extent(self.cls, self.exact)]
+
+
+@dataclass(frozen=True, slots=True)
+class FeatureRows:
+    """The links of a reference, or the objects with their values of an attribute, as rows of two columns."""
+
+    feature: Reference | Attribute
+
+    def column_types(self, library: Library) -> tuple[StaticType, ...]:
+        """Return the types of the columns."""
+        feature = self.feature
+        end = ObjectType(feature.target) if isinstance(feature, Reference) else feature.type
+        return ObjectType(feature.owner), end
+
+    def rows(self, member: MemberData) -> list[Row]:
+        """Return the rows of the relation in the member's initial model."""
+        return member.link_rows(self.feature)
+
+
+@dataclass(frozen=True, slots=True)
+class PatternMatches:
+    """The matches of a pattern, as rows with one column for each parameter."""
+
+    pattern: str
+
+    def column_types(self, library: Library) -> tuple[StaticType, ...]:
+        """Return the types of the columns."""
+        return library.parameter_types(self.pattern)
+
+    def rows(self, member: MemberData) -> list[Row]:
+        """Return the rows of the relation in the member's initial model."""
+        return member.match_rows(self.pattern)
+
+
+@dataclass(frozen=True, slots=True)
+class ClosurePairs:
+    """The transitive closure of the binary pattern `step`, as pairs; `star` adds the pair (x, x) for each object x."""
+
+    step: str
+    star: bool
+
+    def column_types(self, library: Library) -> tuple[StaticType, ...]:
+        """Return the types of the columns."""
+        return library.parameter_types(self.step)
+
+    def rows(self, member: MemberData) -> list[Row]:
+        """Return the rows of the relation in the member's initial model."""
+        return member.closure_rows(self.step, self.star)
+
+
+StaticRelation: TypeAlias = "ClassInstances | FeatureRows | PatternMatches | ClosurePairs"
+
+
+# --- tables: a row of numbers for each member
+
+
+@dataclass(frozen=True, slots=True)
+class KeyColumns:
+    """The columns of a relation whose values, combined to one number, are the position of a row in a table.
+
+    Attributes:
+        widths: the number of possible values of each column; 0: the number of objects.
+    """
+
+    relation: StaticRelation
+    positions: tuple[int, ...]
+    widths: tuple[int, ...]
+
+    def value_counts(self, stride: int) -> tuple[int, ...]:
+        """Return the number of possible values of each key column; `stride` is this number for objects."""
+        return tuple(width or stride for width in self.widths)
+
+    def table_positions(self, rows: Sequence[Row], sizes: Sequence[int]) -> list[int]:
+        """Return the table position of each row, which is computed from the row's key values."""
+        places = [0] * len(rows)
+        for position, size in zip(self.positions, sizes, strict=True):
+            places = [place * size + int(row[position]) for place, row in zip(places, rows, strict=True)]
+        return places
+
+
+@dataclass(frozen=True, slots=True)
+class BitTable(IntValued):
+    """A table with one bit for each position: 1 if the relation has a row with these key values."""
+
+    keys: KeyColumns
+
+    def fill(self, member: MemberData, stride: int) -> Sequence[Cell]:
+        """Return the entries of the table for a member; `stride` is the largest number of objects of a member."""
+        sizes = self.keys.value_counts(stride)
+        bits = np.zeros(-(-max(prod(sizes), 1) // WORD_BITS) * WORD_BITS, dtype=np.uint8)
+        bits[self.keys.table_positions(member.rows(self.keys.relation), sizes)] = 1
+        return _pack_bits(bits)
+
+
+@dataclass(frozen=True, slots=True)
+class ValueTable:
+    """A table of the value that one column has in the row with given key values; at most one such row may exist."""
+
+    keys: KeyColumns
+    position: int
+    shown_columns: tuple[int, ...]
+    type: StaticType
+
+    @property
+    def is_float(self) -> bool:
+        """Return True if the values are floats."""
+        return self.type is Scalar.FLOAT
+
+    def fill(self, member: MemberData, stride: int) -> Sequence[Cell]:
+        """Return the entries of the table for a member; positions without a row have the missing value.
+
+        Raises:
+            Misfit: the member has several different rows for the same key values.
+        """
+        sizes = self.keys.value_counts(stride)
+        found = [missing_value(self.type)] * max(prod(sizes), 1)
+        rows = member.rows(self.keys.relation)
+        places = self.keys.table_positions(rows, sizes)
+        different = len(set(places))
+        if different < len(places):
+            shown = {(place, *[row[at] for at in self.shown_columns]) for place, row in zip(places, rows, strict=True)}
+            if different < len(shown):
+                raise AssumptionViolated(AtMostOneRow(self.keys, self.shown_columns))
+        for place, row in zip(places, rows, strict=True):
+            found[place] = row[self.position]
+        return found
+
+
+@dataclass(frozen=True, slots=True)
+class GroupStarts(IntValued):
+    """A table of the position in `GroupedValues` where the rows with given key values begin, and of the last row's
+    end.
+    """
+
+    keys: KeyColumns
+    shown_columns: tuple[int, ...]
+
+    def fill(self, member: MemberData, stride: int) -> Sequence[Cell]:
+        """Return the entries of the table for a member; `stride` is the largest number of objects of a member."""
+        sizes = self.keys.value_counts(stride)
+        groups = _group_rows(self.keys, self.shown_columns, member, sizes)
+        found = [0]
+        for place in range(max(prod(sizes), 1)):
+            found.append(found[-1] + len(groups.get(place, ())))
+        return found
+
+
+@dataclass(frozen=True, slots=True)
+class GroupedValues:
+    """A table of the values in one column, of the distinct rows sorted by key values; `GroupStarts` divides the
+    table.
+    """
+
+    keys: KeyColumns
+    shown_columns: tuple[int, ...]
+    position: int
+    is_float: bool
+
+    def fill(self, member: MemberData, stride: int) -> Sequence[Cell]:
+        """Return the entries of the table for a member; `stride` is the largest number of objects of a member."""
+        column = self.shown_columns.index(self.position)
+        groups = _group_rows(self.keys, self.shown_columns, member, self.keys.value_counts(stride))
+        return [row[column] for place in sorted(groups) for row in groups[place]]
+
+
+@dataclass(frozen=True, slots=True)
+class BitSetTable(IntValued):
+    """A table with a bit set for each combination of key values: the objects of a group that these rows contain."""
+
+    keys: KeyColumns
+    position: int
+    group: tuple[str, ...]
+
+    def fill(self, member: MemberData, stride: int) -> Sequence[Cell]:
+        """Return the entries of the table for a member; `stride` is the largest number of objects of a member."""
+        sizes = self.keys.value_counts(stride)
+        objects = object_numbers(member, self.group)
+        bits = np.zeros((max(prod(sizes), 1), -(-len(objects) // WORD_BITS) * WORD_BITS), dtype=np.uint8)
+        rank = {number: place for place, number in enumerate(objects)}
+        rows = member.rows(self.keys.relation)
+        for place, row in zip(self.keys.table_positions(rows, sizes), rows, strict=True):
+            if row[self.position] in rank:
+                bits[place, rank[int(row[self.position])]] = 1
+        return _pack_bits(bits)
+
+
+def _pack_bits(bits: NDArray[np.uint8], kind: str = "<i4") -> list[int]:
+    """Return bits packed into 32-bit words, the lowest bit first; the number of bits is a multiple of 32."""
+    words: list[int] = np.packbits(bits, bitorder="little").view(kind).tolist()
+    return words
+
+
+@dataclass(frozen=True, slots=True)
+class AtMostOneRow:
+    """The assumption that each member has at most one distinct row for each combination of key values."""
+
+    keys: KeyColumns
+    shown_columns: tuple[int, ...]
+
+
+def _group_rows(
+    keys: KeyColumns, shown: tuple[int, ...], member: MemberData, sizes: Sequence[int]
+) -> dict[int, list[Row]]:
+    """Return the distinct rows of the columns `shown`, sorted, by the table position of their key values."""
+    groups: dict[int, set[Row]] = {}
+    rows = member.rows(keys.relation)
+    for place, row in zip(keys.table_positions(rows, sizes), rows, strict=True):
+        groups.setdefault(place, set()).add(tuple([row[position] for position in shown]))
+    return {place: sorted(rows) for place, rows in groups.items()}
+
+
+@dataclass(frozen=True, slots=True)
+class ExtentTable(IntValued):
+    """A table about the objects of some classes, selected by `kind`.
+
+    `objects`: their numbers, ascending; `count`: how many; `words`: the words of a bit set of them; `places`: the
+    position of each object of the member among them, -1 for objects of other classes.
+    """
+
+    classes: tuple[str, ...]
+    kind: Literal["objects", "count", "words", "places"]
+
+    def fill(self, member: MemberData, stride: int) -> Sequence[Cell]:
+        """Return the entries of the table for a member; `stride` is the largest number of objects of a member."""
+        objects = object_numbers(member, self.classes)
+        match self.kind:
+            case "objects":
+                return objects
+            case "count":
+                return [len(objects)]
+            case "words":
+                return [-(-len(objects) // WORD_BITS)]
+        found = [NO_OBJECT] * stride
+        for place, number in enumerate(objects):
+            found[number] = place
+        return found
+
+
+@dataclass(frozen=True, slots=True)
+class AtMostOneObject:
+    """The assumption that each member has at most one object of some classes."""
+
+    classes: tuple[str, ...]
+
+    def check(self, member: MemberData) -> None:
+        """Check that the member satisfies the assumption.
+
+        Raises:
+            Misfit: the member has several objects of the classes.
+        """
+        if len(object_numbers(member, self.classes)) > 1:
+            raise AssumptionViolated(self)
+
+
+def object_numbers(member: MemberData, classes: Sequence[str]) -> list[int]:
+    """Return the numbers of the objects of some concrete classes, ascending.
+
+    If rules create objects of these classes, the numbers reserved for created objects follow.
+    """
+    found = sorted(number for cls in classes for number in member.extent(cls, exact=True))
+    return found if member.created_classes.isdisjoint(classes) else [*found, *member.reserved_numbers]
+
+
+# --- columns: a row of numbers for each state
+
+
+@dataclass(frozen=True, slots=True)
+class AttributeColumn:
+    """A column with the value of an attribute for each object of the classes that have the attribute."""
+
+    attribute: Attribute
+    classes: tuple[str, ...]
+
+    @property
+    def is_float(self) -> bool:
+        """Return True if the values are floats."""
+        return self.attribute.type is Scalar.FLOAT
+
+    def initial_cells(self, member: MemberData) -> Sequence[Cell]:
+        """Return the column in the member's initial state."""
+        return [member.attribute_value(number, self.attribute) for number in self.objects(member)]
+
+    def objects(self, member: MemberData) -> list[int]:
+        """Return the objects that the entries belong to, in order."""
+        return object_numbers(member, self.classes)
+
+
+@dataclass(frozen=True, slots=True)
+class LinkColumn(IntValued):
+    """A column with the linked object for each object at an end of a reference with at most one link; -1 for none.
+
+    Attributes:
+        reference: the reference; of two opposite references, the first.
+        belongs_to_sources: True if the column's objects are the sources of the links.
+        classes: the concrete classes of the column's objects.
+    """
+
+    reference: Reference
+    belongs_to_sources: bool
+    classes: tuple[str, ...]
+
+    def initial_cells(self, member: MemberData) -> Sequence[Cell]:
+        """Return the column in the member's initial state."""
+        links = member.rows(FeatureRows(self.reference))
+        held = {ends[not self.belongs_to_sources]: ends[self.belongs_to_sources] for ends in links}
+        return [held.get(number, NO_OBJECT) for number in object_numbers(member, self.classes)]
+
+
+@dataclass(frozen=True, slots=True)
+class LinkMatrix(IntValued):
+    """A matrix [sources, targets] of a reference with many links at both ends: 1 if the two objects are linked."""
+
+    reference: Reference
+    sources: tuple[str, ...]
+    targets: tuple[str, ...]
+
+    def initial_cells(self, member: MemberData) -> Sequence[Cell]:
+        """Return the matrix in the member's initial state, row by row."""
+        links = {(int(source), int(target)) for source, target in member.rows(FeatureRows(self.reference))}
+        ends = object_numbers(member, self.sources), object_numbers(member, self.targets)
+        return [int((source, target) in links) for source in ends[0] for target in ends[1]]
+
+
+@dataclass(frozen=True, slots=True)
+class ClassSet(IntValued):
+    """A bit set of the objects that currently have a class, among those of a group of classes."""
+
+    group: tuple[str, ...]
+    cls: str
+
+    def initial_cells(self, member: MemberData) -> Sequence[Cell]:
+        """Return the words of the bit set in the member's initial state."""
+        objects = object_numbers(member, self.group)
+        inside = {*member.extent(self.cls, exact=True)}
+        bits = np.zeros(-(-len(objects) // WORD_BITS) * WORD_BITS, dtype=np.uint8)
+        bits[: len(objects)] = [number in inside for number in objects]
+        return _pack_bits(bits, "<u4")
+
+
+@dataclass(frozen=True, slots=True)
+class CreatedCount(IntValued):
+    """A column with one entry: how many reserved numbers are in use by objects that rules created."""
+
+    def initial_cells(self, member: MemberData) -> Sequence[Cell]:
+        """Return the column in the initial state: 0."""
+        return [0]
+
+
+@dataclass(frozen=True, slots=True)
+class ReservedNumbers(IntValued):
+    """A table with one entry: the first number reserved for created objects, or how many numbers are reserved."""
+
+    kind: Literal["first", "count"]
+
+    def fill(self, member: MemberData, stride: int) -> Sequence[Cell]:
+        """Return the entries of the table for a member; `stride` is the largest number of objects of a member."""
+        return [member.reserved_numbers.start if self.kind == "first" else len(member.reserved_numbers)]
+
+
+# --- what a behaviour names
+
+
+@dataclass(frozen=True, slots=True)
+class BoundParameter(IntValued):
+    """A table with one entry: the object that a parameter of the behaviour is bound to."""
+
+    parameter: Parameter
+
+    def fill(self, member: MemberData, stride: int) -> Sequence[Cell]:
+        """Return the entries of the table for a member; `stride` is the largest number of objects of a member."""
+        return [member.object_numbers[bind_parameter(member.model, self.parameter)]]
+
+
+@dataclass(frozen=True, slots=True)
+class ObjectByIndex(IntValued):
+    """A table of the object at each index of a class, also of objects that may be retyped to the class; -1 for none."""
+
+    cls: str
+    candidates: tuple[str, ...]
+
+    def fill(self, member: MemberData, stride: int) -> Sequence[Cell]:
+        """Return the entries of the table for a member; `stride` is the largest number of objects of a member.
+
+        Raises:
+            NotCompiled: two objects may have the same index.
+        """
+        found = [NO_OBJECT] * member.key_index.size(self.cls)
+        for number, index in _object_indices(member, self.cls, self.candidates):
+            if index != NO_OBJECT:
+                if found[index] != NO_OBJECT:
+                    raise NotCompiled(f"objects with the same key that may both become a `{self.cls}`")
+                found[index] = number
+        return found
+
+
+@dataclass(frozen=True, slots=True)
+class IndexByObject(IntValued):
+    """A table of the index of each object within a class; -1 for objects without an index."""
+
+    cls: str
+    candidates: tuple[str, ...]
+
+    def fill(self, member: MemberData, stride: int) -> Sequence[Cell]:
+        """Return the entries of the table for a member; `stride` is the largest number of objects of a member."""
+        found = [NO_OBJECT] * stride
+        for number, index in _object_indices(member, self.cls, self.candidates):
+            found[number] = index
+        return found
+
+
+def indexable_classes(metamodel: Metamodel, cls: str) -> tuple[str, ...]:
+    """Return the concrete classes that have the key attributes of a class, so that their objects can have an index."""
+    key = key_attributes(metamodel, cls)
+    return tuple(
+        one.name
+        for one in metamodel.class_list
+        if not one.abstract
+        and (
+            metamodel.is_a(one.name, cls)
+            or (key and all(metamodel.is_a(one.name, attribute.owner) for attribute in key))
+        )
+    )
+
+
+def _object_indices(member: MemberData, cls: str, classes: Sequence[str]) -> Iterator[tuple[int, int]]:
+    """Yield the initial objects of some classes, each with its index within a class, or -1 without an index.
+
+    Raises:
+        NotCompiled: an object that a rule creates may have an index.
+    """
+    key_of = key_reader(member.model, cls)
+    rank = {key: position for position, key in enumerate(member.key_index.keys_of(cls))}
+    if not member.created_classes.isdisjoint(classes) and any(
+        key >= (member.model.graph.store.next_id,) for key in rank
+    ):
+        raise NotCompiled(f"rules that create objects without a key, of which other members have more (`{cls}`)")
+    for number in (number for number in object_numbers(member, classes) if number not in member.reserved_numbers):
+        yield number, rank.get(key_of(member.object_ids[number]), NO_OBJECT)
+
+
+@dataclass(frozen=True, slots=True)
+class AgentTable(IntValued):
+    """A table of the agents in the order of their turns: their objects, their block numbers, or their count."""
+
+    classes: tuple[str, ...]
+    kind: Literal["object", "block", "count"]
+
+    def fill(self, member: MemberData, stride: int) -> Sequence[Cell]:
+        """Return the entries of the table for a member; `stride` is the largest number of objects of a member."""
+        seats = [
+            (member.object_numbers[node], block)
+            for block, cls in enumerate(self.classes)
+            for node in member.key_index.objects(member.model, cls)
+            if node is not None
+        ]
+        if self.kind == "count":
+            return [len(seats)]
+        return [node if self.kind == "object" else block for node, block in seats]
+
+
+ProgramTable: TypeAlias = (
+    "BitTable | ValueTable | GroupStarts | GroupedValues | BitSetTable | ExtentTable "
+    "| ReservedNumbers | BoundParameter | ObjectByIndex | IndexByObject | AgentTable"
+)
+StateColumn: TypeAlias = "AttributeColumn | LinkColumn | LinkMatrix | ClassSet"
+
+
+def split_key_columns(
+    relation: StaticRelation, library: Library, bound: Sequence[int]
+) -> tuple[KeyColumns, tuple[int, ...]]:
+    """Split bound columns into those that form a table position, and the positions of those with too many values."""
+    types = relation.column_types(library)
+    widths = {position: value_count(types[position]) for position in bound}
+    usable = tuple(position for position in bound if widths[position] is not None)
+    rest = tuple(position for position in bound if widths[position] is None)
+    return KeyColumns(relation, usable, tuple(widths[position] or 0 for position in usable)), rest

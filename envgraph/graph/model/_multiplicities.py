@@ -1,0 +1,75 @@
+"""Check the demands of a metamodel that writing does not enforce, such as lower bounds."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from typing import Literal
+
+from envgraph.code import dataclass
+from envgraph.graph.model._model import Model
+from envgraph.metamodel import Attribute, Feature
+
+
+@dataclass(frozen=True, slots=True)
+class Violation:
+    """One object with the wrong number of values or targets of a feature.
+
+    Attributes:
+        kind: "missing-value", "too-few" or "too-many" targets or values.
+        node: id of the object.
+        feature: the feature with the wrong number of targets or values.
+        message: one line; objects by name, else by class and id.
+    """
+
+    kind: Literal["missing-value", "too-few", "too-many"]
+    node: int
+    feature: Feature
+    message: str
+
+    def __str__(self) -> str:
+        return self.message
+
+
+def check_conformance(model: Model) -> list[Violation]:
+    """Return all violations of multiplicities: unset attributes, and too few or too many values or targets of features.
+
+    A single-valued optional attribute (0..1) needs no value. An object without a container is a root, which is no
+    violation. Types, containment, opposites and upper bounds are enforced by every write. Features defined by queries
+    are not checked.
+
+    Returns:
+        The violations class by class, then by object in the order of the extents, then by feature; [] if the model
+        conforms.
+    """
+    violations: list[Violation] = []
+    for cls in model.metamodel.class_list:
+        nodes = model.graph.exact_extent(cls.name)
+        if not nodes:
+            continue
+        known = model.metamodel.features(cls.name).values()
+        features = [one for one in known if one.lower > 0 or (one.many and one.upper is not None)]
+        features = [one for one in features if one not in model.graph.defined_features]
+        for node in nodes:
+            for feature in features:
+                violations.extend(_violations(model, node, feature))
+    return violations
+
+
+def _violations(model: Model, node: int, feature: Feature) -> Iterator[Violation]:
+    if isinstance(feature, Attribute) and not feature.many:
+        if model.graph.value(node, feature) is None:
+            text = f"{model.graph.describe(node)} has no value of `{feature.name}`"
+            yield Violation("missing-value", node, feature, text)
+        return
+    held = model.graph.values(node, feature) if isinstance(feature, Attribute) else model.graph.targets(node, feature)
+    count = len(held)
+    if count < feature.lower:
+        yield Violation("too-few", node, feature, _count_message(model, node, feature, count))
+    if feature.upper is not None and count > feature.upper:
+        yield Violation("too-many", node, feature, _count_message(model, node, feature, count))
+
+
+def _count_message(model: Model, node: int, feature: Feature, count: int) -> str:
+    what = "value" if isinstance(feature, Attribute) else "target"
+    found = f"no {what}" if count == 0 else f"1 {what}" if count == 1 else f"{count} {what}s"
+    return f"{model.graph.describe(node)} has {found} of `{feature.name}`, which needs {feature.multiplicity}"

@@ -1,0 +1,95 @@
+"""Check names and types of all definitions of a workspace against its metamodel and against each other."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+from envgraph.errors import MAX_ERRORS, Diagnostic, Severity, duplicate_diagnostics
+from envgraph.graph import Model, Violation, check_conformance
+from envgraph.lang.loading._workspace import Workspace
+from envgraph.lang.read._model_reader import ModelText
+from envgraph.lang.syntax._file_formats import HEAD_BYTES, format_of, namespace_of
+from envgraph.metamodel import Reference
+from envgraph.pattern import FunctionDeclaration
+from envgraph.rewrite import Engine
+
+
+def check_workspace(workspace: Workspace) -> list[Diagnostic]:
+    """Return the diagnostics for all patterns, rules, units, derivations and behaviours of a workspace.
+
+    Without a metamodel, report only environments of the same name, and the missing metamodel if a file needs it.
+    """
+    named = ((one.name, one.span) for one in workspace.behaviours)
+    problems = list(duplicate_diagnostics(named, "environment `{}` is defined twice"))
+    if workspace.registration is None or workspace.metamodel is None:
+        return [*problems, *_missing_metamodel(workspace)]
+    problems += workspace.registration.problems
+    if workspace.behaviours:
+        from envgraph.behaviour import check_behaviour
+
+        engine = Engine(Model(workspace.metamodel))
+        engine.registrar.add_sound(workspace.registration)
+        for behaviour in workspace.behaviours:
+            problems += check_behaviour(behaviour, engine)
+    return problems
+
+
+def conformance_warnings(text: ModelText) -> list[Diagnostic]:
+    """Return a warning for each violation of the metamodel by a model; beyond a limit, one warning counts the others.
+
+    These are warnings, not errors, because a model may be edited while it does not conform.
+    """
+    if text.model is None:
+        return []
+    violations = check_conformance(text.model)
+    found = [
+        Diagnostic(
+            "conformance",
+            violation.message,
+            text.spans.get(violation.node, text.span),
+            _completion_hint(violation, text.model, text.span.source.text.lstrip()[:1]),
+            Severity.WARNING,
+        )
+        for violation in violations[:MAX_ERRORS]
+    ]
+    if len(violations) > MAX_ERRORS:
+        message = f"{len(violations) - MAX_ERRORS} more warnings of this kind are not shown"
+        found.append(replace(found[-1], message=message, hint=None))
+    return found
+
+
+def _completion_hint(violation: Violation, model: Model, start: str) -> str:
+    """Return a hint that mends a violation, in the syntax of the file; `start` is the file's first character."""
+    feature = violation.feature
+    if violation.kind == "too-many":
+        return f"remove some of `{feature.name}`"
+    if violation.kind == "too-few" and isinstance(feature, Reference) and model.graph.targets(violation.node, feature):
+        return f"add more to its `{feature.name}`"
+    many = isinstance(feature, Reference) and feature.many
+    if start == "{":
+        return f'add `"{feature.name}": {"[..]" if many else ".."}` to its features'
+    if start == "<":
+        inside = isinstance(feature, Reference) and feature.containment
+        return f"add a tag `<{feature.name} ..>` inside" if inside else f'add `{feature.name}="..."`'
+    return f"add `{feature.name} = {'[..]' if many else '..'}`"
+
+
+def _missing_metamodel(workspace: Workspace) -> list[Diagnostic]:
+    """Return a diagnostic if a file needs a metamodel, but no file is or imports one; otherwise an empty list.
+
+    The list is also empty if a file could not be read completely, because the metamodel may be imported there.
+    """
+    formats = [format_of(name, text[:HEAD_BYTES].encode()) for name, text in workspace.sources.items()]
+    if workspace.unknown.all or {"metamodel", "ecore"} & set(formats):
+        return []
+    about = (one for one in workspace.definitions if not isinstance(one, FunctionDeclaration))
+    needing = [one.span for one in (*about, *workspace.behaviours) if one.span]
+    ours = [one.span for one in workspace.models if one.span.source.text.lstrip()[:1] not in ("<", "{")]
+    needing = ours + needing
+    hint = 'write `import "name.metamodel"` at the top' + ("" if ours else ", or load this file together with a model")
+    if not needing:
+        needing = [text.span for text in workspace.models]
+        hint = "load its `.ecore` or `.metamodel` file too, for example with `--metamodel`"
+    uri = namespace_of(needing[0].source.text) if needing else None
+    message = f"no metamodel with the namespace `{uri}` is given" if uri else "no file imports a metamodel"
+    return [Diagnostic("no-metamodel", message, span, hint) for span in needing[:1]]

@@ -1,0 +1,133 @@
+"""Analysis of rules: actions that may lose an object, and links of deleted objects that a rule does not mention."""
+
+from __future__ import annotations
+
+from collections.abc import Collection, Iterable, Iterator, Mapping
+
+from envgraph.code import dataclass
+from envgraph.errors import Span
+from envgraph.metamodel import Attribute, Metamodel, Reference, reachable_nodes
+from envgraph.pattern import (
+    AbsenceAtom,
+    AggregateAtom,
+    Goal,
+    Library,
+    LinkAtom,
+)
+from envgraph.rewrite._rule_plan import BlockPlan, RulePlan
+
+
+@dataclass(frozen=True, slots=True)
+class Loss:
+    """An action of a rule that may delete an object, merge it into another, or take away its class.
+
+    Attributes:
+        rule: qualified name of the rule.
+        action: the kind of action: "delete", "merge" or "retype".
+        span: span of the action; None if the rule was not parsed from text.
+    """
+
+    rule: str
+    action: str
+    span: Span | None
+
+
+@dataclass(frozen=True, slots=True)
+class UnnamedLinks:
+    """An object that a rule deletes, with the references that the rule does not mention.
+
+    Attributes:
+        name: name of the object in the rule.
+        references: under DPO the rule is refused if the object has a link of one of these references.
+        span: span of the action; None if the rule was not parsed from text.
+    """
+
+    name: str
+    references: tuple[Reference, ...]
+    span: Span | None
+
+
+def losses(plan: RulePlan, metamodel: Metamodel, cls: str | None, known: Mapping[str, bool]) -> Iterator[Loss]:
+    """Yield the actions of a rule that may delete, merge or retype an object of a class, also with its container.
+
+    Args:
+        plan: plan of the rule.
+        metamodel: the metamodel.
+        cls: class of the object, or None if unknown. An object is also lost if it is no longer an instance of it.
+        known: parameters of the rule that are the object (True) or certainly another one (False).
+    """
+    given = any(known.values())
+    for block in plan.blocks:
+
+        def may_be(slot: int, block: BlockPlan = block) -> bool:
+            """Return True if a slot may be the object, by `known` or by its class.
+
+            If `known` contains the object, other slots are the object only in a block whose variables may coincide.
+            """
+            told, kind = known.get(block.names[slot]), block.classes[slot]
+            if told is not None:
+                return told
+            fits = cls is None or kind is None or metamodel.may_overlap(kind, cls)
+            return fits and not (given and not block.may_coincide)
+
+        def may_contain(slot: int, block: BlockPlan = block) -> bool:
+            kind = block.classes[slot]
+            return cls is None or kind is None or _may_contain(metamodel, kind, cls)
+
+        for delete in block.deletes:
+            if may_be(delete.node) or may_contain(delete.node):
+                yield Loss(plan.name, "delete", delete.span or block.span)
+        for absorb in block.absorbs:
+            if may_be(absorb.absorbed):
+                yield Loss(plan.name, "merge", absorb.span or block.span)
+        for retype in block.retypes:
+            if cls is not None and not metamodel.is_a(retype.cls, cls) and may_be(retype.node):
+                yield Loss(plan.name, "retype", retype.span or block.span)
+
+
+def unnamed_links(plan: RulePlan, library: Library) -> Iterator[UnnamedLinks]:
+    """Yield the objects that a rule deletes under DPO, with the references that its conditions never mention.
+
+    If a link of such a reference exists, the rule is refused. Every condition on a reference counts as a mention,
+    even a negated one or one in a called pattern. Containment links are left out, as they are deleted with the object.
+    """
+    patterns = reachable_nodes((block.pattern for block in plan.blocks), library.callees)
+    bodies = (body for name in patterns for body in library.lowered_pattern(name).bodies)
+    asked = {reference for body in bodies for reference in _mentioned_references(body.goals)}
+    for block in plan.blocks:
+        for delete in block.deletes if not plan.is_spo else ():
+            cls = block.classes[delete.node]
+            found = cls and tuple(_unmentioned_references(library.metamodel, cls, asked))
+            if found:
+                yield UnnamedLinks(block.names[delete.node], found, delete.span or block.span)
+
+
+def _unmentioned_references(
+    metamodel: Metamodel, cls: str, asked: Collection[Reference | Attribute]
+) -> Iterator[Reference]:
+    """Yield one reference of each opposite pair at a class, if the pair is no containment and not in `asked`."""
+    for one in metamodel.references:
+        pair = [one] if (other := metamodel.opposite(one)) is None else [one, other]
+        if one.index > pair[-1].index or any(each.containment or each in asked for each in pair):
+            continue
+        if metamodel.may_overlap(cls, one.owner) or metamodel.may_overlap(cls, one.target):
+            yield one
+
+
+def _mentioned_references(goals: Iterable[Goal]) -> Iterator[Reference | Attribute]:
+    """Yield the references in goals, including those in negations and aggregates."""
+    for goal in goals:
+        if isinstance(goal, AbsenceAtom):
+            for alternative in goal.alternatives:
+                yield from _mentioned_references(alternative)
+        elif isinstance(goal, AggregateAtom):
+            yield from _mentioned_references([goal.relation])
+        elif isinstance(goal, LinkAtom):
+            yield goal.reference
+
+
+def _may_contain(metamodel: Metamodel, outer: str, inner: str) -> bool:
+    """Return True if an object of the class `outer` may contain an object of the class `inner`, at any depth."""
+    return not {*metamodel.all_content_classes(metamodel.concrete_classes(outer))}.isdisjoint(
+        metamodel.concrete_classes(inner)
+    )

@@ -1,0 +1,408 @@
+"""Members of families as Gymnasium environments: `envgraph.make`, and the entry points of `gymnasium.make`."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+from warnings import warn
+
+from envgraph.behaviour import reward_names
+from envgraph.env import (
+    MODEL_KINDS,
+    EnvgraphEnv,
+    EnvgraphLiveEnv,
+    EnvgraphVectorEnv,
+    Environment,
+    EnvSpec,
+    ObservationKind,
+    SeparateRewards,
+    SingleEnvironment,
+    VectorEnvironment,
+    VectorVariants,
+    check_observation_kind,
+    check_render_mode,
+    environment_spec,
+    make_vec_spec,
+    register as register_name,
+)
+from envgraph.env.registration import MAKE_VECTOR_ENVIRONMENT
+from envgraph.env.schedules import Schedule, named_schedule
+from envgraph.errors import InvalidArgument, check_known
+from envgraph.search.families._lazy_family import (
+    ENGINES,
+    EngineKind,
+    FamilyLocation,
+    LazyFamily,
+    LazyMembers,
+    open_lazy_family,
+)
+from envgraph.search.families._member_family import Family, find_run_store
+from envgraph.search.families._table_cache import FamilyRecord
+
+if TYPE_CHECKING:
+    from envgraph.env.compiled import CompiledEnv, CompiledVectorEnv, StreamMode
+
+
+def make(
+    family: FamilyLocation | None = None,
+    variant: int | str | None = None,
+    *,
+    domain: FamilyLocation | None = None,
+    **options: Any,
+) -> Environment:
+    """Return the Gymnasium environment of a member of a family, with the time limit of the family.
+
+    It works like `gymnasium.make` without a registered name: `env.spec` makes the environment again.
+
+    Args:
+        family: a family file (`envgraph export`), a run, its name below `runs`, or its run store.
+        variant: name of a member ("E6") or its number from 1; by default the target, which is the last member.
+        domain: in place of a family, a family.toml, its directory, or the name of a bundled domain. The environment is
+            then that of the domain's own model.
+        options: of `gymnasium.make` (`max_episode_steps`, `disable_env_checker`) and of `make_environment`
+            (`render_mode`, `observation`, `engine`, `cell`).
+
+    Raises:
+        InvalidArgument: the family or member does not exist, or not exactly one of family and domain is given.
+        LoadError: the files have errors.
+        EvaluationError: there are too many states for `engine="table"`, or the behaviour cannot be compiled for
+            `engine="compiled"`.
+
+    >>> make(domain="keydoor").spec.max_episode_steps
+    100
+    """
+    return _environment_spec(family, domain).make(**_without_none(variant=variant), **options)
+
+
+def make_vec(
+    family: FamilyLocation | None = None,
+    num_envs: int = 1,
+    variant: int | str | Sequence[int | str] | None = None,
+    *,
+    domain: FamilyLocation | None = None,
+    schedule: Schedule | str | None = None,
+    **options: Any,
+) -> VectorEnvironment:
+    """Return a vector environment, like `gymnasium.make_vec`, with the arguments of `make`.
+
+    Args:
+        family, domain: as for `make`.
+        num_envs: number of environments.
+        variant: as for `make`, or a list whose members are repeated in order: `num_envs=60, variant=["E1", "E2"]` makes
+            thirty of each.
+        schedule: chooses the member of each episode from `variant`, or from all members without it. It is a schedule of
+            `envgraph.env.schedules`, or a name in its `SCHEDULES`.
+        options: of `gymnasium.make_vec` and of `make_vector_environment`. `vectorization_mode` "sync" or "async" steps
+            single environments instead, as `engine="live"` does; `autoreset_mode` works with all of them.
+    """
+    given = _without_none(variant=variant, schedule=schedule)
+    return make_vec_spec(_environment_spec(family, domain), num_envs, **given, **options)
+
+
+def make_aec(
+    family: FamilyLocation | None = None,
+    variant: int | str | None = None,
+    *,
+    domain: FamilyLocation | None = None,
+    max_episode_steps: int | None = -1,
+    **options: Any,
+) -> Any:
+    """Return a member of a family whose agents take turns, as an environment of PettingZoo's AEC interface.
+
+    Args:
+        family, variant, domain: as for `make`.
+        max_episode_steps: turns after which an episode is truncated. -1: the limit of the family; None: no limit.
+        options: `render_mode`, `observation`, `cell` and `action_masks`, as for `make`.
+
+    Raises:
+        InvalidArgument: as for `make`; or there are no agents, agents act simultaneously, or PettingZoo is not
+            installed.
+    """
+    from envgraph.env.multiagent import TurnEnv  # needs PettingZoo
+
+    return _make_multiagent(TurnEnv, family, variant, domain, max_episode_steps, options)
+
+
+def make_parallel(
+    family: FamilyLocation | None = None,
+    variant: int | str | None = None,
+    *,
+    domain: FamilyLocation | None = None,
+    max_episode_steps: int | None = -1,
+    **options: Any,
+) -> Any:
+    """Return a member whose agents act simultaneously, as an environment of PettingZoo's parallel interface.
+
+    The arguments and errors are those of `make_aec`. A family whose agents take turns is refused.
+    """
+    from envgraph.env.multiagent import TogetherEnv
+
+    return _make_multiagent(TogetherEnv, family, variant, domain, max_episode_steps, options)
+
+
+def _make_multiagent(
+    environment_class: Callable[..., Any],
+    family: FamilyLocation | None,
+    variant: int | str | None,
+    domain: FamilyLocation | None,
+    limit: int | None,
+    options: dict[str, Any],
+) -> Any:
+    """Return a multi-agent environment of class `environment_class` that steps a member with a live engine of its
+    model.
+    """
+    if family is not None and domain is not None:
+        raise InvalidArgument("both a `family` and a `domain` are given: give one of them")
+    place = None if domain is None else str(domain)
+    opened = open_lazy_family(place, family, () if variant is None else (variant,))
+    member = opened.member_place(variant)
+    made = environment_class(
+        opened.make_simulator(member), limit=opened.family.limit if limit == -1 else limit, **options
+    )
+    if family is not None:
+        made.of_family(LazyMembers(place, family, "live", needs_pictures=False), member)
+    return made
+
+
+def register(
+    family: FamilyLocation | None = None,
+    *,
+    domain: FamilyLocation | None = None,
+    name: str | None = None,
+    **options: Any,
+) -> str:
+    """Register a family in Gymnasium, so that `gymnasium.make(id, variant="E2")` makes its members.
+
+    `gymnasium.make_vec(id, 8)` works as well. Registering the same family again changes nothing. The id exists only in
+    this process; worker processes of Gymnasium must register it as well.
+
+    Args:
+        family, domain: as for `make`.
+        name: name of the environment in the id `envgraph/<name>-v0`: letters, digits, `_`, `.` and `-`. None: the name
+            of the family or domain.
+        options: options of `make_environment` and `make_vector_environment` for all environments made with this id.
+
+    Returns:
+        The id.
+
+    Raises:
+        InvalidArgument: as for `make`; or the name is malformed, or the id is registered for something else.
+        LoadError: the files have errors.
+
+    >>> import gymnasium
+    >>> gymnasium.make(register(domain="keydoor", name="Doors"), observation="multi").spec.id
+    'envgraph/Doors-v0'
+    """
+    given, record = _locate_family(family, domain)
+    return register_name(
+        name or record.family,
+        vector_entry_point=MAKE_VECTOR_ENVIRONMENT,
+        limit=record.limit,
+        **given,
+        **options,
+    )
+
+
+def _environment_spec(family: FamilyLocation | None, domain: FamilyLocation | None) -> EnvSpec:
+    """Return the `EnvSpec` of a family or domain for Gymnasium."""
+    given, record = _locate_family(family, domain)
+    return environment_spec(record.behaviour, limit=record.limit, **given)
+
+
+def _locate_family(family: FamilyLocation | None, domain: FamilyLocation | None) -> tuple[dict[str, Any], FamilyRecord]:
+    """Return the arguments that locate a family or domain, and its record.
+
+    The path of a family is made absolute, so that other processes make the same environment.
+    """
+    if family is not None and domain is not None:
+        raise InvalidArgument("both a `family` and a `domain` are given: give one of them")
+    place = None if domain is None else str(domain)
+    if family is not None:
+        path = Path(family)
+        family = str((path if path.suffix == ".json" else find_run_store(path)).resolve())
+    return _without_none(domain=place, family=family), open_lazy_family(place, family).record
+
+
+def _without_none(**values: object) -> dict[str, Any]:
+    return {name: value for name, value in values.items() if value is not None}
+
+
+def make_environment(
+    domain: str | None = None,
+    family: FamilyLocation | Family | None = None,
+    variant: int | str | None = None,
+    *,
+    render_mode: str | None = None,
+    observation: ObservationKind = "index",
+    cell: int = 32,
+    engine: EngineKind | None = None,
+    live: bool = False,
+    action_masks: bool = False,
+    rewards: bool = False,
+) -> EnvgraphEnv | EnvgraphLiveEnv | CompiledEnv | SeparateRewards:
+    """Return the environment of a member of a family, without a time limit; the entry point for `gymnasium.make`.
+
+    Args:
+        domain: source of the behaviour and the initial model if there is no family: a family file, its directory, or
+            the name of a bundled domain.
+        family: a family file (`envgraph export`), a run, or its run store.
+        variant: name of a member ("E6") or its number from 1; by default the target, which is the last member.
+        render_mode: None, "ansi", "rgb_array" or "human".
+        observation: "index" for a single number, "multi" for its components, "flat" for one-hot vectors of them, "dict"
+            for components by name, "image" for planes over the grid, "graph" for the model. The last two are computed
+            from the model, so that the environment is compiled or live; see `ImageView` and `GraphView`.
+        cell: side of a cell in pixels.
+        engine: "table" for the transition table, which requires a limited number of states; "compiled" for the compiled
+            behaviour; "live" for the engine of the model. None: the first of these that works. Episodes are the same.
+        live: True is the same as `engine="live"`.
+        action_masks: True adds `action_mask`, int8 [actions], to infos. The method `action_masks` always exists.
+        rewards: True adds `rewards`, each reward by name, to the infos of steps; see `SeparateRewards`.
+
+    Raises:
+        InvalidArgument: the family, member or engine does not exist, neither a domain nor a family is given, or the
+            family does not belong to the domain's environment.
+        LoadError: the files have errors.
+        EvaluationError: as for `make`.
+    """
+    wanted = _requested_engine(engine, live)
+    _check_observation(observation, wanted)
+    if not isinstance(variant, int | str | None):
+        raise InvalidArgument("`variant` must be a single name or number", "use `envgraph.make_vec` for a list")
+    opened = open_lazy_family(domain, family, () if variant is None else (variant,))
+    check_render_mode(render_mode, drawn=opened.record.drawn)  # checked before all states are visited
+    place = opened.member_place(variant)
+    shown = {
+        "render_mode": render_mode,
+        "observation": observation,
+        "cell": cell,
+        "action_masks": action_masks,
+    }
+    environment, steps_in = _make_member_environment(opened, place, wanted, shown)
+    if family is not None:
+        environment.set_family(LazyMembers(domain, family, steps_in, render_mode is not None), place)
+    if not opened.record.drawn:
+        environment.metadata = {**environment.metadata, "render_modes": []}
+    if not rewards:
+        return environment
+    parts: dict[str, SingleEnvironment] = {}
+    for name in reward_names(opened.family.behaviour):
+        parts[name], _ = _make_member_environment(opened.paying(name), place, steps_in, {})
+        if family is not None:
+            parts[name].set_family(LazyMembers(domain, family, steps_in, needs_pictures=False, reward_name=name), place)
+    return SeparateRewards(environment, parts)
+
+
+def _make_member_environment(
+    opened: LazyFamily, place: int, engine: EngineKind | None, view_options: dict[str, Any]
+) -> tuple[EnvgraphEnv | EnvgraphLiveEnv | CompiledEnv, EngineKind]:
+    """Return the environment of a member with the view options `view_options`, and the name of the engine that steps
+    it.
+
+    Without a `engine` engine, warn if the live engine is used because tables and compiled programs are impossible.
+    """
+    kind = view_options.get("observation", "index")
+    of_model, pictures = kind in MODEL_KINDS, view_options.get("render_mode") is not None
+    found = opened.tables_or_program([place], engine, needs_pictures=pictures, needs_models=of_model)
+    if of_model:
+        view_options = {**view_options, "observation": opened.make_model_view(kind)}
+    if isinstance(found, list):
+        return EnvgraphEnv(found[0].tabular, pictures=found[0].pictures, **view_options), "table"
+    if found is not None:
+        from envgraph.env.compiled import CompiledEnv
+
+        return CompiledEnv(found, **view_options), "compiled"
+    if engine is None:
+        warn(f"{opened.not_compiled_error().message}; the live engine is used instead", stacklevel=3)
+    return EnvgraphLiveEnv(opened.make_simulator(place), **view_options), "live"
+
+
+def make_vector_environment(
+    num_envs: int = 1,
+    domain: str | None = None,
+    family: FamilyLocation | Family | None = None,
+    variant: int | str | Sequence[int | str] | None = None,
+    *,
+    render_mode: str | None = None,
+    observation: ObservationKind = "index",
+    max_episode_steps: int | None = None,
+    autoreset_mode: str | None = None,
+    engine: EngineKind | None = None,
+    streams: StreamMode | None = None,
+    threads: int | None = None,
+    schedule: Schedule | str | None = None,
+    action_masks: bool = False,
+    rewards: bool = False,
+) -> EnvgraphVectorEnv | CompiledVectorEnv:
+    """Return a vector environment of `num_envs` environments; the entry point for `gymnasium.make_vec`.
+
+    The arguments are those of `make_environment`. `variant` may be a list whose members are repeated in order, so that
+    `num_envs=60, variant=["E1", "E2"]` makes thirty of each; a `schedule` chooses the member of each episode instead.
+    `family` may be a `Family`. The other arguments are those of `CompiledVectorEnv`. With `streams` or `threads` the
+    environments are compiled even if there are tables.
+
+    Raises:
+        InvalidArgument, LoadError, EvaluationError: as for `make_environment`. `engine="live"` and `rewards` are
+            refused, because they need single environments: use `make_vec`.
+    """
+    if rewards:
+        raise InvalidArgument("`rewards=True` needs single environments", 'use `vectorization_mode="sync"`')
+    wanted = _requested_engine(engine, live=False)
+    _check_observation(observation, wanted)
+    own = _without_none(streams=streams, threads=threads)
+    if own:
+        if wanted not in (None, "compiled"):
+            raise InvalidArgument(f'`{next(iter(own))}` needs `engine="compiled"`, but `engine="{wanted}"` is given')
+        wanted = "compiled"
+    if wanted == "live":
+        raise InvalidArgument('`engine="live"` needs single environments', 'use `vectorization_mode="sync"`')
+    variants = () if variant is None else (variant,) if isinstance(variant, int | str) else tuple(variant)
+    opened = open_lazy_family(domain, family, variants)
+    check_render_mode(render_mode, ("rgb_array",), drawn=opened.record.drawn)
+    if schedule is not None and not variants:
+        variants = tuple(opened.record.tables)
+    places = [opened.member_place(one) for one in variants or (None,)]
+    if isinstance(schedule, str):
+        schedule = named_schedule(schedule, len(places))
+    options: dict[str, Any] = {
+        "render_mode": render_mode,
+        "observation": observation,
+        "max_episode_steps": max_episode_steps,
+        "action_masks": action_masks,
+        **_without_none(autoreset_mode=autoreset_mode, schedule=schedule),
+    }
+    found = opened.tables_or_program(
+        places, wanted, needs_pictures=render_mode is not None, needs_models=observation in MODEL_KINDS
+    )
+    if found is None:
+        raise opened.not_compiled_error()
+    if observation in MODEL_KINDS:
+        options["observation"] = opened.make_model_view(observation)
+    environment: EnvgraphVectorEnv | CompiledVectorEnv
+    if isinstance(found, list):
+        pictures = [one.pictures for one in found]
+        environment = EnvgraphVectorEnv([one.tabular for one in found], num_envs, pictures=pictures, **options)
+    else:
+        from envgraph.env.compiled import CompiledVectorEnv
+
+        environment = CompiledVectorEnv(found, num_envs, **options, **own)
+    if family is not None:
+        environment.set_variants(VectorVariants(LazyMembers(domain, family, "table", needs_pictures=False), places))
+    return environment
+
+
+def _requested_engine(engine: EngineKind | None, live: bool) -> EngineKind | None:
+    """Return the requested engine, or None. Raise `InvalidArgument` if it is unknown or contradicts `live`."""
+    if engine is not None:
+        check_known(engine, ENGINES, f"unknown engine {engine!r}")
+    if live and engine not in (None, "live"):
+        raise InvalidArgument(f"`live=True` contradicts `engine={engine!r}`: give one of them")
+    return "live" if live else engine
+
+
+def _check_observation(kind: ObservationKind, engine: EngineKind | None) -> None:
+    """Raise `InvalidArgument` if the kind of observation is unknown, or if the engine cannot make it."""
+    check_observation_kind(kind)
+    if kind in MODEL_KINDS and engine == "table":
+        hint = 'leave `engine` out, or give "compiled" or "live"'
+        raise InvalidArgument(f'observation "{kind}" needs a model, which `engine="table"` does not have', hint)
