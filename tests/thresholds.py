@@ -42,7 +42,7 @@ PLACES: Final[Mapping[str, tuple[object, str]]] = {
     "large group": (ViewCosts, "large"),
     "few starts of a closure": (ViewCosts, "few_starts"),
     # Views are read, or have an index, where a search would cost more.
-    "expensive search for a change": (ViewCosts, "dear"),
+    "expensive search for a change": (ViewCosts, "min_indexed_cost"),
     "expensive search for a question": (ViewCosts, "expensive"),
     "cost of reading a row": (ViewCosts, "read"),
     # Attributes have an index by value where many objects have different values.

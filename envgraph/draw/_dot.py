@@ -67,8 +67,8 @@ def _quote(text: str) -> str:
 
     In labels Graphviz interprets escapes (`\n`, `\N`) and entities (`&amp;`).
     """
-    plain = escape_unprintable(text).replace("&", "&amp;").replace("\\", "\\\\").replace('"', '\\"')
-    return f'"{plain}"'
+    escaped = escape_unprintable(text).replace("&", "&amp;").replace("\\", "\\\\").replace('"', '\\"')
+    return f'"{escaped}"'
 
 
 def _format_node(node: PictureNode, frame: BoxFrame | None) -> str:

@@ -157,10 +157,10 @@ class MiniGridLevel:
         while todo:
             state, before = todo.pop()
             for action in range(_ACTIONS):
-                told = self._step(before, action)
+                reported = self._step(before, action)
                 here = state, action, 0
                 to, over = int(table.next_state[here]), int(table.terminated[here])
-                yield from _result_differences(action, told, (float(table.reward[here]), over))
+                yield from _result_differences(action, reported, (float(table.reward[here]), over))
                 after = self._current_state()
                 if over or known.get(to) == _state_key(after):
                     continue
@@ -240,11 +240,11 @@ class MiniGridLevel:
         `domain_result` is the reward and end in the domain. Unless the episode is over, cell and direction are
         compared, too.
         """
-        told = self._step(before, action)
-        yield from _result_differences(action, told, domain_result)
+        reported = self._step(before, action)
+        yield from _result_differences(action, reported, domain_result)
         (x, y), way = self._current_state()[1:3]
         seen = split_index(simulator.observe(), simulator.observation_shape)[:2].tolist()
-        if not told[1] and seen != [y * self._inner.width + x, way]:
+        if not reported[1] and seen != [y * self._inner.width + x, way]:
             yield f"action {action} leads to another cell or direction"
 
     def _step(self, before: _State, action: int) -> tuple[float, int]:

@@ -218,12 +218,12 @@ class PreparedBehaviour:
     def _describe_objects(self, given: Sequence[Expression], scope: NameValues) -> str:
         """Return a text such as ", where `x` is Tile t" with the objects that expressions read, for messages; or ""."""
         found = {root.name: scope[root.name] for one in given for root in read_variables(one)}
-        told = [
+        reported = [
             f"`{name}` is {repr(self.model.node(node))[1:-1]}"
             for name, node in found.items()
             if isinstance(node, int) and not is_lost(self.model, node, None)
         ]
-        return f", where {' and '.join(told)}" if told else ""
+        return f", where {' and '.join(reported)}" if reported else ""
 
     def _prepare_call(self, call: RuleCall) -> PreparedCall | None:
         if call.rule is None:

@@ -1,4 +1,4 @@
-"""How much messages and printed objects show, so that the most important part is not lost in the rest."""
+"""Limits on what messages and printed objects show, so that the most important part is not lost in the rest."""
 
 from __future__ import annotations
 

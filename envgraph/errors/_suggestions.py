@@ -112,5 +112,5 @@ def name_hint(name: str, known: Iterable[str]) -> str | None:
     near = did_you_mean(name, candidates)
     if near is not None:
         return near
-    plain = [one for one in candidates if one[:1] != "_" and "#" not in one]
-    return f"there {'is' if len(plain) == 1 else 'are'} {list_names(plain)}" if plain else None
+    public_names = [one for one in candidates if one[:1] != "_" and "#" not in one]
+    return f"there {'is' if len(public_names) == 1 else 'are'} {list_names(public_names)}" if public_names else None

@@ -88,7 +88,7 @@ class ViewCosts:
     `questions` on `long_loop`. The others are not measured alone; `train` and `ttc18` measure views as a whole.
     """
 
-    dear: float = 60.0  # a search above which a view has an index of its own rows
+    min_indexed_cost: float = 60.0  # a search above which a view has an index of its own rows
     many: float = 100.0  # tested objects from which a view of their values pays off
     sample: int = 512  # objects of a class whose values are sampled
     different: int = 8  # different values from which a lookup by value is selective

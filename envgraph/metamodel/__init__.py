@@ -12,7 +12,7 @@ if TYPE_CHECKING:
         escape_xml as escape_xml,
         format_xml_value as format_xml_value,
         metamodel_to_ecore as metamodel_to_ecore,
-        plain_xml_attributes as plain_xml_attributes,
+        simple_xml_attributes as simple_xml_attributes,
     )
     from envgraph.metamodel._features import (
         SUPPRESS as SUPPRESS,

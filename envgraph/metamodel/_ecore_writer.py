@@ -148,7 +148,7 @@ class _EcoreWriter:
         parts = {
             "xsi:type": f"ecore:E{type(feature).__name__}",
             "name": feature.name,
-            **plain_xml_attributes(feature, named.get("eType")),
+            **simple_xml_attributes(feature, named.get("eType")),
             **named,
         }
         if isinstance(feature, Reference):
@@ -207,7 +207,7 @@ def _format_annotations(
     return lines
 
 
-def plain_xml_attributes(feature: Feature, type_name: str | None = None) -> dict[str, str | None]:
+def simple_xml_attributes(feature: Feature, type_name: str | None = None) -> dict[str, str | None]:
     """Return the XML attributes of a feature that refer to no other element; `type_name` is its type in `@ecore`."""
     parts = {
         "lowerBound": str(feature.lower) if feature.lower else None,

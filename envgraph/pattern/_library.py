@@ -125,14 +125,14 @@ class Library:
 
         The names of the other patterns become unknown names of the copy.
         """
-        twin = copy(self)
+        copied = copy(self)
         new = {one.qualified_name: one for one in reversed(patterns) if one.qualified_name not in self._entries}
         left = [one for one in patterns if new.get(one.qualified_name) is one]
-        while unsound := twin.analyse(*left).invalid_names:
-            twin.unknown |= unsound
+        while unsound := copied.analyse(*left).invalid_names:
+            copied.unknown |= unsound
             left = [one for one in left if one.qualified_name not in unsound]
-        twin.add(*left)
-        return twin
+        copied.add(*left)
+        return copied
 
     def register_checked(self, entries: Iterable[LibraryEntry]) -> None:
         """Register entries of patterns that have been checked already. An entry replaces a pattern of the same name."""
@@ -258,15 +258,15 @@ class Library:
 
     def __copy__(self) -> Library:
         """Return an independent library with the same patterns. Additions to one library do not affect the other."""
-        twin = Library(self.metamodel)
-        twin._entries = self._entries  # entries are replaced as a whole and never changed
-        twin._names = self._names
-        twin._generated = dict(self._generated)
-        twin._lowered = dict(self._lowered)
-        twin._checked = self._checked
-        twin.functions = self.functions
-        twin.unknown = self.unknown
-        return twin
+        copied = Library(self.metamodel)
+        copied._entries = self._entries  # entries are replaced as a whole and never changed
+        copied._names = self._names
+        copied._generated = dict(self._generated)
+        copied._lowered = dict(self._lowered)
+        copied._checked = self._checked
+        copied.functions = self.functions
+        copied.unknown = self.unknown
+        return copied
 
     def _entry_of(self, name: str) -> LibraryEntry:
         entry = self._entries.get(name) or self._generated.get(name)

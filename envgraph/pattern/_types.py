@@ -68,8 +68,8 @@ def data_type_hint(name: str) -> str | None:
     >>> data_type_hint("double"), data_type_hint("EInt"), data_type_hint("Date")
     ('write `float`', 'write `int`', None)
     """
-    plain = name.removeprefix("E").lower()
-    return next((f"write `{scalar}`" for scalar, names in _FOREIGN_NAMES.items() if plain in names), None)
+    short_name = name.removeprefix("E").lower()
+    return next((f"write `{scalar}`" for scalar, names in _FOREIGN_NAMES.items() if short_name in names), None)
 
 
 def _any_object_hint(metamodel: Metamodel) -> str:

@@ -173,7 +173,7 @@ class Matches(list[Match]):
 
 @shorten_repr
 class Firing(NamedTuple):
-    """An application as recorded in a trace: rule name and row of the match. Plain data, ready for JSON."""
+    """An application as recorded in a trace: rule name and row of the match, as values that JSON can hold."""
 
     rule: str
     values: Row

@@ -32,7 +32,7 @@ COINED = {
 }
 """Words that this project used in a sense of its own, each with what to write."""
 
-KNOWN_TERMS = re.compile(r"joint actions?|call sites?|plain text", re.IGNORECASE)
+KNOWN_TERMS = re.compile(r"joint[ _]?(?:action|agent|reward|step)|call[ _]sites?|plain text", re.IGNORECASE)
 """Terms of the field that contain such a word."""
 
 

@@ -2,7 +2,7 @@
 
 To numba, an array of NumPy consists of seven values, and each function that takes the array compiles operations on
 them. A `Vector` is only an address, a `Matrix` an address and the length of a row. Only programs that numba compiles
-may import this module; `_plain` defines the same names for Python.
+may import this module; `_python_kernels` defines the same names for Python.
 """
 
 # mypy: ignore-errors

@@ -101,8 +101,8 @@ class CompiledBatch:
         actions = len(self.program.action_names)
         found = np.zeros((len(self.members), actions), dtype=np.int64)
         masks = self.program.functions_for("mask")["masks"]
-        for part, world in self._parts:
-            world.call_function(masks, found[part].reshape(-1), actions)
+        for part, batch_arrays in self._parts:
+            batch_arrays.call_function(masks, found[part].reshape(-1), actions)
         return nonempty_masks(found > 0)
 
     def close(self) -> None:
@@ -180,7 +180,10 @@ class CompiledBatch:
         assert self._pool is not None
         (_, first), *others = self._parts
         given = [(which[part], starts[part], actions[part], uniforms[part], limit) for part, _ in self._parts]
-        waiting = [self._pool.submit(world.advance, *each) for (_, world), each in zip(others, given[1:], strict=True)]
+        waiting = [
+            self._pool.submit(batch_arrays.advance, *each)
+            for (_, batch_arrays), each in zip(others, given[1:], strict=True)
+        ]
         failed = [first.advance(*given[0]), *(one.result() for one in waiting)]
         places = zip(failed, self._parts, strict=True)
         return max(part.start + row if row >= 0 else -1 for row, (part, _) in places)
@@ -202,13 +205,13 @@ class CompiledBatch:
         self.over[row] = True
         member = int(self.members[row])
         if error not in CAPACITY_ERRORS:
-            twin = self._live_counterpart(member)
+            counterpart = self._live_counterpart(member)
             begun = action is None or self.steps[row] == 0
-            world = next(world for part, world in self._parts if row < part.stop)
+            batch_arrays = next(batch_arrays for part, batch_arrays in self._parts if row < part.stop)
             arrays = self.program.arrays
-            before = arrays.ints[member] if begun else world.failed_state[0][1]
-            floats = arrays.floats[member] if begun else world.failed_state[1][1]
-            with twin.in_state(before, floats) as simulator:
+            before = arrays.ints[member] if begun else batch_arrays.failed_state[0][1]
+            floats = arrays.floats[member] if begun else batch_arrays.failed_state[1][1]
+            with counterpart.in_state(before, floats) as simulator:
                 uniform = float(self._drawn[row])
                 if action is None or begun:
                     simulator.reset_with(uniform)

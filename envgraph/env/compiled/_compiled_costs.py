@@ -22,7 +22,7 @@ class CompiledCosts:
     first: int = 1_024  # states and outcomes for which there is space at first
     first_keys: int = 4_096  # keys of a learner for which there is space at first
     spare: int = 64  # created objects for which states have space by default
-    told: int = 100_000  # outcomes between two reports of progress
+    progress_interval: int = 100_000  # outcomes between two reports of progress
     breadth: int = 20_000  # states visited breadth-first by default
     width: int = 500  # states that a beam keeps of a layer by default
     horizon: int = 1_000  # steps of a beam in an environment without a time limit

@@ -179,7 +179,7 @@ class StateVisit:
                 self._actions,
                 LIMITS["outcomes"],
                 self._limit,
-                made + COSTS.told,
+                made + COSTS.progress_interval,
                 self.starts,
                 self.to,
                 self.chance,
@@ -202,10 +202,10 @@ class StateVisit:
 
     def pictures(self, states: int) -> tuple[Scene, ...]:
         """Draw the first `states` states that were visited. Equal pictures are the same object."""
-        twin = self._program.live_counterpart(self._member)
-        painter, drawn, found = twin.simulator.painter(), dict[Scene, Scene](), list[Scene]()
+        counterpart = self._program.live_counterpart(self._member)
+        painter, drawn, found = counterpart.simulator.painter(), dict[Scene, Scene](), list[Scene]()
         for state in range(states):
-            with twin.in_state(self.states[state], self.floats[state]):
+            with counterpart.in_state(self.states[state], self.floats[state]):
                 scene = painter.draw()
             found.append(drawn.setdefault(scene, scene))
         return tuple(found)

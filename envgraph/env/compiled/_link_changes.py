@@ -18,12 +18,12 @@ class LinkEmitter:
     """An emitter of changes of links.
 
     Args:
-        site: the match that changes are made for.
+        matches: the match that changes are made for.
     """
 
-    def __init__(self, site: MatchStatements) -> None:
-        self._site = site
-        self._facts = site.facts
+    def __init__(self, matches: MatchStatements) -> None:
+        self._site = matches
+        self._facts = matches.facts
 
     def _link_cells(self, source: int, reference: Reference, target: int) -> list[LinkCell]:
         """Return the cells that store a link between the objects in two slots: two for a symmetric reference."""
@@ -119,16 +119,16 @@ class LinkEmitter:
 
     def _emit_cycle_check(self, content: int, container: int, cls: str) -> None:
         """Emit code that refuses the rule if an object would enter a container that it contains, at any depth."""
-        facts, site = self._facts, self._site
-        if content in site.frame.creators and all(holder != content for _, holder, _ in self._container_entries()):
+        facts, matches = self._facts, self._site
+        if content in matches.frame.creators and all(holder != content for _, holder, _ in self._container_entries()):
             return
         inner = facts.metamodel.all_content_classes(
-            facts.metamodel.concrete_classes(site.frame.classes.get(content) or cls)
+            facts.metamodel.concrete_classes(matches.frame.classes.get(content) or cls)
         )
-        holder = site.frame.classes.get(container)
+        holder = matches.frame.classes.get(container)
         if any(holder is None or facts.metamodel.may_overlap(one, holder) for one in inner):
-            found = emit_call(emit_is_inside(facts), site.slots[content], site.slots[container])
-            site.append_refuse_unless(code.emit_not(found))
+            found = emit_call(emit_is_inside(facts), matches.slots[content], matches.slots[container])
+            matches.append_refuse_unless(code.emit_not(found))
 
     def _emit_container_check(self, content: int, entered: Reference) -> None:
         """Emit code that refuses the rule if an object already has a container by a reference other than `entered`."""
@@ -177,47 +177,47 @@ class LinkEmitter:
 
         If a single-valued opposite of the target is occupied, the former link is removed.
         """
-        site, links, reference = self._site, self._facts.links, change.reference
+        matches, links, reference = self._site, self._facts.links, change.reference
         stored, same = links.column_of(reference)
-        source = site.slots[change.object]
-        target = site.slots[change.values[0]] if change.values else NOBODY
+        source = matches.slots[change.object]
+        target = matches.slots[change.values[0]] if change.values else NOBODY
         old: code.Expression
         if stored.belongs_to_sources is same:
             old, guard = links.column_cell(
-                stored, source, class_known=site.has_certain_class(change.object, reference.owner)
+                stored, source, class_known=matches.has_certain_class(change.object, reference.owner)
             )
 
             def write() -> None:
                 for test in guard:
-                    site.append_refuse_unless(test)
+                    matches.append_refuse_unless(test)
                 if links.is_symmetric(reference):
                     self._emit_store(stored, old, NOBODY)
                 self._emit_make_room(stored, reference, target)
-                site.append(code.Assign(old, target))  # type: ignore[arg-type]
+                matches.append(code.Assign(old, target))  # type: ignore[arg-type]
                 if links.is_symmetric(reference):
                     self._emit_store(stored, target, source)
         else:
             found = links.only_other_end(reference, source, forward=True, class_known=False)
             assert found is not None
             old = self._facts.new_local_for(ObjectType(""))
-            site.append(code.Assign(old, found))
+            matches.append(code.Assign(old, found))
 
             def write() -> None:
                 self._emit_store(stored, old, NOBODY)
                 self._emit_store(stored, target, source)
 
-        site.append(code.If(code.Operation("!=", (old, target)), site.collect(write)))
+        matches.append(code.If(code.Operation("!=", (old, target)), matches.collect(write)))
 
     def emit_set_container(self, change: SetTargets) -> None:
         """Emit code that moves an object into a new container, or only out of its old one if there is no value."""
-        site, reference, value = self._site, change.reference, change.values[0] if change.values else None
+        matches, reference, value = self._site, change.reference, change.values[0] if change.values else None
         contains = reference if reference.containment else self._facts.metamodel.opposite(reference)
         assert contains is not None
-        source, target = site.slots[change.object], NOBODY if value is None else site.slots[value]
+        source, target = matches.slots[change.object], NOBODY if value is None else matches.slots[value]
         old = self._facts.new_local_for(ObjectType(""))
         found = self._facts.links.only_other_end(reference, source, forward=True, class_known=False)
         assert found is not None
-        site.append(code.Assign(old, found))
+        matches.append(code.Assign(old, found))
         there = code.Operation(">=", (target, ZERO))
 
         def write() -> None:
@@ -228,33 +228,35 @@ class LinkEmitter:
             if value is not None:
                 ends = change.object, value
                 entering = ends if reference.containment else ends[::-1]
-                site.append(code.If(there, site.collect(lambda: self._emit_put(contains, *entering))))
+                matches.append(code.If(there, matches.collect(lambda: self._emit_put(contains, *entering))))
 
-        site.append(code.If(code.Operation("!=", (old, target)), site.collect(write)))
+        matches.append(code.If(code.Operation("!=", (old, target)), matches.collect(write)))
 
     def _emit_put(self, reference: Reference, container: int, content: int) -> None:
         """Emit code that moves an object into a container. A single-valued reference loses its former content.
 
         The rule is refused if the container is full, or is inside the object.
         """
-        site, metamodel = self._site, self._facts.metamodel
-        cls, node = site.frame.classes.get(content) or reference.target, site.slots[content]
+        matches, metamodel = self._site, self._facts.metamodel
+        cls, node = matches.frame.classes.get(content) or reference.target, matches.slots[content]
         for other in metamodel.references:
             if other.containment and metamodel.may_overlap(cls, other.target):
                 self._emit_removal(other, node, cls, None)
         if reference.upper == 1:
             inside_ = self._facts.new_local_for(ObjectType(""))
-            found = self._facts.links.only_other_end(reference, site.slots[container], forward=True, class_known=False)
+            found = self._facts.links.only_other_end(
+                reference, matches.slots[container], forward=True, class_known=False
+            )
             assert found is not None
-            site.append(code.Assign(inside_, found))
+            matches.append(code.Assign(inside_, found))
             self._emit_removal(reference, inside_, reference.target, code.Operation(">=", (inside_, ZERO)))
         else:
-            self._emit_room_check(reference, site.slots[container], container, forward=True)
+            self._emit_room_check(reference, matches.slots[container], container, forward=True)
         self._emit_cycle_check(content, container, reference.target)
         (kept,) = self._link_cells(container, reference, content)
         for test in kept.guard:
-            site.append_refuse_unless(test)
-        site.append(code.Assign(kept.place, kept.linked_value))
+            matches.append_refuse_unless(test)
+        matches.append(code.Assign(kept.place, kept.linked_value))
 
     def emit_set_targets(self, change: SetTargets) -> None:
         """Emit code that replaces all targets of an object."""

@@ -323,64 +323,64 @@ def converted_value(value: code.Expression, type_: StaticType | None, attribute:
     return value
 
 
-def emit_agreement_checks(site: MatchStatements) -> None:
+def emit_agreement_checks(matches: MatchStatements) -> None:
     """Emit code that refuses the rule if two of its matches contradict each other.
 
     Raises:
         NotCompiled: several blocks make changes whose order affects the result.
     """
-    frames, pairs = site.blocks.frames, ContradictionTests(site.facts.metamodel, site.rule)
-    _check_order(site)
+    frames, pairs = matches.blocks.frames, ContradictionTests(matches.facts.metamodel, matches.rule)
+    _check_order(matches)
     for number, one in enumerate(frames):
         for other in frames[number:]:
-            _emit_pair_check(site, pairs, one, other)
+            _emit_pair_check(matches, pairs, one, other)
 
 
-def _emit_pair_check(site: MatchStatements, pairs: ContradictionTests, one: MatchFrame, other: MatchFrame) -> None:
+def _emit_pair_check(matches: MatchStatements, pairs: ContradictionTests, one: MatchFrame, other: MatchFrame) -> None:
     sides = []
     for frame in (one, other):
-        row = site.facts.module.new_local("r")
-        loads, slots = ([], frame.slots) if frame.outer is None else site.blocks.load_match(frame, row)
+        row = matches.facts.module.new_local("r")
+        loads, slots = ([], frame.slots) if frame.outer is None else matches.blocks.load_match(frame, row)
         sides.append((frame, row, loads, slots))
     tests = dict.fromkeys(pairs.contradictions(one, sides[0][3], other, sides[1][3]))
-    body: code.Body = tuple(code.If(test, site.failure_statements("REFUSED")) for test in tests)
+    body: code.Body = tuple(code.If(test, matches.failure_statements("REFUSED")) for test in tests)
     for frame, row, loads, _ in reversed(sides):
         if body and frame.outer is not None:
-            body = (site.blocks.loop_over_matches(frame, row, loads, body),)
-    site.append(*body)
+            body = (matches.blocks.loop_over_matches(frame, row, loads, body),)
+    matches.append(*body)
 
 
-def _check_order(site: MatchStatements) -> None:
+def _check_order(matches: MatchStatements) -> None:
     """Raise `NotCompiled` if several blocks make changes whose order affects the result."""
     changing: dict[Attribute | Reference, BlockPlan] = {}
-    for frame in site.blocks.frames:
+    for frame in matches.blocks.frames:
         for change in frame.plan.sets:
             feature: Attribute | Reference | None = None
             if isinstance(change, ChangeTargets):
-                feature, _, _ = site.facts.metamodel.canonical_link(change.reference, 0, 0)
+                feature, _, _ = matches.facts.metamodel.canonical_link(change.reference, 0, 0)
             elif isinstance(change, AdjustAttribute) and change.attribute.type is Scalar.FLOAT:
                 feature = change.attribute
             elif isinstance(change, SetTargets):
-                opposite = site.facts.metamodel.opposite(change.reference)
+                opposite = matches.facts.metamodel.opposite(change.reference)
                 feature = change.reference if opposite is not None and opposite.upper not in (None, 1) else None
             if feature is not None and changing.setdefault(feature, frame.plan) is not frame.plan:
                 raise NotCompiled(f"changes of `{feature}` in several blocks of a rule", frame.plan.span)
 
 
-def emit_kept_checks(site: MatchStatements) -> None:
+def emit_kept_checks(matches: MatchStatements) -> None:
     """Emit code that refuses the rule if an object that it keeps or changes was deleted with its container.
 
     Raises:
         NotCompiled: blocks delete containers together with objects that these may contain.
     """
-    metamodel, frames = site.facts.metamodel, site.blocks.frames
+    metamodel, frames = matches.facts.metamodel, matches.blocks.frames
     deletes = [(delete, frame.plan) for frame in frames for delete in frame.plan.deletes]
     doomed = [one for delete, plan in deletes for one in metamodel.concrete_classes(plan.classes[delete.node] or "")]
     endangered = metamodel.all_content_classes(doomed)
     for frame in frames:
         slots = dict.fromkeys(frame.plan.preserved_slots)
         slots.update(dict.fromkeys(c.node for c in claims_of(frame, metamodel) if c.kind == "touched"))
-        if len(frames) > 1 and not site.plan.is_spo:  # if links go too, order is irrelevant
+        if len(frames) > 1 and not matches.plan.is_spo:  # if links go too, order is irrelevant
             slots.update(dict.fromkeys(delete.node for delete in frame.plan.deletes))
         for slot in slots:
             cls = frame.classes.get(slot)
@@ -391,12 +391,14 @@ def emit_kept_checks(site: MatchStatements) -> None:
                 raise NotCompiled(
                     "a rule with blocks that deletes a container and its contents", first.span or plan.span
                 )
-            _emit_alive_check(site, slot, cls)
+            _emit_alive_check(matches, slot, cls)
 
 
-def _emit_alive_check(site: MatchStatements, slot: int, cls: str) -> None:
+def _emit_alive_check(matches: MatchStatements, slot: int, cls: str) -> None:
     """Emit code that refuses the rule if the object in a slot is deleted, unless a `delete` action names the object."""
-    alive = site.facts.emit_is_alive(site.slots[slot], cls)
+    alive = matches.facts.emit_is_alive(matches.slots[slot], cls)
     if alive is not None:
-        same = [code.emit_equal(site.slots[slot], site.slots[delete.node]) for delete in site.rule.plan.deletes]
-        site.append_refuse_unless(code.emit_joined("or", [alive, *same], False))
+        same = [
+            code.emit_equal(matches.slots[slot], matches.slots[delete.node]) for delete in matches.rule.plan.deletes
+        ]
+        matches.append_refuse_unless(code.emit_joined("or", [alive, *same], False))

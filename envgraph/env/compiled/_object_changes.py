@@ -28,12 +28,12 @@ class ObjectChangeEmitter:
     """An emitter of the code that creates, retypes and deletes the objects of one match.
 
     Args:
-        site: the match, and the statements that the code is added to.
+        matches: the match, and the statements that the code is added to.
     """
 
-    def __init__(self, site: MatchStatements) -> None:
-        self._match = site
-        self._facts = site.facts
+    def __init__(self, matches: MatchStatements) -> None:
+        self._match = matches
+        self._facts = matches.facts
 
     def emit_create(self, new: CreateObject) -> None:
         """Emit code that adds a new object to the set of its class and gives its attributes their initial values."""
@@ -129,13 +129,13 @@ class ObjectChangeEmitter:
 
     def _emit_delete_with_contents(self, concrete: tuple[str, ...], slot: int) -> None:
         """Emit code that calls a function to delete an object and its contents, and leaves if this is refused."""
-        facts, site = self._facts, self._match
-        function = emit_delete(facts, concrete, site.plan.is_spo)
-        levels = len(site.blocks.frames) - 1
+        facts, matches = self._facts, self._match
+        function = emit_delete(facts, concrete, matches.plan.is_spo)
+        levels = len(matches.blocks.frames) - 1
         facts.module.record_call(function, levels)
         top = emit_sum(TOP, code.Operation("*", (CAPACITY, code.Constant(levels))))
-        gone = code.Operation("<", (emit_call(function, site.slots[slot], top=top), ZERO))
-        site.append(code.If(gone, (site.error_return,)))
+        gone = code.Operation("<", (emit_call(function, matches.slots[slot], top=top), ZERO))
+        matches.append(code.If(gone, (matches.error_return,)))
 
     def _emit_drop_links(
         self, reference: Reference, node: code.Expression, cls: str, *, forward: bool, clears: bool

@@ -174,9 +174,9 @@ class ObservationEmitter:
             if observation.visible is None:
                 emit_read()
             else:
-                in_sight = self._emit_condition_test(observation.visible, types, scope)
+                is_in_scope = self._emit_condition_test(observation.visible, types, scope)
                 hidden = (code.Assign(local, self._emit_hidden_value(observation, types)),)
-                writer.append(code.If(in_sight, writer.collect(emit_read), hidden))
+                writer.append(code.If(is_in_scope, writer.collect(emit_read), hidden))
 
         if gone is None:
             emit_if_visible()

@@ -320,7 +320,7 @@ class PlanSearch(StateVisit):
                 self._outcome_count,
                 self._distinct_actions,
                 LIMITS["outcomes"],
-                self._outcome_count + COSTS.told if self.max_outcomes is None else self.max_outcomes,
+                self._outcome_count + COSTS.progress_interval if self.max_outcomes is None else self.max_outcomes,
                 self._outcome,
                 self.predecessors,
                 self.actions_before,
@@ -372,12 +372,12 @@ class PlanSearch(StateVisit):
         way = [state]
         while self.predecessors[way[-1]] >= 0:
             way.append(int(self.predecessors[way[-1]]))
-        twin = self._program.live_counterpart(self._member)
+        counterpart = self._program.live_counterpart(self._member)
         for row in reversed(way):
-            with twin.in_state(self.states[row], self.floats[row]) as simulator:
+            with counterpart.in_state(self.states[row], self.floats[row]) as simulator:
                 yield simulator
         with (
-            twin.in_state(self.states[state], self.floats[state]) as simulator,
+            counterpart.in_state(self.states[state], self.floats[state]) as simulator,
             closing(simulator.outcomes(action)) as outcomes,
         ):
             if any(ended == self._outcome for _, _, ended in outcomes):  # the generator pauses in that state

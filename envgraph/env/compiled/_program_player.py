@@ -12,7 +12,7 @@ from envgraph.errors import EvaluationError
 
 
 class ProgramPlayer:
-    """One environment of a compiled program, and calls of the program's functions that act in the environment.
+    """A single environment of a compiled program, and calls of the program's functions that act in the environment.
 
     Args:
         program: the compiled behaviour.

@@ -1,7 +1,8 @@
 """Functions that every program contains: sampling, sorting, bit sets, hashing, and the loop over environments.
 
 The text of these functions precedes the program's own text. They only know arrays. They call functions of the program
-(`begin`, `step_one`, `may_one`, `look`, `places`), and array access and bit operations of `_arrays` or `_plain`.
+(`begin`, `step_one`, `may_one`, `look`, `places`), and array access and bit operations of `_arrays` or
+`_python_kernels`.
 """
 
 # ruff: noqa: F821, SIM110

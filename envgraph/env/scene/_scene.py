@@ -233,8 +233,8 @@ class Painter:
         for node in ordered_objects(model, self._grid.cls) if varying else ():
             cls = model.graph.class_of(node)
             if node in place_of and cls in varying:
-                look = self._looks.appearance_of(node, plain := glyph_of(model.metamodel, cls))
-                if look.glyph != plain:
+                look = self._looks.appearance_of(node, class_glyph := glyph_of(model.metamodel, cls))
+                if look.glyph != class_glyph:
                     yield self._make_mark(_object_label(model, node, None, self._read), cls, look, place_of[node])
 
     def _make_mark(self, name: str, cls: str, look: Appearance, place: tuple[int, int]) -> Mark:
@@ -344,8 +344,8 @@ def _object_label(model: Model, node: int, attribute: str | None, read: FeatureR
     if values and all(value is not None for value in values):
         text = ", ".join(str(value) for value in values)
         features = model.metamodel.features(cls)
-        plain = attribute or all(getattr(features[name], "type", None) is Scalar.STRING for name in names)
-        return text if plain else f"{cls} {text}"
+        is_attribute = attribute or all(getattr(features[name], "type", None) is Scalar.STRING for name in names)
+        return text if is_attribute else f"{cls} {text}"
     return model.graph.object_name(node) or f"{model.graph.class_of(node)} {node}"
 
 

@@ -230,8 +230,10 @@ def _distinct_prefixes(wanted: Mapping[str, str]) -> dict[str, str]:
     """Return distinct XML prefixes of packages: a valid wanted prefix or `model`, lengthened by `_` if it is in use."""
     found: dict[str, str] = {}
     for path, prefix in wanted.items():
-        plain = prefix if re.fullmatch(r"[^\W\d][\w.-]*", prefix) and prefix not in ("xmi", "xsi", "xml") else "model"
-        while plain in found.values():
-            plain += "_"
-        found[path] = plain
+        unused_prefix = (
+            prefix if re.fullmatch(r"[^\W\d][\w.-]*", prefix) and prefix not in ("xmi", "xsi", "xml") else "model"
+        )
+        while unused_prefix in found.values():
+            unused_prefix += "_"
+        found[path] = unused_prefix
     return found

@@ -12,7 +12,7 @@ from envgraph.metamodel import Attribute, Feature
 
 @dataclass(frozen=True, slots=True)
 class Violation:
-    """One object with the wrong number of values or targets of a feature.
+    """An object with the wrong number of values or targets of a feature.
 
     Attributes:
         kind: "missing-value", "too-few" or "too-many" targets or values.

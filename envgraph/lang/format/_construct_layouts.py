@@ -35,7 +35,7 @@ def _assignment_document(layout: DocumentBuilder, part: SyntaxPart) -> Document:
     """Return the layout document of `name = value`; a chain of operators that does not fit starts on a new line."""
     value = next((one for one in part.child_parts(*CHAIN_KINDS)), None)
     if value is None:
-        return layout.plain_document(part)
+        return layout.default_document(part)
     place = part.items.index(value)
     return group_documents(
         layout.row_document(part.items[:place]),
@@ -224,10 +224,10 @@ def _grid_rows_document(layout: DocumentBuilder, part: SyntaxPart) -> Document:
     """Return the layout document of the letters of a grid, with one row on each line."""
     place = next(i for i in part.items if isinstance(i, int) and i > part.first)
     if layout.tokens.kinds[place] != "TEXT":
-        return layout.plain_document(part)
+        return layout.default_document(part)
     lines = layout.tokens.texts[place][3:-3].split("\n")
     if len(lines) < 2 or lines[0].strip() or lines[-1].strip():
-        return layout.plain_document(part)
+        return layout.default_document(part)
     letters = lines[1:-1]
     shared = min((len(row) - len(row.lstrip()) for row in letters if row.strip()), default=0)
     found: list[Document] = []

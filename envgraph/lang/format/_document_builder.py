@@ -66,12 +66,12 @@ class DocumentBuilder:
         if not index:
             return EMPTY_TEXT
         gap = self.tokens.gaps[index]
-        plain = wanted is None
+        is_default = wanted is None
         if wanted is None:
             wanted = SPACE if needs_blank(self.tokens, index - 1) else EMPTY_TEXT
         if not gap.comments:
             return wanted
-        hard = indent_documents(FORCED_LINE) if plain else FORCED_LINE
+        hard = indent_documents(FORCED_LINE) if is_default else FORCED_LINE
         found: list[Document] = []
         for remark in gap.comments:
             found += [hard] if remark.line_breaks else [self._before_trailing_comment(remark)]
@@ -99,13 +99,13 @@ class DocumentBuilder:
 
     def part_document(self, part: SyntaxPart) -> Document:
         """Return the layout document of a part, without the gap before it."""
-        return self._constructs.get(part.kind, DocumentBuilder.plain_document)(self, part)
+        return self._constructs.get(part.kind, DocumentBuilder.default_document)(self, part)
 
     def item_document(self, item: Item) -> Document:
         """Return the layout document of a token or a part."""
         return self.part_document(item) if isinstance(item, SyntaxPart) else self.token_document(item)
 
-    def plain_document(self, part: SyntaxPart) -> Document:
+    def default_document(self, part: SyntaxPart) -> Document:
         """Return the layout document of a part with all of its items in one row."""
         return self.row_document(part.items)
 

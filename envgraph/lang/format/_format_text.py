@@ -41,12 +41,12 @@ def format_text(language: str, text: str, name: str = "<text>") -> str:
     """
     if language not in RECOVERY_RULES:
         raise InvalidArgument(f"unknown language `{language}`; the languages are {', '.join(RECOVERY_RULES)}")
-    plain = text.replace("\r\n", "\n")
-    source = Source(name, plain)
+    unix_text = text.replace("\r\n", "\n")
+    source = Source(name, unix_text)
     parsed, lexemes = parse_tokens(load_grammar(language), source)
     if parsed.tree is None or parsed.diagnostics:
         raise LoadError(parsed.diagnostics)
-    tokens, root = read_tokens(plain, lexemes, parsed.tree)
+    tokens, root = read_tokens(unix_text, lexemes, parsed.tree)
     lines = [line.rstrip(" ") for line in _formatted_lines(tokens, root.child_parts())]
     while lines and not lines[0]:
         del lines[0]

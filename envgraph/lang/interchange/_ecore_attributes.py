@@ -95,9 +95,9 @@ def foreign_annotations_of(
         found = [(detail.get("key"), detail.get("value")) for detail in children_named(one, "details")]
         pairs = [pair for pair in found if with_doc or source != _GENMODEL or pair[0] != "documentation"]
         if source != _OWN_SOURCE and (pairs or not found):
-            plain = all(key.isidentifier() for key, _ in pairs)
-            words = () if plain else tuple(word for pair in pairs for word in pair)
-            yield Annotation("annotation", (source, *words), tuple(pairs) if plain else ())
+            is_simple = all(key.isidentifier() for key, _ in pairs)
+            words = () if is_simple else tuple(word for pair in pairs for word in pair)
+            yield Annotation("annotation", (source, *words), tuple(pairs) if is_simple else ())
 
 
 def preserved_attributes_of(
@@ -124,8 +124,8 @@ def preserved_attributes_of(
             continue
         if written.get(key) or key not in usual or text != usual[key][1]:
             found[key] = text
-    for key, plain in written.items():
-        if plain and key not in attributes and key in usual and plain != usual[key][1]:
+    for key, is_default in written.items():
+        if is_default and key not in attributes and key in usual and is_default != usual[key][1]:
             found[key] = usual[key][1]
     return (Annotation("ecore", named=tuple(sorted(found.items()))),) if found else ()
 

@@ -196,8 +196,8 @@ def is_computed(element: XmlElement) -> bool:
     is_volatile = attributes.get("volatile") == "true" == attributes.get("transient")
     if attributes.get("derived") != "true" and (not is_volatile or "eOpposite" in attributes):
         return False
-    plain = attributes.get("containment") != "true" and "kind" not in extended_metadata(element)
-    return plain and not element.get("eType").endswith((_ANY_OBJECT, f"#//{FEATURE_MAP}"))
+    is_ordinary = attributes.get("containment") != "true" and "kind" not in extended_metadata(element)
+    return is_ordinary and not element.get("eType").endswith((_ANY_OBJECT, f"#//{FEATURE_MAP}"))
 
 
 def details_of(element: XmlElement, source: str) -> Iterator[tuple[XmlElement, str, str]]:

@@ -95,15 +95,15 @@ class EcoreNameResolver:
         span: the name of the outermost package; the start of the file until it is known.
     """
 
-    def __init__(self, document: EcoreDocument, joint: SharedEcoreState) -> None:
+    def __init__(self, document: EcoreDocument, merged: SharedEcoreState) -> None:
         self.document = document
         self.places = document.places
         self.packages: list[tuple[str, XmlElement]] = []
         self.span = self.places.source.span_between(0, 0)
         self._others: dict[str, tuple[EcoreNameResolver | None, XmlElement | None]] = {}
-        self.shared = joint
-        self._kinds = joint.kinds
-        self._owners = joint.owners
+        self.shared = merged
+        self._kinds = merged.kinds
+        self._owners = merged.owners
 
     @property
     def _root(self) -> XmlElement:

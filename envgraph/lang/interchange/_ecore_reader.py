@@ -62,7 +62,7 @@ from envgraph.metamodel import (
     Metamodel,
     Package,
     Reference,
-    plain_xml_attributes,
+    simple_xml_attributes,
 )
 
 
@@ -82,28 +82,28 @@ def read_ecore(
         same_package: the names of files that repeat the package of one of the documents, each with this document.
         allow_unresolved: if True, features whose types are in missing files are left out with a warning.
     """
-    joint = SharedEcoreState(allow_unresolved=allow_unresolved)
+    merged = SharedEcoreState(allow_unresolved=allow_unresolved)
     if any(one.needs_ecore() for one in documents) and not any(ECORE in one.uris for one in documents):
         documents = (*documents, ecore_metamodel_document())
-    readers = [_EcoreReader(one, joint) for one in documents]
-    joint.readers.extend(readers)
-    joint.by_file = {one.document.source.name: one for one in readers}
-    joint.by_file |= {name: joint.by_file[one.source.name] for name, one in same_package.items()}
+    readers = [_EcoreReader(one, merged) for one in documents]
+    merged.readers.extend(readers)
+    merged.by_file = {one.document.source.name: one for one in readers}
+    merged.by_file |= {name: merged.by_file[one.source.name] for name, one in same_package.items()}
     metamodel, stopped = None, False
     try:
-        metamodel = _read_metamodel(joint, readers)
+        metamodel = _read_metamodel(merged, readers)
     except TooManyMistakes:
         stopped = True
-    for (noun, rest), spans in joint.dropped.items():
+    for (noun, rest), spans in merged.dropped.items():
         message = f"left out: {count_with_noun(len(spans), noun)} {rest}"
         readers[0].report_warning(
             "left-out", message, spans[0], "keep the original: a written `.ecore` file will lack this"
         )
     # A feature that is left out on purpose is not lost: naming it is a mistake, and the class knows the reason.
-    lost = joint.lost_names.difference(*joint.left_out.values())
+    lost = merged.lost_names.difference(*merged.left_out.values())
     if stopped:
         lost = {name for reader in readers for name in reader.all_words()}
-    return MetamodelFile(metamodel, readers[0].span, tuple(joint.diagnostics), frozenset(lost))
+    return MetamodelFile(metamodel, readers[0].span, tuple(merged.diagnostics), frozenset(lost))
 
 
 _WITHOUT_VALUES: Mapping[str, str] = {
@@ -113,7 +113,7 @@ _WITHOUT_VALUES: Mapping[str, str] = {
 }
 
 
-def _read_metamodel(joint: SharedEcoreState, readers: Sequence[_EcoreReader]) -> Metamodel | None:
+def _read_metamodel(merged: SharedEcoreState, readers: Sequence[_EcoreReader]) -> Metamodel | None:
     sound = [one for one in readers if one.check_package()]
     if not sound:
         return None
@@ -122,45 +122,45 @@ def _read_metamodel(joint: SharedEcoreState, readers: Sequence[_EcoreReader]) ->
         reader.enter_packages(paths)
     packages = [(path, one, reader) for reader in sound for path, one in reader.packages]
     ecore = [(one, reader) for _, one, reader in packages if one.attributes.get("nsURI") == ECORE]
-    joint.any_object = next((reader.document.parts_by_name(one).get("EObject") for one, reader in ecore), None)
+    merged.any_object = next((reader.document.parts_by_name(one).get("EObject") for one, reader in ecore), None)
     named = _package_qualifiers([(path, one) for path, one, _ in packages])
     classifiers = [
         (path, one, reader) for path, package, reader in packages for one in children_named(package, "eClassifiers")
     ]
     homes: dict[str, dict[str, None]] = {}
     for path, one, _ in classifiers:
-        if joint.kinds.get(one) in ("EClass", "EEnum"):
+        if merged.kinds.get(one) in ("EClass", "EEnum"):
             homes.setdefault(one.get("name"), {})[path] = None
     for path, one, _ in classifiers:
         name = one.get("name")
-        joint.names[one] = f"{named[path]}::{name}" if name and len(homes.get(name, ())) > 1 else name
-    return _build_metamodel(joint, packages, classifiers)
+        merged.names[one] = f"{named[path]}::{name}" if name and len(homes.get(name, ())) > 1 else name
+    return _build_metamodel(merged, packages, classifiers)
 
 
 def _build_metamodel(
-    joint: SharedEcoreState,
+    merged: SharedEcoreState,
     packages: Sequence[tuple[str, XmlElement, _EcoreReader]],
     classifiers: Sequence[tuple[str, XmlElement, _EcoreReader]],
 ) -> Metamodel | None:
     _, root, first = packages[0]
     name = first.begin_metamodel(root)
     for path, one, reader in classifiers:
-        if joint.kinds.get(one) == "EEnum":
-            joint.enums[one] = reader.build_enum(path, one)
-        elif joint.kinds.get(one) == "EDataType":
+        if merged.kinds.get(one) == "EEnum":
+            merged.enums[one] = reader.build_enum(path, one)
+        elif merged.kinds.get(one) == "EDataType":
             home = f"#//{path.replace('.', '/')}/" if path else "#//"
             own = name_of(reader, one, "data type")
-            joint.data_types[one] = own if joint.owners[one].get("nsURI") == ECORE else home + own
-    classes = [reader.build_class(path, one) for path, one, reader in classifiers if joint.kinds.get(one) == "EClass"]
+            merged.data_types[one] = own if merged.owners[one].get("nsURI") == ECORE else home + own
+    classes = [reader.build_class(path, one) for path, one, reader in classifiers if merged.kinds.get(one) == "EClass"]
     known = [reader.build_package(path, one) for path, one, reader in packages]
     uri = root.attributes.get("nsURI") or None
     try:
-        enums = [one for one in joint.enums.values() if one.literals]
+        enums = [one for one in merged.enums.values() if one.literals]
         metamodel = Metamodel(name, classes, enums, uri, known)
     except ResolutionError as error:
-        joint.diagnostics.extend(error.diagnostics)
+        merged.diagnostics.extend(error.diagnostics)
         return None
-    return None if has_errors(joint.diagnostics) else metamodel
+    return None if has_errors(merged.diagnostics) else metamodel
 
 
 def _package_qualifiers(packages: Sequence[tuple[str, XmlElement]]) -> dict[str, str]:
@@ -443,7 +443,7 @@ class _EcoreReader(EcoreChecker):
         self, element: XmlElement, feature: Attribute | Reference, named: Mapping[str, str | None]
     ) -> Feature:
         """Return the feature, with an annotation for the XML attributes that only other tools use if there are any."""
-        kept = preserved_attributes_of(element, plain_xml_attributes(feature, named.get("eType")), named)
+        kept = preserved_attributes_of(element, simple_xml_attributes(feature, named.get("eType")), named)
         return replace(feature, annotations=(*feature.annotations, *kept)) if kept else feature
 
     def _checked_opposite(self, element: XmlElement, target_class: XmlElement) -> tuple[str, Span] | None:

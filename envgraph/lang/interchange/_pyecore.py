@@ -47,9 +47,9 @@ def metamodel_from_pyecore(package: Any, *others: Any) -> Metamodel:
         if not isinstance(one, ecore.EPackage):
             raise InvalidArgument(f"each package must be an EPackage of pyecore, not {one!r}")
     roots = _with_referenced_packages(packages, ecore)
-    plain = [one for one in roots if one.nsURI != ECORE]
-    documents = [EcoreDocument(source) for source in _ecore_sources(plain, ecore)] if plain else []
-    if len(plain) < len(roots):
+    own_packages = [one for one in roots if one.nsURI != ECORE]
+    documents = [EcoreDocument(source) for source in _ecore_sources(own_packages, ecore)] if own_packages else []
+    if len(own_packages) < len(roots):
         documents.insert(0 if roots[0].nsURI == ECORE else len(documents), ecore_metamodel_document())
     found = read_ecore(documents)
     if found.metamodel is None:

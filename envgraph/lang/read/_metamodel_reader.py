@@ -389,14 +389,14 @@ class _MetamodelReader(FileReading):
             self.error("bad-annotation", message, part, _TOOL_ANNOTATIONS[one.name])
 
     def _parse_key(self, tree: Tree[Token], annotation: Annotation, marks: ClassMarks) -> None:
-        names = self._plain_arguments(tree, "annotation_name")
+        names = self._unnamed_arguments(tree, "annotation_name")
         if not names:
             self.error("bad-annotation", "`@key` takes the names of attributes", tree, "write `@key(y, x)`")
             return
         marks.key = tuple(str(name) for name in names)
         marks.places = (*marks.places, *((f"key {name}", self.span(name)) for name in names))
 
-    def _plain_arguments(self, tree: Tree[Token], kind: str) -> list[Token]:
+    def _unnamed_arguments(self, tree: Tree[Token], kind: str) -> list[Token]:
         """Return the arguments of an annotation if all are of the given kind and have no keys; else an empty list."""
         arguments = select_trees(tree.children)
         values = [value for argument in arguments for value in select_trees(argument.children)]
@@ -408,7 +408,7 @@ class _MetamodelReader(FileReading):
         ]
 
     def _parse_glyph(self, tree: Tree[Token], annotation: Annotation, marks: ClassMarks) -> None:
-        strings = self._plain_arguments(tree, "annotation_string")
+        strings = self._unnamed_arguments(tree, "annotation_string")
         if self.parsed.has_mistake(tree):
             return
         if not 1 <= len(strings) <= 2:

@@ -131,8 +131,8 @@ class Recovery:
             end = self._lexemes[place - 1].end if place else 0
         notes = self._stack.unclosed_brace_note(place) if sign == "}" else ()
         token = Lexeme(PUNCTUATION, sign, end, end)
-        told = "missing-token", f"missing `{sign}`", token, self._insertion_hint(sign, place), notes
-        yield Repair(place, height, terminal, token, True, until, told)
+        reported = "missing-token", f"missing `{sign}`", token, self._insertion_hint(sign, place), notes
+        yield Repair(place, height, terminal, token, True, until, reported)
 
     def _missing_closing_brace_repairs(self, index: int) -> Iterator[Repair]:
         """Yield repairs that insert `}` before a keyword that starts an outer definition but was read as a name."""
@@ -157,14 +157,14 @@ class Recovery:
                     Lexeme(PUNCTUATION, "}", lexeme.start, lexeme.start),
                     "write the missing `}` before it",
                 )
-                told = (
+                reported = (
                     "unexpected-token",
                     f"unexpected `{lexeme.value}`",
                     lexeme,
                     hint,
                     self._stack.unclosed_brace_note(place),
                 )
-                yield Repair(place, height, brace, token, True, place, told, times)
+                yield Repair(place, height, brace, token, True, place, reported, times)
 
     def _starts_outer(self, outer: ResumePoint, keyword: str, lexeme: Lexeme) -> bool:
         if outer.first_skipped < 0 or not self._grammar.accepts(outer.states, keyword):
@@ -198,9 +198,9 @@ class Recovery:
             meant = most_similar(lexeme.value, self._reports.expected_keywords(states))
             if meant is not None:
                 hint = did_you_mean(lexeme.value, [meant])
-                told = "unexpected-token", f"unexpected `{lexeme.value}`", lexeme, hint
+                reported = "unexpected-token", f"unexpected `{lexeme.value}`", lexeme, hint
                 token, until = replace(lexeme, value=meant), self._line_end(index, index + _LOOKAHEAD)
-                yield Repair(place, kept, self._grammar.lexer.keywords[meant], token, False, until, told)
+                yield Repair(place, kept, self._grammar.lexer.keywords[meant], token, False, until, reported)
 
     def _is_last_value(self, index: int) -> bool:
         """Return True if the last value on the stack is exactly the previous lexeme."""
@@ -229,9 +229,9 @@ class Recovery:
         if level and level.first_skipped == index - 1 and lexeme.value not in VALUE_WORDS:
             return  # the keyword starts a statement: probably the name behind it is missing
         hint = f"write `^{lexeme.value}` for the name"
-        told = "unescaped-keyword", f"`{lexeme.value}` is a keyword here", lexeme, hint
+        reported = "unescaped-keyword", f"`{lexeme.value}` is a keyword here", lexeme, hint
         until = self._line_end(index, index + _LOOKAHEAD)
-        yield Repair(index - 1, height, "NAME", lexeme, False, until, told)
+        yield Repair(index - 1, height, "NAME", lexeme, False, until, reported)
 
     def _recover_swallowed_keyword(self, index: int) -> int | None:
         """Report a keyword that starts a statement but was read as a name, and skip the unfinished statement before it.
@@ -280,9 +280,9 @@ class Recovery:
         lexeme, height, until = self._lexemes[index], len(self._stack.states), index + _LOOKAHEAD
         meant = {",": ";", ";": ","}.get(lexeme.value, "") if lexeme.kind == PUNCTUATION else ""
         if meant in self._grammar.lexer.signs:
-            told = "unexpected-token", f"unexpected `{lexeme.value}`", lexeme, f"write `{meant}`"
+            reported = "unexpected-token", f"unexpected `{lexeme.value}`", lexeme, f"write `{meant}`"
             token = replace(lexeme, value=meant)
-            yield Repair(index, height, self._grammar.lexer.signs[meant], token, False, until, told)
+            yield Repair(index, height, self._grammar.lexer.signs[meant], token, False, until, reported)
         for sign in _SEPARATORS if lexeme.kind != END else ():
             if sign == ";" and (self._reports.misplaced_keyword_level(index) or self._opens_block(lexeme)):
                 continue

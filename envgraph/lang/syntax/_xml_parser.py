@@ -109,7 +109,7 @@ class XmlPositions:
 
     source: Source
     data: bytes = field(init=False, repr=False)
-    _plain: bool = field(init=False)
+    _is_ascii: bool = field(init=False)
     _blocks: list[int] = field(default_factory=list, repr=False)
     _tag: int = -1
     _found: dict[str, re.Match[str]] = field(default_factory=dict, repr=False)
@@ -118,16 +118,16 @@ class XmlPositions:
 
     def __post_init__(self) -> None:
         self.data = self.source.text.encode("utf-8", errors="surrogatepass")
-        self._plain = len(self.data) == len(self.source.text)
+        self._is_ascii = len(self.data) == len(self.source.text)
 
     def free_memory(self) -> None:
         """Free the encoded text if it is pure ASCII; otherwise it is still needed to convert byte offsets."""
-        if self._plain:
+        if self._is_ascii:
             self.data = b""
 
     def character_offset(self, byte: int) -> int:
         """Return the character offset of a byte offset."""
-        if self._plain:
+        if self._is_ascii:
             return byte
         if not self._blocks:
             counts = (

@@ -15,7 +15,9 @@ from envgraph.solve.learning import PolicySettings
 
 @dataclass(frozen=True, slots=True)
 class AuditProtocol:
-    """What is the same in all audits; `docs/evidence.md` has results with these numbers, so another needs new runs."""
+    """The numbers that are the same in all audits; `docs/evidence.md` has results with these numbers, so another
+    needs new runs.
+    """
 
     points: int = 8  # of a learning curve, at equal distances; scores are probed at those in `PROBES`
     probing_seeds: int = 16  # students that are probed; all of them learn by domain randomisation

@@ -201,11 +201,11 @@ def _estimate_scores(
     """Return every score of the probed levels, all from the same new episodes of a copy of the student."""
     key = (_PROBE, seed, rollouts, round(training_share * PROTOCOL.points), repetition)
     rng = default_rng(SeedSequence(seed, spawn_key=key))
-    twin = student.copy_with_seed(int(rng.integers(2**31)))
+    copied = student.copy_with_seed(int(rng.integers(2**31)))
     found: dict[str, list[Any]] = {score: [] for score in PROBED}
     for begin in range(0, len(levels.probed), PROTOCOL.together):
         chosen = levels.probed[begin : begin + PROTOCOL.together]
-        played = twin.play(chosen, rollouts)
+        played = copied.play(chosen, rollouts)
         for score in PROBED:
-            found[score].append(score_levels(score, levels, chosen, twin, played, rng))
+            found[score].append(score_levels(score, levels, chosen, copied, played, rng))
     return {score: np.concatenate(parts) for score, parts in found.items()}

@@ -70,8 +70,10 @@ class ClosureAggregate:
         for node, values in weights.items():
             for layer, value in enumerate(values):
                 self._add(value, layer, [node])
-        plain = all(len(values) == 1 for values in weights.values()) and all(layer == 0 for _, layer in self._classes)
-        self._weights = {node: values[0] for node, values in weights.items()} if plain else None
+        is_unweighted = all(len(values) == 1 for values in weights.values()) and all(
+            layer == 0 for _, layer in self._classes
+        )
+        self._weights = {node: values[0] for node, values in weights.items()} if is_unweighted else None
         self._masks = [0] * self.number_of_classes if self.number_of_classes <= DEMAND.most_classes else []
         self._weighted = 0
         self._column: list[Number] = []

@@ -148,9 +148,9 @@ class SuspendingTranslation(PlanTranslation):
         """Return True if a step is the first of its body and repeats the call that is evaluated, with its values."""
         assert isinstance(step.goal, CallAtom)
         heads = tuple(self._conjunction.parameters[position] for position in self.key.bound)
-        plain = len(set(heads)) == len(heads) and self._bindings.constants.keys().isdisjoint(heads)
+        are_distinct = len(set(heads)) == len(heads) and self._bindings.constants.keys().isdisjoint(heads)
         same = step.goal.pattern == self.key.pattern and bound == self.key.bound and given == heads
-        return plain and same and any(each is step for each in self.first)
+        return are_distinct and same and any(each is step for each in self.first)
 
     def _emit_continuation(
         self,

@@ -32,7 +32,7 @@ from envgraph.pattern import (
 
 @dataclass(frozen=True, slots=True)
 class ComparisonSide:
-    """One side of a comparison: an expression, and the variables that its names stand for."""
+    """A side of a comparison: an expression, and the variables that its names stand for."""
 
     expression: Expression
     reads: tuple[tuple[str, int], ...]
@@ -119,15 +119,15 @@ def value_join(
             own.update(step.binds)
     if not (equal or bounds):
         return None
-    plain = len(tests) == len(equal) and not bounds
+    is_equality_only = len(tests) == len(equal) and not bounds
     return ValueJoin(
         (*(side for _, side, _ in equal), bounds[0][1] if bounds else ComparisonSide(Constant(None), ())),
         tuple(side for _, _, side in (*equal, *bounds)),
         tuple(operator for operator, _, _ in bounds),
         tuple(steps),
-        tuple(tests) if plain else (),
+        tuple(tests) if is_equality_only else (),
         all(_is_local_step(loop, step) for step in steps),
-        whole and not plain and all(step.kind is not StepKind.LOOP for step in steps),
+        whole and not is_equality_only and all(step.kind is not StepKind.LOOP for step in steps),
     )
 
 

@@ -35,7 +35,7 @@ class StepKind(Enum):
 
 @dataclass(frozen=True, slots=True)
 class PlanStep:
-    """One step of a search plan.
+    """A step of a search plan.
 
     Attributes:
         goal: the goal to solve; for an `EXISTS` step the first goal of the inner plan.

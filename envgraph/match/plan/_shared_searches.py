@@ -67,8 +67,8 @@ def closure_of_plan(view: PatternPlan) -> ClosureAtom | None:
     goal = step.goal
     if not isinstance(goal, ClosureAtom) or step.kind is not StepKind.LOOP or len(step.binds) != 1:
         return None
-    plain = len(parameters) == len(set(parameters)) == 2 and set(parameters) == {goal.source, goal.target}
-    return goal if plain else None
+    is_direct = len(parameters) == len(set(parameters)) == 2 and set(parameters) == {goal.source, goal.target}
+    return goal if is_direct else None
 
 
 @dataclass(frozen=True, slots=True)
@@ -198,8 +198,8 @@ def reach_aggregate_at(planner: Planner, key: PatternQuery, positions: Sequence[
             step, closure, forward = one
             others = tuple(place for place in key.bound if place != position)
             ends = ClosureEndsQuery(key.pattern, position, others, key.outputs)
-            plain = plans_of_ends(planner, ends) is not None
-            return ReachAggregate(position, ClosureAtom(step, closure, 0, 1), forward, ends if plain else None)
+            is_direct = plans_of_ends(planner, ends) is not None
+            return ReachAggregate(position, ClosureAtom(step, closure, 0, 1), forward, ends if is_direct else None)
     return None
 
 

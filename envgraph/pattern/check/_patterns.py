@@ -235,12 +235,12 @@ def _check_definition(pattern: Pattern, analysis: PatternAnalysis) -> Iterator[D
 def _merge_unreferenced(problems: Sequence[Diagnostic], bodies: int) -> Iterator[Diagnostic]:
     """Yield the problems. Report a parameter that is unreferenced in all bodies once, instead of once in each body."""
     missed = Counter(one.span for one in problems if one.code == "unreferenced-parameter" and one.span)
-    told: set[Span] = set()
+    reported: set[Span] = set()
     for one in problems:
         if bodies < 2 or one.span is None or missed[one.span] < bodies or one.code != "unreferenced-parameter":
             yield one
-        elif one.span not in told:
-            told.add(one.span)
+        elif one.span not in reported:
+            reported.add(one.span)
             yield replace(one, message=unreferenced_message(str(one.subject[0])))
 
 

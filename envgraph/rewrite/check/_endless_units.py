@@ -37,11 +37,11 @@ def check_endless(units: Sequence[CheckedUnit]) -> Iterator[Diagnostic]:
             del left[name]
             waiting += callers[name]
     calls = {name: list(_calls_to(one.unit.body, one, left)) for name, one in left.items()}
-    told: set[str] = set()
+    reported: set[str] = set()
     for name in left:
-        way = None if name in told else shortest_path(name, name, lambda one: [c for c, _ in calls[one]])
-        if way and told.isdisjoint(way):
-            told.update(way)
+        way = None if name in reported else shortest_path(name, name, lambda one: [c for c, _ in calls[one]])
+        if way and reported.isdisjoint(way):
+            reported.update(way)
             yield _endless_warning(name, way, calls)
 
 

@@ -64,9 +64,9 @@ def losses(plan: RulePlan, metamodel: Metamodel, cls: str | None, known: Mapping
 
             If `known` contains the object, other slots are the object only in a block whose variables may coincide.
             """
-            told, kind = known.get(block.names[slot]), block.classes[slot]
-            if told is not None:
-                return told
+            reported, kind = known.get(block.names[slot]), block.classes[slot]
+            if reported is not None:
+                return reported
             fits = cls is None or kind is None or metamodel.may_overlap(kind, cls)
             return fits and not (given and not block.may_coincide)
 

@@ -227,16 +227,16 @@ class Engine:
         a function that changes models belongs to the engine with which it was registered.
         """
         make, (model,), (_, *state) = self.__reduce__()
-        twin = make(model.copy())
-        twin.__setstate__((None, *state))
-        return twin
+        copied = make(model.copy())
+        copied.__setstate__((None, *state))
+        return copied
 
     __copy__ = copy
 
     def __deepcopy__(self, _: object) -> Engine:
-        twin = self.copy()
-        twin.rng = deepcopy(self.rng)
-        return twin
+        copied = self.copy()
+        copied.rng = deepcopy(self.rng)
+        return copied
 
     def __reduce__(self) -> tuple[Callable[..., Engine], tuple[Model], tuple[Any, ...]]:
         """Return the data from which an engine is rebuilt, for pickling and copying."""

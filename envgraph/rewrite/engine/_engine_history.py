@@ -28,8 +28,8 @@ class EngineHistory:
 
         Transactions may nest. Event rules fire and listeners are notified at the end of the outermost one.
         """
-        plain = not self.recorders and self._events.delayed() is None
-        return self._model.transaction() if plain else self._transaction()
+        is_unrecorded = not self.recorders and self._events.delayed() is None
+        return self._model.transaction() if is_unrecorded else self._transaction()
 
     @guarded_contextmanager
     def _transaction(self) -> Iterator[Savepoint]:

@@ -101,8 +101,8 @@ def annotation_type_name(given: object) -> str | None:
         return _TYPE_NAMES.get(given)
     if not isinstance(given, str):
         return None
-    plain = given.strip("'\"")  # quotes occur in modules with postponed annotations
-    return _ANNOTATION_NAMES.get(plain, plain)
+    unquoted = given.strip("'\"")  # quotes occur in modules with postponed annotations
+    return _ANNOTATION_NAMES.get(unquoted, unquoted)
 
 
 def _check_parameter_count(function: Callable[..., object], name: str, count: int) -> None:

@@ -129,8 +129,8 @@ class EngineRuns:
         """Run a unit, and return the text and span of the step that failed; None if it succeeds. Changes remain."""
         run, outcome, _ = self.execute(unit, values)
         text, span = run.failure
-        told = text if run.refusal is None else f"{text}: {run.refusal.message}"
-        return (told, span) if outcome is None else None
+        reported = text if run.refusal is None else f"{text}: {run.refusal.message}"
+        return (reported, span) if outcome is None else None
 
     def new_run(self, rng: Randomness | None = None) -> UnitRun:
         """Return a new run with no steps taken."""

@@ -54,7 +54,7 @@ NO_ARGUMENTS: Mapping[str, Value] = {}
 class RuleRunner(ABC):
     """A compiled rule over the model of an engine.
 
-    Rows are matches as plain tuples, in the order of `shape.names`, with ids in place of objects. Arguments bind
+    Rows are matches as tuples, in the order of `shape.names`, with ids in place of objects. Arguments bind
     variables of the match in advance, by name.
 
     Attributes:

@@ -60,9 +60,9 @@ class UnitCalls:
 
     def _emit_group_call(self, step: UnitCall, callee: Signature) -> None:
         members = self._functions.add_constant(self._members(callee.name))
-        site = self._functions.add_constant((f"`{callee.simple_name}`", step.span))
+        call_site = self._functions.add_constant((f"`{callee.simple_name}`", step.span))
         apply = f"apply_{'every' if step.every else 'one'}_of"
-        self._functions.current.add(code.Assign(OUTCOME, code.emit_call(apply, RUN, members, site)))
+        self._functions.current.add(code.Assign(OUTCOME, code.emit_call(apply, RUN, members, call_site)))
         self._functions.emit_failure_if(
             code.emit_is_none(OUTCOME), f"no rule of `{callee.simple_name}` could be applied", step.span
         )
@@ -81,11 +81,11 @@ class UnitCalls:
                 function.add(
                     code.If(unset, (code.ExpressionStatement(code.PythonText(f"del {entry}", reads=(known,))),))
                 )
-        site = self._functions.add_constant((f"`{callee.simple_name}`", step.span))
+        call_site = self._functions.add_constant((f"`{callee.simple_name}`", step.span))
         function.add(
             code.Assign(
                 OUTCOME,
-                code.emit_call(self._functions.add_constant(self._run_unit(callee.name)), RUN, known, site),
+                code.emit_call(self._functions.add_constant(self._run_unit(callee.name)), RUN, known, call_site),
             ),
             FAILED,
         )
@@ -106,11 +106,11 @@ class UnitCalls:
         Outputs are the variables that get values, by `out` parameter. For `first` the expression is a lazy iterator.
         """
         rule = self._rules[callee.name]
-        function, site = (
+        function, call_site = (
             self._functions.current,
             self._functions.add_constant((f"`{callee.simple_name}`", step.span)),
         )
-        function.add(*self._functions.emit_step_count(site), code.Assign(REFUSAL, code.NONE))
+        function.add(*self._functions.emit_step_count(call_site), code.Assign(REFUSAL, code.NONE))
         given, new = self._values.emit_arguments(step, callee, scope)
         maybe = [scope.names[name] for name in scope.maybe_unset]
         for name, value in given:
@@ -174,12 +174,12 @@ class UnitCalls:
 
     def _emit_every_call(self, step: UnitCall, callee: Signature, scope: VariableScope) -> None:
         rule, rows, _ = self._emit_rows(step, callee, scope)
-        function, site = (
+        function, call_site = (
             self._functions.current,
             self._functions.add_constant((f"`{callee.simple_name}`", step.span)),
         )
         every = code.emit_call(
-            "fire_every", RUN, self._functions.add_constant(rule), code.emit_call("list", rows), site
+            "fire_every", RUN, self._functions.add_constant(rule), code.emit_call("list", rows), call_site
         )
         function.add(code.Assign(OUTCOME, every))
 

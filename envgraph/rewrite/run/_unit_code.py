@@ -216,11 +216,11 @@ class UnitSource:
                     self._functions.add_constant(f" rounds succeeded{format_span(step.span)}: "),
                     code.Subscript(FAILURE, code.Constant(0)),
                 ]
-                told = code.emit_tuple(code.emit_left_chain("+", parts), code.Subscript(FAILURE, code.Constant(1)))
+                reported = code.emit_tuple(code.emit_left_chain("+", parts), code.Subscript(FAILURE, code.Constant(1)))
                 function.add(
                     code.If(
                         code.Operation("<", (done, lower)),
-                        (code.Assign(FAILURE, told), code.Return(code.NONE)),
+                        (code.Assign(FAILURE, reported), code.Return(code.NONE)),
                     )
                 )
             function.add(code.Assign(REFUSAL, code.NONE), code.BreakOrContinue("break"))

@@ -147,10 +147,10 @@ class UnitFunctions:
         local = scope.names[name] = self.new_local("v")
         return local
 
-    def emit_step_count(self, site: code.Name) -> code.Body:
+    def emit_step_count(self, call_site: code.Name) -> code.Body:
         """Return statements that count one step and raise an error beyond the step limit."""
         left = code.AttributeAccess(RUN, "steps")
         over = code.Operation("<", (left, code.Constant(0)))
         return code.Assign(left, code.Constant(1), "-="), code.If(
-            over, (code.ExpressionStatement(code.emit_call("spent", RUN, site)),)
+            over, (code.ExpressionStatement(code.emit_call("spent", RUN, call_site)),)
         )

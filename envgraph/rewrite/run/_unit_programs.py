@@ -67,18 +67,18 @@ class UnitProgram:
         self._function: Callable[[UnitRun, Environment], bool | None] | None = None
         self._source = ""
 
-    def run(self, run: UnitRun, environment: Environment, site: StepDescription | None = None) -> bool | None:
-        """Execute the unit as part of a run and return its outcome; `site` describes the call in messages.
+    def run(self, run: UnitRun, environment: Environment, call_site: StepDescription | None = None) -> bool | None:
+        """Execute the unit as part of a run and return its outcome; `call_site` describes the call in messages.
 
         Raises:
             EvaluationError: too many nested steps, or the step limit is exceeded.
         """
-        run.count_step(site)
+        run.count_step(call_site)
         run.levels += self.levels
         if run.levels > (most := LIMITS["nested steps"]):
             raise EvaluationError(
                 f"steps are nested more than {most} levels deep; `{self.name}` is one of the called units",
-                site and site[1],
+                call_site and call_site[1],
                 "use `alap` or `repeat` instead of units that call each other without an end",
             )
         function = self._function or self._compile()

@@ -69,15 +69,15 @@ class UnitRun:
         """Return the applications in order."""
         return firings(self.trace)
 
-    def count_step(self, site: StepDescription | None = None) -> None:
-        """Count one step, described by `site` in the error message.
+    def count_step(self, call_site: StepDescription | None = None) -> None:
+        """Count one step, described by `call_site` in the error message.
 
         Raises:
             EvaluationError: the step limit is exceeded.
         """
         self.steps -= 1
         if self.steps < 0:
-            raise_step_limit(self, site)
+            raise_step_limit(self, call_site)
 
     def whole(self, function: Callable[..., Any], *arguments: Any) -> Any:
         """Run a step, and undo its changes and remove its applications if it fails. Return its outcome."""
@@ -120,9 +120,9 @@ def _index_drawer(rng: Randomness) -> Callable[[int], int]:
     return lambda count: int(random() * count)
 
 
-def raise_step_limit(run: UnitRun, site: StepDescription | None) -> NoReturn:
-    """Raise the error that the step limit is reached; `site` is the loop or call that took the last step."""
-    name, span = site or ("", None)
+def raise_step_limit(run: UnitRun, call_site: StepDescription | None) -> NoReturn:
+    """Raise the error that the step limit is reached; `call_site` is the loop or call that took the last step."""
+    name, span = call_site or ("", None)
     where = f", the last one in {name}" if name else ""
     message = f"the run took more than {run.limit} steps{where}; it may never end"
     raise EvaluationError(
@@ -225,7 +225,7 @@ def _record_call(
     return found[1]
 
 
-def fire_every(run: UnitRun, rule: RuleRunner, rows: Iterable[Row], site: StepDescription) -> bool | None:
+def fire_every(run: UnitRun, rule: RuleRunner, rows: Iterable[Row], call_site: StepDescription) -> bool | None:
     """Apply a rule at each of the rows, except rows that are no match any more or at which it is refused.
 
     Return True if the rule was applied at all, else None. Each row counts as a step.
@@ -234,7 +234,7 @@ def fire_every(run: UnitRun, rule: RuleRunner, rows: Iterable[Row], site: StepDe
     for row in rows:
         run.steps -= 1
         if run.steps < 0:
-            raise_step_limit(run, site)
+            raise_step_limit(run, call_site)
         if rule.still_holds(row):
             try:
                 rule.fire(row)
@@ -265,9 +265,9 @@ def fire_one_of(run: UnitRun, rules: Sequence[RuleRunner]) -> tuple[RuleRunner, 
     return None
 
 
-def apply_one_of(run: UnitRun, rules: Sequence[RuleRunner], site: StepDescription | None = None) -> bool | None:
+def apply_one_of(run: UnitRun, rules: Sequence[RuleRunner], call_site: StepDescription | None = None) -> bool | None:
     """Apply one rule of a group as a step, and record it: see `fire_one_of`. Return True, or None if this fails."""
-    run.count_step(site)
+    run.count_step(call_site)
     run.refusal = None
     found = fire_one_of(run, rules)
     if found is None:
@@ -278,13 +278,13 @@ def apply_one_of(run: UnitRun, rules: Sequence[RuleRunner], site: StepDescriptio
     return True
 
 
-def apply_every_of(run: UnitRun, rules: Sequence[RuleRunner], site: StepDescription) -> bool | None:
+def apply_every_of(run: UnitRun, rules: Sequence[RuleRunner], call_site: StepDescription) -> bool | None:
     """Apply all rules of a group at all of their current matches. Return True if any was applied, else None."""
-    run.count_step(site)
+    run.count_step(call_site)
     run.refusal = None
     changed = None
     for rule, rows in [(rule, list(rule.all_rows())) for rule in rules]:
-        changed = fire_every(run, rule, sorted(rows) if run.ordered else rows, site) or changed
+        changed = fire_every(run, rule, sorted(rows) if run.ordered else rows, call_site) or changed
     if changed:
         run.refusal = None
     return changed
@@ -363,9 +363,9 @@ def argument_value(
     expression: Expression,
     values: Mapping[str, Any],
     read: Callable[[int, str], Value | None],
-    site: StepDescription,
+    call_site: StepDescription,
 ) -> Value | None:
-    """Return the value of an argument or bound, described by `site`, or None if a path in it has no value.
+    """Return the value of an argument or bound, described by `call_site`, or None if a path in it has no value.
 
     Raises:
         EvaluationError: division by zero, overflow, or a function outside its domain.
@@ -375,7 +375,7 @@ def argument_value(
     try:
         return evaluate(expression, values, read)
     except EvaluationError as error:
-        name, span = site
+        name, span = call_site
         found = explain_error(error, expression, values, read, span, "write `if check {} {{ .. }}` around it")
         raise EvaluationError(f"{name} has no value: {found.message}", found.span, found.hint) from None
 

@@ -85,9 +85,9 @@ class UnitValues:
 
     def _emit_computation(self, term: Term, scope: VariableScope, what: str, span: Span | None) -> code.Expression:
         """Return code that computes an expression, or None without a value; `what` describes it in messages."""
-        site = self._functions.add_constant((f"{what} in `{self._name}`", term.span or span))
+        call_site = self._functions.add_constant((f"{what} in `{self._name}`", term.span or span))
         term_, values = self._functions.add_constant(term), self.emit_variable_values(term, scope)
-        return code.emit_call("argument", term_, values, code.Name("read"), site)
+        return code.emit_call("argument", term_, values, code.Name("read"), call_site)
 
     def emit_variable_values(self, term: Term, scope: VariableScope) -> code.DictExpression:
         """Return a mapping expression with the values of the variables of an expression."""

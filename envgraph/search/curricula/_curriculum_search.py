@@ -37,7 +37,7 @@ ScreenedFamily = tuple[tuple[tuple[float, ...], float], Family, FamilyOrigin]
 
 @dataclass(frozen=True, slots=True)
 class ClimbCosts:
-    """How the effort of a search is divided; `python -m benchmarks teaching` measures the success of its results."""
+    """The shares of effort in a search; `python -m benchmarks teaching` measures the success of its results."""
 
     level: int = 50_000  # training steps that take as long as a small table; each judgement counts at least as many
     screened: float = 0.12  # share of the effort for screening
@@ -168,25 +168,25 @@ class CurriculumSearch:
             InvalidArgument: no family with the demanded diversity and distinct members was found.
         """
         starts = FirstFamilySampler(self.levels, self._moves, self._least_diversity, self._rng, self.settings.begin)
-        plain = self._best_reverse_curriculum(starts)
-        if plain is None:
+        reverse = self._best_reverse_curriculum(starts)
+        if reverse is None:
             return self._result(self._search_family(starts, [], 1.0))
-        self._size, self.objective = len(plain.family), plain.objective
-        good, until = plain.success >= GOOD_SUCCESS_RATE, 1.0
-        if good and not plain.objective.is_steps_free:
-            return self._result(plain)
+        self._size, self.objective = len(reverse.family), reverse.objective
+        good, until = reverse.success >= GOOD_SUCCESS_RATE, 1.0
+        if good and not reverse.objective.is_steps_free:
+            return self._result(reverse)
         if good:
             until = min(1.0, self._effort_share() + CLIMB.improving)
-            self.objective = plain.objective.with_steps(max(1, int(CLIMB.fewer_steps * plain.objective.steps[0])))
+            self.objective = reverse.objective.with_steps(max(1, int(CLIMB.fewer_steps * reverse.objective.steps[0])))
         else:  # its success is overestimated: it was selected as the best of many on few seeds
-            share = self._success_rate(plain.family, plain.objective, CLIMB.new_learners)
-            plain = replace(plain, success=share)
+            share = self._success_rate(reverse.family, reverse.objective, CLIMB.new_learners)
+            reverse = replace(reverse, success=share)
         found = self._search_family(starts, [*starts.reverse_curricula(self._size)], until)
         if isinstance(found, TrainedFamily) and found.success >= (
-            GOOD_SUCCESS_RATE if good else plain.success + TOLERANCE
+            GOOD_SUCCESS_RATE if good else reverse.success + TOLERANCE
         ):
-            return self._result(found, self._success_rate(plain.family, found.objective, CLIMB.new_learners))
-        return self._result(plain)
+            return self._result(found, self._success_rate(reverse.family, found.objective, CLIMB.new_learners))
+        return self._result(reverse)
 
     def _best_reverse_curriculum(self, starts: FirstFamilySampler) -> TrainedFamily | None:
         """Return the best reverse curriculum; None if it does not apply or no episode has enough states.

@@ -89,7 +89,7 @@ def table(family: Family, *, native: bool = False) -> None:
     with pytest.MonkeyPatch.context() as few:
         few.setitem(LIMITS, "outcomes", LIMIT)
         few.setitem(LIMITS, "all outcomes", 20 * LIMIT)
-        few.setattr(CompiledCosts, "told", 20 * LIMIT)
+        few.setattr(CompiledCosts, "progress_interval", 20 * LIMIT)
         for number, engine in enumerate(family.engines):
             found = table_or_error(partial(enumerate_states, program, number, limit=LIMIT))
             known = partial(explore, engine, family.behaviour, family.keys, limit=LIMIT, outcomes=20 * LIMIT)

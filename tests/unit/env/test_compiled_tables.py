@@ -78,7 +78,7 @@ def test_outcome_buffer_grows_for_a_state_with_many_outcomes(tmp_path: Path, mon
 def test_enumeration_limits_outcomes_and_reports_progress(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     engine, behaviour = die(tmp_path)
     program, told = program_of(engine, behaviour, native=False), list[tuple[int, int]]()
-    monkeypatch.setattr(CompiledCosts, "told", 10)
+    monkeypatch.setattr(CompiledCosts, "progress_interval", 10)
     monkeypatch.setitem(LIMITS, "all outcomes", 40)
     wanted = explore(engine, behaviour, outcomes=40).tabular
     assert_equal_tables(enumerate_states(program, progress=lambda *counts: told.append(counts)), wanted)

@@ -184,7 +184,7 @@ def test_plan_search_in_python_stops_at_its_outcome_limit() -> None:
 def test_plan_search_with_pauses_finds_the_same_plan(monkeypatch: pytest.MonkeyPatch) -> None:
     engine, behaviour = opened(SOKOBAN / "small.model", SOKOBAN / "sokoban.environment")
     whole = found(engine, behaviour)
-    monkeypatch.setattr(CompiledCosts, "told", 7)
+    monkeypatch.setattr(CompiledCosts, "progress_interval", 7)
     assert found(engine, behaviour) == whole
 
 

@@ -152,7 +152,7 @@ def own_positions(planner: ViewPlanner, delta: Delta) -> tuple[int, ...] | None:
     if delta.occurrence.role is TupleEffect.COUNT or not fixed.isdisjoint(columns) or not set(columns) <= set(heads):
         return None
     cost = delta_plan(planner, delta).cost
-    return tuple(heads.index(v) for v in dict.fromkeys(columns)) if columns and cost > VIEWS.dear else None
+    return tuple(heads.index(v) for v in dict.fromkeys(columns)) if columns and cost > VIEWS.min_indexed_cost else None
 
 
 def _emit_lookup(

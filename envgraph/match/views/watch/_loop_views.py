@@ -107,8 +107,8 @@ class LoopViews:
         if self._costly.get(pattern, 0) >= self.depth or number * len(self._kept.model) <= VIEWS.long_loop:
             return False
         work = self._demand.measured_cost(pattern)
-        dear = number * work > VIEWS.long_loop + 2 * work
-        return dear and pattern not in self._kept.too_large and self._may_watch(pattern)
+        is_expensive = number * work > VIEWS.long_loop + 2 * work
+        return is_expensive and pattern not in self._kept.too_large and self._may_watch(pattern)
 
     def count_listed(self, pattern: str, rows: int) -> None:
         """Count matches that searches of a pattern have listed. At a limit decide if the pattern is worth a view."""
