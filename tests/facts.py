@@ -99,19 +99,19 @@ class Notified:
 
         store.retyping_callbacks = retyping
 
-    def settle(self) -> None:
+    def process_pending(self) -> None:
         """Do nothing: nothing is ever pending."""
 
-    def released(self) -> None:
+    def on_release(self) -> None:
         """Do nothing: all changes are known already."""
 
-    def rolled_back(self) -> None:
+    def on_rollback(self) -> None:
         """Pass it on."""
         self._hearer.restored()
 
-    checked_out = interrupted = rolled_back
+    on_checkout = on_interruption = on_rollback
 
-    def suspend(self) -> None:
+    def on_load_start(self) -> None:
         """Hear nothing until the load has ended."""
         store = self._store
         for hooks in (store.class_added, store.class_removing, store.value_added, store.value_removing):
@@ -120,7 +120,7 @@ class Notified:
             relation.added = relation.removing = None
         store.retyping_callbacks = None
 
-    def loaded(self) -> None:
+    def on_load_end(self) -> None:
         """Hear of changes again."""
         self._register()
         self._hearer.restored()

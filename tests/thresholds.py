@@ -34,7 +34,7 @@ PLACES: Final[Mapping[str, tuple[object, str]]] = {
     "most rows kept": (DemandCosts, "most_rows"),
     # Plans: equal partial matches are dropped, and long functions are split.
     "few partial matches": (PlanCosts, "few_rows"),
-    "most loops of a function": (_body_builder, "MOST_LOOPS"),
+    "most loops of a function": (_body_builder, "MAX_LOOP_DEPTH"),
     # Views: a model that grows so much has its views built anew, a long log is shortened, and large groups are updated.
     "growth of the model": (_watched_views, "GROWTH"),
     "least growth of the model": (_watched_views, "LEAST"),
@@ -48,8 +48,8 @@ PLACES: Final[Mapping[str, tuple[object, str]]] = {
     # Attributes have an index by value where many objects have different values.
     "many objects": (ViewCosts, "many"),
     "different values": (ViewCosts, "different"),
-    "value given by another goal": (_value_views, "_met_elsewhere"),
-    "attributes tested in a loop": (_value_views, "_told_apart"),
+    "value given by another goal": (_value_views, "_is_bound_elsewhere"),
+    "attributes tested in a loop": (_value_views, "_tested_attributes"),
     # Loops of units: patterns are watched after so many rows.
     "long loop": (ViewCosts, "long_loop"),
     "cost of sorting a row": (ViewCosts, "sorted"),

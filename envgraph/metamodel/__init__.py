@@ -32,7 +32,6 @@ if TYPE_CHECKING:
         accepts as accepts,
         default_value as default_value,
         parse_value as parse_value,
-        part_span as part_span,
         simple_name as simple_name,
         type_name as type_name,
     )

@@ -43,7 +43,6 @@ if TYPE_CHECKING:
         UnequalAtom as UnequalAtom,
         ValuationAtom as ValuationAtom,
         all_variables as all_variables,
-        bound_variables as bound_variables,
         is_relation as is_relation,
         relation_variables as relation_variables,
         renumber_goal as renumber_goal,

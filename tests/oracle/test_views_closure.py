@@ -482,8 +482,8 @@ def test_changing_a_leaf_of_a_deep_tree_updates_its_ancestors(monkeypatch: pytes
     pairs = views.count("below", (FREE, FREE))
     assert pairs > 16 * len(nodes)
     (closure,) = (type(each) for each in views.watched_views.network.operators.values() if hasattr(each, "reached"))
-    cut = closure._cut
-    monkeypatch.setattr(closure, "_cut", lambda *given: looked.append(given) or cut(*given))
+    cut = closure._deletion_effect
+    monkeypatch.setattr(closure, "_deletion_effect", lambda *given: looked.append(given) or cut(*given))
     (above,) = model.graph.sources(nodes[-1], to)
     model.graph.unlink(above, to, nodes[-1])
     lost = pairs - views.count("below", (FREE, FREE))

@@ -84,13 +84,13 @@ class SearchSpec:
 
     population: int = key(6, TableReader.integer, low=1, most="members")
     generations: int | None = key(
-        1000, TableReader.unless_false, off=None, read=TableReader.integer, low=0, most="steps"
+        1000, TableReader.unless_false, false_value=None, read=TableReader.integer, low=0, most="steps"
     )
     keep_initial: bool = key(True, TableReader.boolean)
     parents: ComponentSpec = key(ComponentSpec("parents", "random"), TableReader.named_component)
     survivors: ComponentSpec = key(ComponentSpec("survivors", "simulated_annealing"), TableReader.named_component)
     time_limit: float | None = key(None, TableReader.number, low=0)
-    target: float | None = key(None, TableReader.unless_false, off=inf, read=TableReader.number)
+    target: float | None = key(None, TableReader.unless_false, false_value=inf, read=TableReader.number)
     stagnation: int | None = key(None, TableReader.integer, low=1, most="steps")
 
 

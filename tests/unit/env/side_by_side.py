@@ -182,7 +182,7 @@ def compare_random_steps(family: Family, steps: int, *, native: bool, seed: int 
             for one, action, stream in zip(live, actions.tolist(), streams, strict=True)
         ]
         said = f"step {step}, {[program.action_names[action] for action in actions]}"
-        if not _agree(batch, _raised_error(batch.step, actions, again=False), expected, said):
+        if not _agree(batch, _raised_error(batch.step, actions, resets_ended=False), expected, said):
             break
         over = (batch.ended != 0) | (batch.steps >= (behaviour.limit or 200))
         found = zip(batch.reward.tolist(), batch.ended.tolist(), batch.observation.tolist(), strict=True)

@@ -56,13 +56,13 @@ def engine(links: Iterable[tuple[int, int]], *definitions: Pattern | Rule) -> tu
 
 def held(made: Engine) -> int:
     """The rows of all views."""
-    network = made.matcher.kept.network  # type: ignore[attr-defined]
+    network = made.matcher.watched_views.network  # type: ignore[attr-defined]
     return sum(len(getattr(each, "rows", ())) for each in network.operators.values())
 
 
 def view_of(made: Engine, name: str) -> Any:
     """Return the view of a watched pattern."""
-    network = made.matcher.kept.network  # type: ignore[attr-defined]
+    network = made.matcher.watched_views.network  # type: ignore[attr-defined]
     return network.operators[name]
 
 

@@ -15,7 +15,7 @@ from tests.unit.match.writing import path, pattern
 METAMODEL = Metamodel("chain", (Class("Cell", features=(Reference("next", "Cell", 0, None),)),))
 
 
-@pytest.mark.parametrize(("length", "kind"), [(30, "View"), (200, "Evaluated")])
+@pytest.mark.parametrize(("length", "kind"), [(30, "MaterializedView"), (200, "RecomputedRows")])
 def test_a_chain_of_constraints_is_kept_current(length: int, kind: str) -> None:
     library = Library(METAMODEL)
     chain = [path("Cell.next", f"x{number}", f"x{number + 1}") for number in range(length)]

@@ -599,7 +599,7 @@ def test_cancelled_event_rules_do_not_fire() -> None:
     other.cancel()
     made.model.node(2).done = True
     made.settle()
-    assert log == [] and made.model.graph.store.followers[:] == [made.matcher.kept]
+    assert log == [] and made.model.graph.store.followers[:] == [made.matcher.watched_views]
 
 
 def test_event_rules_of_a_with_block_are_cancelled_at_its_end() -> None:

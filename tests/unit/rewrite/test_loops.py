@@ -247,13 +247,13 @@ def test_replacing_a_search_for_few_rows_by_a_view_changes_no_result(
         aside += found is not None
         return found
 
-    monkeypatch.setattr(KEPT_VIEWS, "aside", counting)
+    monkeypatch.setattr(KEPT_VIEWS, "sorted_view", counting)
     runs = []
     for searching in (False, True):
         one = engine(FEW, model=few(60), seed=3)
         one.step_limit = 300
         if searching:
-            monkeypatch.setattr(LOOPS, "_is_costly", lambda *_: False)
+            monkeypatch.setattr(LOOPS, "_count_search", lambda *_: False)
         with one.recording() as trace:
             outcome: object
             try:
@@ -279,7 +279,7 @@ def test_a_loop_whose_rule_has_one_match_searches_a_few_times(monkeypatch: pytes
         searches += 1
         return original(loops, pattern)
 
-    monkeypatch.setattr(LOOPS, "_is_costly", counting)
+    monkeypatch.setattr(LOOPS, "_count_search", counting)
     assert one.run("few").applications == 599 and searches < 20
     searches = 0
     assert not one.run("few").applications and searches == 1
@@ -299,7 +299,7 @@ def test_a_closure_from_one_start_is_kept_for_a_loop(monkeypatch: pytest.MonkeyP
         watched.extend(kept.views)
         return found
 
-    monkeypatch.setattr(KEPT_VIEWS, "watch_briefly", noting)
+    monkeypatch.setattr(KEPT_VIEWS, "watch_temporarily", noting)
     one = engine(text, model=chain(200))
     assert one.run("few").applications == 199 and watched == ["reach#lhs"]
     assert_left(one)
