@@ -182,7 +182,7 @@ class CallChecks(CheckBase):
     def _check_argument(self, argument: Expression, expected: StaticType | None, scope: Scope) -> None:
         if isinstance(argument, Variable) and argument.is_anonymous:
             hint = "bind it: `on find p(x) apply r(x)`; or remove the parameter from the rule"
-            self.report("wrong-type", "an argument needs a value", argument.span, hint)
+            self.report("wrong-type", "`_` has no value, so it cannot be an argument", argument.span, hint)
             return
         wanted = None if isinstance(expected, ObjectType) else expected
         type_, problems = check_expression(argument, scope, self.metamodel, expected=wanted)

@@ -54,7 +54,7 @@ from envgraph.report import TrainingResults, family_report, render_html, stage_r
 from envgraph.search import Family, RunStore, find_run_store, lineage_lengths, open_family, random_families
 
 STAGES = "stages"
-"""Name of the directory, below that of a budget, for training up to each environment."""
+"""Name of the directory, below that of a budget, for families that end with each environment."""
 
 _CURRICULUM_KINDS = ("suffixes", "full", "baselines", "direct")
 
@@ -235,7 +235,7 @@ def _train_budget(
         experiment = Experiment((*experiment.runs, *others.runs))
     stages = None
     if any(curriculum.kind == "curriculum" for curriculum in chosen):
-        with progress_bar(f"{label}, up to each environment", len(members) * len(seeds)) as advance:
+        with progress_bar(f"{label}, families that end with each environment", len(members) * len(seeds)) as advance:
             stages = run_stages(
                 members,
                 settings,

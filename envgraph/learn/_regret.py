@@ -25,7 +25,7 @@ class ExactScore:
     """A score of members: the exact regret or learnability of a learner's current epsilon-greedy policy.
 
     Args:
-        score_of: the name of the score, one of `EXACT_SCHEDULES`.
+        of: the name of the score, one of `EXACT_SCHEDULES`.
         tabulars: the members.
         settings: the settings of the learner.
         q: returns the learner's current values [observations, actions].
@@ -51,7 +51,7 @@ class ExactScore:
         return np.array([self.score_of(member) for member in outcomes.member.tolist()])
 
     def score_of(self, member: int) -> float:
-        """Return the exact regret or learnability of a member, with the learner's current policy."""
+        """Return the score of a member (regret or learnability, as chosen in the constructor), for the learner's current policy."""
         tabular, settings = self._tabulars[member], self._settings
         policy = np.full((tabular.n_states, tabular.n_actions), self.epsilon / tabular.n_actions)
         greedy = self._q().argmax(axis=1)[tabular.observation]

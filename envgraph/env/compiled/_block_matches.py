@@ -69,7 +69,7 @@ class BlockMatches:
 
     Args:
         matching: emits functions that find matches.
-        leave: the statement that ends the function if the row buffers are too small.
+        error_return: the statement that ends the function if the row buffers are too small.
 
     Attributes:
         frames: the frames of the rule and of each block, in the order of the rule's text.

@@ -67,7 +67,7 @@ class FunctionEmitter(StatementList):
         matching: emits code that finds matches.
         engine: supplies the rules.
         behaviour: the name of the behaviour.
-        leave: the return statement of the function after an error.
+        error_return: the return statement of the function after an error.
     """
 
     def __init__(self, matching: MatchEmitter, engine: Engine, behaviour: str, error_return: code.Return) -> None:

@@ -33,7 +33,7 @@ class EffectEmitter:
         matching: emits functions that find matches of blocks, and has the reader of the model.
         plan: of the rule.
         slots: variables for the slots of the match.
-        leave: the return statement if the rule is refused.
+        error_return: the return statement if the rule is refused.
     """
 
     def __init__(

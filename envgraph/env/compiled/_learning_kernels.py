@@ -26,7 +26,10 @@ def write_key(S, BITS, KEYS, row, seen, of_states):
 
 
 def begin_episode(T, G, L, K, S, F, BITS, RI, RF, D, m, S0, F0, C, KEYS, NONE, HASHED, count, of_states):
-    """Begin an episode in a start state, sampled with `D`. Return the number of its key, as `current_key` does."""
+    """Put the environment into a start state, sampled with `D`.
+
+    Return the number of the key of that state or its observation, as `current_key` does; -1 after an error.
+    """
     reset_one(T, G, L, K, S, F, RI, RF, D, 0, m, S0, F0)
     return current_key(T, G, L, K, S, F, BITS, RI, RF, D, m, C, KEYS, NONE, HASHED, count, of_states)
 

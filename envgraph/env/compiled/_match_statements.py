@@ -19,7 +19,7 @@ class MatchStatements(StatementList):
         matching: emits code that finds matches of blocks, and that reads the model.
         plan: the plan of the rule.
         slots: code for the values of the rule's match, by position in the plan.
-        leave: the return statement of the function if the rule is refused.
+        error_return: the return statement of the function if the rule is refused.
 
     Attributes:
         rule: the frame of the rule.

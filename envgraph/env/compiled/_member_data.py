@@ -71,7 +71,7 @@ class MemberData:
     Args:
         home: an engine whose model stays in the member's initial state, or access to a shared engine, which may only be
             used after `restore_initial_state`.
-        key_index: the indices of objects over the family.
+        keys: the indices of objects over the family.
         library: the patterns of the domain.
 
     Attributes:

@@ -140,12 +140,12 @@ class ObjectChangeEmitter:
     def _emit_drop_links(
         self, reference: Reference, node: code.Expression, cls: str, *, forward: bool, clears: bool
     ) -> None:
-        """Emit code that removes an object's links of a reference, or if not `clears`, refuses the rule if any exist.
+        """Emit code that removes an object's links of a reference; or, unless `drops`, refuses the rule if it has any.
 
         Args:
             reference, node, cls: the reference, the object, and the object's known class.
             forward: True for links of which the object is the source, False for links of which it is the target.
-            clears: True to remove links; if False, the rule is refused if links exist.
+            drops: True to remove links; False to refuse the rule if links exist.
         """
         facts = self._facts
         kept, _ = facts.links.storage_of(reference)

@@ -211,7 +211,7 @@ class _CutStates:
         return len(self.rows[0]) if self.rows else 0
 
     def pop_best(self, width: int) -> _StateArrays:
-        """Remove the first `width` states from the layer and return them."""
+        """Remove the `width` best states, which come first in the layer, and return them."""
         taken = tuple(array[:width] for array in self.rows)
         self.rows = tuple(array[width:] for array in self.rows)
         return taken
@@ -229,7 +229,7 @@ class PlanSearch(StateVisit):
         outcome: 1 for success, 2 for failure.
         limit: the number of visited states after which layers are cut.
         width: the number of states kept of a layer.
-        most: the maximum number of visited states; None: no maximum.
+        max_states: the maximum number of visited states; None: no maximum.
         progress: a callback that gets the number of states from time to time.
 
     Attributes:
@@ -258,9 +258,10 @@ class PlanSearch(StateVisit):
         )
 
     def plan(self, guides: int) -> ActionPlan:
-        """Search layer by layer for a plan. The beam keeps the states with the lowest sum of match counts.
+        """Search breadth-first for a shortest plan to the wanted end of an episode.
 
-        `guides` is the number of match counts in an observation. If it is 0, the beam keeps random states.
+        After `limit` visited states, each layer is cut to the `width` states with the lowest sum of the `guides` match counts
+        in their observation; if `guides` is 0, to random states. The plan may then be longer than the shortest one.
 
         Raises:
             EvaluationError, RuleError, NotCompiled: as `enumerated`.

@@ -87,7 +87,7 @@ class ProgramLayout:
     """The tables and columns that a program uses, with their indices in the vector of offsets.
 
     Args:
-        broken_assumptions: assumptions about members that do not hold and must not be made.
+        broken: assumptions about members that do not hold and must not be made.
 
     Attributes:
         created_classes: the concrete classes of objects that rules create.

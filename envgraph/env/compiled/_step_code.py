@@ -93,8 +93,8 @@ class StepEmitter:
 
     Args:
         writer: the emitter of the function.
-        agents: the agents in the order in which they act.
-        effects: the effects in the order of the file.
+        players: the agents in the order in which they act.
+        clauses: the effects in the order of the file.
     """
 
     def __init__(self, writer: FunctionEmitter, players: Sequence[ActingAgent], clauses: Sequence[AgentEffect]) -> None:

@@ -75,7 +75,7 @@ def next_script(D):
 
 
 def is_script_full(D):
-    """Return True if more choices were made than the script has space for."""
+    """Return True if the script has no space for another choice, so that choices may be missing from it."""
     return SCRIPT + 2 * int(D[MADE]) + 1 >= len(D)
 
 
@@ -180,7 +180,9 @@ def expand(
     T, G, L, S, F, RI, RF, D, m, BITS, HASHED, C, OBS, head, last, count, made, TRIED, MOST, WANTED, SOUGHT,
     BEFORE, BY,
 ):  # fmt: skip
-    """Do the actions `TRIED` in some states, until an episode ends as `SOUGHT`. New states get the next numbers.
+    """Do the actions `TRIED` in the states `head` to `last - 1`. Unknown next states get the next numbers.
+
+    Stops early if an episode ends as `SOUGHT`, space is lacking, `WANTED` outcomes are made, or an action fails.
 
     Returns how it ended, the next state, the number of states, the number of outcomes made, and the action.
     """

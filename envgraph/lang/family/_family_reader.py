@@ -1,4 +1,4 @@
-"""Parse `read_spec.toml` into a `FamilySpec`, and report every error with its span."""
+"""Parse `family.toml` into a `FamilySpec`, and report every error with its span."""
 
 from __future__ import annotations
 

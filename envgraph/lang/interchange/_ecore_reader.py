@@ -166,7 +166,8 @@ def _build_metamodel(
 def _package_qualifiers(packages: Sequence[tuple[str, XmlElement]]) -> dict[str, str]:
     """Return by package path the unique word that is written before `::`.
 
-    The word is the package's name, prefix or path, whichever is first an unused identifier; else `package` with `_`.
+    The word is the first of the package's name, prefix and path that is an unused identifier; else `package`, with as many
+    `_` at its end as make it unique.
     """
     found: dict[str, str] = {}
     taken: set[str] = set()

@@ -97,7 +97,7 @@ class LevelTemplate:
         return {**classes, **{letter: letter for letter in self.letters}, **given}
 
     def _cell_letter(self, cell: LevelCell, known: Mapping[str, str], problems: dict[str, Diagnostic]) -> str:
-        """Return the letter that a known name of a cell means, the first name first; if none is known, return a blank.
+        """Return the letter of the first of a cell's names that is in `known`; a blank if none is.
 
         A cell without a letter adds a problem, once for each kind of cell.
         """

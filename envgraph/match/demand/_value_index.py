@@ -29,7 +29,7 @@ class ValueIndex:
         store: the model; it may change between calls.
         classes: indices of concrete classes.
         operators: the operators of the bounds, with the value of the object on the left.
-        alone: True if keys and values depend only on attributes and class of the object.
+        is_local: True if keys and values depend only on attributes and class of the object.
     """
 
     def __init__(

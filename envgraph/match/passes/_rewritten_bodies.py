@@ -19,7 +19,7 @@ class RewrittenBodies:
         library: the patterns.
         calls: their call graph.
         passes: the pipeline, applied to each body in this order.
-        kept: names of patterns that are never inlined.
+        not_inlined: names of patterns that are never inlined.
     """
 
     def __init__(

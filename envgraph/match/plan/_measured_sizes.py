@@ -39,7 +39,7 @@ class LiveSizes(SizeEstimates):
         return self._degree(reference, forward=False)
 
     def link_probability(self, reference: Reference | Attribute) -> float:
-        """Return the probability that two objects are linked, or the estimate that an attribute contains a value."""
+        """Return the measured probability that two objects are linked; for an attribute, the fixed estimate of `SizeEstimates`."""
         if isinstance(reference, Attribute):
             return super().link_probability(reference)
         return min(self.targets_per_source(reference) / max(self.extent_size(reference.target), 1.0), 0.5)

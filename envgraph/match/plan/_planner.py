@@ -33,7 +33,7 @@ class Planner:
         library: the patterns.
         calls: their call graph.
         sizes: the size estimates; None for estimates from the metamodel.
-        kept: names of patterns that are never inlined.
+        not_inlined: names of patterns that are never inlined.
     """
 
     def __init__(

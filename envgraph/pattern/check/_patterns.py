@@ -219,7 +219,10 @@ def _check_definition(pattern: Pattern, analysis: PatternAnalysis) -> Iterator[D
         message = f"`{feature}` has an opposite or contains objects: a query cannot define it"
         hint = "define a reference that has no opposite and is no containment"
     elif not is_assignable(value, type_, metamodel):
-        message = f"`{feature}` leads to `{type_text(type_)}`, not to `{type_text(value)}`"
+        message = (
+            f"`{feature}` has values of type `{type_text(type_)}`, but `{pattern.parameters[1].name}` has type "
+            f"`{type_text(value)}`"
+        )
         hint = f"declare `{pattern.parameters[1].name} : {type_text(type_)}`"
     elif others[0].pattern is not entry.pattern:
         message, hint = f"two queries define `{feature}`", "remove one of the annotations"

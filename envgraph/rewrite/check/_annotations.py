@@ -21,7 +21,7 @@ def check_weight(weight: float, annotations: Sequence[Annotation], span: Span | 
     if not (isfinite(weight) and weight > 0):
         where = annotation_span(annotations, "weight") or span
         hint = "remove the rule if it should never be chosen"
-        yield Diagnostic("bad-weight", f"the weight is {weight}, but must be a number above 0", where, hint)
+        yield Diagnostic("bad-weight", f"the weight is {weight}, but must be a finite number above 0", where, hint)
 
 
 def check_annotations(annotations: Sequence[Annotation], known: Sequence[str]) -> Iterable[Diagnostic]:

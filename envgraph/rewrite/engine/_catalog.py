@@ -98,12 +98,12 @@ class Catalog:
         """Return `name`, or by default the name of the function, after checks that the function can be registered.
 
         Raises:
-            InvalidArgument: the function is not callable, the name is in use, or the weight is not a number above 0.
+            InvalidArgument: the function is not callable, the name is in use, or the weight is not a finite number above 0.
         """
         if not callable(function):
             raise InvalidArgument(f"expected a function to register, not {function!r}")
         if not (weight > 0 and isfinite(weight)):
-            raise InvalidArgument(f"the weight is {weight}, but must be a number above 0")
+            raise InvalidArgument(f"the weight is {weight}, but must be a finite number above 0")
         own = name or job_name(function)
         if own in self.directory.signatures or own in self.library.names():
             raise InvalidArgument(f"`{own}` is defined already: pass another name as `name`")

@@ -149,7 +149,11 @@ def _deletable_by_containers(blocks: Sequence[BlockPlan], metamodel: Metamodel) 
 
 
 def _needs_savepoint(body: BlockPlan, metamodel: Metamodel) -> bool:
-    """Return True if a refusable change follows another one, or for moves and merges, which are several changes."""
+    """Return True if a block may be refused after it has changed the model.
+
+    This is so if a change that can be refused follows another change, or if the block has a move or merge, which takes
+    several changes.
+    """
     if body.moves or body.absorbs:
         return True
     safe = [True] * len(body.unlinks)

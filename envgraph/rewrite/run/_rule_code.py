@@ -68,15 +68,15 @@ class RuleCodeEmitter:
     Args:
         model: the model that the function changes.
         slot: returns the variable for a slot.
-        is_spo: True for SPO semantics, False for DPO.
-        has_certain_classes: True if objects are certainly of the classes in the plan, so that links can be changed
+        lossy: True for SPO semantics, False for DPO.
+        sure: True if objects are certainly of the classes in the plan, so that links can be changed
             without checks.
-        report_existing: called for a created link that already exists; None for no call.
-        is_redo: True if the code completes an interrupted application, so that some changes may be made already. Ids of
+        again: called for a created link that already exists; None for no call.
+        redo: True if the code completes an interrupted application, so that some changes may be made already. Ids of
             new objects are counted from `first`, and sums are computed only if they are None.
-        deleted_objects: the objects that the whole application deletes, filled at run time; None if only this block
+        doomed: the objects that the whole application deletes, filled at run time; None if only this block
             deletes.
-        endangered_classes: classes of objects that may be deleted together with another deleted object.
+        endangered: classes of objects that may be deleted together with another deleted object.
 
     Attributes:
         namespace: values for the names in the code.

@@ -158,7 +158,7 @@ def merge_objects(graph: Graph, kept: int, absorbed: int, links: list[ModelLink]
     """Move the links of `absorbed` to `kept`, then delete `absorbed`. Do nothing if `absorbed` is already deleted.
 
     A link that both have becomes one link, a link between the two becomes a loop. If `kept` has a container, it stays
-    there.
+    there. `links` are links of `absorbed` that were removed before; they are moved, too.
 
     Raises:
         RuleError: both are one object ("identification"), the class of `kept` lacks a reference ("lost-link", unless

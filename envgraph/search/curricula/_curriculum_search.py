@@ -155,7 +155,7 @@ class CurriculumSearch:
         most = self.levels.problem.largest_diversity(self._size)
         if self.settings.least_diversity == inf == most:
             raise InvalidArgument(
-                "`demanded` is infinity, but the largest possible diversity is unknown: give a number"
+                "`least_diversity` is infinity, but the largest possible diversity is unknown: give a number"
             )
         demanded = self.settings.least_diversity
         self._least_diversity = None if demanded is None else min(demanded, most) - TOLERANCE
@@ -189,9 +189,10 @@ class CurriculumSearch:
         return self._result(reverse)
 
     def _best_reverse_curriculum(self, starts: FirstFamilySampler) -> TrainedFamily | None:
-        """Return the best reverse curriculum; None if it does not apply or no episode has enough states.
+        """Return the best reverse curriculum, whose members are states of an optimal episode of the target.
 
-        It applies if the objective is a learning objective, without further measures and without a demanded diversity.
+        None if no optimal episode has as many states as a family has members, or if the objective is not the learning
+        objective alone, without a demanded diversity.
         """
         if (
             not isinstance(self.objective, LearningObjective)

@@ -75,7 +75,7 @@ class ModelSampler:
     Args:
         problem: the search problem; its engine is at the initial model.
         settings: parameters of mutations.
-        wanted: the number of members and the measures to cover.
+        sample_settings: the number of members and the measures to cover.
         seed: the only source of randomness; each walk has its own generator.
     """
 

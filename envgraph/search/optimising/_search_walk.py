@@ -41,7 +41,7 @@ class Walk:
         moves: names of rules, units and groups.
         appraise: function that evaluates the current model.
         rng: random generator of all choices.
-        most_moves: number of moves that may be tried.
+        steps: number of moves that may be tried.
         seconds: the time limit, or None. With a limit the result depends on the machine.
         target: costs at which the search ends, or None.
         tell: callback that is called regularly with the number of tried moves and the archive.

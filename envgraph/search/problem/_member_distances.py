@@ -61,7 +61,7 @@ class MemberDistance:
     The score of fewer than two members is 0. See `Family.distances`.
 
     Args:
-        least: True for the distance of the closest pair, False for the mean.
+        is_least: True for the distance of the closest pair, False for the mean.
     """
 
     def __init__(self, is_least: bool) -> None:

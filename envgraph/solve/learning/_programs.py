@@ -126,7 +126,7 @@ def learning_rates_of(stage: Stage) -> LearningRates:
     """Return the hyperparameters of a stage in the form that a learner in a program takes.
 
     Raises:
-        InvalidArgument: the kind of agent can learn only in tables.
+        InvalidArgument: the stage uses double Q-learning or n-step learning, which need tables.
     """
     settings = stage.settings
     if settings.agent == "double_q_learning" or settings.n_step > 1:

@@ -50,7 +50,7 @@ class EdgeTables:
 
 
 class ClosureOperator(Operator):
-    """An operator with the nodes reached from each start by one or more edges; if `is_reflexive`, also the start
+    """An operator with the nodes reached from each start by one or more edges; if `reflexive`, also the start
     itself.
 
     Args:
@@ -58,8 +58,8 @@ class ClosureOperator(Operator):
         store: the store of the model.
         starts: the requested starts, a unary relation.
         steps: the edges, in the direction in which they are followed.
-        is_forward: True if starts are sources; False if they are targets, from which edges are followed backwards.
-        is_reflexive: True for `*`.
+        forward: True if starts are sources; False if they are targets, from which edges are followed backwards.
+        reflexive: True for `*`.
     """
 
     def __init__(
