@@ -45,7 +45,6 @@ if TYPE_CHECKING:
         indexed_classes as indexed_classes,
         key_attributes as key_attributes,
         key_reader as key_reader,
-        multiplying_classes as multiplying_classes,
         ordered_objects as ordered_objects,
     )
     from envgraph.behaviour._lost_objects import (

@@ -21,10 +21,10 @@ Key = tuple[Value, ...]
 def indexed_classes(behaviour: Behaviour, metamodel: Metamodel) -> tuple[str, ...]:
     """Return the classes whose objects a behaviour numbers: domains of actions, `among`, `for`, and agents."""
     agents = (agent.cls for agent in behaviour.agents)
-    return tuple(dict.fromkeys([*multiplying_classes(behaviour, metamodel), *agents]))
+    return tuple(dict.fromkeys([*indexed_classes(behaviour, metamodel), *agents]))
 
 
-def multiplying_classes(behaviour: Behaviour, metamodel: Metamodel) -> tuple[str, ...]:
+def indexed_classes(behaviour: Behaviour, metamodel: Metamodel) -> tuple[str, ...]:
     """Return the classes over whose objects actions or observations range; the classes of agents are not included."""
     found: dict[str, None] = {}
     owners: tuple[Behaviour | Agent, ...] = (behaviour, *behaviour.agents)

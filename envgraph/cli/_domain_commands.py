@@ -12,8 +12,8 @@ from envgraph.cli._shared_options import (
     PATH,
     count_option,
     definitions_argument,
-    done_in,
     format_option,
+    implemented_in,
     inputs_options,
     model_argument,
     model_or_run_argument,
@@ -30,7 +30,7 @@ if TYPE_CHECKING:  # It imports the languages, which not every command needs.
 @click.argument("name", help="Name of the domain: small letters, digits and `_`.")
 @click.option("--directory", "-d", type=PATH, show_default="a directory of that name", help="Directory to write to.")
 @click.option("--domain", help="Copy the files of this bundled domain instead.")
-@done_in("_new_command", "new_domain")
+@implemented_in("_new_command", "new_domain")
 def new() -> None:
     """Write a small domain to start from: a grid, a robot, rules, rewards, a family of mazes. Or copy a bundled one."""
 
@@ -47,7 +47,7 @@ def new() -> None:
 )
 @count_option("--seed", minimum=0, default=0, help="Seed of the MiniGrid level.")
 @format_option
-@done_in("_adopt_command", "adopt_environment")
+@implemented_in("_adopt_command", "adopt_environment")
 def adopt() -> None:
     """Write a domain that has the same transitions as a Gymnasium environment.
 
@@ -92,7 +92,7 @@ def check(files: Sequence[str], inputs: Inputs, ignore: Sequence[str], overrides
     is_flag=True,
     help="Print the rules that `derive` statements in .rules files generate, instead of formatting.",
 )
-@done_in("_format_command", "format_files")
+@implemented_in("_format_command", "format_files")
 def format_() -> None:
     """Format files in the standard style: indentation, blanks, line ends. Comments stay. Skip files with errors."""
 
@@ -105,7 +105,7 @@ def format_() -> None:
 @variant_option
 @inputs_options
 @format_option
-@done_in("_match_and_apply", "print_matches")
+@implemented_in("_match_and_apply", "print_matches")
 def match() -> None:
     """Print the matches of a pattern in a model."""
 
@@ -118,7 +118,7 @@ def match() -> None:
 @variant_option
 @inputs_options
 @format_option
-@done_in("_explain_commands", "print_plan")
+@implemented_in("_explain_commands", "print_plan")
 def explain() -> None:
     """Print how the matches of a pattern or rule are found: search plan, rows of each step, source code.
 
@@ -134,7 +134,7 @@ def explain() -> None:
 @variant_option
 @inputs_options
 @format_option
-@done_in("_explain_commands", "print_reasons")
+@implemented_in("_explain_commands", "print_reasons")
 def why_not() -> None:
     """Print why a pattern or rule has no match, or a unit fails: the best partial match and the failing constraint."""
 
@@ -159,7 +159,7 @@ def why_not() -> None:
 @click.option("--trace", type=PATH, help="File for the applications, for `envgraph replay`: JSON lines.")
 @click.option("--allow-none", is_flag=True, help="Exit code 0 also when nothing matches or a unit fails.")
 @format_option
-@done_in("_match_and_apply", "apply_rule")
+@implemented_in("_match_and_apply", "apply_rule")
 def apply() -> None:
     """Apply a rule to a model at randomly chosen matches, and print the changes. Exit code 1 if there are none."""
 
@@ -171,7 +171,7 @@ def apply() -> None:
 @inputs_options
 @click.option("--output", "-o", type=PATH, help="File for the resulting model: .model, .xmi or .json.")
 @format_option
-@done_in("_replay_command", "replay_trace")
+@implemented_in("_replay_command", "replay_trace")
 def replay() -> None:
     """Repeat the applications of a trace, and compare each state with the recorded one. Exit code 1 if any differs."""
 
@@ -181,7 +181,7 @@ def replay() -> None:
 @click.argument("output", type=PATH, help="File to write: .ecore for a metamodel; .model, .xmi or .json for a model.")
 @inputs_options
 @click.option("--lossy", is_flag=True, help="Write the file even if content is lost, as warnings say.")
-@done_in("_convert_command", "convert_file")
+@implemented_in("_convert_command", "convert_file")
 def convert() -> None:
     """Write a metamodel or a model in a format of other tools: Ecore, XMI, JSON.
 

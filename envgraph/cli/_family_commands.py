@@ -11,9 +11,9 @@ from envgraph.cli._shared_options import (
     PATH,
     count_option,
     directory_option,
-    done_in,
     force_option,
     format_option,
+    implemented_in,
     inputs_options,
     overrides_option,
     record_format,
@@ -54,7 +54,7 @@ from envgraph.cli._shared_options import (
 @force_option
 @directory_option
 @format_option
-@done_in("_family_actions", "generate_family")
+@implemented_in("_family_actions", "generate_family")
 def generate() -> None:
     """Generate a family of environments from one model."""
 
@@ -75,7 +75,7 @@ def generate() -> None:
     "--picture", type=PATH, help="File for a drawing of the Pareto front in the first two objectives, as SVG."
 )
 @format_option
-@done_in("_optimise_command", "optimise_model")
+@implemented_in("_optimise_command", "optimise_model")
 def optimise() -> None:
     """Search for the model with the best values of some queries, by applying rules. Exit code 1 if it is invalid."""
 
@@ -85,7 +85,7 @@ def optimise() -> None:
 @click.option("--resume", is_flag=True, help="Skip environments that were verified before.")
 @directory_option
 @format_option
-@done_in("_verify_command", "verify_family")
+@implemented_in("_verify_command", "verify_family")
 def verify_() -> None:
     """Print exact properties of each environment of a family, computed twice by different methods.
 
@@ -98,7 +98,7 @@ def verify_() -> None:
 @click.argument("compared", nargs=-1, metavar="[RUN OTHER]", help="Two runs to compare.")
 @directory_option
 @format_option
-@done_in("_runs_command", "show_runs")
+@implemented_in("_runs_command", "show_runs")
 def runs_() -> None:
     """List all runs, or compare two of them: settings, file contents, figures and members."""
 
@@ -128,7 +128,7 @@ def runs_() -> None:
     show_default="standard output",
     help="File to write; the endings .json, .dot and .svg choose the format.",
 )
-@done_in("_show_command", "show")
+@implemented_in("_show_command", "show")
 def show() -> None:
     """Print a family: its measures and its maps. Or print a model or a metamodel: its contents, or a picture of it."""
 
@@ -153,14 +153,14 @@ def show() -> None:
     help="Templates for --format python, instead of those of `envgraph templates`.",
 )
 @directory_option
-@done_in("_export_command", "export_family")
+@implemented_in("_export_command", "export_family")
 def export() -> None:
     """Write a family in another format."""
 
 
 @app.command("templates")
 @click.argument("folder", type=PATH, help="Directory to write to; it must be empty.")
-@done_in("_export_command", "write_templates")
+@implemented_in("_export_command", "write_templates")
 def templates_() -> None:
     """Write the templates of `envgraph export --format python`, so that you can change them."""
 
@@ -193,7 +193,7 @@ def templates_() -> None:
 @force_option
 @directory_option
 @format_option
-@done_in("_import_levels", "import_file")
+@implemented_in("_import_levels", "import_file")
 def import_() -> None:
     """Read a published family, compute its measures, and store it as a run; or write levels as models."""
 
@@ -239,7 +239,7 @@ def import_() -> None:
 )
 @directory_option
 @format_option
-@done_in("_training_commands", "train_agents")
+@implemented_in("_training_commands", "train_agents")
 def train() -> None:
     """Train agents on curricula, single environments and controls, and evaluate them on the target."""
 
@@ -249,7 +249,7 @@ def train() -> None:
 @click.option("--output", "-o", type=PATH, show_default="report.html in the run", help="File to write.")
 @directory_option
 @format_option
-@done_in("_training_commands", "write_report")
+@implemented_in("_training_commands", "write_report")
 def report() -> None:
     """Write one self-contained HTML page about the family, the search and the training; and print a short table."""
 
@@ -267,7 +267,7 @@ def report() -> None:
 @count_option("--workers", default=1, help="Number of agents that learn in parallel; does not change results.")
 @click.option("--force", is_flag=True, help="Replace the results of an earlier reproduction.")
 @format_option
-@done_in("_reproduce_command", "reproduce_paper")
+@implemented_in("_reproduce_command", "reproduce_paper")
 def reproduce() -> None:
     """Repeat the paper's experiments with many seeds and controls, and report which of its claims hold.
 
@@ -307,7 +307,7 @@ def reproduce() -> None:
 @click.option("--force", is_flag=True, help="Replace an audit of other files or with other settings.")
 @click.option("--directory", "-d", type=PATH, default=Path("audits"), help="Directory of all audits.")
 @format_option
-@done_in("_audit_command", "audit_scores")
+@implemented_in("_audit_command", "audit_scores")
 def audit() -> None:
     """Evaluate the scores by which curricula choose levels: ranking, training effect and cost.
 

@@ -57,10 +57,10 @@ Command = Callable[..., Any]
 _Command = TypeVar("_Command", bound=Command)
 
 
-def done_in(module: str, name: str) -> Callable[[Command], Command]:
+def implemented_in(module: str, name: str) -> Callable[[Command], Command]:
     """Return a decorator for a command that imports a module of `envgraph.cli` when called, and calls `name` in it."""
 
-    def bind_command(declared: Command) -> Command:
+    def make_lazy_command(declared: Command) -> Command:
         @wraps(declared)
         def run(**given: Any) -> Any:
             return getattr(import_module(f"envgraph.cli.{module}"), name)(**given)
@@ -68,7 +68,7 @@ def done_in(module: str, name: str) -> Callable[[Command], Command]:
         run.__dict__["done_in"] = f"envgraph.cli.{module}", name
         return run
 
-    return bind_command
+    return make_lazy_command
 
 
 def inputs_options(command: Command) -> Command:

@@ -99,7 +99,7 @@ class JointStepper:
         """
         return joint_action_names([seat.name for seat in self._prepared_agents], self._agents.action_names)
 
-    def agent_actions(self, number: int) -> list[int]:
+    def split_joint_action(self, number: int) -> list[int]:
         """Return the number of each agent's action in the joint action with this number."""
         found, base = [], len(self._agents.action_names)
         for _ in self._prepared_agents:
@@ -124,7 +124,7 @@ class JointStepper:
             seat.behaviour.calls_done.clear()
         done = [
             self._do_action(place, action, choices)
-            for place, action in enumerate(self.agent_actions(number))
+            for place, action in enumerate(self.split_joint_action(number))
             if there[place]
         ]
         for clause in clauses:

@@ -51,7 +51,9 @@ class ExactScore:
         return np.array([self.score_of(member) for member in outcomes.member.tolist()])
 
     def score_of(self, member: int) -> float:
-        """Return the score of a member (regret or learnability, as chosen in the constructor), for the learner's current policy."""
+        """Return the score of a member (regret or learnability, as chosen in the constructor), for the learner's
+        current policy.
+        """
         tabular, settings = self._tabulars[member], self._settings
         policy = np.full((tabular.n_states, tabular.n_actions), self.epsilon / tabular.n_actions)
         greedy = self._q().argmax(axis=1)[tabular.observation]

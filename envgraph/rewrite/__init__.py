@@ -48,8 +48,8 @@ if TYPE_CHECKING:
         trace_schema as trace_schema,
         trace_to_text as trace_to_text,
     )
-    from envgraph.rewrite.engine._dangling import Loss as Loss
     from envgraph.rewrite.engine._described_units import Steps as Steps
+    from envgraph.rewrite.engine._dpo_dangling import Loss as Loss
     from envgraph.rewrite.engine._engine import Engine as Engine
     from envgraph.rewrite.engine._registration import Registration as Registration
     from envgraph.rewrite.events._agenda import Agenda as Agenda

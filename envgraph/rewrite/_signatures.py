@@ -57,9 +57,9 @@ class SignatureTable:
         self.signatures: dict[str, Signature] = {}
         self._by_simple_name: dict[str, list[str]] = {}
         for signature in signatures:
-            self.add(signature)
+            self.add_or_replace(signature)
 
-    def add(self, signature: Signature) -> None:
+    def add_or_replace(self, signature: Signature) -> None:
         """Add a signature, or replace the earlier signature of the same name."""
         if signature.name not in self.signatures:
             self._by_simple_name.setdefault(signature.simple_name, []).append(signature.name)

@@ -97,7 +97,7 @@ if TYPE_CHECKING:
         Pool as Pool,
         StatisticMeasure as StatisticMeasure,
     )
-    from envgraph.search.problem._model_measures import (
+    from envgraph.search.problem._individual_measures import (
         MatchCount as MatchCount,
         ShortestPath as ShortestPath,
         ShortestPlan as ShortestPlan,

@@ -259,7 +259,9 @@ class _ChangeCollector:
                 self.references.add(reference.index)
 
     def _add_retyping(self, cls: str | None, new: str) -> None:
-        """Record the features that change if an object is retyped to `new`. Put both classes into one retyping group."""
+        """Record the features that change if an object is retyped to `new`. Put both classes into one retyping
+        group.
+        """
         assert cls is not None
         old = self.metamodel.concrete_classes(cls)
         for one in old:

@@ -125,7 +125,7 @@ class CompiledProgram:
     def live_counterpart(self, number: int) -> LiveCounterpart:
         """Return a live engine of a member, which can be put into states of the program."""
         member = self.members[number].restore_initial_state()
-        simulator = Simulator(member.new_engine(), self.behaviour, self.keys)
+        simulator = Simulator(member.unshared_engine(), self.behaviour, self.keys)
         return LiveCounterpart(simulator, member, self.layout, self.arrays.offsets)
 
 

@@ -114,12 +114,12 @@ class MemberData:
 
     def __getstate__(self) -> dict[str, Any]:
         """Return the data to pickle: the model, the cached rows, and bytes from which an engine can be created."""
-        engine = self.new_engine()
+        engine = self.unshared_engine()
         own = partial(pickle.loads, pickle.dumps(engine))
         changed = {"_home": SharedEngine(own, own), "engine": None, "_library": None, "model": engine.model}
         return {**vars(self), **changed}
 
-    def new_engine(self) -> Engine:
+    def unshared_engine(self) -> Engine:
         """Return an engine in the member's initial state: the member's own, or a new one if its engine is shared."""
         return self._home if isinstance(self._home, Engine) else self._home.new_engine()
 

@@ -67,7 +67,7 @@ class ObjectChangeEmitter:
         metamodel = self._facts.metamodel
         for reference, forward in ends_of(metamodel, [old]):
             if not metamodel.is_a(new, reference.owner if forward else reference.target):
-                self._emit_drop_links(reference, node, old, forward=forward, clears=self._match.plan.is_spo)
+                self._emit_drop_or_refuse_links(reference, node, old, forward=forward, drops=self._match.plan.is_spo)
         before, after = (single_attributes(metamodel, [cls]) for cls in (old, new))
         for index, attribute in before.items():
             if index not in after:
@@ -105,7 +105,9 @@ class ObjectChangeEmitter:
             return
         for reference, forward in ends_of(metamodel, concrete):
             is_content = holds_content(metamodel, reference, not forward)
-            self._emit_drop_links(reference, node, cls, forward=forward, clears=is_content or self._match.plan.is_spo)
+            self._emit_drop_or_refuse_links(
+                reference, node, cls, forward=forward, drops=is_content or self._match.plan.is_spo
+            )
         for attribute in single_attributes(metamodel, concrete).values():
             place, guard = facts.attribute_cell(attribute, node, class_known=metamodel.is_a(cls, attribute.owner))
             self._emit_clear_cell(place, emit_missing_value(attribute.type), guard)
@@ -137,8 +139,8 @@ class ObjectChangeEmitter:
         gone = code.Operation("<", (emit_call(function, matches.slots[slot], top=top), ZERO))
         matches.append(code.If(gone, (matches.error_return,)))
 
-    def _emit_drop_links(
-        self, reference: Reference, node: code.Expression, cls: str, *, forward: bool, clears: bool
+    def _emit_drop_or_refuse_links(
+        self, reference: Reference, node: code.Expression, cls: str, *, forward: bool, drops: bool
     ) -> None:
         """Emit code that removes an object's links of a reference; or, unless `drops`, refuses the rule if it has any.
 
@@ -152,7 +154,7 @@ class ObjectChangeEmitter:
         sure = facts.metamodel.is_a(cls, reference.owner if forward else reference.target)
         if isinstance(kept, LinkColumn) and kept.belongs_to_sources is forward:
             place, guard = facts.links.column_cell(kept, node, class_known=sure)
-            if not clears:
+            if not drops:
                 free = code.Operation("<", (place, ZERO))
                 self._match.append_refuse_unless(
                     code.ConditionalExpression(guard[0], free, code.TRUE) if guard else free
@@ -161,7 +163,7 @@ class ObjectChangeEmitter:
             return
         block = code.BodyBuilder()
         _, link = facts.links.loop_over_links(block, reference, node, forward=forward, class_known=sure)
-        if clears:
+        if drops:
             block.add(code.Assign(link.place, link.unlinked_value))
         else:
             block.add(*self._match.failure_statements("REFUSED"))

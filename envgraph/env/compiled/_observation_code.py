@@ -153,8 +153,8 @@ class ObservationEmitter:
         """Emit code for one component: the number of the object, int or literal at the end of a path.
 
         The component is the padding value (0, or the value for `none`) if `gone` is true: the path's first object is
-        deleted. `gone` is None if this cannot happen. If the object is not visible, the component is the largest number, which
-        is reserved for hidden objects.
+        deleted. `gone` is None if this cannot happen. If the object is not visible, the component is the largest
+        number, which is reserved for hidden objects.
         """
         writer = self._writer
         local = writer.module.new_local("seen")

@@ -260,8 +260,9 @@ class PlanSearch(StateVisit):
     def plan(self, guides: int) -> ActionPlan:
         """Search breadth-first for a shortest plan to the wanted end of an episode.
 
-        After `limit` visited states, each layer is cut to the `width` states with the lowest sum of the `guides` match counts
-        in their observation; if `guides` is 0, to random states. The plan may then be longer than the shortest one.
+        After `limit` visited states, each layer is cut to the `width` states with the lowest sum of the `guides` match
+        counts in their observation; if `guides` is 0, to random states. The plan may then be longer than the shortest
+        one.
 
         Raises:
             EvaluationError, RuleError, NotCompiled: as `enumerated`.

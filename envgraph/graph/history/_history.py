@@ -410,7 +410,7 @@ class History:
         revision = store.revision
         try:
             self._is_repairing = True
-            self._repair_all()
+            self._repair_interrupted_writes()
             self._is_repairing = False
         except BaseException:
             self._is_repairing = False
@@ -419,7 +419,7 @@ class History:
         if store.revision != revision:
             store.start_unknown_revision()
 
-    def _repair_all(self) -> None:
+    def _repair_interrupted_writes(self) -> None:
         store, goals = self._store, self._store.interrupted_writes
         kinds = {type(goal) for goal in goals}
         if kinds - _TRANSACTION_KINDS:

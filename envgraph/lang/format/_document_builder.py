@@ -28,7 +28,7 @@ from envgraph.lang.format._token_table import (
     SyntaxPart,
     TokenGap,
     TokenTable,
-    needs_blank,
+    needs_blank_after,
 )
 from envgraph.lang.syntax._parser import precedence_of
 
@@ -68,7 +68,7 @@ class DocumentBuilder:
         gap = self.tokens.gaps[index]
         is_default = wanted is None
         if wanted is None:
-            wanted = SPACE if needs_blank(self.tokens, index - 1) else EMPTY_TEXT
+            wanted = SPACE if needs_blank_after(self.tokens, index - 1) else EMPTY_TEXT
         if not gap.comments:
             return wanted
         hard = indent_documents(FORCED_LINE) if is_default else FORCED_LINE

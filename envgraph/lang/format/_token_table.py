@@ -203,7 +203,7 @@ _CALL_KINDS: Final = frozenset(
 _TYPE_KINDS: Final = frozenset({"aliased_literal", "enum_literal", "static_method", "type"})
 
 
-def needs_blank(tokens: TokenTable, index: int) -> bool:
+def needs_blank_after(tokens: TokenTable, index: int) -> bool:
     """Return True if a blank belongs between the token at `index` and the next token."""
     left, right = tokens.texts[index], tokens.texts[index + 1]
     owner, following = tokens.part_kinds[index], tokens.part_kinds[index + 1]

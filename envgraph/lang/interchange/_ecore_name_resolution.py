@@ -109,7 +109,7 @@ class EcoreNameResolver:
     def _root(self) -> XmlElement:
         return self.document.roots[0]
 
-    def _has_any(self, element: XmlElement, names: Sequence[str]) -> bool:
+    def _has_attribute_or_child(self, element: XmlElement, names: Sequence[str]) -> bool:
         return any(name in element.attributes for name in names) or any(
             child.name in names for child in element.children
         )

@@ -166,8 +166,8 @@ def _build_metamodel(
 def _package_qualifiers(packages: Sequence[tuple[str, XmlElement]]) -> dict[str, str]:
     """Return by package path the unique word that is written before `::`.
 
-    The word is the first of the package's name, prefix and path that is an unused identifier; else `package`, with as many
-    `_` at its end as make it unique.
+    The word is the first of the package's name, prefix and path that is an unused identifier; else `package`, with as
+    many `_` at its end as make it unique.
     """
     found: dict[str, str] = {}
     taken: set[str] = set()
@@ -360,7 +360,9 @@ class _EcoreReader(EcoreChecker):
             found += self._generic_targets(element, "eGenericType")
         if found:
             return found[0]
-        if len(self.shared.diagnostics) == before and not self._has_any(element, ("eType", "eGenericType")):
+        if len(self.shared.diagnostics) == before and not self._has_attribute_or_child(
+            element, ("eType", "eGenericType")
+        ):
             name = element.get("name")
             self.report_error(
                 "missing-type", f"{noun} `{name}` has no type", self.name_span(element), 'write `eType="..."`'
@@ -471,7 +473,7 @@ class _EcoreReader(EcoreChecker):
             back = {one.element for one in there_reader.targets_without_reports(other, "eOpposite")}
             types = {one.element for one in there_reader.targets_without_reports(other, "eType", "eGenericType")}
             needed = ("eOpposite",), ("eType", "eGenericType")
-            if not (back and types) and all(self._has_any(other, names) for names in needed):
+            if not (back and types) and all(self._has_attribute_or_child(other, names) for names in needed):
                 return None  # the opposite's own text cannot be read, which is reported there
             owner = self._owners[element]
             if self._owners[other] is not target_class or owner not in types or element not in back:

@@ -217,12 +217,12 @@ def _ecore_sources(packages: Sequence[Any], ecore: Any) -> Iterator[Source]:
         names.append(name if name not in names else f"{name}-{len(names)}")
     for name, element, package in zip(names, elements, packages, strict=True):
         files = [("" if other == name else f"{quote(other)}.ecore") for other in names]
-        _insert_file_names(element, files)
+        _use_file_names_in_references(element, files)
         _add_opposites(element, package, ecore, dict(zip(packages, files, strict=True)))
         yield Source(f"{name}.ecore", str(etree.tostring(element, encoding="unicode")))
 
 
-def _insert_file_names(tree: Any, files: Sequence[str]) -> None:
+def _use_file_names_in_references(tree: Any, files: Sequence[str]) -> None:
     """Replace references such as `#/1/A` in an XML tree by `b.ecore#//A`, with the name of file 1 from `files`."""
     for part in tree.iter():
         for attribute in ("eType", "eSuperTypes"):

@@ -110,7 +110,7 @@ class Loader:
             self.roots.append(name)
             self._read_with_imports(name)
             return
-        known = self._known_files(directory)
+        known = self._files_of_known_formats(directory)
         found = [name for name in known if not name.endswith(".toml")]
         families = (file_in_directory(directory, file) for file in (FAMILY_FILE, PROBLEM_FILE))
         found += [family for family in families if family in known]
@@ -123,7 +123,7 @@ class Loader:
             self.roots.append(name)
             self._read_with_imports(name)
 
-    def _known_files(self, directory: str) -> list[str]:
+    def _files_of_known_formats(self, directory: str) -> list[str]:
         known = (*LANGUAGE_OF.keys() - {"json"}, "toml")  # JSON files often hold other data
         return [name for name in self.files.entries(directory) if suffix_of(name) in known]
 

@@ -22,7 +22,7 @@ class LiveSizes(SizeEstimates):
         self._degrees: dict[tuple[str, bool], float] = {}
         self._values: dict[int, float] = {}
 
-    def exact_extent(self, cls: str) -> float:
+    def direct_extent_size(self, cls: str) -> float:
         """Return the number of direct instances of a class; 0.5 if there are none. The number is cached."""
         if cls not in self._exact:
             self._exact[cls] = float(len(self._store.extents[self._numbers[cls]])) or 0.5
@@ -39,7 +39,9 @@ class LiveSizes(SizeEstimates):
         return self._degree(reference, forward=False)
 
     def link_probability(self, reference: Reference | Attribute) -> float:
-        """Return the measured probability that two objects are linked; for an attribute, the fixed estimate of `SizeEstimates`."""
+        """Return the measured probability that two objects are linked; for an attribute, the fixed estimate of
+        `SizeEstimates`.
+        """
         if isinstance(reference, Attribute):
             return super().link_probability(reference)
         return min(self.targets_per_source(reference) / max(self.extent_size(reference.target), 1.0), 0.5)

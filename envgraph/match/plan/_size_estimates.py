@@ -28,10 +28,10 @@ class SizeEstimates:
         A class that neither contains nor is contained has `PLAN.unknown` objects.
         """
         if cls not in self._extents:
-            self._extents[cls] = sum(self.exact_extent(name) for name in self._metamodel.concrete_classes(cls))
+            self._extents[cls] = sum(self.direct_extent_size(name) for name in self._metamodel.concrete_classes(cls))
         return self._extents[cls]
 
-    def exact_extent(self, cls: str) -> float:
+    def direct_extent_size(self, cls: str) -> float:
         """Return the estimated number of direct instances of a class, without those of subclasses."""
         if not self._exact:
             self._exact = _Populations(self._metamodel).sizes

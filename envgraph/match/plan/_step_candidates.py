@@ -349,7 +349,7 @@ class StepCandidates:
 
     def _extent(self, atom: InstanceAtom) -> float:
         """Return the estimated number of objects that pass a class test."""
-        return self._sizes.exact_extent(atom.cls) if atom.exact else self._sizes.extent_size(atom.cls)
+        return self._sizes.direct_extent_size(atom.cls) if atom.exact else self._sizes.extent_size(atom.cls)
 
 
 def _unbound_variables(goal: CallAtom, bound: Bound) -> tuple[int, ...]:

@@ -160,7 +160,8 @@ class UsageCheck:
         for name, type_ in enumerated_by_type(self._types, self._pattern.parameters):
             if name not in self._tainted and all(one.type != type_ for one in metamodel.attributes):
                 message = (
-                    f"`{name}` never has a value{self._location_phrase}: nothing binds it, so it ranges over the values of "
+                    f"`{name}` never has a value{self._location_phrase}: nothing binds it, so it ranges "
+                    "over the values of "
                     f"type `{type_name(type_)}`, and no attribute has this type"
                 )
                 hint = "bind it with a `find` or `==`"

@@ -9,7 +9,7 @@ from typing import Literal
 from envgraph.pattern import StaticType
 from envgraph.rewrite._rule_plan import BlockPlan, CreateObject, DeleteObject, RemoveLink, RetypeObject
 from envgraph.rewrite.check._block_checks import check_block, check_links
-from envgraph.rewrite.check._lhs import LoweredBlock
+from envgraph.rewrite.check._lhs_and_nac import LoweredBlock
 from envgraph.rewrite.check._lhs_variables import may_be_same
 from envgraph.rewrite.check._rhs import BlockChanges, read_changes
 

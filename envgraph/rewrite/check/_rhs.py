@@ -30,7 +30,7 @@ from envgraph.pattern import (
 )
 from envgraph.rewrite._rule_plan import AddLink, MergeObjects, MoveToContainer, RemoveLink
 from envgraph.rewrite.check._assignments import AssignmentReader
-from envgraph.rewrite.check._lhs import LoweredBlock
+from envgraph.rewrite.check._lhs_and_nac import LoweredBlock
 from envgraph.rewrite.check._lhs_variables import equated_pairs, is_named, node_names, path_edges
 from envgraph.rewrite.check._rule_scope import LinkKey, ResolvedEdge, RuleScope
 

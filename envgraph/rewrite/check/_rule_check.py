@@ -50,7 +50,7 @@ from envgraph.rewrite.check._annotations import (
     without_generated_names,
 )
 from envgraph.rewrite.check._block_plan import build_plan
-from envgraph.rewrite.check._lhs import LhsLowering, LoweredBlock
+from envgraph.rewrite.check._lhs_and_nac import LhsLowering, LoweredBlock
 from envgraph.rewrite.check._lhs_variables import all_names, is_named, own_variables
 from envgraph.rewrite.check._rhs import read_changes
 from envgraph.rewrite.check._rule_scope import RuleScope

@@ -148,7 +148,8 @@ def _check_creatable(schema: Schema, classes: Iterable[str], derivation: Derivat
         if not comes_along and not creation_plans(schema, cls, 1):
             yield Diagnostic(
                 "nothing-derived",
-                f"no operator creates a `{cls}`: a new one needs links to objects of `@frozen` classes, or too many objects or links",
+                f"no operator creates a `{cls}`: a new one needs links to objects of `@frozen` classes, or "
+                "too many objects or links",
                 derivation.span,
                 f"write a rule that creates a `{cls}`, if new ones are needed",
                 Severity.WARNING,

@@ -24,7 +24,7 @@ from envgraph.pattern import (
 from envgraph.rewrite._matches import Shape
 from envgraph.rewrite._signatures import Signature, SignatureTable
 from envgraph.rewrite.check._unit_check import all_steps, as_applicability_test
-from envgraph.rewrite.engine._dangling import Loss, UnnamedLinks, losses, unnamed_links
+from envgraph.rewrite.engine._dpo_dangling import Loss, UnnamedLinks, losses, unnamed_links
 from envgraph.rewrite.engine._python_units import PythonUnit
 from envgraph.rewrite.engine._registration import Definition
 from envgraph.rewrite.events._jobs import job_name
@@ -98,7 +98,8 @@ class Catalog:
         """Return `name`, or by default the name of the function, after checks that the function can be registered.
 
         Raises:
-            InvalidArgument: the function is not callable, the name is in use, or the weight is not a finite number above 0.
+            InvalidArgument: the function is not callable, the name is in use, or the weight is not a finite number
+                above 0.
         """
         if not callable(function):
             raise InvalidArgument(f"expected a function to register, not {function!r}")
@@ -250,7 +251,7 @@ class Catalog:
         directory = SignatureTable(self.directory.signatures.values())
         for pattern in self.library.patterns:
             if "#" not in pattern.name:
-                directory.add(Signature(pattern.qualified_name, "rule", pattern.package))
+                directory.add_or_replace(Signature(pattern.qualified_name, "rule", pattern.package))
         return directory
 
     def query_target(self, name: str) -> QueryTarget:

@@ -59,7 +59,7 @@ def rule(
             CallParameter(variable, type_, is_required=variable in runner.inputs)
             for variable, type_ in zip(shape.names, shape.types, strict=True)
         )
-        engine.catalog.directory.add(Signature(own, "rule", "", parameters, weight, priority, parameters))
+        engine.catalog.directory.add_or_replace(Signature(own, "rule", "", parameters, weight, priority, parameters))
         engine.catalog.runners[own] = runner
         engine.catalog.clear_caches()
         return function
@@ -115,7 +115,7 @@ def unit(
             engine.add(describe_unit(given, own, float(weight), priority))
             return given
         signature = python_unit_signature(given, own, engine, float(weight), priority)
-        engine.catalog.directory.add(signature)
+        engine.catalog.directory.add_or_replace(signature)
         engine.catalog.programs[own] = PythonUnit(given, signature, engine)
         engine.catalog.clear_caches()
         return given

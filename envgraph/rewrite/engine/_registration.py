@@ -149,7 +149,7 @@ class Registration:
                 case Derivation():
                     problems += self._check_derivation(definition, library)
                 case Unit():
-                    self.directory.add(unit_signature(definition, library.metamodel))
+                    self.directory.add_or_replace(unit_signature(definition, library.metamodel))
         for definition in self._definitions:
             if isinstance(definition, Unit):
                 checked = check_unit(self._with_unused_name(definition), self.directory, library)
@@ -160,13 +160,13 @@ class Registration:
     def _check_rule(self, rule: Rule, library: Library) -> list[Diagnostic]:
         checked = check_rule(rule, library)
         self._rules.append(checked)
-        self.directory.add(_rule_signature(checked, library))
+        self.directory.add_or_replace(_rule_signature(checked, library))
         return list(checked.problems)
 
     def _check_derivation(self, derivation: Derivation, library: Library) -> list[Diagnostic]:
         problems = self._derivations[id(derivation)]
         name, weight = derivation.qualified_name, derivation.weight
-        self.directory.add(Signature(name, "group", derivation.package, weight=weight))
+        self.directory.add_or_replace(Signature(name, "group", derivation.package, weight=weight))
         if name in self._derived:
             rules = self._derived.pop(name).rules
             self.groups[name] = tuple(rule.qualified_name for rule in rules)

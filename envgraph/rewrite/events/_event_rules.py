@@ -142,7 +142,8 @@ class EventRule:
     def on_appear(self, row: Row) -> None:
         """Add an `appear` activation for a match. If it has a pending `disappear`, only drop this activation.
 
-        If it is the old match of a pending `update`, drop the update and add an activation for the new match of the update.
+        If it is the old match of a pending `update`, drop the update and add an activation for the new match of the
+        update.
         """
         back = self._disappears.pop(row, None)
         if back is not None:

@@ -39,9 +39,9 @@ class FamilyMoves:
             self._sample_change(drafts, changed, rng)
         for place, trace in changed.items():
             self._levels.check_out(family[place].version)
-            if not self._levels.try_replay(trace):
+            if not self._levels.try_apply_all(trace):
                 return None
-            level = self._levels.commit_level(family[place].trace + trace)
+            level = self._levels.commit_if_member(family[place].trace + trace)
             if level is None:
                 return None
             drafts[place] = level
@@ -61,7 +61,7 @@ class FamilyMoves:
         levels, last = self._levels, len(family) - 2
         place = int(rng.integers(last + 1))
         levels.check_out(family[place].version)
-        if not levels.try_replay(changed.get(place, ())):
+        if not levels.try_apply_all(changed.get(place, ())):
             return
         levels.engine.rng = rng  # for the choices inside units
         chosen = levels.engine.choose(levels.problem.mutations, rng)
@@ -79,6 +79,6 @@ class FamilyMoves:
         for other in range(first, end + 1):
             if other != place:
                 levels.check_out(family[other].version)
-                if not (levels.try_replay(changed.get(other, ())) and levels.try_replay(firings)):
+                if not (levels.try_apply_all(changed.get(other, ())) and levels.try_apply_all(firings)):
                     continue
             changed[other] = changed.get(other, ()) + firings

@@ -126,7 +126,7 @@ class FirstFamilySampler:
         for episode in self._episodes:
             levels.check_out(levels.target.version)
             for part in episode.state_traces:
-                levels.try_replay(part)
+                levels.try_apply_all(part)
                 levels.drop_violated_constraints()
         levels.check_out(levels.target.version)
 
@@ -174,10 +174,10 @@ class FirstFamilySampler:
         """
         levels = self._levels
         levels.check_out(levels.target.version)
-        levels.try_replay(start)
+        levels.try_apply_all(start)
         steps: list[_TracedState] = []
         for part in ((), *further_parts):
-            if levels.try_replay(part):
+            if levels.try_apply_all(part):
                 start += part
                 measures = levels.measure_or_count() if self._least_diversity is not None else None
                 if measures is not None or self._least_diversity is None:
@@ -190,7 +190,7 @@ class FirstFamilySampler:
         for trace in traces:
             if trace not in self._levels_by_trace:
                 levels.check_out(levels.target.version)
-                self._levels_by_trace[trace] = levels.commit_level(trace) if levels.try_replay(trace) else None
+                self._levels_by_trace[trace] = levels.commit_if_member(trace) if levels.try_apply_all(trace) else None
             level = self._levels_by_trace[trace]
             if level is None:
                 return None

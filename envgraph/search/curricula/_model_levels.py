@@ -137,7 +137,7 @@ class LevelFactory:
     def _tables(self) -> TableBuilder:
         return TableBuilder(self.behaviour, LIMITS["searched states"])
 
-    def commit_level(self, trace: Trace) -> ModelLevel | None:
+    def commit_if_member(self, trace: Trace) -> ModelLevel | None:
         """Commit the current model and return its level. If it is not a member, count the reason and return None."""
         return self._make_level(None, trace)
 
@@ -145,7 +145,7 @@ class LevelFactory:
         """Check out a version in the engine, and discard uncommitted changes."""
         self.engine.checkout(version, discard=True)
 
-    def try_replay(self, applications: RuleMatches) -> bool:
+    def try_apply_all(self, applications: RuleMatches) -> bool:
         """Apply rules at matches to the current model, and return True. If one fails, undo all and return False."""
         try:
             self.engine.replay(applications)

@@ -33,7 +33,7 @@ from envgraph.search.problem._expression_measures import (
     parse_measure_expression,
 )
 from envgraph.search.problem._family_measures import ChainTransfer
-from envgraph.search.problem._model_measures import (
+from envgraph.search.problem._individual_measures import (
     DEFAULT_STEP_LIMIT,
     CachedCertifier,
     DistanceToModel,

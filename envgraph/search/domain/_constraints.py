@@ -13,7 +13,7 @@ from envgraph.errors import LIMITS, has_errors
 from envgraph.files import report_counting
 from envgraph.pattern import conformance_patterns, key_patterns
 from envgraph.rewrite import Engine
-from envgraph.search.problem._model_measures import ShortestPlan
+from envgraph.search.problem._individual_measures import ShortestPlan
 from envgraph.search.problem._problem import Constraint, Forbid, IndividualMeasure, MatchCountWithin, Require
 
 if TYPE_CHECKING:

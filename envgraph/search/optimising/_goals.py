@@ -10,7 +10,7 @@ from envgraph.errors import InvalidArgument
 from envgraph.lang import numeric_parameters
 from envgraph.metamodel import Scalar
 from envgraph.rewrite import Engine
-from envgraph.search.problem._model_measures import MatchCount, PatternValue
+from envgraph.search.problem._individual_measures import MatchCount, PatternValue
 from envgraph.search.problem._problem import IndividualMeasure, checked_number
 
 Sense = Literal["maximise", "minimise"]

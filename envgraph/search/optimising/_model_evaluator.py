@@ -7,7 +7,7 @@ from collections.abc import Callable, Sequence
 from envgraph.match import RepeatedQueries, Row
 from envgraph.rewrite import Engine
 from envgraph.search.optimising._goals import ConstrainedCosts, Goal
-from envgraph.search.problem._model_measures import MatchCount, PatternValue
+from envgraph.search.problem._individual_measures import MatchCount, PatternValue
 from envgraph.search.problem._problem import Constraint, Forbid, MatchCountWithin, Require
 
 _FIRST_PLANNING = 64

@@ -12,7 +12,7 @@ from envgraph.env import TooManyStates, explore
 from envgraph.env.compiled import ActionPlan, NotCompiled, Plans
 from envgraph.search._run_store import CERTIFICATES_KEY, RunStore
 from envgraph.search.families._member_family import Family, Member
-from envgraph.search.problem._model_measures import DEFAULT_STEP_LIMIT
+from envgraph.search.problem._individual_measures import DEFAULT_STEP_LIMIT
 from envgraph.solve import Certificates, certify, recomputed
 
 _STORED_CERTIFICATES = ("limit", "shortest_plan", "random_success", "optimal_return")

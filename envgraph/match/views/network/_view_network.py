@@ -139,7 +139,7 @@ class Network:
             recompute_unrecorded(operator)
         self._settled = self._store.revision
 
-    def recount(self) -> None:
+    def recompute(self) -> None:
         """Discard all pending changes, recompute all operators, and journal the differences."""
         self.discard_pending()
         for operator in self.operators.values():

@@ -290,7 +290,7 @@ class WatchedViews:
                 and not self._has_broken_version
                 and model.graph.history.savepoint_depth <= self._broken_depth
             ):
-                self.network.recount()
+                self.network.recompute()
                 self._resubscribe()
                 return True
             if self._failed_revision == model.graph.store.revision or not model.graph.history.is_idle:

@@ -120,7 +120,7 @@ def test_start_families_can_consist_of_states_of_an_optimal_episode(
         assert left == sorted(left) and 0 < left[0] < left[1] < left[2] <= left[3]
         for level in family:
             levels.check_out(levels.origin)
-            assert levels.try_replay(level.trace)
+            assert levels.try_apply_all(level.trace)
             assert levels.engine.model.state_hash() == level.state
 
 
@@ -155,8 +155,8 @@ def test_model_with_an_observed_object_missing_from_the_target_is_rejected() -> 
         made = []
         for row in rows:
             levels.check_out(levels.target.version)
-            assert levels.try_replay([(rule, row)])
-            made.append(levels.commit_level(((rule, row),)))
+            assert levels.try_apply_all([(rule, row)])
+            made.append(levels.commit_if_member(((rule, row),)))
         assert rows and any(made) == found
     assert levels.rejection_counts["it has an observed object of class `Floor` that the target does not have"]
 
