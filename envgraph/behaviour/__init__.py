@@ -46,6 +46,7 @@ if TYPE_CHECKING:
         key_attributes as key_attributes,
         key_reader as key_reader,
         ordered_objects as ordered_objects,
+        ranged_classes as ranged_classes,
     )
     from envgraph.behaviour._lost_objects import (
         ObjectRead as ObjectRead,

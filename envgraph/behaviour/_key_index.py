@@ -21,10 +21,10 @@ Key = tuple[Value, ...]
 def indexed_classes(behaviour: Behaviour, metamodel: Metamodel) -> tuple[str, ...]:
     """Return the classes whose objects a behaviour numbers: domains of actions, `among`, `for`, and agents."""
     agents = (agent.cls for agent in behaviour.agents)
-    return tuple(dict.fromkeys([*indexed_classes(behaviour, metamodel), *agents]))
+    return tuple(dict.fromkeys([*ranged_classes(behaviour, metamodel), *agents]))
 
 
-def indexed_classes(behaviour: Behaviour, metamodel: Metamodel) -> tuple[str, ...]:
+def ranged_classes(behaviour: Behaviour, metamodel: Metamodel) -> tuple[str, ...]:
     """Return the classes over whose objects actions or observations range; the classes of agents are not included."""
     found: dict[str, None] = {}
     owners: tuple[Behaviour | Agent, ...] = (behaviour, *behaviour.agents)

@@ -13,11 +13,11 @@ from envgraph.errors import InvalidArgument, did_you_mean
 from envgraph.files import replace_file
 from envgraph.report import chart_png, render_html, standalone_chart
 from envgraph.report.reproduction import (
+    check_paper_claims,
     claims_table,
     reproduce,
     reproduction_report,
     reward_charts,
-    test_paper_claims,
     write_tables,
 )
 
@@ -61,7 +61,7 @@ def reproduce_paper(
         lambda: {
             "page": str(page),
             "seeds": seeds,
-            "claims": [_claim_data(one) for one in test_paper_claims(found)],
+            "claims": [_claim_data(one) for one in check_paper_claims(found)],
         }
     ):
         return

@@ -112,7 +112,7 @@ def test_matchers_with_distinct_sets_give_the_same_rows_in_the_same_order(seed: 
     with_sets = answers(model, library, questions)
     with pytest.MonkeyPatch.context() as patch:
         for module in (_translation, _sources):
-            patch.setattr(module, "distinct_places", lambda *_: {})
+            patch.setattr(module, "place_duplicate_filters", lambda *_: {})
         assert answers(model, library, questions) == with_sets
 
 

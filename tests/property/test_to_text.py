@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import replace
 
-from hypothesis import given, settings, strategies as st
+from hypothesis import assume, given, settings, strategies as st
 
 from envgraph.errors import InvalidArgument, RuleError, Source, exact_key
 from envgraph.lang import Pattern as PatternOf, Rule as RuleOf, Unit as UnitOf, format_text, to_text
@@ -290,7 +290,7 @@ def test_random_library_patterns_are_read_back_from_their_text(world: RandomCase
         try:
             text = to_text(pattern)
         except InvalidArgument as error:
-            assert "of no subclass" in str(error) or "a path needs" in str(error)
+            assert "conditions also allow subclasses" in str(error) or "a path needs" in str(error)
             continue
         assert patterns_of(text) == (pattern,)
         assert format_text("query", text) == text
@@ -347,6 +347,7 @@ def test_patterns_and_units_built_from_parts_equal_those_read_from_text(
 ) -> None:
     bodies = [body for body in pattern.bodies if body.name is None] or [Body(())]
     pattern = replace(pattern, bodies=tuple(bodies))
+    assume("# " not in WRITER.format_statements(unit.body))  # a mark of a column, which belongs to an aggregate
     made = PatternOf(
         pattern.name,
         WRITER.format_parameters(pattern.parameters)[1:-1] if texts else pattern.parameters,

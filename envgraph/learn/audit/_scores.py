@@ -19,7 +19,7 @@ Floats = NDArray[np.float64]
 class Student(Protocol):
     """A student whose success and return can be computed exactly."""
 
-    def success_and_return(self, chosen: Ints) -> tuple[Floats, Floats]:
+    def evaluate(self, chosen: Ints) -> tuple[Floats, Floats]:
         """Return the exact success probability and the exact return on each of the levels with these numbers."""
 
 
@@ -55,7 +55,7 @@ def score_levels(
 
 def exact_scores(score: Score, levels: AuditLevels, chosen: Ints, student: Student) -> Floats:
     """Return the exact regret (0 for unsolvable levels) or the exact learnability of levels."""
-    success, value = student.success_and_return(chosen)
+    success, value = student.evaluate(chosen)
     if score == "exact learnability":
         return success * (1.0 - success)
     return np.where(levels.solvable[chosen], np.maximum(0.0, levels.optimum[chosen] - value), 0.0)

@@ -83,7 +83,7 @@ class PaperClaim:
         return f"p {'< 0.001' if self.p_value < 0.001 else f'= {self.p_value:.2g}'}, {self.over}"
 
 
-def test_paper_claims(found: Reproduction) -> list[PaperClaim]:
+def check_paper_claims(found: Reproduction) -> list[PaperClaim]:
     """Return the tested claims in the order of the paper, without those that were not trained or measured."""
     stated = [*_rate_claims(found), *_difference_claims(found), *_time_claims(found)]
     corrected = iter(holm([one.p_value for one in stated if one.p_value is not None]))

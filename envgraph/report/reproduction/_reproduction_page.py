@@ -22,10 +22,10 @@ from envgraph.report._training_report import (
 )
 from envgraph.report.reproduction._paper_claims import (
     PaperClaim,
+    check_paper_claims,
     format_rate,
     success_interval,
     summaries_by_label,
-    test_paper_claims,
 )
 from envgraph.report.reproduction._published import AGENTS, NORMAL, RANDOM, TIMES
 from envgraph.report.reproduction._training_runs import BudgetResults, FamilySample, Reproduction
@@ -41,7 +41,7 @@ _SAMPLES = {
 def reproduction_report(found: Reproduction, facts: dict[str, str] | None = None) -> Report:
     """Return the report: the verdicts, the paper's tables beside ours, and all training on the published family."""
     target, drawn = found.family.members[-1].name, reward_charts(found)
-    stated = test_paper_claims(found)
+    stated = check_paper_claims(found)
     held = ReportSection(
         "What holds",
         (*map(_format_claim, stated), _SUMMARY.format(sum(one.p_value is not None for one in stated))),
@@ -85,7 +85,7 @@ _SUMMARY = (
 
 def claims_table(found: Reproduction) -> ReportTable:
     """Return a table with one row for each claim."""
-    rows = tuple((one.text, one.paper, one.here, one.test, one.verdict) for one in test_paper_claims(found))
+    rows = tuple((one.text, one.paper, one.here, one.test, one.verdict) for one in check_paper_claims(found))
     columns = ("claim", "paper", "here", "p after Holm", "verdict")
     return ReportTable("Claims of the paper, and what follows from them.", columns, rows)
 

@@ -8,7 +8,7 @@ from math import inf
 from re import fullmatch
 from typing import TYPE_CHECKING
 
-from envgraph.behaviour import DuplicateKeyError, indexed_classes, key_reader, unbound_names
+from envgraph.behaviour import DuplicateKeyError, key_reader, ranged_classes, unbound_names
 from envgraph.errors import (
     Diagnostic,
     EvaluationError,
@@ -128,7 +128,7 @@ def _check_object_names(domain: Domain, engine: Engine) -> list[Diagnostic]:
     observations larger.
     """
     metamodel, behaviour, found = domain.metamodel, domain.behaviour, list[Diagnostic]()
-    spread = indexed_classes(behaviour, metamodel) if behaviour else ()
+    spread = ranged_classes(behaviour, metamodel) if behaviour else ()
     counted = dict.fromkeys(cls for top in spread for cls in metamodel.concrete_classes(top))
     for group in _deleting_and_creating_groups(domain, engine):
         for cls in metamodel.concrete_classes(group.classes[0]):

@@ -57,8 +57,8 @@ def test_a_draft_of_a_killed_process_is_removed_by_the_next_writer(tmp_path: Pat
     path = tmp_path / "a.txt"
     path.write_text("old")
     code = (
-        "import sys; from pathlib import Path; from envgraph.files import replacing\n"
-        "with replacing(Path(sys.argv[1])) as draft:\n"
+        "import sys; from pathlib import Path; from envgraph.files import replacement_draft\n"
+        "with replacement_draft(Path(sys.argv[1])) as draft:\n"
         "    draft.write_text('half'); print(flush=True); sys.stdin.read()"
     )
     writer = subprocess.Popen([sys.executable, "-c", code, path], stdin=subprocess.PIPE, stdout=subprocess.PIPE)

@@ -263,10 +263,10 @@ def test_dropping_a_model_frees_its_versions():
     model = forest()
     versions = [burn(model, name) for name in ("t00", "t10")]
     gc.collect()
-    before = sum(type(item).__name__ == "Vertex" for item in gc.get_objects())
+    before = sum(type(item).__name__ == "VersionVertex" for item in gc.get_objects())
     del model, versions
     gc.collect()
-    assert sum(type(item).__name__ == "Vertex" for item in gc.get_objects()) <= before - 2
+    assert sum(type(item).__name__ == "VersionVertex" for item in gc.get_objects()) <= before - 2
 
 
 def test_unused_fork_states_are_kept():

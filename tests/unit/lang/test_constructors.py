@@ -268,7 +268,7 @@ def test_several_bodies_in_one_text_are_refused() -> None:
 def test_arguments_of_wrong_types_are_refused() -> None:
     with pytest.raises(InvalidArgument, match="`lhs` of `r` takes a text or nodes, edges and constraints, not 3"):
         Rule("r", lhs=[RuleNode("x"), 3])  # type: ignore[list-item]
-    with pytest.raises(InvalidArgument, match="`modify` of `r` takes a text or actions, not Node"):
+    with pytest.raises(InvalidArgument, match="`modify` of `r` takes a text or actions, not RuleNode"):
         Rule("r", modify=[RuleNode("x")])  # type: ignore[list-item]
     with pytest.raises(InvalidArgument, match=r"`r` has both `rhs` .* and `modify` .*: keep one"):
         Rule("r", rhs="", modify="")

@@ -179,7 +179,7 @@ def test_learners_refuse_programs_with_other_actions_or_observations() -> None:
     program = program_of(engine, behaviour, native=False)
     other = program_of(engine, replace(behaviour, observations=behaviour.observations[:1]), native=False)
     for learner, entered in ((Learner(program), other), (Learner(program, of_states=True), replace(program))):
-        with pytest.raises(InvalidArgument, match="agree in actions and observations"):
+        with pytest.raises(InvalidArgument, match="same actions and observations"):
             learner.switch_program(entered)
 
 

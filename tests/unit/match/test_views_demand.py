@@ -82,7 +82,7 @@ def test_cycle_views_store_only_nodes_on_cycles() -> None:
     matcher = ViewMatcher(grid(), library())
     matcher.watch("loop")
     circles = [
-        each for each in matcher.watched_views.network.operators.values() if type(each).__name__ == "CircleOperator"
+        each for each in matcher.watched_views.network.operators.values() if type(each).__name__ == "CycleOperator"
     ]
     assert [each.size() for each in circles] == [SIDE * SIDE]
     assert not any(

@@ -116,7 +116,7 @@ def connectives(depth):
 
 def calls(type_, depth):
     def call(function):
-        kinds = [function.parameter(position) for position in range(len(function.parameters))]
+        kinds = [function.parameter_kind(position) for position in range(len(function.parameters))]
         if function.result is None:  # the type of the arguments
             arguments = [of_type(type_, depth - 1) for _ in kinds]
         else:

@@ -15,10 +15,10 @@ from envgraph.report import render_html
 from envgraph.report.reproduction import (
     PaperClaim,
     _training_runs,
+    check_paper_claims,
     reproduce,
     reproduction_report,
     reward_charts,
-    test_paper_claims,
     write_tables,
 )
 from envgraph.report.reproduction._published import (
@@ -42,7 +42,7 @@ def found() -> Reproduction:
 
 
 def claims_by_text(found: Reproduction) -> dict[str, PaperClaim]:
-    return {claim.text: claim for claim in test_paper_claims(found)}
+    return {claim.text: claim for claim in check_paper_claims(found)}
 
 
 def test_the_trained_curricula_and_budgets_are_those_of_the_paper(found: Reproduction) -> None:
@@ -92,7 +92,7 @@ def test_the_verdict_of_a_claim_uses_corrected_p_values(found: Reproduction, suc
 def test_claims_are_undecided_with_few_seeds(found: Reproduction) -> None:
     claim = claims_by_text(found)["Agents of E5-E6 do not"]
     assert (claim.verdict, claim.here) == ("undecided", "E5-E6 0 % (0-66)")
-    assert {one.verdict for one in test_paper_claims(found) if one.p_value is not None} <= {
+    assert {one.verdict for one in check_paper_claims(found) if one.p_value is not None} <= {
         "undecided",
         "depends on the seed",
     }
@@ -147,10 +147,10 @@ def test_claims_are_rarely_decided_for_random_results(found: Reproduction) -> No
 
 
 def test_p_values_are_corrected_for_all_claims_that_are_tested(found: Reproduction) -> None:
-    tested = [one for one in test_paper_claims(found) if one.p_value is not None]
+    tested = [one for one in check_paper_claims(found) if one.p_value is not None]
     assert len(tested) == 11
     assert f"correction for all {len(tested)} tested claims" in render_html(reproduction_report(found))
-    assert [one.text for one in test_paper_claims(found) if one.p_value is None] == [
+    assert [one.text for one in check_paper_claims(found) if one.p_value is None] == [
         "The time of generation scales well with the size of the map"
     ]
 

@@ -279,7 +279,7 @@ def test_function_rules_are_checked_when_they_are_registered() -> None:
         made.rule(when="following")(lambda lft: None)
     with pytest.raises(InvalidArgument, match="`r` is defined already"):
         made.rule(when="following", name="r")(lambda left: None)
-    with pytest.raises(InvalidArgument, match="but must be a number above 0"):
+    with pytest.raises(InvalidArgument, match="but must be a finite number above 0"):
         made.rule(when="following", weight=0)(lambda left: None)
     made.rule(when="following", name="fine")(lambda left, extra=3: None)
 
@@ -424,14 +424,14 @@ for name in ("lark", "numpy", "gymnasium"):
     sys.modules[name] = None
 from envgraph.graph import Model
 from envgraph.metamodel import Attribute, Class, Metamodel, Scalar
-from envgraph.pattern import Constant, LeftSide, Modification, Node, Rule, Set, Variable
+from envgraph.pattern import Constant, LeftSide, Modification, Rule, RuleNode, SetAction, Variable
 from envgraph.rewrite import Engine
 model = Model(Metamodel("m", [Class("C", features=(Attribute("n", Scalar.INT),))]))
 for _ in range(3):
     model.create("C")
 engine = Engine(model, seed=1)
-action = Set(Variable("c"), "n", "=", Constant(4))
-engine.add(Rule("r", left=LeftSide((Node("c", "C"),)), right=Modification((action,))))
+action = SetAction(Variable("c"), "n", "=", Constant(4))
+engine.add(Rule("r", left=LeftSide((RuleNode("c", "C"),)), right=Modification((action,))))
 assert engine.apply("r") is not None
 print(sum(node.n for node in model.nodes("C")))
 """

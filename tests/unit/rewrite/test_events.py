@@ -315,7 +315,7 @@ def test_the_naive_matcher_has_no_events() -> None:
 def test_registering_event_rules_with_open_savepoints_or_versions_is_refused() -> None:
     made = items()
     version = made.commit()
-    with pytest.raises(TransactionError, match="`watch` before the first commit"):
+    with pytest.raises(TransactionError, match="call `watch` before the transaction"):
         made.on("done", appear="finish")
     del version
     with made.transaction(), pytest.raises(TransactionError):

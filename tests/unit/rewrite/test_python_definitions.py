@@ -52,7 +52,7 @@ def test_only_definitions_are_added() -> None:
             "`left.nodes[0].type` of `r` must be a `str` or None, not 3",
         ),  # type: ignore[arg-type]
         (RuleData("r", semantics="x"), "`semantics` of `r` must be 'dpo' or 'spo', not 'x'"),  # type: ignore[arg-type]
-        (Unit("u", (), "r"), "`body` of `u` must be a `Call`, "),  # type: ignore[arg-type]
+        (Unit("u", (), "r"), "`body` of `u` must be a `UnitCall`, "),  # type: ignore[arg-type]
         (PatternData("p", (), []), "`bodies` of `p` must be a tuple, not []"),  # type: ignore[arg-type]
         (
             PatternData("p", (), (Body((Check("x > 1"),)),)),
@@ -101,7 +101,7 @@ def test_a_function_may_bring_its_pattern_along() -> None:
         made.definition("drop")
     with pytest.raises(ResolutionError, match="unknown"):
         made.rule(when=Pattern("bad", "x : Itme", "Itme(x)"))
-    with pytest.raises(InvalidArgument, match="the weight is inf, but must be a number above 0"):
+    with pytest.raises(InvalidArgument, match="the weight is inf, but must be a finite number above 0"):
         made.rule(when=LAST, weight=float("inf"))(lambda x: None)
 
 
