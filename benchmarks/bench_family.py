@@ -122,11 +122,11 @@ def print_phases(generations: int) -> None:
 
 _PHASES: list[tuple[str, object, tuple[str, ...]]] = [
     ("choose and apply", Engine, ("choose", "fire")),
-    ("validate and measure", Problem, ("judged",)),
-    ("measure", Problem, ("measure",)),
+    ("validate and measure", Problem, ("measures_or_rejection",)),
+    ("measure", Problem, ("compute_measures",)),
     ("commit and check out", Engine, ("commit", "checkout")),
     ("savepoints", History, ("savepoint", "release", "rollback")),
-    ("random generators", Evolution, ("_generator",)),
+    ("random generators", Evolution, ("_random_generator",)),
     ("survivor selection", SimulatedAnnealing, ("select",)),
     ("store", RunStore, ("write_generation",)),
 ]

@@ -132,7 +132,7 @@ def adopt(id: str, seed: int = 0, **options: Any) -> tuple[AdoptedTransitions | 
             published ones, has a state that ends the episode only sometimes, or is an unsupported MiniGrid level.
 
     >>> adopted, limit = adopt("FrozenLake-v1")
-    >>> adopted.map_rows, adopted.endings, limit
+    >>> adopted.map_rows, adopted.final_states, limit
     (('SFFF', 'FHFH', 'FFFH', 'HFFG'), {5: False, 7: False, 11: False, 12: False, 15: True}, 100)
     """
     known = f"minigrid:{id}" if id.startswith(_MINIGRID) else id

@@ -62,7 +62,7 @@ def Pattern(
         InvalidArgument: `name` is not a valid name, or an argument is neither a text nor data of the right kind.
 
     >>> from envgraph.lang import to_text
-    >>> near = Pattern("near", "a : Tile, b : Tile", ["Tile.read_right_side(a, b)", "Tile.down(a, b)"])
+    >>> near = Pattern("near", "a : Tile, b : Tile", ["Tile.right(a, b)", "Tile.down(a, b)"])
     >>> print(to_text(near), end="")
     pattern near(a : Tile, b : Tile) { Tile.right(a, b); } or { Tile.down(a, b); }
     """

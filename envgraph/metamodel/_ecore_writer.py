@@ -255,8 +255,10 @@ def escape_xml(text: str) -> str:
 def format_xml_value(attribute: Attribute, value: Value) -> str:
     """Return an attribute's value as Ecore's tools write it.
 
-    >>> format_xml_value(Attribute("a", Scalar.BOOL), True), format_xml_value(Attribute("a", Scalar.FLOAT),
-    float("-inf")) ('true', '-Infinity')
+    >>> format_xml_value(Attribute("a", Scalar.BOOL), True)
+    'true'
+    >>> format_xml_value(Attribute("a", Scalar.FLOAT), float("-inf"))
+    '-Infinity'
     """
     type_ = attribute.type
     if isinstance(type_, EnumType):

@@ -44,8 +44,8 @@ class IsomorphismClasses:
     >>> ring.canonical_hash() == pairs.canonical_hash()
     True
     >>> shapes = IsomorphismClasses()
-    >>> shapes.number(ring.graph.store), shapes.number(pairs.graph.store), shapes.number(ring.graph.store)
-    (0, 1, 0)
+    >>> [shapes.class_number(model.graph.store) for model in (ring, pairs, ring)]
+    [0, 1, 0]
     """
 
     def __init__(self) -> None:

@@ -61,7 +61,7 @@ _FUNCTIONS: Final[Mapping[tuple[str, str], str]] = {
 def builtin_function_for(cls: str, name: str) -> str | None:
     """Return the built-in function that equals a static Java method, or None; a package before the class is ignored.
 
-    >>> builtin_function_for("Math", "floorMod"), builtin_function_for("java.lang.Math", "max"),
-    builtin_function_for("Math", "cbrt") ('mod', 'max', None)
+    >>> builtin_function_for("Math", "floorMod"), builtin_function_for("Math", "cbrt")
+    ('mod', None)
     """
     return _FUNCTIONS.get((cls.rpartition(".")[2], name))

@@ -86,7 +86,7 @@ def parse_toml(source: Source) -> TomlText:
         LoadError: the text is not valid TOML; the diagnostic has the position.
 
     >>> text = parse_toml(Source("a.toml", "[search]\nparents = { name = 'random' }"))
-    >>> str(text.value("search", "parents", "name")), text.value("search", "parents", "name").text
+    >>> str(text.value_span("search", "parents", "name")), text.value_span("search", "parents", "name").text
     ('a.toml:2:20', "'random'")
     """
     _check_depth(source)
@@ -145,7 +145,7 @@ def apply_overrides(toml: TomlText, overrides: Iterable[str]) -> None:
 
     >>> text = parse_toml(Source("a.toml", "[search]\nparents = 'random'"))
     >>> apply_overrides(text, ["search.parents=elitist", "search.population=10"])
-    >>> text.data, text.value("search", "population").text
+    >>> text.data, text.value_span("search", "population").text
     ({'search': {'parents': 'elitist', 'population': 10}}, '10')
     """
     problems: list[Diagnostic] = []

@@ -43,11 +43,11 @@ def to_text(*definitions: Definition, imports: Iterable[str] = ()) -> str:
             contain dots), exact types, paths without a class, infinite numbers, ints of more than 64 bits, and choices
             between steps that are not calls. Or patterns are mixed with rules, or the packages differ.
 
-    >>> from envgraph.pattern import LeftSide, Modification, Node, Retype, Rule, Variable
+    >>> from envgraph.pattern import LeftSide, Modification, RetypeAction, Rule, RuleNode, Variable
     >>> burn = Rule(
     ...     "burn",
-    ...     left=LeftSide((Node("tile", "RoadTile"),)),
-    ...     right=Modification((Retype(Variable("tile"), "BurningTile"),)),
+    ...     left=LeftSide((RuleNode("tile", "RoadTile"),)),
+    ...     right=Modification((RetypeAction(Variable("tile"), "BurningTile"),)),
     ...     weight=2.0,
     ... )
     >>> print(to_text(burn, imports=["forest.query"]), end="")

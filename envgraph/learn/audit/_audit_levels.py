@@ -253,4 +253,4 @@ def _too_few_levels(groups: _LevelGroups, domain: Domain) -> EvaluationError:
 def join_tables(levels: Sequence[AuditLevel], inputs: int, scale: float, width: int = 1) -> LevelTables:
     """Return the tables of levels joined into one, in order, with the features of their states as inputs."""
     tables, seen = [level.tabular for level in levels], [level.seen for level in levels]
-    return LevelTables.from_tabulars(tables, seen, inputs=inputs, scale=scale, width=width)
+    return LevelTables.of(tables, seen, inputs=inputs, scale=scale, width=width)

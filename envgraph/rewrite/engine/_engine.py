@@ -54,12 +54,12 @@ class Engine:
     this simple name.
 
     >>> from envgraph.metamodel import Attribute, Class, Metamodel, Scalar
-    >>> from envgraph.pattern import Constant, LeftSide, Modification, Node, Rule, Set, Variable
+    >>> from envgraph.pattern import Constant, LeftSide, Modification, Rule, RuleNode, SetAction, Variable
     >>> model = Model(Metamodel("lamps", [Class("Lamp", features=(Attribute("lit", Scalar.BOOL),))]))
     >>> lamp = model.create("Lamp")
-    >>> light = Modification((Set(Variable("lamp"), "lit", "=", Constant(True)),))
+    >>> light = Modification((SetAction(Variable("lamp"), "lit", "=", Constant(True)),))
     >>> engine = Engine(model)
-    >>> engine.add(Rule("light", left=LeftSide((Node("lamp", "Lamp"),)), right=light))
+    >>> engine.add(Rule("light", left=LeftSide((RuleNode("lamp", "Lamp"),)), right=light))
     >>> engine.apply("light").match.names, lamp.lit
     (('lamp',), True)
 

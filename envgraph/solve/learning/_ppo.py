@@ -29,7 +29,7 @@ class LevelTables:
     """Many environments with the same actions in flat arrays, one after the other; L levels, S states in all.
 
     The features of a state are a set of inputs, which are 1; other inputs are 0. States are numbered through all
-    levels. `from_tabulars` builds the arrays from tables.
+    levels. `of` builds the arrays from tables.
 
     Attributes:
         first: int64 [L + 1], where the states of a level begin.
@@ -56,7 +56,7 @@ class LevelTables:
     width: int
 
     @classmethod
-    def from_tabulars(
+    def of(
         cls,
         levels: Sequence[Tabular],
         seen: Sequence[Sequence[Sequence[int]]] | None = None,

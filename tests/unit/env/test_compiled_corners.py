@@ -137,7 +137,7 @@ def package(family: Family) -> None:
             elsewhere.setitem(sys.modules, missing, None)
         module = import_module(name)
         found = [stepped(module.Environments(7, members, **each), program, 20) for each in options]
-        assert not module._program().NATIVE
+        assert not module._load_program().NATIVE
     for (results, error), each in zip(found, options, strict=True):
         wanted, live_error = stepped(vector(program, **each), program, 20)
         if error and program.layout.reuses_numbers:  # the space for new objects does not grow in a package

@@ -25,7 +25,7 @@ if sys.argv[1] == "python":
 import numpy as np
 import halls
 from halls import ABOUT, Environments, begin, step
-assert halls._program().NATIVE == (sys.argv[1] != "python")
+assert halls._load_program().NATIVE == (sys.argv[1] != "python")
 found = []
 for streams in ("shared", "each"):
     for observation in ("index", "multi"):
@@ -138,7 +138,7 @@ def test_exported_package_runs_without_a_writable_cache_for_machine_code(
     export_package(program(), tmp_path / "halls", name="W", members=["E1", "E2", "E3"], limit=100)
     (tmp_path / "file").write_text("")
     (tmp_path / "halls").chmod(0o500)
-    script = "import halls; halls.Environments(2).reset(seed=0); print(halls._program().NATIVE)"
+    script = "import halls; halls.Environments(2).reset(seed=0); print(halls._load_program().NATIVE)"
     places = {"HOME": str(tmp_path / home), "PYTHONDONTWRITEBYTECODE": "1", "NUMBA_DISABLE_JIT": switched_off}
     usual = {name: value for name, value in os.environ.items() if name not in ("ENVGRAPH_CACHE", "XDG_CACHE_HOME")}
     for _ in range(1 + kept):

@@ -263,7 +263,7 @@ def test_family_is_stored_completely_or_not_at_all(
 ) -> None:
     """A run that ends at any commit of its store is gone on with, and comes to the same."""
     kept: dict[str, Callable[..., None]] = {
-        "set": RunStore.set_setting,
+        "set_setting": RunStore.set_setting,
         "write_generation": RunStore.write_generation,
     }
     calls = 0

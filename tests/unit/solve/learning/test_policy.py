@@ -65,7 +65,7 @@ def small(shape: tuple[int, ...], names: tuple[str, ...] = ("stay", "go"), width
 
 
 def test_tables_are_converted_to_levels_with_one_hot_inputs() -> None:
-    found = LevelTables.from_tabulars([small((3, 2)), small((3, 2), width=2)], scale=0.5)
+    found = LevelTables.of([small((3, 2)), small((3, 2), width=2)], scale=0.5)
     assert (found.inputs, found.actions, found.width, len(found)) == (5, 2, 2, 2)
     assert found.first.tolist() == [0, 2, 4]
     assert found.starts.tolist() == [0, 2]
@@ -83,9 +83,9 @@ def test_tables_are_converted_to_levels_with_one_hot_inputs() -> None:
 def test_levels_with_different_actions_or_observations_are_refused() -> None:
     for others in ([small((3, 2)), small((2, 3))], [small((3,)), small((3,), ("go", "stay"))], []):
         with pytest.raises(InvalidArgument, match="with the same actions and observations"):
-            LevelTables.from_tabulars(others)
+            LevelTables.of(others)
     one, other = small((3,)), small((4,))
-    assert LevelTables.from_tabulars([one, other], [[[0], [1]], [[], [6]]]).inputs == 7
+    assert LevelTables.of([one, other], [[[0], [1]], [[], [6]]]).inputs == 7
 
 
 def learner(seed: int = 3, settings: PolicySettings = SETTINGS, native: bool = False) -> PolicyLearner:
