@@ -196,5 +196,6 @@ def test_object_with_too_many_required_links_is_not_created_but_reported() -> No
     many = one_class(Reference("e", "A", 7, 7, opposite="f"), Reference("f", "A", 7, 7, opposite="e"))
     (problem,) = Engine(Model(many)).check(Derivation("d", "operators", ("A",)))
     assert problem.severity is Severity.WARNING
-    assert problem.message == "no operator creates a `A`: it needs frozen objects, or too many objects or links"
+    reason = "a new one needs links to objects of `@frozen` classes, or too many objects or links"
+    assert problem.message == f"no operator creates a `A`: {reason}"
     assert len(reached(many, 3)) == 1

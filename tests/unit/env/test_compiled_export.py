@@ -49,7 +49,7 @@ for _ in range(9):
     copy = np.random.default_rng(); copy.bit_generator.state = uniforms
     after, seen, reward, ended = step(state, actions, copy.random(3))
     assert (state.ints == before).all()
-    if one._world.rows.over.any():
+    if one._batch.rows.over.any():
         break
     same, gained, terminated, _, _ = one.step(actions)
     assert (seen == same).all() and (reward == gained).all() and ((ended > 0) == terminated).all()

@@ -123,7 +123,9 @@ def test_retyping_is_completed_after_a_second_interruption(monkeypatch):
 
     monkeypatch.setattr(extent, "take", interrupted(extent.take, after=True))
     monkeypatch.setattr(
-        model.graph.history, "_repair_all", interrupted(model.graph.history._repair_interrupted_writes, after=False)
+        model.graph.history,
+        "_repair_interrupted_writes",
+        interrupted(model.graph.history._repair_interrupted_writes, after=False),
     )
     with pytest.raises(KeyboardInterrupt):
         tile.retype("BurningTile")
