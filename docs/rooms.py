@@ -15,7 +15,7 @@ from envgraph.files import replace_file
 
 HERE = Path(__file__).parent
 PACKAGE = HERE.parent / "envgraph"
-WIDTH, HEIGHT, GAP, LABEL, LETTER = 1120, 34, 6, 118, 7.6
+WIDTH, HEIGHT, GAP, LABEL, LETTER, SMALL_LETTER = 1120, 34, 6, 118, 7.6, 6.4
 
 
 def contracts() -> dict[str, list[list[str]]]:
@@ -64,7 +64,11 @@ def picture() -> str:
         parts.append(box(GAP, top, WIDTH - 2 * GAP, height, fill))
         parts.append(text(GAP + 12, top + height / 2, package, fill, "bold"))
         drawn, left = rooms(columns_of(package, found), top, height, fill)
-        parts += [*drawn, text(left, top + height / 2, purpose(package), fill)]
+        words = purpose(package)
+        assert left + len(words) * SMALL_LETTER < WIDTH - GAP, (
+            f"the first sentence of {package} is too long for its row"
+        )
+        parts += [*drawn, text(left, top + height / 2, words, fill)]
         bottom = top - GAP
     return "\n".join([*parts, "</svg>"]) + "\n"
 

@@ -1,4 +1,4 @@
-"""The model: a typed attributed graph with change events, one undo log, transactions and versions.
+"""The model: a typed attributed graph with one undo log, transactions and versions.
 
 >>> from envgraph.graph import Model
 >>> from envgraph.metamodel import Attribute, Class, Metamodel, Reference, Scalar

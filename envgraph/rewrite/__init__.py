@@ -1,4 +1,4 @@
-"""Rules, control units, derived rules, event rules and exploration, with `Engine` as the facade over all of them.
+"""Rules, units, derived rules, event rules, exploration, and the `Engine` that has them all.
 
 An application of a rule at a match of its left-hand side (LHS) has three steps:
 

@@ -1,4 +1,4 @@
-"""Search over models: measures, constraints, the genetic algorithm, runs and families.
+"""Search for models and for families of them.
 
 `generate` evolves a family from the files of a domain into a run store. `resume` continues an interrupted run, and
 `open_family` returns the family of a run. `Evolution` is the algorithm itself, for any `Problem`.
