@@ -119,14 +119,16 @@ class PartReader:
     # --- texts and data
 
     def read_annotations(self, given: str | Iterable[Annotation]) -> Any:
-        """Return a definition that has only the given annotations.
+        """Return a definition that has only the given annotations, and the fields such as the weight that they state.
 
-        If they are a text, its doc comment, and fields such as the weight that the annotations state, are set too.
+        If they are a text, its doc comment is set too.
         """
         if isinstance(given, str):
             return self._parse_part("annotations", given)
         found = self._check_items("annotations", given, Annotation, "annotations")
-        return replace(self._parse_part("annotations", ""), annotations=found)
+        writer = TermWriter(self._name, load_grammar(self._templates["annotations"].language).lexer.keywords)
+        text = "\n".join(map(writer.format_annotation, found))
+        return replace(self._parse_part("annotations", text), annotations=found)
 
     def read_parameters(self, given: str | Iterable[Parameter]) -> Any:
         """Return the parameters of the definition, from the text between its parentheses or from data."""

@@ -121,7 +121,7 @@ class ClauseEmitter:
     def scope(
         self, block: Agent | None, node: code.Local = SELF
     ) -> tuple[dict[str, CodeTerm], dict[str, str], dict[str, str]]:
-        """Return the terms of all names, the classes of names in shared clauses, and those in clauses of a block.
+        """Return the term of each name, and its class by name: in shared clauses, and in clauses of the block.
 
         Args:
             block: the agent's block; None for shared clauses only.

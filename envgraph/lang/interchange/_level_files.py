@@ -153,7 +153,10 @@ def _is_row(line: str, known: Collection[str]) -> bool:
 
 
 def _begins_like_a_row(line: str, letters: Collection[str]) -> bool:
-    """Return True if a line starts with a count or a letter of the model that is no floor, but is no `Title: name`."""
+    """Return True if a line starts with a letter of the model other than floor, perhaps after a count.
+
+    A line of the form `Title: name` is no row.
+    """
     first = line.strip().lstrip("0123456789")[:1]
     return first in {*letters} - {*FLOOR_LETTERS} and _KEY.match(line) is None
 

@@ -79,7 +79,7 @@ class Recovery:
             partial(self._apply_first_repair, self._mistyped_word_repairs),
             partial(self._apply_first_repair, self._brace_repairs),
             partial(self._apply_first_repair, self._unescaped_keyword_repairs),
-            self._recover_swallowed_keyword,
+            self._resume_at_keyword_read_as_name,
             partial(self._apply_first_repair, self._separator_repairs),
         )
         for attempt in attempts:
@@ -233,7 +233,7 @@ class Recovery:
         until = self._line_end(index, index + _LOOKAHEAD)
         yield Repair(index - 1, height, "NAME", lexeme, False, until, reported)
 
-    def _recover_swallowed_keyword(self, index: int) -> int | None:
+    def _resume_at_keyword_read_as_name(self, index: int) -> int | None:
         """Report a keyword that starts a statement but was read as a name, and skip the unfinished statement before it.
 
         Return the index of the keyword to continue at, or None.

@@ -84,10 +84,10 @@ def seed_and_level_test(differences: Floats) -> tuple[float, float, float]:
 
     Interval and p-value generalise to other seeds on other levels of the same generator; see `mean_test`.
     """
-    return mean_test(float(differences.mean()), *_unit_means(differences))
+    return mean_test(float(differences.mean()), *_seed_and_level_means(differences))
 
 
-def _unit_means(differences: Floats) -> list[Floats]:
+def _seed_and_level_means(differences: Floats) -> list[Floats]:
     """Return the mean of each seed [seeds], and the mean of each level [levels]."""
     return [differences.mean(axis=1), differences.mean(axis=0)]
 
@@ -112,7 +112,7 @@ def _test_contrasts(studies: Sequence[Study], contrasts: Sequence[Contrast]) -> 
         known = [differences for differences in every if differences is not None]
         if len(known) == len(studies):
             value = np.mean([differences.mean() for differences in known])
-            units = [means / len(known) for differences in known for means in _unit_means(differences)]
+            units = [means / len(known) for differences in known for means in _seed_and_level_means(differences)]
             improvement = float(np.mean([_improvement(study, one) for study in studies]))
             name = studies[0].name if len(studies) == 1 else ALL_DOMAINS
             found.append(_make_finding(name, one, value, units, improvement, min(map(len, known))))

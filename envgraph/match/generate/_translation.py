@@ -226,7 +226,9 @@ class PlanTranslation:
         )
 
     def _emit_seen_sets(self, number: int, steps: Sequence[PlanStep], shared: Mapping[int, int]) -> None:
-        """Emit code that creates the sets of seen nodes of closure searches that must be empty after step `number`."""
+        """Emit code after step `number` that creates an empty set of seen nodes for each closure search that begins
+        anew whenever this step binds new values.
+        """
         for search, last in shared.items():
             if last == number:
                 seen = self._seen[id(steps[search])] = code.Local(self._module.fresh_name("s"))

@@ -1,4 +1,6 @@
-"""Find closure searches in plans that can share results, because the use of a result does not depend on its start."""
+"""Find closure searches in plans that may skip nodes found from other starts, as later steps use the found nodes
+alone.
+"""
 
 from __future__ import annotations
 

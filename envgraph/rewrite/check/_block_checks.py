@@ -111,7 +111,9 @@ def _check_orphans(changes: BlockChanges) -> None:
             continue
         text = f"{arrow.source} -{arrow.reference.name}-> {arrow.target}"
         message = f"`{container}` is deleted, but `{part}`, which it contains by `{text}`, is kept"
-        hint = f"write `delete {part};` or `move {part} to ..`, or `delete {text};` if that is meant"
+        hint = (
+            f"write `delete {part};` or `move {part} to ..`, or `delete {text};` to keep `{part}` without a container"
+        )
         changes.scope.warn("orphan", message, changes.deletion_spans.get(container) or arrow.span, hint)
 
 

@@ -110,7 +110,10 @@ def _check_operators(derivation: Derivation, metamodel: Metamodel) -> Iterator[D
     schema = Schema(metamodel)
     if not annotations and _exceeds_limit(schema, derivation):
         message = f"`{derivation.name}` would derive more than {scaled_limit('derived rules'):,} rules"
-        hint = "write `@weight(retype = 0)` before it, or name a class with fewer subclasses"
+        hint = (
+            "write `@weight(retype = 0)` before `derive` to derive no changes of class, or name a class "
+            "with fewer subclasses"
+        )
         yield Diagnostic("too-many-rules", message, derivation.span, f"{hint}; {RAISE_LIMIT_HINT}")
         return
     for cls in derivation.classes:

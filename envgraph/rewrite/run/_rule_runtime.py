@@ -56,7 +56,7 @@ def check_kept(graph: Graph, nodes: tuple[int, ...], names: tuple[str, ...]) -> 
     """Check that objects still exist. `names` are their names in the rule, or "" for an object that is changed.
 
     Raises:
-        Dragged: an object was deleted with its container.
+        DeletedWithContainer: an object was deleted with its container.
     """
     for node, name in zip(nodes, names, strict=True):
         if not graph.alive(node):

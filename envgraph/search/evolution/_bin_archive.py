@@ -53,7 +53,7 @@ class Archive:
         return {cell: len(self._cells[cell]) for cell in sorted(self._cells)}
 
     @property
-    def is_level(self) -> bool:
+    def is_evenly_filled(self) -> bool:
         """Return True if the archive is full, every cell has members, and their numbers differ by at most one."""
         possible = prod(bins.usable_bins for bins in self._bins)
         counts = self._cells_by_size

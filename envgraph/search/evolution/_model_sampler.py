@@ -156,7 +156,7 @@ class ModelSampler:
         store.write_generation(Generation(0, tuple(members), diversity, len(self._known_states), reasons), born)
 
     def _is_over(self) -> bool:
-        enough = self._archive.is_level and not self._sample_settings.ranking_measures
+        enough = self._archive.is_evenly_filled and not self._sample_settings.ranking_measures
         return enough or self._attempts >= self._sample_settings.attempts
 
     def _walk_models(self, length: int, offer: Callable[[OfferedModel, Generator], int | None]) -> None:

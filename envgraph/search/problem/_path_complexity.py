@@ -1,4 +1,4 @@
-"""Path complexity: the share of the directed paths from start to goal that obstacles block."""
+"""Measure complexity: the share of the paths from start to goal, along acyclic references, that obstacles block."""
 
 from __future__ import annotations
 

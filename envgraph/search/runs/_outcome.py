@@ -122,7 +122,7 @@ def why_low(family: Family, store: RunStore) -> Diagnostic | None:
         elif empty:
             message = f"no model reached {_format_bins(bins, sorted(empty))} of `{of}`{rejected}"
             hint = (
-                f"use mutations that change `{of}` more{_strength_hint(spec.mutation.strength)}, loosen the "
+                f"use mutations that change `{of}` more{_mutation_strength_hint(spec.mutation.strength)}, loosen the "
                 "constraints, "
                 f"raise `generations`, or write {_format_range(met)} in `[diversity]`, the range of the values so far"
             )
@@ -169,7 +169,7 @@ def _violated_condition_warning(family: Family) -> Diagnostic:
     return Diagnostic("unsatisfied", message, spec.span(place) if spec else None, hint, Severity.WARNING)
 
 
-def _strength_hint(strength: Strength) -> str:
+def _mutation_strength_hint(strength: Strength) -> str:
     return ', such as `strength = "heavy_tailed"` in `[mutation]`' if strength == "single" else ""
 
 

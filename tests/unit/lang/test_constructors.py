@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+from collections.abc import Callable
 from typing import Any
 
 import pytest
@@ -46,6 +47,13 @@ def single_definition(text: str, language: str = "rules") -> object:
 
 
 # --- equal to a file
+
+
+@pytest.mark.parametrize("make", [Rule, Unit])
+def test_annotations_given_as_data_set_the_same_fields_as_their_text(make: Callable[..., Any]) -> None:
+    data = make("r", annotations=[Annotation("weight", (2.0,)), Annotation("priority", (3,))])
+    assert (data.weight, data.priority) == (2.0, 3)
+    assert data == make("r", annotations="@weight(2.0) @priority(3)")
 
 
 def test_a_rule_built_from_texts_equals_the_rule_read_from_a_file() -> None:

@@ -51,21 +51,21 @@ def test_full_archive_keeps_the_best_offered_candidate_of_each_cell(offered: Off
 
 def test_candidate_of_the_fullest_cell_is_replaced_by_one_of_another_cell() -> None:
     archive, _ = filled(4, [(0.1, 0.0)] * 4 + [(0.9, 0.0)] * 3)
-    assert archive.members_per_cell() == {(0,): 2, (3,): 2} and 0 in archive and not archive.is_level
+    assert archive.members_per_cell() == {(0,): 2, (3,): 2} and 0 in archive and not archive.is_evenly_filled
 
 
 def test_archive_is_level_when_every_cell_has_its_share() -> None:
-    assert filled(3, [(0.1, 0.0)] * 3, ())[0].is_level
-    assert not filled(4, [(0.1, 0.0)] * 3, ())[0].is_level
-    assert not filled(3, [(0.1, 0.0), (0.3, 0.0), (0.6, 0.0)])[0].is_level
-    assert filled(5, [(0.1, 0.0), (0.3, 0.0), (0.6, 0.0), (0.9, 0.0), (0.3, 0.0)])[0].is_level
+    assert filled(3, [(0.1, 0.0)] * 3, ())[0].is_evenly_filled
+    assert not filled(4, [(0.1, 0.0)] * 3, ())[0].is_evenly_filled
+    assert not filled(3, [(0.1, 0.0), (0.3, 0.0), (0.6, 0.0)])[0].is_evenly_filled
+    assert filled(5, [(0.1, 0.0), (0.3, 0.0), (0.6, 0.0), (0.9, 0.0), (0.3, 0.0)])[0].is_evenly_filled
 
 
 def test_bins_without_a_whole_number_need_no_members() -> None:
     archive = Archive(2, [BinnedEntropy(4, 0, 1, whole=True)])
     for value in (0.0, 1.0):
         assert archive.offer_member(archive.cell_of([value]), 0.0, default_rng(0)) is not None
-    assert archive.is_level
+    assert archive.is_evenly_filled
 
 
 def test_cells_combine_the_bins_of_several_measures() -> None:

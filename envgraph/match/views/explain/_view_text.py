@@ -30,8 +30,8 @@ def explain_views(
 ) -> str:
     """Return as text the operators of a watched pattern in processing order, and the pattern's delta functions.
 
-    Each step shows two numbers of partial matches of one inserted tuple: the estimate, and the average of present
-    tuples.
+    Each step shows how many partial matches one inserted tuple has after it: as estimated by the planner, and as
+    measured on average over the present tuples.
 
     Args:
         operators: the operators that the pattern needs; the last one holds its matches.

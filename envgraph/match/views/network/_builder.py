@@ -406,7 +406,9 @@ class NetworkBuilder:
         return [replace(body, goals=(each, *others)) for each in values]
 
     def _is_product(self, pattern: str) -> bool:
-        """Return True if relations leave parameters unconnected in a non-recursive pattern without an operator."""
+        """Return True if relations do not connect all parameters of some body. False for recursive patterns and
+        views.
+        """
         if pattern in self.operators or self.calls.is_recursive(pattern):
             return False
         if pattern not in self._is_product_cache:

@@ -226,13 +226,13 @@ class WatchedViews:
     def process_pending(self) -> None:
         """Update all views before a savepoint or version is created; recompute broken and outgrown views."""
         if self._broken_depth is None:
-            self._update_network()
+            self._process_pending_changes()
             self.replan_if_outgrown()  # not later: the order of rows must not change after a savepoint
         elif not self._repair():
             self._broken_depth = min(self._broken_depth, self.model.graph.history.savepoint_depth)
             self._has_broken_version |= not self._broken_depth
 
-    def _update_network(self) -> None:
+    def _process_pending_changes(self) -> None:
         """Process all pending changes, except during a load. After an exception mark the store as interrupted."""
         if self._is_suspended:
             return
@@ -277,7 +277,7 @@ class WatchedViews:
             self.on_load_end()
         if self._broken_depth is not None:
             return self._repair()
-        self._update_network()
+        self._process_pending_changes()
         return True
 
     def _repair(self) -> bool:
