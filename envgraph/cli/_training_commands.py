@@ -133,8 +133,7 @@ def _train_family(run: str, directory: Path, wanted: dict[str, Any], workers: in
     elif (base / UNFINISHED).exists() and not force:
         raise InvalidArgument(
             f"{base / UNFINISHED} holds the {len(TrainingJournal.open(base / UNFINISHED))} agents of a "
-            "training that was "
-            "interrupted: resume it with --resume, or replace it with --force"
+            "training that was interrupted: resume it with --resume, or replace it with --force"
         )
     chosen = _select_curricula(family, wanted["curricula"])
     compared = _select_controls(wanted["controls"])

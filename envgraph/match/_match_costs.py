@@ -55,7 +55,7 @@ class Inlining:
 
 @dataclass(frozen=True, slots=True)
 class DemandCosts:
-    """When searches on demand keep their results and do the work for all nodes at once.
+    """Thresholds at which searches on demand keep their results, or do the work for all nodes at once.
 
     `python -m benchmarks questions` decides on the last two. The others are not measured alone; `growth` has closures
     and recursive patterns, which grow faster than the model where a number is far too large.

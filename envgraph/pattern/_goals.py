@@ -140,7 +140,7 @@ class AbsenceAtom:
 
 
 Goal = RelationAtom | UnequalAtom | ConditionAtom | ValuationAtom | AggregateAtom | AbsenceAtom
-"""One constraint of a conjunction."""
+"""A constraint of a conjunction."""
 
 
 @dataclass(frozen=True, slots=True)

@@ -59,6 +59,17 @@ def test_docstrings_do_not_begin_with_a_question_word_or_a_pronoun() -> None:
     assert found == []
 
 
+def test_descriptions_of_constants_do_not_begin_so_either() -> None:
+    """A description is a string on its own, below the constant."""
+    found = [
+        f"{path.relative_to(ROOT)}:{node.lineno}"
+        for path, tree in modules()
+        for node in ast.walk(tree)
+        if isinstance(node, ast.Expr) and isinstance(node.value, ast.Constant) and OPENINGS.match(str(node.value.value))
+    ]
+    assert found == []
+
+
 def test_docstrings_comments_and_names_have_no_coined_words() -> None:
     found = []
     for path, tree in modules():
@@ -71,6 +82,10 @@ def test_docstrings_comments_and_names_have_no_coined_words() -> None:
                 texts.append((node.lineno, node.name))
             elif isinstance(node, ast.Name) and isinstance(node.ctx, ast.Store):
                 texts.append((node.lineno, node.id))
+            elif isinstance(node, ast.Attribute) and isinstance(node.ctx, ast.Store):
+                texts.append((node.lineno, node.attr))
+            elif isinstance(node, ast.Expr) and isinstance(node.value, ast.Constant):
+                texts.append((node.lineno, str(node.value.value)))
             elif isinstance(node, ast.arg):
                 texts.append((node.lineno, node.arg))
         texts.append((1, path.stem))

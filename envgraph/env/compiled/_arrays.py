@@ -203,7 +203,7 @@ INTS, FLOATS, WORDS = (Matrix(each, False) for each in (types.int64, types.float
 INT, FLOAT, BOOL = (Vector(each, False) for each in (types.int64, types.float64, types.bool_))
 GIVEN = TABLES, REALS, Vector(types.int64, True), INTS, FLOATS, INTS, FLOATS, FLOAT, INT, INTS, FLOATS, WORDS
 BATCH = types.Tuple((*GIVEN, INTS, INT, BOOL, INT, FLOAT, INT, BOOL, FLOAT, INTS, FLOATS))
-"""The types of the arrays of a batch, in the order of `World`."""
+"""The types of the arrays of a batch, in the order of `BatchArrays`."""
 
 
 @intrinsic

@@ -55,7 +55,7 @@ def plan_of(engine: Engine, call: RuleCall) -> RulePlan:
     plan: RulePlan | None = getattr(engine.prepare(call.rule), "plan", None)
     if plan is None:
         raise NotCompiled(f"the rule `{call.rule}`, which is written in Python", call.span)
-    _check_is_compiled(plan, call)
+    _check_is_compiled(plan)
     return plan
 
 
@@ -72,7 +72,7 @@ def checked_unit(engine: Engine, call: RuleCall) -> CheckedUnit:
     return checked
 
 
-def _check_is_compiled(plan: RulePlan, call: RuleCall) -> None:
+def _check_is_compiled(plan: RulePlan) -> None:
     for body in plan.blocks:
         for absorb in body.absorbs:
             raise NotCompiled(f"a rule that merges objects (`{plan.name}`)", absorb.span or body.span)

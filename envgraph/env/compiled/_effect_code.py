@@ -43,86 +43,86 @@ class EffectEmitter:
         slots: Sequence[code.Expression],
         error_return: code.Return,
     ) -> None:
-        self._site = MatchStatements(matching, plan, slots, error_return)
+        self._statements = MatchStatements(matching, plan, slots, error_return)
         self._facts = matching.facts
-        self._links, self._objects = LinkEmitter(self._site), ObjectChangeEmitter(self._site)
+        self._links, self._objects = LinkEmitter(self._statements), ObjectChangeEmitter(self._statements)
 
     def slot_value(self, number: int) -> code.Expression:
         """Return the value of a slot of the rule. Call after `write`."""
-        return self._site.slots[number]
+        return self._statements.slots[number]
 
     def emit(self) -> code.Body:
         """Return the statements that find matches, check for conflicts, and make all changes in order.
 
         The statements set the error of the state and leave if the rule is refused.
         """
-        self._site.append(*self._site.blocks.emit_search())
-        body = self._site.plan.body
+        self._statements.append(*self._statements.blocks.emit_search())
+        body = self._statements.plan.body
         self._emit_phase(self._emit_computations)
         if body.nested or body.may_coincide or body.has_contended_objects:
-            emit_agreement_checks(self._site)
+            emit_agreement_checks(self._statements)
         for phase in (self._emit_unlinks, self._emit_deletions):
             self._emit_phase(phase)
-        emit_kept_checks(self._site)
+        emit_kept_checks(self._statements)
         for phase in (self._emit_retypings, self._emit_creations, self._emit_links):
             self._emit_phase(phase)
         self._emit_phase(self._emit_assignments)
-        return self._site.all_statements()
+        return self._statements.all_statements()
 
     def _emit_phase(self, write: Callable[[], None]) -> None:
         """Call `write` to emit a phase: for the match of the rule, and in a loop for the matches of each block."""
-        for frame in self._site.blocks.frames:
+        for frame in self._statements.blocks.frames:
             if frame.outer is None:
                 write()
                 continue
             row = self._facts.module.new_local("r")
-            loads, slots = self._site.blocks.load_match(frame, row)
-            self._site.set_match(frame, slots, row)
-            made = self._site.collect(write)
+            loads, slots = self._statements.blocks.load_match(frame, row)
+            self._statements.set_match(frame, slots, row)
+            made = self._statements.collect(write)
             if made:
-                self._site.append(self._site.blocks.loop_over_matches(frame, row, loads, made))
-            self._site.set_match(self._site.rule, self._site.rule.slots, None)
+                self._statements.append(self._statements.blocks.loop_over_matches(frame, row, loads, made))
+            self._statements.set_match(self._statements.rule, self._statements.rule.slots, None)
 
     # --- phases
 
     def _emit_computations(self) -> None:
         self._emit_identity_checks()
-        for unlink in self._site.frame.plan.unlinks:
+        for unlink in self._statements.frame.plan.unlinks:
             if unlink.is_required:
-                self._site.append_refuse_unless(
+                self._statements.append_refuse_unless(
                     self._links.emit_is_linked(unlink.source, unlink.reference, unlink.target)
                 )
-        for compute in self._site.frame.plan.computed:
+        for compute in self._statements.frame.plan.computed:
             self._emit_computation(compute)
 
     def _emit_unlinks(self) -> None:
-        for unlink in self._site.frame.plan.unlinks:
+        for unlink in self._statements.frame.plan.unlinks:
             self._links.emit_unlink(unlink)
-        for move in self._site.frame.plan.moves:
+        for move in self._statements.frame.plan.moves:
             self._links.emit_leave_container(move)
 
     def _emit_deletions(self) -> None:
-        for delete in self._site.frame.plan.deletes:
-            made = self._site.collect(lambda each=delete: self._objects.emit_delete(each))  # type: ignore[misc]
+        for delete in self._statements.frame.plan.deletes:
+            made = self._statements.collect(lambda each=delete: self._objects.emit_delete(each))  # type: ignore[misc]
             outside = self._objects.not_contained_tests(delete)
-            self._site.append(*([code.If(code.emit_joined("and", outside, True), made)] if outside else made))
+            self._statements.append(*([code.If(code.emit_joined("and", outside, True), made)] if outside else made))
 
     def _emit_retypings(self) -> None:
-        for retype in self._site.frame.plan.retypes:
+        for retype in self._statements.frame.plan.retypes:
             self._objects.emit_retype(retype)
 
     def _emit_creations(self) -> None:
-        for new in self._site.frame.plan.creates:
+        for new in self._statements.frame.plan.creates:
             self._objects.emit_create(new)
 
     def _emit_links(self) -> None:
-        for move in self._site.frame.plan.moves:
+        for move in self._statements.frame.plan.moves:
             self._links.emit_link(move)
-        for link in self._site.frame.plan.links:
+        for link in self._statements.frame.plan.links:
             self._links.emit_link(link)
 
     def _emit_assignments(self) -> None:
-        for change in self._site.frame.plan.sets:
+        for change in self._statements.frame.plan.sets:
             match change:
                 case SetAttribute():
                     self._emit_set(change)
@@ -141,9 +141,11 @@ class EffectEmitter:
 
     def _emit_identity_checks(self) -> None:
         """Emit code that refuses the rule if an object or link to be deleted occurs again in the same match."""
-        for gone, other in self._site.frame.plan.identification_pairs:
-            self._site.append_refuse_unless(code.Operation("!=", (self._site.slots[gone], self._site.slots[other])))
-        for one, another in self._site.frame.plan.identification_link_pairs:
+        for gone, other in self._statements.frame.plan.identification_pairs:
+            self._statements.append_refuse_unless(
+                code.Operation("!=", (self._statements.slots[gone], self._statements.slots[other]))
+            )
+        for one, another in self._statements.frame.plan.identification_link_pairs:
             others = (another.source, another.target)
             if one.reference != another.reference:
                 others = others[::-1]
@@ -153,84 +155,90 @@ class EffectEmitter:
 
     def _emit_difference_check(self, link: RemoveLink, others: tuple[int, int]) -> None:
         """Emit code that refuses the rule if a link has the same ends as the objects in two slots."""
-        slots = self._site.slots
+        slots = self._statements.slots
         pairs = zip((link.source, link.target), others, strict=True)
         same = [code.emit_equal(slots[end], slots[other]) for end, other in pairs]
-        self._site.append_refuse_unless(code.emit_not(code.emit_joined("and", same, True)))
+        self._statements.append_refuse_unless(code.emit_not(code.emit_joined("and", same, True)))
 
     # --- values
 
     def _emit_computation(self, compute: ComputeValue) -> None:
         names = {}
         for name, slot, type_ in compute.variables:
-            sure = self._site.frame.classes.get(slot)
-            names[name] = variable_term(self._site.slots[slot], type_, sure)
+            sure = self._statements.frame.classes.get(slot)
+            names[name] = variable_term(self._statements.slots[slot], type_, sure)
         terms = ExpressionEmitter(self._facts, names)
         term = terms.emit(compute.expression, self._expected_type(compute.slot))
-        self._site.append(*terms.statements)
+        self._statements.append(*terms.statements)
         for test in term.valid if not compute.is_required else term.tests:
-            self._site.append_fail_if(code.emit_not(test))
-        self._site.frame.types[compute.slot] = term.type
+            self._statements.append_fail_if(code.emit_not(test))
+        self._statements.frame.types[compute.slot] = term.type
         local = self._facts.new_local_for(term.type or ObjectType(""))
         value = term.number_code
         optional = term.present if not compute.is_required else ()
         if term.overflow_test is not None and self._expected_type(compute.slot) is not Scalar.FLOAT:
-            self._site.append_fail_if(code.emit_joined("and", [*optional, term.overflow_test], True), "BEYOND")
+            self._statements.append_fail_if(code.emit_joined("and", [*optional, term.overflow_test], True), "BEYOND")
         if optional:
             value = code.ConditionalExpression(
                 code.emit_joined("and", optional, True),
                 value,
                 emit_missing_value(term.type or ObjectType("")),
             )
-        self._site.append(code.Assign(local, value))
-        self._site.slots[compute.slot] = local
-        if self._site.match_row is not None:
-            self._site.append(code.Assign(self._site.frame.slot_cell(compute.slot, self._site.match_row), local))
+        self._statements.append(code.Assign(local, value))
+        self._statements.slots[compute.slot] = local
+        if self._statements.match_row is not None:
+            self._statements.append(
+                code.Assign(self._statements.frame.slot_cell(compute.slot, self._statements.match_row), local)
+            )
 
     def _expected_type(self, slot: int) -> StaticType | None:
         """Return the type of the attribute that gets the value of a slot, or None if no attribute does."""
         values = (SetAttribute, AdjustAttribute)
-        found = (one.attribute for one in self._site.frame.plan.sets if isinstance(one, values) and one.value == slot)
+        found = (
+            one.attribute for one in self._statements.frame.plan.sets if isinstance(one, values) and one.value == slot
+        )
         return next((attribute.type for attribute in found), None)
 
     def _converted_slot(self, slot: int, attribute: Attribute) -> code.Expression:
         """Return the value of a slot, converted to the type of an attribute."""
-        return converted_value(self._site.slots[slot], self._site.frame.types.get(slot, attribute.type), attribute)
+        return converted_value(
+            self._statements.slots[slot], self._statements.frame.types.get(slot, attribute.type), attribute
+        )
 
     def _attribute_cell(self, slot: int, attribute: Attribute) -> code.Subscript:
-        node = self._site.slots[slot]
+        node = self._statements.slots[slot]
         place, guard = self._facts.attribute_cell(
-            attribute, node, class_known=self._site.has_certain_class(slot, attribute.owner)
+            attribute, node, class_known=self._statements.has_certain_class(slot, attribute.owner)
         )
         for test in guard:
-            self._site.append_refuse_unless(test)
+            self._statements.append_refuse_unless(test)
         return place
 
     def _emit_set(self, change: SetAttribute) -> None:
         attribute = change.attribute
         if change.value is None:
-            self._site.append(
+            self._statements.append(
                 code.Assign(self._attribute_cell(change.object, attribute), emit_missing_value(attribute.type))
             )
             return
         value = self._converted_slot(change.value, attribute)
-        self._site.append(
+        self._statements.append(
             code.Assign(self._attribute_cell(change.object, attribute), _without_negative_zero(value, attribute))
         )
 
     def _emit_increase(self, change: AdjustAttribute) -> None:
         attribute = change.attribute
         place = self._attribute_cell(change.object, attribute)
-        self._site.append_fail_if(code.emit_not(self._facts.emit_is_present(place, attribute.type)))
+        self._statements.append_fail_if(code.emit_not(self._facts.emit_is_present(place, attribute.type)))
         made = code.Operation(change.operator[0], (place, self._converted_slot(change.value, attribute)))
         local = self._facts.new_local_for(attribute.type)
-        self._site.append(code.Assign(local, made))
+        self._statements.append(code.Assign(local, made))
         if attribute.type is Scalar.FLOAT:
             finite = code.Operation("<", (code.emit_call("abs", local), code.Name("INFINITY")))
-            self._site.append_fail_if(code.emit_not(finite))
+            self._statements.append_fail_if(code.emit_not(finite))
         if (beyond := CodeTerm(local, attribute.type, max_bits=WORD_BITS + 1).overflow_test) is not None:
-            self._site.append_fail_if(beyond, "BEYOND")
-        self._site.append(code.Assign(place, _without_negative_zero(local, attribute)))
+            self._statements.append_fail_if(beyond, "BEYOND")
+        self._statements.append(code.Assign(place, _without_negative_zero(local, attribute)))
 
 
 def _without_negative_zero(value: code.Expression, attribute: Attribute) -> code.Expression:

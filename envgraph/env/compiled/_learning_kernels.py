@@ -9,7 +9,7 @@ action of a pending update. `LEVELS` holds the exploration rate, the total rewar
 # mypy: ignore-errors
 
 DONE, SPACE, WRONG = 0, 1, 2
-"""How learning ends: all steps are done, the keys need more space, or an error occurred in the environment."""
+"""Results of learning: all steps are done, the keys need more space, or an error occurred in the environment."""
 OUTCOMES, STARTS = 1, 2
 """Bits of `DRAWS`: random numbers to draw besides that for the choice of the action."""
 

@@ -22,12 +22,12 @@ class LinkEmitter:
     """
 
     def __init__(self, matches: MatchStatements) -> None:
-        self._site = matches
+        self._statements = matches
         self._facts = matches.facts
 
     def _link_cells(self, source: int, reference: Reference, target: int) -> list[LinkCell]:
         """Return the cells that store a link between the objects in two slots: two for a symmetric reference."""
-        slots, sure = self._site.slots, self._site.has_certain_class
+        slots, sure = self._statements.slots, self._statements.has_certain_class
         ends = [(source, target), (target, source)] if self._facts.links.is_symmetric(reference) else [(source, target)]
         return [
             self._facts.links.link_cell(
@@ -47,20 +47,20 @@ class LinkEmitter:
     def emit_unlink(self, unlink: RemoveLink) -> None:
         cells = self._link_cells(unlink.source, unlink.reference, unlink.target)
         test = self.emit_is_linked(unlink.source, unlink.reference, unlink.target)
-        self._site.append(code.If(test, tuple(code.Assign(kept.place, kept.unlinked_value) for kept in cells)))
+        self._statements.append(code.If(test, tuple(code.Assign(kept.place, kept.unlinked_value) for kept in cells)))
 
     def emit_leave_container(self, move: MoveToContainer) -> None:
         """Emit code that removes an object from its container, unless it is the container that the rule moves it to."""
-        cls = self._site.frame.classes.get(move.node)
+        cls = self._statements.frame.classes.get(move.node)
         assert cls is not None
-        metamodel, node = self._facts.metamodel, self._site.slots[move.node]
+        metamodel, node = self._facts.metamodel, self._statements.slots[move.node]
         for reference in metamodel.references:
             if not (reference.containment and metamodel.may_overlap(cls, reference.target)):
                 continue
             stays = None
             if reference == move.reference:
                 stays = code.Operation(
-                    "!=", (self._emit_container(reference, node, cls), self._site.slots[move.container])
+                    "!=", (self._emit_container(reference, node, cls), self._statements.slots[move.container])
                 )
             self._emit_removal(reference, node, cls, stays)
 
@@ -78,7 +78,7 @@ class LinkEmitter:
         stored, same = self._facts.links.column_of(reference)
         if stored.belongs_to_sources is same:
             holder = self._facts.new_local_for(ObjectType(""))
-            self._site.append(code.Assign(holder, self._emit_container(reference, node, cls)))
+            self._statements.append(code.Assign(holder, self._emit_container(reference, node, cls)))
             place, _ = self._facts.links.column_cell(stored, holder, class_known=True)
             there: list[code.Expression] = [code.Operation(">=", (holder, ZERO))]
         else:
@@ -86,7 +86,7 @@ class LinkEmitter:
             place, there = self._facts.links.column_cell(stored, node, class_known=sure)
         tests = [*there, *([] if test is None else [test])]
         cleared = code.Assign(place, NOBODY)
-        self._site.append(code.If(code.emit_joined("and", tests, True), (cleared,)) if tests else cleared)
+        self._statements.append(code.If(code.emit_joined("and", tests, True), (cleared,)) if tests else cleared)
 
     def emit_link(self, link: AddLink | MoveToContainer) -> None:
         """Emit code that adds a link, unless it exists. The code refuses the rule if an end has too many links.
@@ -104,22 +104,22 @@ class LinkEmitter:
                 contains, container, content = held
                 self._emit_cycle_check(content, container, contains.target)
                 self._emit_container_check(content, contains)
-            self._emit_room_check(reference, self._site.slots[source], source, forward=True)
-            self._emit_room_check(reference, self._site.slots[target], target, forward=False)
+            self._emit_room_check(reference, self._statements.slots[source], source, forward=True)
+            self._emit_room_check(reference, self._statements.slots[target], target, forward=False)
             cells = self._link_cells(source, reference, target)
             for test in dict.fromkeys(test for kept in cells for test in kept.guard):
-                self._site.append_refuse_unless(test)
-            self._site.append(*(code.Assign(kept.place, kept.linked_value) for kept in cells))
+                self._statements.append_refuse_unless(test)
+            self._statements.append(*(code.Assign(kept.place, kept.linked_value) for kept in cells))
 
-        made = self._site.collect(write)
-        there = code.Operation(">=", (self._site.slots[target], ZERO))
+        made = self._statements.collect(write)
+        there = code.Operation(">=", (self._statements.slots[target], ZERO))
         missing_ = code.emit_not(self.emit_is_linked(source, reference, target))
-        test = code.Operation("and", (there, missing_)) if target in self._site.frame.types else missing_
-        self._site.append(code.If(test, made))
+        test = code.Operation("and", (there, missing_)) if target in self._statements.frame.types else missing_
+        self._statements.append(code.If(test, made))
 
     def _emit_cycle_check(self, content: int, container: int, cls: str) -> None:
         """Emit code that refuses the rule if an object would enter a container that it contains, at any depth."""
-        facts, matches = self._facts, self._site
+        facts, matches = self._facts, self._statements
         if content in matches.frame.creators and all(holder != content for _, holder, _ in self._container_entries()):
             return
         inner = facts.metamodel.all_content_classes(
@@ -132,24 +132,24 @@ class LinkEmitter:
 
     def _emit_container_check(self, content: int, entered: Reference) -> None:
         """Emit code that refuses the rule if an object already has a container by a reference other than `entered`."""
-        maker = self._site.frame.creators.get(content)
+        maker = self._statements.frame.creators.get(content)
         entering = [
             node
             for node, _, frame in self._container_entries()
             if node == content and frame.creators.get(node) is maker
         ]
-        if maker is self._site.frame and len(entering) == 1:
+        if maker is self._statements.frame and len(entering) == 1:
             return
-        metamodel, cls = self._facts.metamodel, self._site.frame.classes.get(content) or entered.target
+        metamodel, cls = self._facts.metamodel, self._statements.frame.classes.get(content) or entered.target
         for reference in metamodel.references:
             if reference.containment and reference != entered and metamodel.may_overlap(cls, reference.target):
-                held = self._emit_container(reference, self._site.slots[content], cls)
-                self._site.append_refuse_unless(code.Operation("<", (held, ZERO)))
+                held = self._emit_container(reference, self._statements.slots[content], cls)
+                self._statements.append_refuse_unless(code.Operation("<", (held, ZERO)))
 
     def _container_entries(self) -> list[tuple[int, int, MatchFrame]]:
         """Return all objects that the rule or its blocks put into containers: content slot, container slot, frame."""
         found: list[tuple[int, int, MatchFrame]] = []
-        for frame in self._site.blocks.frames:
+        for frame in self._statements.blocks.frames:
             found += [(move.node, move.container, frame) for move in frame.plan.moves]
             for link in frame.plan.links:
                 held = self._facts.metamodel.containment_link(link.reference, link.source, link.target)
@@ -162,22 +162,22 @@ class LinkEmitter:
         upper = reference.upper if forward else self._facts.metamodel.max_sources(reference)
         if upper is None:
             return
-        sure = self._site.has_certain_class(slot, reference.owner if forward else reference.target)
+        sure = self._statements.has_certain_class(slot, reference.owner if forward else reference.target)
         one = (
             self._facts.links.only_other_end(reference, node, forward=forward, class_known=sure) if upper == 1 else None
         )
         if one is not None:
-            self._site.append_refuse_unless(code.Operation("<", (one, ZERO)))
+            self._statements.append_refuse_unless(code.Operation("<", (one, ZERO)))
         else:
             counted = emit_call(self._facts.links.emit_counter(reference, forward), node)
-            self._site.append_refuse_unless(code.Operation("<", (counted, code.Constant(upper))))
+            self._statements.append_refuse_unless(code.Operation("<", (counted, code.Constant(upper))))
 
     def emit_set_target(self, change: SetTargets) -> None:
         """Emit code that sets the only target of an object, or removes it if the change has no value.
 
         If a single-valued opposite of the target is occupied, the former link is removed.
         """
-        matches, links, reference = self._site, self._facts.links, change.reference
+        matches, links, reference = self._statements, self._facts.links, change.reference
         stored, same = links.column_of(reference)
         source = matches.slots[change.object]
         target = matches.slots[change.values[0]] if change.values else NOBODY
@@ -210,7 +210,7 @@ class LinkEmitter:
 
     def emit_set_container(self, change: SetTargets) -> None:
         """Emit code that moves an object into a new container, or only out of its old one if there is no value."""
-        matches, reference, value = self._site, change.reference, change.values[0] if change.values else None
+        matches, reference, value = self._statements, change.reference, change.values[0] if change.values else None
         contains = reference if reference.containment else self._facts.metamodel.opposite(reference)
         assert contains is not None
         source, target = matches.slots[change.object], NOBODY if value is None else matches.slots[value]
@@ -237,7 +237,7 @@ class LinkEmitter:
 
         The rule is refused if the container is full, or is inside the object.
         """
-        matches, metamodel = self._site, self._facts.metamodel
+        matches, metamodel = self._statements, self._facts.metamodel
         cls, node = matches.frame.classes.get(content) or reference.target, matches.slots[content]
         for other in metamodel.references:
             if other.containment and metamodel.may_overlap(cls, other.target):
@@ -262,8 +262,8 @@ class LinkEmitter:
         """Emit code that replaces all targets of an object."""
         block, reference = code.BodyBuilder(), change.reference
         source, sure = (
-            self._site.slots[change.object],
-            self._site.has_certain_class(change.object, reference.owner),
+            self._statements.slots[change.object],
+            self._statements.has_certain_class(change.object, reference.owner),
         )
         links = self._facts.links
         target, kept = links.loop_over_links(block, reference, source, forward=True, class_known=sure)
@@ -271,7 +271,7 @@ class LinkEmitter:
         if links.is_symmetric(reference):
             back = links.link_cell(reference, target, source, classes_known=(True, sure))
             block.add(code.Assign(back.place, back.unlinked_value))
-        self._site.append(*block.finish_body())
+        self._statements.append(*block.finish_body())
         self.emit_change_targets(ChangeTargets(change.object, reference, "+=", change.values))
 
     def emit_change_targets(self, change: ChangeTargets) -> None:
@@ -279,24 +279,24 @@ class LinkEmitter:
         opposite = self._facts.metamodel.opposite(change.reference)
         for value in change.values:
             if change.operator == "-=":
-                made = self._site.collect(
+                made = self._statements.collect(
                     lambda value=value: self.emit_unlink(RemoveLink(change.object, change.reference, value))  # type: ignore[misc]
                 )
             elif opposite is not None and opposite.upper == 1:
-                made = self._site.collect(
+                made = self._statements.collect(
                     lambda value=value: self.emit_set_target(SetTargets(value, opposite, (change.object,)))  # type: ignore[misc]
                 )
             else:
                 self.emit_link(AddLink(change.object, change.reference, value))
                 continue
-            there = code.Operation(">=", (self._site.slots[value], ZERO))
-            self._site.append(*([code.If(there, made)] if value in self._site.frame.types else made))
+            there = code.Operation(">=", (self._statements.slots[value], ZERO))
+            self._statements.append(*([code.If(there, made)] if value in self._statements.frame.types else made))
 
     def _emit_store(self, stored: LinkColumn, holder: code.Expression, other: code.Expression) -> None:
         """Emit code that stores `other` in the column's cell of an object, if the object is not -1."""
         place, _ = self._facts.links.column_cell(stored, holder, class_known=True)
         there = code.Operation(">=", (holder, ZERO))
-        self._site.append(code.If(there, (code.Assign(place, other),)))
+        self._statements.append(code.If(there, (code.Assign(place, other),)))
 
     def _emit_make_room(self, stored: LinkColumn, reference: Reference, target: code.Expression) -> None:
         """Emit code that removes the former link to a target, if the reference has a single-valued opposite.
@@ -309,9 +309,9 @@ class LinkEmitter:
             holder = self._facts.new_local_for(ObjectType(""))
             held = links.only_other_end(reference, target, forward=False, class_known=False)
             assert held is not None
-            self._site.append(code.Assign(holder, code.ConditionalExpression(there, held, NOBODY)))
+            self._statements.append(code.Assign(holder, code.ConditionalExpression(there, held, NOBODY)))
             self._emit_store(stored, holder, NOBODY)
         elif opposite is not None and opposite.upper is not None:
             counted = emit_call(links.emit_counter(reference, forward=False), target)
             few = code.Operation("<", (counted, code.Constant(opposite.upper)))
-            self._site.append_refuse_unless(code.Operation("or", (code.emit_not(there), few)))
+            self._statements.append_refuse_unless(code.Operation("or", (code.emit_not(there), few)))

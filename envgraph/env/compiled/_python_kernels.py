@@ -25,6 +25,7 @@ __all__ = [
 ]
 
 MASK_64_BITS: Final = 2**64 - 1
+"""Python's ints are cut to it, so that results equal those of 64-bit words in compiled programs."""
 
 
 def as_numpy_array(array: Any) -> Any:

@@ -8,8 +8,8 @@ outside get arrays, and convert them to vectors and matrices.
 # mypy: ignore-errors
 
 DONE, SPACE, WRONG, MANY, FOUND, PAUSED = 0, 1, 2, 3, 4, 5
-"""How a visit ends: all is done, arrays are full, an error of the environment, too many outcomes of an action, what was
-sought, or as many outcomes as were wanted."""
+"""Results of a visit: all is done, arrays are full, an error of the environment, too many outcomes of an action, the
+wanted end is found, or as many outcomes as were wanted are made."""
 MADE, CHANCE, KNOWN, SCRIPT = 0, 1, 2, 3
 """Indices of `D`: choices made, their probability, choices in the script; then alternative and count of each choice."""
 

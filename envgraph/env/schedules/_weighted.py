@@ -26,14 +26,14 @@ class SuccessRates:
 
     def __init__(self, count: int) -> None:
         self.fast, self.slow = np.zeros(count), np.zeros(count)
-        self._told = np.zeros(count, np.bool_)
+        self._has_outcome = np.zeros(count, np.bool_)
 
     def tell(self, outcomes: Outcomes) -> None:
         """Update both averages of each member that was played with its share of successes."""
         for member, success in zip(outcomes.member.tolist(), outcomes.success.tolist(), strict=True):
             for average, rate in ((self.fast, FAST_RATE), (self.slow, SLOW_RATE)):
-                average[member] += (rate if self._told[member] else 1.0) * (success - average[member])
-            self._told[member] = True
+                average[member] += (rate if self._has_outcome[member] else 1.0) * (success - average[member])
+            self._has_outcome[member] = True
 
 
 Weight = Callable[[SuccessRates], Floats]

@@ -136,8 +136,8 @@ def _doubtful_line_errors(
     message = "this line is next to a level, but at least half of its characters are not letters of the model"
     hint = (
         f"{_letters_hint(letters)}; if it is a row, add `--legend x=LETTER` for a letter `x` of it, and "
-        "write each cell as a "
-        "letter, without counts (run-length encoding). If it is other text, put an empty line between it and the level"
+        "write each cell as a letter, without counts (run-length encoding). If it is other text, put an empty line "
+        "between it and the level"
     )
     for _, block in groupby(_lines(source), key=lambda line: bool(line.text)):
         lines = list(block)

@@ -161,8 +161,7 @@ class UsageCheck:
             if name not in self._tainted and all(one.type != type_ for one in metamodel.attributes):
                 message = (
                     f"`{name}` never has a value{self._location_phrase}: nothing binds it, so it ranges "
-                    "over the values of "
-                    f"type `{type_name(type_)}`, and no attribute has this type"
+                    f"over the values of type `{type_name(type_)}`, and no attribute has this type"
                 )
                 hint = "bind it with a `find` or `==`"
                 if name in self._parameters:

@@ -117,10 +117,10 @@ class BodyLowering:
 
     # --- terms
 
-    def _slot_for(self, term: Term, expected: StaticType | None, group: int | None = None) -> int:
+    def _slot_for(self, term: Term, expected: StaticType | None) -> int:
         """Return the slot of an argument: the variable's own, else a new slot.
 
-        A literal fixes the new slot, and goals compute an eval or aggregate. `group` is not used.
+        A literal fixes the new slot, and goals compute an eval or aggregate.
         """
         match term:
             case Variable():

@@ -105,7 +105,7 @@ class LhsLowering:
         types = self._variable_types(rule.left, rule.blocks, outside)
         constraints, nested = self._lower_body(rule.left, rule.blocks, types, ())
         names = tuple(types)
-        declared = [self._lower_parameter(p, rule.left, constraints, types[p.name]) for p in parameters]
+        declared = [self._lower_parameter(p, rule.left, types[p.name]) for p in parameters]
         constraints += self._mention_parameters(parameters, constraints, types)
         declared += [Parameter(name, span=self.rule.span) for name in names[len(declared) :]]
         pattern = self._add_pattern("lhs", declared, constraints, rule.left)
@@ -117,7 +117,6 @@ class LhsLowering:
         self,
         parameter: Parameter,
         left: LeftSide,
-        constraints: Sequence[Constraint],
         type_: StaticType | None,
     ) -> Parameter:
         """Return a pattern parameter for a rule parameter: `in` if it is data that no positive constraint mentions."""

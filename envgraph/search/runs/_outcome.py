@@ -123,8 +123,8 @@ def why_low(family: Family, store: RunStore) -> Diagnostic | None:
             message = f"no model reached {_format_bins(bins, sorted(empty))} of `{of}`{rejected}"
             hint = (
                 f"use mutations that change `{of}` more{_mutation_strength_hint(spec.mutation.strength)}, loosen the "
-                "constraints, "
-                f"raise `generations`, or write {_format_range(met)} in `[diversity]`, the range of the values so far"
+                f"constraints, raise `generations`, or write {_format_range(met)} in `[diversity]`, the range of the "
+                "values so far"
             )
     return Diagnostic("low-diversity", f"the diversity is below its maximum: {message}", span, hint, Severity.WARNING)
 

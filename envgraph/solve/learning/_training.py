@@ -25,7 +25,7 @@ from envgraph.solve.learning._training_settings import TrainingSettings
 Backend = Literal["auto", "python", "numba"]
 
 COMPILING_PAYS = 4_000_000, 500_000
-"""Steps from which the loop of numba is faster, for plain Q-learning and for other agents.
+"""Steps from which the loop of numba is faster, for Q-learning without options and for other agents.
 
 Each lies between the break-even points with and without a compiled loop in the cache: `python -m benchmarks learn`.
 """
