@@ -32,7 +32,8 @@ class TextRecorder:
         self._folder = folder
         self._texts: dict[str, None] = {}
         folder.mkdir(parents=True, exist_ok=True)
-        compiling, emitting: tuple[Any, Any] = _compile_text, _compiled_program
+        compiling: Any = _compile_text
+        emitting: Any = _compiled_program
         self._compile, self._emit = compiling.compile_cached, emitting.emit_program
         compiling.compile_cached, emitting.emit_program = self._record_live_text, self._record_program
 
