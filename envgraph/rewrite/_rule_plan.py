@@ -162,6 +162,7 @@ class ChangeTargets:
 
 
 AssignOperation = SetAttribute | SetAttributeValues | AdjustAttribute | SetTargets | ChangeTargets
+Operation = RemoveLink | DeleteObject | RetypeObject | MergeObjects | MoveToContainer | AddLink | AssignOperation
 
 
 @dataclass(frozen=True, slots=True)
@@ -205,10 +206,15 @@ class BlockPlan:
     span: Span | None = field(default=None, compare=False)
 
     @property
-    def operation_count(self) -> int:
-        """Return the number of operations of this block, without those of nested blocks."""
-        parts = (self.unlinks, self.deletes, self.retypes, self.creates, self.absorbs, self.moves, self.links)
-        return sum(map(len, parts)) + len(self.sets)
+    def operations(self) -> tuple[Operation | CreateObject, ...]:
+        """Return the operations of this block, without those of nested blocks, in the order of their execution."""
+        found: list[Operation | CreateObject] = [*self.unlinks, *self.deletes, *self.retypes, *self.creates]
+        return (*found, *self.absorbs, *self.moves, *self.links, *self.sets)
+
+    @property
+    def may_contradict(self) -> bool:
+        """Return True if two matches of a rule, or two variables for one object, may ask for different changes."""
+        return bool(self.nested) or self.may_coincide or self.has_contended_objects
 
     @property
     def has_contended_objects(self) -> bool:

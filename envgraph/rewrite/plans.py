@@ -16,4 +16,11 @@ from envgraph.rewrite._rule_plan import (
     SetAttributeValues as SetAttributeValues,
     SetTargets as SetTargets,
 )
+from envgraph.rewrite.check._claims import (
+    Claim as Claim,
+    claims_of as claims_of,
+    endangered_classes as endangered_classes,
+    kept_objects as kept_objects,
+    may_be_refused as may_be_refused,
+)
 from envgraph.rewrite.check._unit_check import CheckedUnit as CheckedUnit, all_steps as all_steps

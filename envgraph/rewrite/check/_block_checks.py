@@ -14,6 +14,7 @@ from envgraph.rewrite._rule_plan import (
     SetAttributeValues,
     SetTargets,
 )
+from envgraph.rewrite.check._claims import claims_of
 from envgraph.rewrite.check._containment import contained_end, loses_container
 from envgraph.rewrite.check._contradictions import ConflictCheck, Contradiction
 from envgraph.rewrite.check._rhs import BlockChanges
@@ -78,7 +79,7 @@ def _check_consistent(changes: BlockChanges, plan: BlockPlan) -> None:
     )
     conflicts = ConflictCheck(changes.scope.metamodel, lambda slot: f"`{plan.names[slot] or '..'}`", strict=True)
     try:
-        conflicts.add_match(symbolic, range(len(plan.names)))
+        conflicts.add_match(symbolic, [*claims_of(symbolic, changes.scope.metamodel)], range(len(plan.names)))
         conflicts.check_all()
     except Contradiction as error:
         if plan.may_coincide and not error.is_certain:

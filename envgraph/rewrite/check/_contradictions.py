@@ -3,10 +3,10 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Collection, Sequence
-from typing import Any, Final, NamedTuple
+from typing import Any, Final, NamedTuple, cast
 
 from envgraph.errors import EnvgraphError, RuleError
-from envgraph.metamodel import Attribute, Metamodel, Reference, Scalar
+from envgraph.metamodel import Attribute, Metamodel, Reference
 from envgraph.rewrite._rule_plan import (
     AddLink,
     AdjustAttribute,
@@ -15,31 +15,20 @@ from envgraph.rewrite._rule_plan import (
     DeleteObject,
     MergeObjects,
     MoveToContainer,
+    Operation,
     RemoveLink,
     RetypeObject,
     SetAttribute,
     SetAttributeValues,
     SetTargets,
 )
+from envgraph.rewrite.check._claims import Claim
 
-Operation = (
-    MergeObjects
-    | RetypeObject
-    | ChangeTargets
-    | DeleteObject
-    | AdjustAttribute
-    | AddLink
-    | MoveToContainer
-    | SetTargets
-    | SetAttribute
-    | SetAttributeValues
-    | RemoveLink
-)
 CanonicalLink = tuple[Reference, int, int]
 """A link in canonical direction, so that a link and its opposite are equal: see `Metamodel.canonical`."""
 
-SUM_OF_AMOUNTS: Final = ("added up",)
-"""Recorded in place of a value for numbers that `+=` changes: the amounts of several matches are added up."""
+PARTIAL_CHANGE: Final = object()
+"""Recorded in place of values or targets that are added or removed: such changes of several matches agree."""
 
 
 class FreshObject(int):
@@ -110,42 +99,50 @@ class ConflictCheck:
         self._ends: dict[tuple[int, Reference | None], tuple[object, RequestedChange, bool]] = {}
         self._features: list[tuple[int, str, RequestedChange]] = []
 
-    def add_match(self, plan: BlockPlan, slots: Sequence[Any]) -> None:
-        """Add the changes that one match of a block requests.
+    def add_match(self, plan: BlockPlan, claims: Sequence[Claim], slots: Sequence[Any]) -> None:
+        """Add the changes that one match of a block requests; `claims` has the claims of the block.
 
         Raises:
             RuleError: the match deletes an object or link that its own LHS also preserves ("identification").
             Contradiction: two of the changes added so far contradict each other.
         """
         self._check_identification(plan, slots)
-        for delete in plan.deletes:
-            self._add_deletion(slots[delete.node], None, RequestedChange(plan, slots, delete))
-        for absorb in plan.absorbs:
-            want = RequestedChange(plan, slots, absorb)
-            self._add_changed(slots[absorb.kept], want)
-            self._add_deletion(slots[absorb.absorbed], slots[absorb.kept], want)
-        for retype in plan.retypes:
-            self._add_retyping(slots[retype.node], retype.cls, RequestedChange(plan, slots, retype))
-        added = set()
-        for move in plan.moves:
-            self._add_link(
-                move.reference,
-                slots[move.container],
-                slots[move.node],
-                RequestedChange(plan, slots, move),
-                True,
-            )
-        for link in plan.links:
-            source, target = slots[link.source], slots[link.target]
-            if target is not None:
-                added.add(self._canonical(link.reference, source, target))
-                self._add_link(link.reference, source, target, RequestedChange(plan, slots, link), False)
-        for change in plan.sets:
-            self._add_assignment(RequestedChange(plan, slots, change), change)
-        for unlink in plan.unlinks:
-            arrow = self._canonical(unlink.reference, slots[unlink.source], slots[unlink.target])
-            if arrow not in added:  # a link that the same match removes and adds remains
-                self._removed.setdefault(arrow, RequestedChange(plan, slots, unlink))
+        want: RequestedChange | None = None
+        created = set[CanonicalLink]()
+        for claim in claims:
+            if claim.present is not None and slots[claim.present] is None:
+                continue
+            if want is None or want.operation is not claim.operation:
+                want = RequestedChange(plan, slots, claim.operation)
+            node, subject = slots[claim.node], cast(Any, claim.subject)
+            match claim.kind:
+                case "gone":
+                    self._add_deletion(node, slots[claim.others[0]] if claim.others else None, want)
+                case "touched":
+                    self._changed.setdefault(node, want)
+                case "class":
+                    self._add_retyping(node, subject, want)
+                case "owner":
+                    self._features.append((node, subject, want))
+                case "value":
+                    self._add_value(node, subject, _new_value(claim, slots), want)
+                case "element":
+                    self._add_element(node, subject, slots[claim.others[0]], claim.operator, want)
+                case "end":
+                    end = slots[claim.others[0]]
+                    self._add_single_end(
+                        node, subject, end if claim.via is None else (end, claim.via), want, claim.forced
+                    )
+                case _:
+                    arrow = self._canonical(subject, node, slots[claim.others[0]])
+                    if claim.kind == "added":
+                        self._added.setdefault(arrow, want)
+                        if isinstance(claim.operation, AddLink):
+                            created.add(arrow)
+                    elif claim.kind == "withdrawn":
+                        self._removed_targets.setdefault(arrow, want)
+                    elif arrow not in created:  # a link that the same match removes and adds remains
+                        self._removed.setdefault(arrow, want)
 
     def check_all(self) -> None:
         """Check for contradictions that only all changes together show, such as an object both deleted and changed.
@@ -191,7 +188,7 @@ class ConflictCheck:
             if feature is None or (node, feature) not in self._values:
                 continue
             targets, exact = self._values[node, feature]
-            if targets is not None and other not in targets:
+            if targets is not PARTIAL_CHANGE and other not in targets:
                 raise self._two_values_error(node, feature, (targets, exact), ((other,), want))
 
     def _check_identification(self, plan: BlockPlan, slots: Sequence[Any]) -> None:
@@ -226,34 +223,12 @@ class ConflictCheck:
                 want,
             )
 
-    def _add_changed(self, node: int, want: RequestedChange) -> None:
-        self._changed.setdefault(node, want)
-
     def _add_retyping(self, node: int, cls: str, want: RequestedChange) -> None:
-        self._add_changed(node, want)
         other, earlier = self._classes.setdefault(node, (cls, want))
         if other != cls:
             raise Contradiction(f"{self.describe(node)} is retyped to both `{other}` and `{cls}`", earlier, want)
 
-    # --- links
-
-    def _add_link(self, reference: Reference, source: int, target: int, want: RequestedChange, forced: bool) -> None:
-        """Record an added link; `forced` if the operation first removes other links of a full reference.
-
-        Raise a `Contradiction` if an object gets two different targets by a single-valued reference, or two containers.
-        """
-        opposite = self.metamodel.opposite(reference)
-        self._add_changed(source, want)
-        self._add_changed(target, want)
-        self._features += [(source, reference.owner, want), (target, reference.target, want)]
-        self._added.setdefault(self._canonical(reference, source, target), want)
-        if reference.upper == 1:
-            self._add_single_end(source, reference, target, want, forced)
-        if opposite is not None and opposite.upper == 1:
-            self._add_single_end(target, opposite, source, want, forced)
-        if (held := self.metamodel.containment_link(reference, source, target)) is not None:
-            contains, container, content = held
-            self._add_single_end(content, None, (container, contains), want, forced)
+    # --- links and values
 
     def _add_single_end(
         self, node: int, feature: Reference | None, value: object, want: RequestedChange, forced: bool
@@ -272,43 +247,8 @@ class ConflictCheck:
                 raise Contradiction(message, earlier, want, refused=refused, always=False)
             raise self._two_values_error(node, feature, ((other,), earlier), ((value,), want), refused)
 
-    # --- values
-
-    def _add_assignment(self, want: RequestedChange, change: object) -> None:
-        slots = want.slots
-        match change:
-            case SetAttribute(node, attribute, value):
-                self._add_value(slots[node], attribute, None if value is None else slots[value], want)
-            case AdjustAttribute(node, attribute, operator, value):
-                # Additions to strings contradict each other, because their order changes the result.
-                texts = attribute.type is Scalar.STRING and not attribute.many
-                self._add_value(slots[node], attribute, (operator, slots[value]) if texts else SUM_OF_AMOUNTS, want)
-                if attribute.many:
-                    self._add_element(slots[node], attribute, slots[value], operator, want)
-            case SetAttributeValues(node, attribute, values):
-                self._add_value(slots[node], attribute, tuple(slots[value] for value in values), want)
-            case SetTargets(node, reference, values):
-                targets = tuple(slots[value] for value in values if slots[value] is not None)
-                self._add_value(slots[node], reference, targets, want)
-                for target in targets:
-                    self._add_link(reference, slots[node], target, want, True)
-            case ChangeTargets(node, reference, operator, values):
-                self._add_value(slots[node], reference, None, want)
-                for target in (slots[value] for value in values if slots[value] is not None):
-                    if operator == "+=":
-                        self._add_link(reference, slots[node], target, want, True)
-                    else:
-                        self._removed_targets.setdefault(self._canonical(reference, slots[node], target), want)
-            case _:
-                raise AssertionError(change)
-
     def _add_value(self, node: int, feature: Attribute | Reference, value: object, want: RequestedChange) -> None:
-        """Record the new value or targets of a feature, or `value` None if only some of its targets change.
-
-        Raise a `Contradiction` if another value is recorded.
-        """
-        self._add_changed(node, want)
-        self._features.append((node, feature.owner, want))
+        """Record the new value or targets of a feature. Raise a `Contradiction` if another value is recorded."""
         other, earlier = self._values.setdefault((node, feature), (value, want))
         if other != value:
             raise self._two_values_error(node, feature, (other, earlier), (value, want))
@@ -339,15 +279,27 @@ class ConflictCheck:
 
     def _format_value(self, feature: Attribute | Reference, value: object) -> str | None:
         """Return the text of a value for messages, or None for lists and sums of attributes and for partial changes."""
+        if value is PARTIAL_CHANGE:
+            return None
         if isinstance(feature, Attribute):
             return None if isinstance(value, tuple) else "none" if value is None else repr(value)
-        if not isinstance(value, tuple):
-            return None
+        assert isinstance(value, tuple)
         return ", ".join(self.describe(target) for target in value) or "none"
 
     def _format_link(self, arrow: CanonicalLink) -> str:
         reference, source, target = arrow
         return f"{self.describe(source)} -{reference.name}-> {self.describe(target)}"
+
+
+def _new_value(claim: Claim, slots: Sequence[Any]) -> object:
+    """Return the value that a feature gets: a tuple of targets, one or many attribute values, or a partial change."""
+    values = tuple(slots[slot] for slot in claim.others)
+    if claim.operator:
+        return (claim.operator, *values) if values else PARTIAL_CHANGE
+    if isinstance(claim.subject, Reference):
+        return tuple(target for target in values if target is not None)
+    assert isinstance(claim.subject, Attribute)
+    return values if claim.subject.many else values[0] if values else None
 
 
 def format_change(want: RequestedChange, describe: Callable[[int], str]) -> str:

@@ -336,7 +336,7 @@ def _check_effect(rule: Rule, lowered: LoweredBlock, plan: BlockPlan) -> Iterabl
     block = lowered.block
     if block is None and any(parameter.direction == "out" for parameter in rule.parameters):
         return
-    if plan.nested or plan.operation_count or (rule.right if block is None else block.right) is not None:
+    if plan.nested or plan.operations or (rule.right if block is None else block.right) is not None:
         for inner, inner_plan in zip(lowered.nested, plan.nested, strict=True):
             yield from _check_effect(rule, inner, inner_plan)
     elif block is None:

@@ -16,9 +16,19 @@ from envgraph.code import dataclass
 from envgraph.errors import RAISE_LIMIT_HINT, EvaluationError, RuleError, scaled_limit
 from envgraph.graph import Model
 from envgraph.match import Matcher
-from envgraph.metamodel import Metamodel, Reference
+from envgraph.metamodel import Metamodel
 from envgraph.rewrite._matches import Row
-from envgraph.rewrite._rule_plan import AddLink, BlockPlan, ChangeTargets, RulePlan, SetAttribute, SetTargets
+from envgraph.rewrite._rule_plan import (
+    AddLink,
+    AdjustAttribute,
+    BlockPlan,
+    ChangeTargets,
+    CreateObject,
+    Operation,
+    RulePlan,
+    SetAttributeValues,
+)
+from envgraph.rewrite.check._claims import claims_of, endangered_classes, may_refuse
 from envgraph.rewrite.check._contradictions import ConflictCheck, Contradiction, FreshObject, format_change
 from envgraph.rewrite.run._notices import ReportLink
 from envgraph.rewrite.run._refusal import explain_refusal
@@ -44,7 +54,7 @@ def compile_rule(plan: RulePlan, model: Model, matcher: Matcher, report: ReportL
         report(plan.name, link, model.graph.describe(source), model.graph.describe(target))
 
     body = plan.body
-    if body.nested or body.may_coincide or body.has_contended_objects:
+    if body.may_contradict:
         return _PhasedRule(plan, model, matcher, report_existing_link).apply
     return _compile_straight_line(plan, model, report_existing_link)
 
@@ -54,7 +64,7 @@ def compile_rule(plan: RulePlan, model: Model, matcher: Matcher, report: ReportL
 
 def _compile_straight_line(plan: RulePlan, model: Model, again: ReportExistingLink) -> ApplyRule:
     body = plan.body
-    endangered = _deletable_by_containers([body], model.metamodel)
+    endangered = endangered_classes([body], model.metamodel)
     writer = RuleCodeEmitter(model, _slot_local, lossy=plan.is_spo, sure=True, again=again, endangered=endangered)
     kept = tuple(slot for slot in body.preserved_slots if body.classes[slot] in endangered)
     changes = _emit_changes(writer, body, kept)
@@ -67,7 +77,7 @@ def _compile_straight_line(plan: RulePlan, model: Model, again: ReportExistingLi
         BaseException=BaseException,
     )
     whole: code.Body = (*computed, *changes)
-    if kept or _needs_savepoint(body, model.metamodel):
+    if kept or _needs_savepoint(plan, model.metamodel):
         writer.namespace.update(savepoint=model.graph.history.savepoint, release=model.graph.history.release)
         mark = code.Local("mark")
         protected = code.Try(
@@ -141,47 +151,19 @@ def _redo_function(
     return redo
 
 
-def _deletable_by_containers(blocks: Sequence[BlockPlan], metamodel: Metamodel) -> set[str]:
-    """Return classes of variables whose objects may be deleted together with an object that a block deletes."""
-    classes = {b.classes[d.node] for b in blocks for d in b.deletes} - {None}
-    deleted = (sub for cls in classes for sub in metamodel.concrete_classes(cls or ""))
-    return {above for cls in metamodel.all_content_classes(deleted) for above in metamodel.supertypes(cls)}
+def _needs_savepoint(plan: RulePlan, metamodel: Metamodel) -> bool:
+    """Return True if a rule without blocks may be refused, or a value be out of range, after it has changed the model.
 
-
-def _needs_savepoint(body: BlockPlan, metamodel: Metamodel) -> bool:
-    """Return True if a block may be refused after it has changed the model.
-
-    This is so if a change that can be refused follows another change, or if the block has a move or merge, which takes
+    This is so if a change that can be refused follows another change, or if the rule has a move or merge, which takes
     several changes.
     """
-    if body.moves or body.absorbs:
-        return True
-    safe = [True] * len(body.unlinks)
-    safe += [False] * (len(body.deletes) + len(body.retypes))
-    safe += [True] * len(body.creates)
-    safe += [_always_fits(link.reference, metamodel) for link in body.links]
-    for change in body.sets:
-        match change:
-            case SetAttribute():
-                safe.append(True)
-            case SetTargets():
-                safe.append(_always_set(change.reference, metamodel))
-            case ChangeTargets():
-                safe += [change.operator == "-=" or _always_fits(change.reference, metamodel)] * len(change.values)
-            case _:
-                safe.append(False)
-    return not all(safe[1:])
-
-
-def _always_fits(reference: Reference, metamodel: Metamodel) -> bool:
-    """Return True if the model never refuses a link of this reference between ends of the right classes."""
-    return reference.upper is None and metamodel.max_sources(reference) is None
-
-
-def _always_set(reference: Reference, metamodel: Metamodel) -> bool:
-    """Return True if a reference is single-valued and the model never refuses to replace its target."""
-    contains = metamodel.containment_link(reference, 0, 1) is not None
-    return not (reference.many or contains) and metamodel.max_sources(reference) in (None, 1)
+    body, steps = plan.body, list[Operation | CreateObject]()
+    for operation in body.operations:
+        steps += [operation] * (len(operation.values) if isinstance(operation, ChangeTargets) else 1)
+    return bool(body.moves or body.absorbs) or any(
+        isinstance(step, AdjustAttribute | SetAttributeValues) or may_refuse(step, body, metamodel, lossy=plan.is_spo)
+        for step in steps[1:]
+    )
 
 
 REFUSALS: Final = (RuleError, EvaluationError)
@@ -212,6 +194,7 @@ class _CompiledBlock:
         endangered: Collection[str],
     ) -> None:
         self.plan = plan
+        self.claims = tuple(claims_of(plan, model.metamodel))
         self.rows = matcher.prepare(plan.pattern, tuple(range(len(plan.arguments)))) if plan.kind != "rule" else None
         self.nested = [_CompiledBlock(inner, model, matcher, lossy, doomed, endangered) for inner in plan.nested]
         slots = code.Local("e")
@@ -271,7 +254,7 @@ class _PhasedRule:
         self.report_existing = again
         self.most = scaled_limit("instances")
         self.doomed: set[int] = set()
-        endangered = _deletable_by_containers(plan.blocks, model.metamodel)
+        endangered = endangered_classes(plan.blocks, model.metamodel)
         self.block = _CompiledBlock(plan.body, model, matcher, plan.is_spo, self.doomed, endangered)
 
     def apply(self, row: Row) -> Sequence[Any]:
@@ -311,7 +294,7 @@ class _PhasedRule:
         conflicts = ConflictCheck(self.model.metamodel, self._describe)
         try:
             for instance in instances:
-                conflicts.add_match(instance.block.plan, instance.slots)
+                conflicts.add_match(instance.block.plan, instance.block.claims, instance.slots)
             conflicts.check_all()
         except Contradiction as error:
             details = [format_change(want, self._describe) for want in error.changes]
