@@ -102,14 +102,13 @@ class BlockMatches:
 
     def load_match(self, frame: MatchFrame, row: code.Expression) -> tuple[list[code.Statement], Slots]:
         """Return statements that read the match of a block and its outer blocks, and the expression of each slot."""
-        assert frame.outer is not None
+        if frame.outer is None:
+            return [], frame.slots
         statements: list[code.Statement] = []
         slots: Slots = {}
         for slot in frame.columns:
             slots[slot] = local = self._facts.new_local_for(frame.types.get(slot) or ObjectType(""))
             statements.append(code.Assign(local, frame.slot_cell(slot, row)))
-        if frame.outer.outer is None:
-            return statements, {**frame.outer.slots, **slots}
         above = self._module.new_local("r")
         more, outer = self.load_match(frame.outer, above)
         return [*statements, code.Assign(above, frame.outer_row_cell(row)), *more], {**outer, **slots}
@@ -119,14 +118,25 @@ class BlockMatches:
         frame: MatchFrame,
         row: code.Local,
         loads: Sequence[code.Statement],
-        body: Sequence[code.Statement],
-    ) -> code.Statement:
-        """Return a loop that sets `row` to each match of a block, then runs `body` after the `loads` that it needs."""
-        place = self._module.new_local("i")
+        body: code.Body,
+        within: tuple[code.Local, code.Local] | None = None,
+    ) -> code.Body:
+        """Return a loop that sets `row` to each match of a block, then runs `body` after the `loads` that it needs.
+
+        Return `body` itself for the match of the rule. The matches of an outer match are consecutive: `within` has the
+        variable for the outer row, and one for the number of matches before, which is 0 at first, and which the loop
+        increases.
+        """
+        if frame.outer is None or not body:
+            return body
+        place, outer_row = within or (self._module.new_local("i"), None)
         there = code.Assign(row, emit_sum(frame.first_row, place))
-        return code.For(
-            place, code.emit_call("range", frame.row_count), (there, *self.needed_loads(loads, body), *body)
-        )
+        whole = (there, *self.needed_loads(loads, body), *body)
+        if outer_row is None:
+            return (code.For(place, code.emit_call("range", frame.row_count), whole),)
+        held = code.emit_equal(frame.outer_row_cell(emit_sum(frame.first_row, place)), outer_row)
+        left = code.Operation("and", (code.Operation("<", (place, frame.row_count)), held))
+        return (code.While(left, (*whole, code.Assign(place, ONE, "+="))),)
 
     @staticmethod
     def needed_loads(loads: Sequence[code.Statement], body: Sequence[code.Statement]) -> list[code.Statement]:

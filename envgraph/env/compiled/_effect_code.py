@@ -5,12 +5,14 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 
 from envgraph import code
+from envgraph.env.compiled._block_matches import MatchFrame
 from envgraph.env.compiled._link_changes import LinkEmitter
-from envgraph.env.compiled._match_conflicts import converted_value, emit_agreement_checks, emit_kept_checks
+from envgraph.env.compiled._match_conflicts import converted_value, emit_agreement_checks, emit_kept_check
 from envgraph.env.compiled._match_statements import MatchStatements
 from envgraph.env.compiled._matching import MatchEmitter
 from envgraph.env.compiled._member_data import emit_missing_value
 from envgraph.env.compiled._object_changes import ObjectChangeEmitter
+from envgraph.env.compiled._program_layout import ZERO
 from envgraph.env.compiled._symbols import WORD_BITS
 from envgraph.env.compiled._term_code import CodeTerm, ExpressionEmitter, variable_term
 from envgraph.metamodel import Attribute, Scalar
@@ -57,36 +59,61 @@ class EffectEmitter:
         The statements set the error of the state and leave if the rule is refused.
         """
         self._statements.append(*self._statements.blocks.emit_search())
-        body = self._statements.plan.body
-        self._emit_phase(self._emit_computations)
-        if body.nested or body.may_coincide or body.has_contended_objects:
+        for phase in (self._emit_computations, self._emit_identity_checks):
+            self._emit_phase(phase)
+        if self._statements.plan.body.may_contradict:
             emit_agreement_checks(self._statements)
         for phase in (self._emit_unlinks, self._emit_deletions):
             self._emit_phase(phase)
-        emit_kept_checks(self._statements)
-        for phase in (self._emit_retypings, self._emit_creations, self._emit_links):
+        self._emit_phase(lambda: emit_kept_check(self._statements))
+        for phase in (self._emit_retypings, self._emit_creations, self._emit_links, self._emit_assignments):
             self._emit_phase(phase)
-        self._emit_phase(self._emit_assignments)
         return self._statements.all_statements()
 
     def _emit_phase(self, write: Callable[[], None]) -> None:
-        """Call `write` to emit a phase: for the match of the rule, and in a loop for the matches of each block."""
-        for frame in self._statements.blocks.frames:
-            if frame.outer is None:
-                write()
-                continue
-            row = self._facts.module.new_local("r")
-            loads, slots = self._statements.blocks.load_match(frame, row)
-            self._statements.set_match(frame, slots, row)
-            made = self._statements.collect(write)
-            if made:
-                self._statements.append(self._statements.blocks.loop_over_matches(frame, row, loads, made))
-            self._statements.set_match(self._statements.rule, self._statements.rule.slots, None)
+        """Call `write` to emit a phase for the match of the rule, and for the matches of each block in loops.
+
+        The order is that of the live engine: after each match of a block come those of its inner blocks.
+        """
+        write()
+        for loop in self._inner_loops(self._statements.rule, write):
+            self._statements.append(*loop(None))
+
+    def _inner_loops(
+        self, outer: MatchFrame, write: Callable[[], None]
+    ) -> list[Callable[[code.Local | None], code.Body]]:
+        """Return a function for each block in `outer` with statements in a phase.
+
+        It returns a loop over the matches that were found in an outer row, or in any row if it is given None.
+        """
+        inner = [frame for frame in self._statements.blocks.frames if frame.outer is outer]
+        return [loop for frame in inner if (loop := self._phase_loop(frame, write)) is not None]
+
+    def _phase_loop(
+        self, frame: MatchFrame, write: Callable[[], None]
+    ) -> Callable[[code.Local | None], code.Body] | None:
+        statements, fresh = self._statements, self._facts.module.new_local
+        row = fresh("r")
+        loads, slots = statements.blocks.load_match(frame, row)
+        statements.set_match(frame, slots, row)
+        own = statements.collect(write)
+        statements.set_match(statements.rule, statements.rule.slots, None)
+        inner = self._inner_loops(frame, write)
+
+        def loop(outer_row: code.Local | None) -> code.Body:
+            if outer_row is None and not own and len(inner) == 1:
+                return inner[0](None)
+            within = None if outer_row is None else (fresh("i"), outer_row)
+            if within is not None:
+                statements.append_assignment(within[0], ZERO)
+            body = (*own, *(statement for one in inner for statement in one(row)))
+            return statements.blocks.loop_over_matches(frame, row, loads, body, within)
+
+        return loop if own or inner else None
 
     # --- phases
 
     def _emit_computations(self) -> None:
-        self._emit_identity_checks()
         for unlink in self._statements.frame.plan.unlinks:
             if unlink.is_required:
                 self._statements.append_refuse_unless(
@@ -104,8 +131,8 @@ class EffectEmitter:
     def _emit_deletions(self) -> None:
         for delete in self._statements.frame.plan.deletes:
             made = self._statements.collect(lambda each=delete: self._objects.emit_delete(each))  # type: ignore[misc]
-            outside = self._objects.not_contained_tests(delete)
-            self._statements.append(*([code.If(code.emit_joined("and", outside, True), made)] if outside else made))
+            stays = code.emit_not(self._objects.emit_is_inside_deleted(delete))
+            self._statements.append(*(made if stays == code.TRUE else [code.If(stays, made)]))
 
     def _emit_retypings(self) -> None:
         for retype in self._statements.frame.plan.retypes:

@@ -24,7 +24,7 @@ MOST_NAMED: Final = 20
 _NUMBA: Final = "arrays", "machine_code"
 """Modules that cannot be imported without numba."""
 _ERRORS: Final = {
-    FAILED: "a value is missing or too large",
+    FAILED: "a value is missing or too large, or the changes of a rule contradict each other",
     REFUSED: "a rule cannot be applied",
     **CAPACITY_ERRORS,
 }

@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 
 from envgraph import code
 from envgraph.env.compiled._block_matches import BlockMatches, MatchFrame, Slots
 from envgraph.env.compiled._matching import MatchEmitter
+from envgraph.env.compiled._program_layout import ONE, ZERO
 from envgraph.env.compiled._statement_list import StatementList
 from envgraph.rewrite.plans import RulePlan
 
@@ -48,6 +49,26 @@ class MatchStatements(StatementList):
     def append_refuse_unless(self, test: code.Expression) -> None:
         """Emit code that refuses the rule unless the test is true."""
         self.append_fail_if(code.emit_not(test), "REFUSED")
+
+    def emit_any_deleted(self, test: Callable[[code.Expression, str], code.Expression | None]) -> code.Expression:
+        """Emit code that tests the objects that all matches delete. Return an expression that is true if any passes.
+
+        `test` returns the test of an object of a class, or None if no object of the class passes.
+        """
+        found: list[code.Expression] = []
+        for frame in self.blocks.frames:
+            row = self.facts.module.new_local("r")
+            loads, slots = self.blocks.load_match(frame, row)
+            nodes = ((slots[delete.node], frame.plan.classes[delete.node] or "") for delete in frame.plan.deletes)
+            tests = [passes for node, cls in nodes if (passes := test(node, cls)) is not None]
+            if frame.outer is None:
+                found += tests
+            elif tests:
+                flag = self.facts.module.new_local("f")
+                body = (code.If(code.emit_joined("or", tests, False), (code.Assign(flag, ONE),)),)
+                self.append(code.Assign(flag, ZERO), *self.blocks.loop_over_matches(frame, row, loads, body))
+                found.append(code.emit_equal(flag, ONE))
+        return code.emit_joined("or", found, False)
 
     def has_certain_class(self, slot: int, cls: str) -> bool:
         own = self.frame.classes.get(slot)

@@ -115,19 +115,22 @@ class ObjectChangeEmitter:
         assert group is not None
         self._emit_leave_sets(group, delete.node)
 
-    def not_contained_tests(self, delete: DeleteObject) -> list[code.Expression]:
-        """Return expressions that test if the object is not contained in another object that the rule deletes."""
-        facts, slots, classes = self._facts, self._match.slots, self._match.frame.plan.classes
-        found: list[code.Expression] = []
-        for other in self._match.frame.plan.deletes:
-            inner = facts.metamodel.all_content_classes(facts.metamodel.concrete_classes(classes[other.node] or ""))
-            if other is not delete and any(
-                facts.metamodel.may_overlap(one, classes[delete.node] or "") for one in inner
-            ):
-                within = emit_call(emit_is_inside(facts), slots[other.node], slots[delete.node])
-                same = code.emit_equal(slots[other.node], slots[delete.node])
-                found.append(code.Operation("or", (same, code.emit_not(within))))
-        return found
+    def emit_is_inside_deleted(self, delete: DeleteObject) -> code.Expression:
+        """Emit code that tests if the object is contained in another object that the rule deletes, and goes with it.
+
+        Return the test: never true under SPO semantics, where nothing depends on the order of deletions.
+        """
+        metamodel, node = self._facts.metamodel, self._match.slots[delete.node]
+        cls = self._match.frame.plan.classes[delete.node] or ""
+
+        def contains(other: code.Expression, another: str) -> code.Expression | None:
+            inner = metamodel.all_content_classes(metamodel.concrete_classes(another))
+            if other == node or not any(metamodel.may_overlap(one, cls) for one in inner):
+                return None
+            within = emit_call(emit_is_inside(self._facts), other, node)
+            return code.Operation("and", (code.Operation("!=", (other, node)), within))
+
+        return code.FALSE if self._match.plan.is_spo else self._match.emit_any_deleted(contains)
 
     def _emit_delete_with_contents(self, concrete: tuple[str, ...], slot: int) -> None:
         """Emit code that calls a function to delete an object and its contents, and leaves if this is refused."""

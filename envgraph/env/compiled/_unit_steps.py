@@ -5,7 +5,7 @@ If the model refuses a rule at a match, the state is restored and another match 
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Sequence
 from typing import TYPE_CHECKING
 
 from envgraph import code
@@ -33,7 +33,7 @@ from envgraph.pattern import (
     variables_in,
 )
 from envgraph.rewrite import Signature
-from envgraph.rewrite.plans import CheckedUnit
+from envgraph.rewrite.plans import CheckedUnit, may_be_refused
 
 if TYPE_CHECKING:
     from envgraph.env.compiled._clause_code import FunctionEmitter
@@ -239,7 +239,7 @@ class _UnitStepEmitter:
         given, tests, wanted = self._emit_arguments(step, callee, scope)
         call = RuleCall(callee.name, span=step.span)
         writer.append(CLEAR_REFUSED)
-        tried = callee.kind == "rule" and self._may_be_refused(call, given)
+        tried = callee.kind == "rule" and self._may_be_refused(call)
         if self._tests_only:
             found = writer.emit_can_apply(call, given, retries_refused=tried)
             writer.append(code.If(code.emit_joined("and", [*tests, found], True), (code.Assign(done, ONE),)))
@@ -318,24 +318,17 @@ class _UnitStepEmitter:
             tests.append(self._facts.emit_is_instance(term.value, cls))
         return tests
 
-    def _may_be_refused(self, call: RuleCall, given: Mapping[str, code.Expression]) -> bool:
+    def _may_be_refused(self, call: RuleCall) -> bool:
         """Return True if the model may refuse a change of the rule, so that the unit has to try another match.
 
-        Raise `NotCompiled` if it may, and the rule's matches may contradict each other.
+        Raise `NotCompiled` if it depends on the order of a block's matches if one is refused or contradicts another.
         """
-        module, found = self._writer.module, False
-        with module.discarding_functions():
-            name = self._writer.application_function(call, tuple(given), ())
-            bodies = {function.name: function.body for function in module.functions}
-            reached = [name]
-            for each in reached:  # the loop appends to `reached`
-                names = {node.name for node in code.walk_parts(bodies[each]) if isinstance(node, code.Name)}
-                found = found or "REFUSED" in names
-                reached += sorted(names & bodies.keys() - {*reached})
-        body = plan_of(self._writer.engine, call).body
-        if found and (body.nested or body.may_coincide):
-            raise NotCompiled(f"a rule in a unit whose matches may contradict each other (`{call.rule}`)", call.span)
-        return found
+        plan = plan_of(self._writer.engine, call)
+        if any(block.identification_pairs or block.identification_link_pairs for block in plan.blocks[1:]):
+            raise NotCompiled(
+                f"a rule in a unit whose blocks may delete an object that they keep (`{call.rule}`)", call.span
+            )
+        return may_be_refused(plan, self._facts.metamodel)
 
     # --- conditions
 

@@ -19,10 +19,10 @@ GO = "rule go(m : Man, way : Way) { lhs { m -at-> s : Spot; find step(s, way, t)
 FORGET = "rule forget { lhs { m : Man -wants-> i : Item; } modify { set m.wants = none; } }\n"
 
 
-def corner(rules: str, actions: str) -> Yard:
+def corner(rules: str, actions: str, query: str = "") -> Yard:
     """A corner with some rules that leave their matches to blocks, among others."""
     head = "action go(way : Way) = go(adam, way)\n"
-    return Yard(GO + FORGET + rules, head + actions + LOOK, SEEN, spare=40)
+    return Yard(GO + FORGET + rules, head + actions + LOOK, SEEN + query, spare=40)
 
 
 CORNERS = {
@@ -144,14 +144,84 @@ CORNERS = {
         "action weigh = weigh() reward 1\naction drop = drop() reward 2\naction gone = gone() reward 3\n"
         "action pass = pass() reward 4\naction hand = hand() reward 5\n",
     ),
+    "blocks that change the same": corner(
+        """
+        rule add { lhs { y : Yard; } forall { lhs { i : Item; } modify { set i.weight += 0.1; } }
+            forall { lhs { i : Item; } modify { set i.weight += 0.7; } } modify { } }
+        rule turns { lhs { y : Yard; }
+            forall { lhs { m : Man -wants-> i : Item; }
+                forall { lhs { j : Item; check j.id != i.id; } modify { set j.weight += m.power; } }
+                forall { lhs { s : Spot; } modify { set s.f += i.weight; } }
+                modify { set i.weight -= 0.3; } }
+            forall { lhs { i : Item -at-> s : Spot; } modify { set i.weight += s.f; set s.f -= 0.1; } }
+            modify { } }
+        rule seats { lhs { y : Yard; }
+            forall { lhs { m : Man -at-> s : Spot; check m.hunger > 2; find step(s, Way::east, t); }
+                modify { set m.at = t; } }
+            forall { lhs { m : Man -at-> s : Spot; check m.hunger <= 2; find step(s, Way::west, t); }
+                modify { set m.at = t; set m.hunger += 1; } }
+            modify { } }
+        rule tastes { lhs { y : Yard; }
+            forall { lhs { m : Man; check m.hunger > 1; }
+                forall { lhs { m -likes-> i : Item; check i.id < 2; } modify { set m.likes -= i; } }
+                forall { lhs { i : Item -at-> s : Spot; m -at-> s; } modify { set m.likes += i; } }
+                modify { set m.hunger -= 1; } }
+            forall { lhs { m : Man -bag-> i : Item; } modify { set m.likes += i; set m.wants = i; } }
+            modify { } }
+        rule ties { lhs { y : Yard; }
+            forall { lhs { s : Spot; check s.x > 0; }
+                forall { lhs { find step(s, w, t); } modify { set s.near += t; } }
+                modify { set s.n += 1; } }
+            forall { lhs { s : Spot; i : Item -at-> s; s -near-> t : Spot; } modify { set s.near -= t; } }
+            modify { } }
+        """,
+        "action add = add() reward 1\naction turns = turns() reward 2\naction seats = seats() reward 3\n"
+        "action tastes = 0.3: tastes() reward 4\naction ties = ties() reward 5\n"
+        "on find near(s, t) reward s.x * 0.1 + t.x * 0.01\non find liked(m, i) reward i.id * 0.1\n",
+        "pattern near(s : Spot, t : Spot) { Spot.near(s, t); }\n"
+        "pattern liked(m : Man, i : Item) { Man.likes(m, i); }\n",
+    ),
+    "rules with blocks in units": corner(
+        """
+        @weight(2.0) rule meet(m : Man) { lhs { m : Man; }
+            forall { lhs { i : Item -at-> s : Spot; check i.id != 1; } modify { set m.at = s; } } modify { } }
+        rule crowd(s : Spot) { lhs { s : Spot; }
+            forall { lhs { m : Man; } modify { set m.at = s; set m.hunger += 1; } } modify { set s.n += 1; } }
+        rule seat { lhs { m : Man; s : Spot; }
+            forall { lhs { n : Man -at-> s; check n.hunger > m.hunger; } modify { set n.wants = none; } }
+            modify { set m.at = s; } }
+        rule choose { lhs { m : Man; s : Spot; check m.awake; }
+            forall { lhs { i : Item -at-> s; } modify { set m.wants = i; } }
+            modify { set m.at = s; } }
+        @hom(a, b) rule part { lhs { a : Item -at-> s : Spot; b : Item; check a.weight < 1.0; }
+            modify { delete a -at-> s; set b.at = s; } }
+        @hom(i, j) @semantics(spo) rule gone { lhs { i : Item; j : Item; check i.id > 2 && j.id > 0; }
+            modify { delete i; set j.kind = ::ant; } }
+        @match(homomorphic) rule weigh { lhs { i : Item; j : Item; check i.id <= j.id; j -at-> s : Spot; m : Man; }
+            modify { set i.kind = ::ant; set j.kind = ::mole; set m.at = s; } }
+        rule up { lhs { s : Spot; } modify { set s.n += 1; } }
+        unit met(m : Man) { meet(m) | up; }
+        unit crowded(s : Spot) { crowd(s) | up; }
+        unit seated { try { seat; } else { up; } }
+        unit chosen { choose | up; }
+        unit parted { part | up; }
+        unit lost { gone | up; }
+        unit weighed { try { weigh; } }
+        """,
+        "action met(m : Man) = 0.4: met(m) reward 1\naction crowded(s : Spot) = crowded(s) reward 2\n"
+        "action seated = seated() reward 3\naction chosen = 0.5: chosen() reward 4\n"
+        "action parted = 0.5: parted() reward 5\naction lost = 0.2: lost() reward 6\n"
+        "action weighed = 0.4: weighed() reward 7\n",
+    ),
 }
 
 REFUSED = {
-    "changes of `Item.weight` in several blocks of a rule": Yard(
+    "a rule in a unit whose blocks may delete an object that they keep (`yard.drop`)": Yard(
         """
-        rule add { lhs { y : Yard; } forall { lhs { i : Item; } modify { set i.weight += 0.1; } }
-            forall { [[lhs]] { i : Item; } modify { set i.weight += 0.7; } } modify { } }
+        @hom(i, j) rule drop { lhs { y : Yard; }
+            forall { lhs { i : Item; j : Item; } modify { delete i; set j.weight = 1.0; } } modify { } }
+        unit wrong { [[drop]]; }
         """,
-        "action add = add()\nobserve adam.kind",
+        "action wrong = wrong()\nobserve adam.kind",
     ),
 }

@@ -126,10 +126,69 @@ CORNERS = {
     ),
 }
 
+CORNERS["blocks that delete containers and contents"] = Yard(
+    """
+    rule both { lhs { y : Yard; }
+        forall { lhs { b : Box -item-> i : Item; check i.id > 2; } modify { delete b; delete i; } } modify { } }
+    rule apart { lhs { y : Yard; }
+        forall { lhs { i : Item; neg Item.at(i, _); check i.id > 2; } modify { delete i; } }
+        forall { lhs { b : Box; check b.size < 3; } modify { delete b; } } modify { } }
+    rule deep { lhs { y : Yard; }
+        forall { lhs { b : Box; check b.size == 2; }
+            forall { lhs { b -inner-> c : Box; } modify { delete c; set b.size += 1; } }
+            forall { lhs { m : Man; m -bag-> i : Item; } modify { set i.weight += 0.1; delete b; } }
+            modify { } }
+        modify { } }
+    rule kept { lhs { i : Item; }
+        forall { lhs { b : Box; check b.size > 1; } modify { delete b; } }
+        modify { set i.weight = 2.0; } }
+    @semantics(spo) rule spare { lhs { y : Yard; }
+        forall { lhs { b : Box; check b.size > 1; } modify { delete b; } }
+        forall { lhs { i : Item; check i.id > 1; } modify { set i.weight = i.id * 1.5; } }
+        modify { } }
+    @semantics(spo) rule point { lhs { m : Man; n : Man; }
+        forall { lhs { b : Box; check b.size == 1; } modify { delete b; } }
+        modify { set m.wants = n.wants; } }
+    @semantics(spo) rule lead { lhs { c : Box; n : Man; }
+        forall { lhs { b : Box; check b.size == 1; } modify { delete b; } }
+        forall { lhs { m : Man; check m.hunger > 2; } modify { set m.wants = n.wants; } }
+        modify { set c.size += 1; } }
+    rule want(m : Man) { lhs { m : Man; b : Box -item-> i : Item; } modify { set m.wants = i; } }
+    rule pack { lhs { b : Box; i : Item; neg Box.item(b, _); } modify { move i to b.item; } }
+    rule nest { lhs { b : Box; c : Box; } modify { move c to b.inner; set b.size = 2; } }
+    rule make { lhs { y : Yard; n == count Box(_); check n < 6; most == max Item.id(_, #); }
+        modify { create y -boxes-> b : Box { size = 1 }; create b -item-> i : Item { id = most + 1 }; } }
+    rule like { lhs { m : Man -wants-> i : Item; } modify { set m.wants = none; } }
+    unit some { both | apart | point; }
+    """,
+    """
+    action both = 0.3: both() reward 1
+    action apart = 0.3: apart() reward 2
+    action deep = 0.3: deep() reward 3
+    action kept = 0.3: kept() reward 4
+    action spare = 0.2: spare() reward 5
+    action point = 0.3: point() reward 6
+    action lead = 0.3: lead() reward 7
+    action pack = pack() reward 8
+    action nest = nest() reward 9
+    action make = make() reward 10
+    action like = like() reward 11
+    action want(m : Man) = want(m)
+    action some = 0.3: some() reward 12
+    on find within(_, c) reward c.size * 0.1
+    on find packed(i) reward i.weight
+    observe count find within(_, _) up to 9
+    observe count find packed(_) up to 5
+    """,
+    """
+    pattern within(b : Box, c : Box) { Box.inner(b, c); }
+    pattern packed(i : Item) { Box.item(_, i); }
+    """,
+    head="",
+    spare=60,
+)
+
 REFUSED = {
-    "a rule with blocks that deletes a container and its contents": wrong(
-        "lhs { y : Yard; } forall { lhs { b : Box; i : Item; } modify { delete [[b]]; delete i; } } modify { }"
-    ),
     "a rule that sets a container and may change other links (`Box.item`)": wrong(
         "lhs { b : Box; i : Item; } modify { [[set b.item = i;]] set i.pair = i; }"
     ),

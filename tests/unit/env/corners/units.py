@@ -174,7 +174,6 @@ CORNERS = {
 
 OTHERS = """
 derive climb = retype among { Spot, Pit };
-rule meet { lhs { y : Yard; } forall { lhs { m : Man; s : Spot; } modify { set m.at = s; } } modify { } }
 unit flatten(s : Pit) { flat(s); }
 """
 REFUSED = {
@@ -188,7 +187,6 @@ REFUSED = {
         "an `if` in a unit that asks whether a rule can be applied (`wrong`)": "[[if up(s) { down(s); }]]",
         "the group `climb` in a unit": "[[climb]];",
         "the unit `wrong`, which calls itself": "try { [[wrong(s)]]; } else { up(s); }",
-        "a rule in a unit whose matches may contradict each other (`yard.meet`)": "[[meet]] | up(s);",
         "an argument of a unit whose class is not certain (`flatten`)": "[[flatten(s)]];",
     }.items()
 }
