@@ -52,6 +52,7 @@ class AgentOrder:
 
     Attributes:
         prepared_agents: the agents.
+        together: True if they act in the same step.
         action_names: the names of all actions; an action number means the same name for every agent.
         shape: for each component of an observation, the maximum number of values over all agents. With several
             `agent` blocks, the first component is the block number of the agent whose turn it is.
@@ -63,7 +64,7 @@ class AgentOrder:
         if not programs:
             raise ResolutionError(unbound_names(behaviour, engine.model))
         self._classes = tuple(agent.cls for agent in behaviour.agents)
-        self._has_no_turns = not behaviour.agents or behaviour.together
+        self.together = behaviour.together
         own = [program.actions for _, _, _, program in programs]
         self.action_names = _merged_action_names(own)
         shapes = [[part.size for part in program.components] for _, _, _, program in programs]
@@ -101,7 +102,7 @@ class AgentOrder:
 
         `after(-1)` is the first agent. Return 0 if agents act simultaneously, or if the behaviour has no `agent` block.
         """
-        if self._has_no_turns:
+        if self.together or len(self.prepared_agents) == 1:
             return 0
         count = len(self.prepared_agents)
         for step in range(1, count + 1):

@@ -1,12 +1,11 @@
-"""The step of agents that act simultaneously, and the observation of a policy that controls all of them."""
+"""The step of one agent or of agents that act together, and the observation of a policy that controls all of them."""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Sequence
-from functools import cached_property, reduce
-from itertools import chain, product
+from collections.abc import Iterator, Sequence
+from functools import cached_property
+from itertools import product
 from math import prod
-from operator import add
 
 from envgraph.behaviour import Behaviour, Effect, KeyIndex
 from envgraph.code import dataclass
@@ -15,14 +14,17 @@ from envgraph.env._observation_components import combined_component_names
 from envgraph.env._prepared_behaviour import PreparedBehaviour, dominant_end
 from envgraph.env._prepared_clauses import (
     ChoiceSource,
+    NameValues,
     ObservationComponent,
     PendingMatch,
     PreparedEachStep,
     PreparedOnFind,
+    Reward,
     run_pending,
 )
-from envgraph.errors import LIMITS, Diagnostic, EvaluationError, ResolutionError
+from envgraph.errors import LIMITS, Diagnostic, EvaluationError, InvalidArgument, ResolutionError
 from envgraph.graph import Model
+from envgraph.match import Row
 
 
 @dataclass(frozen=True, slots=True)
@@ -40,19 +42,131 @@ class PreparedEffect:
     effect: PreparedEachStep | PreparedOnFind
 
 
-@dataclass(frozen=True, slots=True)
-class ActionReward:
-    """The reward of one agent's action, and how many of the agent's clauses precede the action in the file."""
+_Clause = tuple[PreparedOnFind | None, Reward | None, NameValues, list[int]]
+"""A clause of a step: its condition, or None, its reward, the values of names, and the sums that it is added to."""
 
-    agent: int
-    reward: float
-    effects_before: int
+_ONE_ROW: tuple[Row] = ((),)
 
 
-class JointStepper:
+class AgentStepper:
+    """A stepper for the agents that act in the same step: all of them together, or the one whose turn it is.
+
+    An action is a number whose digits are the actions of the agents; the first agent's action varies fastest.
+
+    Args:
+        agents: all agents of the model.
+        acting: the agents that act in the step, in this order.
+        model: the state.
+
+    Attributes:
+        acting: see above.
+        n_actions: the number of actions.
+        has_acted: True if the action of the last step applied a rule or sampled the branch `nothing()`; always True
+            if agents act together.
+    """
+
+    def __init__(self, agents: AgentOrder, acting: Sequence[PreparedAgent], model: Model) -> None:
+        self._agents, self.acting, self._model = agents, acting, model
+        self._weights = [len(agents.action_names) ** place for place in range(len(acting) + 1)]
+        self.n_actions = self._weights[-1]
+        self.has_acted = False
+        self._sums = [0.0] * len(acting)
+        self._effects = _ordered_effects(acting)
+        self._arrange([*range(len(acting))])
+
+    def _arrange(self, present: Sequence[int]) -> None:
+        """Prepare the steps in which these agents are present: their effects, and the sums to which rewards are added.
+
+        The sums of a step are the rewards of all agents, and then those of all but the first without shared rewards.
+        """
+        agents, effects = len(self.acting), [one for one in self._effects if one.is_shared or one.agent in present]
+        self._present = present
+        self._accounts = [[place, agents + place][: 1 + (place not in present[:1])] for place in range(agents)]
+        self._counted = [self._accounts[place][-1] for place in present] or [agents]
+        self._clauses: list[_Clause] = []
+        for one in effects:
+            paid = [*present] or [agents] if one.is_shared else self._accounts[one.agent]
+            effect = one.effect if isinstance(one.effect, PreparedOnFind) else None
+            self._clauses.append((effect, one.effect.reward, one.behaviour.bound_values, paid))
+        self._applied = [
+            (one.effect.apply, one.behaviour.bound_values)
+            for one in effects
+            if isinstance(one.effect, PreparedEachStep) and one.effect.apply is not None
+        ]
+        self._places = [
+            [place for place, one in enumerate(effects) if one.is_shared or one.agent == number] + [len(effects)]
+            for number in range(agents)
+        ]
+
+    @property
+    def rewards(self) -> tuple[float, ...]:
+        """Return the reward of each agent in the last step; 0.0 for agents that did not exist."""
+        return tuple(self._sums[: len(self.acting)])
+
+    def joint_action(self, actions: Sequence[int]) -> int:
+        """Return the number of the joint action that consists of these actions, one for each agent."""
+        return sum(action * weight for action, weight in zip(actions, self._weights, strict=False))
+
+    def step(self, number: int, choices: ChoiceSource) -> tuple[float, int]:
+        """Do an action, except for missing agents; return total reward and end, and set `rewards`.
+
+        The total counts each shared reward once, also if no agent exists.
+        """
+        if not 0 <= number < self.n_actions:
+            raise InvalidArgument(f"action {number} is not in 0..{self.n_actions - 1}")
+        if self._agents.together:
+            present = [place for place, agent in enumerate(self.acting) if self._agents.can_act(agent)]
+            if present != self._present:
+                self._arrange(present)
+        clauses = self._act(number, choices)
+        for apply, bound in self._applied:
+            apply.run(bound, choices, self._model)
+        self._sums = sums = [0.0] * 2 * len(self.acting)
+        end, total = 0, 0.0
+        pending: list[PendingMatch] = []
+        for effect, reward, scope, accounts in clauses:
+            for row in _ONE_ROW if effect is None else effect.matches():
+                if reward is not None:
+                    gain = reward(effect.match_scope(scope, row) if effect and row else scope)
+                    for account in accounts:
+                        sums[account] += gain
+                if effect is not None:
+                    end = dominant_end(end, effect.end)
+                    if effect.apply is not None:
+                        pending.append((scope, effect, row))
+        if pending:
+            run_pending(pending, choices, self._model)
+        for account in self._counted:
+            total += sums[account]
+        return total, end
+
+    def _act(self, number: int, choices: ChoiceSource) -> list[_Clause]:
+        """Do the actions of all agents; return the clauses of the step, among them the rewards of these actions."""
+        self.has_acted = self._agents.together
+        moves: list[tuple[int, int, Reward, NameValues]] = []
+        for agent in self.acting:
+            agent.behaviour.calls_done.clear()
+        for place in self._present:
+            agent = self.acting[place]
+            action = agent.actions[number // self._weights[place] % self._weights[1]]
+            scope = action.current_scope(agent.behaviour.bound_values)
+            done = action.branches.run(scope, choices, self._model)
+            if done is not None:
+                self.has_acted = True
+            reward = action.else_reward if done is None else action.reward
+            if reward is not None:
+                moves.append((self._places[place][action.effects_before], place, reward, done or scope))
+        if not moves:
+            return self._clauses
+        moves.sort(reverse=True)
+        clauses = self._clauses.copy()
+        for position, place, reward, scope in moves:
+            clauses.insert(position, (None, reward, scope, self._accounts[place]))
+        return clauses
+
+
+class JointStepper(AgentStepper):
     """A stepper of joint actions; the docstring of `Simulator` defines the step.
-
-    A joint action is a number whose digits are the agents' actions; the first agent's action varies fastest.
 
     Args:
         behaviour: a behaviour whose agents act together.
@@ -64,31 +178,20 @@ class JointStepper:
         ResolutionError: the model lacks an agent that another member of the family has.
 
     Attributes:
-        rewards: the reward of each agent in the last step; 0.0 for agents that did not exist.
         shape: the sizes of the components that all agents observe: each agent's own ones, then the shared ones.
         observation_names: the names of these components: "left at", "right at", .. "parcel at".
     """
 
     def __init__(self, behaviour: Behaviour, agents: AgentOrder, model: Model, keys: KeyIndex) -> None:
         check_all_agents_exist(behaviour, model, keys)
-        self._agents, self._model = agents, model
-        self._prepared_agents: Sequence[PreparedAgent] = agents.prepared_agents
-        self._clauses = _ordered_effects(agents.prepared_agents)
-        self.rewards = (0.0,) * len(agents.prepared_agents)
-        parts = [
-            part for seat in agents.prepared_agents for part in _own_or_shared_components(seat.behaviour, shared=False)
-        ]
-        parts += _own_or_shared_components(agents.prepared_agents[0].behaviour, shared=True)
+        super().__init__(agents, agents.prepared_agents, model)
+        parts = [part for agent in self.acting for part in _own_or_shared_components(agent.behaviour, shared=False)]
+        parts += _own_or_shared_components(self.acting[0].behaviour, shared=True)
         self.observation_names = combined_component_names(
-            behaviour, keys, [(seat.name, seat.block) for seat in agents.prepared_agents]
+            behaviour, keys, [(agent.name, agent.block) for agent in self.acting]
         )
         self.shape = tuple(part.size for part in parts)
         self._component_readers = [(part.read, prod(self.shape[:place])) for place, part in enumerate(parts)]
-
-    @property
-    def n_actions(self) -> int:
-        """Return the number of joint actions."""
-        return int(len(self._agents.action_names) ** len(self._prepared_agents))
 
     @cached_property
     def action_names(self) -> tuple[str, ...]:
@@ -97,97 +200,11 @@ class JointStepper:
         Raises:
             EvaluationError: the number of joint actions is too large.
         """
-        return joint_action_names([seat.name for seat in self._prepared_agents], self._agents.action_names)
-
-    def split_joint_action(self, number: int) -> list[int]:
-        """Return the number of each agent's action in the joint action with this number."""
-        found, base = [], len(self._agents.action_names)
-        for _ in self._prepared_agents:
-            number, digit = divmod(number, base)
-            found.append(digit)
-        return found
-
-    def joint_action(self, actions: Sequence[int]) -> int:
-        """Return the number of the joint action that consists of these actions, one for each agent."""
-        base = len(self._agents.action_names)
-        return sum(action * base**place for place, action in enumerate(actions))
+        return joint_action_names([agent.name for agent in self.acting], self._agents.action_names)
 
     def observation_index(self) -> int:
         """Return the index of the combined observation of all agents in the current state."""
         return sum(read() * weight for read, weight in self._component_readers)
-
-    def step(self, number: int, choices: ChoiceSource) -> tuple[float, int]:
-        """Do a joint action except for missing agents; return total reward and end, and set `rewards` by agent."""
-        there = [self._agents.can_act(seat) for seat in self._prepared_agents]
-        clauses = [clause for clause in self._clauses if clause.is_shared or there[clause.agent]]
-        for seat in self._prepared_agents:
-            seat.behaviour.calls_done.clear()
-        done = [
-            self._do_action(place, action, choices)
-            for place, action in enumerate(self.split_joint_action(number))
-            if there[place]
-        ]
-        for clause in clauses:
-            if isinstance(clause.effect, PreparedEachStep) and clause.effect.apply is not None:
-                clause.effect.apply.run(clause.behaviour.bound_values, choices, self._model)
-        pending: list[PendingMatch] = []
-        judged = [(clause, *_evaluate_effect(clause, pending)) for clause in clauses]
-        moves = [move() for move in done]
-        gained = [(clause, gains) for clause, gains, _ in judged]
-        paid = {move.agent: _agent_reward(move, gained, common=True) for move in moves}
-        self.rewards = tuple(paid.get(place, 0.0) for place in range(len(self._prepared_agents)))
-        run_pending(pending, choices, self._model)
-        return _joint_reward(moves, paid, gained), reduce(dominant_end, (ends for *_, ends in judged), 0)
-
-    def _do_action(self, place: int, number: int, choices: ChoiceSource) -> Callable[[], ActionReward]:
-        """Do one agent's action; return a callback that evaluates its reward later, after all agents have acted."""
-        program, action = self._prepared_agents[place].behaviour, self._prepared_agents[place].actions[number]
-        scope = action.current_scope(program.bound_values)
-        done = action.branches.run(scope, choices, self._model)
-        reward = action.else_reward if done is None else action.reward
-        return lambda: ActionReward(
-            place, reward(scope if done is None else done) if reward else 0.0, action.effects_before
-        )
-
-
-def _evaluate_effect(clause: PreparedEffect, pending: list[PendingMatch]) -> tuple[list[float], int]:
-    """Return the rewards and the end of a clause in the current state; append matches to apply to `pending`."""
-    effect, bound = clause.effect, clause.behaviour.bound_values
-    if isinstance(effect, PreparedEachStep):
-        return [effect.reward(bound)] if effect.reward else [], 0
-    rows = effect.matches()
-    if effect.apply is not None:
-        pending += [(bound, effect, row) for row in rows]
-    gains = [effect.reward(effect.match_scope(bound, row)) for row in rows] if effect.reward else []
-    return gains, effect.end if rows else 0
-
-
-def _agent_reward(
-    move: ActionReward, rewards_of_effects: Sequence[tuple[PreparedEffect, list[float]]], *, common: bool
-) -> float:
-    """Return the reward of one agent, summed in the order of the text, with shared rewards if `common`."""
-    parts = [
-        gains if common or not clause.is_shared else []
-        for clause, gains in rewards_of_effects
-        if clause.is_shared or clause.agent == move.agent
-    ]
-    parts.insert(move.effects_before, [move.reward])
-    return reduce(add, chain.from_iterable(parts), 0.0)  # `sum` rounds differently from Python 3.12 on
-
-
-def _joint_reward(
-    moves: Sequence[ActionReward],
-    paid: dict[int, float],
-    rewards_of_effects: Sequence[tuple[PreparedEffect, list[float]]],
-) -> float:
-    """Return the reward of all agents, in which each shared reward is counted once, also if no agent exists."""
-    if not moves:
-        return reduce(add, chain.from_iterable(gains for _, gains in rewards_of_effects), 0.0)
-    return reduce(
-        add,
-        (_agent_reward(move, rewards_of_effects, common=False) for move in moves[1:]),
-        paid[moves[0].agent],
-    )
 
 
 def _ordered_effects(seats: Sequence[PreparedAgent]) -> tuple[PreparedEffect, ...]:

@@ -333,9 +333,9 @@ class PreparedBehaviour:
         alive = self.model.graph.alive
 
         def sorted_matches() -> list[Row]:
-            if not all(alive(node) for node in bound):  # type: ignore[arg-type]
+            if not all(map(alive, bound)):  # type: ignore[arg-type]
                 return []
-            return sorted(row[count:] for row in find(*bound))
+            return sorted([row[count:] for row in find(*bound)])
 
         def still_matches(row: Row) -> bool:
             nodes = [*bound, *(value for value, known in zip(row, is_object, strict=True) if known)]

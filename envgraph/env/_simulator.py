@@ -23,15 +23,11 @@ from envgraph.behaviour import (
 )
 from envgraph.code import dataclass
 from envgraph.env._agent_order import AgentOrder, PreparedAgent
-from envgraph.env._joint_steps import JointStepper
+from envgraph.env._joint_steps import AgentStepper, JointStepper
 from envgraph.env._observation_components import component_names
-from envgraph.env._prepared_behaviour import PreparedBehaviour, dominant_end
+from envgraph.env._prepared_behaviour import PreparedBehaviour
 from envgraph.env._prepared_clauses import (
     ChoiceSource,
-    NameValues,
-    PendingMatch,
-    PreparedAction,
-    PreparedEachStep,
     PreparedOnFind,
     run_pending,
 )
@@ -122,10 +118,16 @@ class Simulator:
         self.turn = self._first_turn = self.agents.next_turn(-1)
         self.has_acted = False
         self._painter: Painter | None = None
+        agents = self.agents.prepared_agents
         self.joint_stepper: JointStepper | None = None
         if behaviour.together:
             self.joint_stepper = JointStepper(behaviour, self.agents, self._model, self.keys)
-        self.all_agent_names = tuple(seat.name for seat in self.agents.prepared_agents if seat.node is not None)
+        self._steppers: list[AgentStepper] = (
+            [self.joint_stepper]
+            if self.joint_stepper
+            else [AgentStepper(self.agents, [agent], self._model) for agent in agents]
+        )
+        self.all_agent_names = tuple(agent.name for agent in agents if agent.node is not None)
         self.agent_names = () if behaviour.together else self.all_agent_names
 
     @property
@@ -234,7 +236,11 @@ class Simulator:
         return found
 
     def agent_action_mask(self, number: int) -> NDArray[np.bool_]:
-        """Return the action mask of one agent; all True if the agent cannot act, or if no action would do something."""
+        """Return the action mask of one agent; all True if no action would do something.
+
+        Of agents that act together, one whose object does not exist could do anything. One whose turn it is can do what
+        needs no such object.
+        """
         seat, model = self.agents.prepared_agents[number], self._model
         if not self.agents.can_act(seat):
             return np.ones(len(seat.actions), dtype=np.bool_)
@@ -251,8 +257,8 @@ class Simulator:
 
     def non_range_components(self) -> tuple[int, ...]:
         """Return the component values, except numbers in ranges, of the next agent or of all simultaneous agents."""
-        seats = self.agents.prepared_agents if self.joint_stepper else (self.agents.prepared_agents[self.turn],)
-        components = (component for seat in seats for component in seat.behaviour.components)
+        agents = self._steppers[self.turn].acting
+        components = (component for agent in agents for component in agent.behaviour.components)
         return tuple(component.read() for component in components if not component.is_range)
 
     def obstacle_counter(self, end: int) -> Callable[[], int]:
@@ -330,12 +336,6 @@ class Simulator:
 
     # --- the step
 
-    def _action(self, number: int) -> PreparedAction:
-        actions = self.agents.prepared_agents[self.turn].actions
-        if not 0 <= number < len(actions):
-            raise InvalidArgument(f"action {number} is not in 0..{len(actions) - 1}")
-        return actions[number]
-
     def _apply_reset(self, choices: ChoiceSource) -> None:
         shared = self.agents.prepared_agents[0].behaviour
         shared.calls_done.clear()
@@ -348,60 +348,14 @@ class Simulator:
         self.turn = self.agents.next_turn(-1)
 
     def _step(self, number: int, choices: ChoiceSource) -> tuple[float, int]:
-        if self.joint_stepper is not None:
-            return self._step_together(self.joint_stepper, number, choices)
-        action = self._action(number)
-        program, model = self.agents.prepared_agents[self.turn].behaviour, self._model
-        program.calls_done.clear()
-        scope = action.current_scope(program.bound_values)
-        done = action.branches.run(scope, choices, model)
-        self.has_acted = done is not None
-        for effect in program.effects:
-            if isinstance(effect, PreparedEachStep) and effect.apply is not None:
-                effect.apply.run(program.bound_values, choices, model)
-        reward, terminated, pending = self._evaluate_clauses(program, action, scope, done)
-        run_pending(pending, choices, self._model)
-        if terminated == CONTINUES and program.calls_done:
-            _check_always_read(program, self._always_read, self._model)
+        stepper = self._steppers[self.turn]
+        reward, terminated = stepper.step(number, choices)
+        for agent in stepper.acting if self._always_read and terminated == CONTINUES else ():
+            if agent.behaviour.calls_done:
+                _check_always_read(agent.behaviour, self._always_read, self._model)
+        self.has_acted = stepper.has_acted
         self.turn = self.agents.next_turn(self.turn)
         return reward, terminated
-
-    def _step_together(self, together: JointStepper, number: int, choices: ChoiceSource) -> tuple[float, int]:
-        if not 0 <= number < together.n_actions:
-            raise InvalidArgument(f"action {number} is not in 0..{together.n_actions - 1}")
-        reward, terminated = together.step(number, choices)
-        self.has_acted = True
-        for seat in self.agents.prepared_agents:
-            if terminated == CONTINUES and seat.behaviour.calls_done:
-                _check_always_read(seat.behaviour, self._always_read, self._model)
-        return reward, terminated
-
-    def _evaluate_clauses(
-        self, program: PreparedBehaviour, action: PreparedAction, scope: NameValues, done: NameValues | None
-    ) -> tuple[float, int, list[PendingMatch]]:
-        """Return the reward and end of a step in the current state, and the matches whose `apply` is to run.
-
-        `scope` has the values of names before the action, `done` those after it; None if nothing was applied.
-        """
-        effects = program.effects
-        total, terminated = 0.0, CONTINUES
-        pending: list[PendingMatch] = []
-        for position in range(len(effects) + 1):
-            if position == action.effects_before:
-                reward = action.else_reward if done is None else action.reward
-                total += reward(scope if done is None else done) if reward else 0.0
-            if position == len(effects):
-                break
-            effect = effects[position]
-            if isinstance(effect, PreparedEachStep):
-                total += effect.reward(program.bound_values) if effect.reward else 0.0
-                continue
-            for row in effect.matches():
-                total += effect.reward(effect.match_scope(program.bound_values, row)) if effect.reward else 0.0
-                terminated = dominant_end(terminated, effect.end)
-                if effect.apply is not None:
-                    pending.append((program.bound_values, effect, row))
-        return total, terminated, pending
 
 
 def _replay(
