@@ -242,7 +242,7 @@ class Simulator:
         needs no such object.
         """
         seat, model = self.agents.prepared_agents[number], self._model
-        if not self.agents.can_act(seat):
+        if self.agents.together and not self.agents.can_act(seat):
             return np.ones(len(seat.actions), dtype=np.bool_)
         bound = seat.behaviour.bound_values
         can = [one.branches.can_run(one.current_scope(bound), model) for one in seat.actions]

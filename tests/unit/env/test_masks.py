@@ -169,3 +169,27 @@ def test_masks_of_simultaneous_agents_agree_between_table_program_and_live() -> 
         assert masks[0] == masks[1] == masks[2]
         for env in (live, compiled, single):
             env.step(action)
+
+
+LAST = """
+action rest = nothing()
+agent me : Coin {
+    action lose = lose(me)
+    action over = turnOver(me)
+    observe me.side
+}
+"""
+
+
+def test_agent_that_is_gone_and_keeps_its_turn_can_do_what_needs_no_agent() -> None:
+    table = explore(*loaded(LAST, parameters="")).tabular
+    program = program_of(*loaded(LAST, parameters=""), native=False)
+    for env in (EnvgraphLiveEnv(Simulator(*loaded(LAST, parameters=""))), CompiledEnv(program), EnvgraphEnv(table)):
+        assert env.action_names == ("rest", "lose", "over")
+        env.reset(seed=1)
+        masks = [env.action_masks().tolist()]
+        for _ in range(3):
+            env.step(1)
+            masks.append(env.action_masks().tolist())
+        assert masks[:2] == [[True] * 3] * 2
+        assert masks[2:] == [[True, True, False], [True, False, False]], "c shows tails; then all are lost"

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from tests.unit.env.corners.yard import Yard
+from tests.unit.env.corners.yard import MODEL, Yard
 
 CORNERS = {
     "a clause without names holds once": Yard(
@@ -229,4 +229,35 @@ CORNERS = {
         "pattern light(i : Item) { Item.weight(i, w); check(w < 1.0); }",
         head="",
     ),
+} | {
+    f"agents all of which may go, {how}": Yard(
+        """
+        @semantics(spo) rule kill(i : Item) { lhs { i : Item; check i.weight > 2.0; } modify { delete i; } }
+        rule soften(i : Item) { lhs { Heavy(i); } modify { retype i : Item; } }
+        rule harden(i : Item) { lhs { Item(i); neg Heavy(i); check i.weight > 2.0; } modify { retype i : Heavy; } }
+        rule grow(i : Item) { lhs { check i.weight < 5.0; } modify { set i.weight += 1.0; } }
+        unit more(i : Item) { grow(i); try { grow(i); } }
+        """,
+        f"""
+        {together}
+        agent h : Heavy {{
+            action soften = soften(h) reward 2 else reward -2
+            action grow = grow(h) reward 1 else reward -1
+            action more = more(h) reward h.weight else reward -3
+            action weigh = (0.1 * h.weight): kill(h)
+            on find heavy(h) reward 0.5
+            observe h.kind
+            observe h.id in 0..4
+        }}
+        action harden(i : Item) = harden(i)
+        each step apply 0.05: kill(i1)
+        on find heavy(i) reward i.weight
+        observe count find heavy(_) up to 3
+        """,
+        "pattern heavy(i : Item) { Item.weight(i, w); check(w > 2.0); }",
+        head="i1 : Item",
+        model=MODEL.replace("i2 : Item {", "i2 : Heavy { weight = 2.25"),
+        members=members,
+    )
+    for how, together, members in (("which take turns", "", 3), ("which act together", "agents together", 1))
 }
