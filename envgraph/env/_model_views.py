@@ -138,7 +138,7 @@ class GraphView(ModelView):
     has a value, followed by the value: a number, 0 or 1 for a bool, one column for each literal of an enum; no strings.
     Then for each parameter of the environment, 1 for its object, and in `agent`, 1 for the agent that acts next.
     `edges`, int64 [links], the number of the reference; `edge_links`, int64 [links, 2], the numbers of source and
-    target.
+    target; links are sorted by these three numbers.
 
     Args:
         behaviour: its parameters are features.
@@ -188,7 +188,7 @@ class GraphView(ModelView):
     def _edges(self, model: Model, index: int, number: dict[int, int]) -> Iterable[tuple[int, int, int]]:
         reference = self._metamodel.references[index]
         for source in sorted(model.graph.extent(reference.owner)):
-            for target in model.graph.targets(source, reference):
+            for target in sorted(model.graph.targets(source, reference)):
                 yield index, number[source], number[target]
 
 

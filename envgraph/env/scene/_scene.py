@@ -288,7 +288,7 @@ class Painter:
             if mm.may_overlap(reference.owner, cls) and mm.may_overlap(reference.target, cls):
                 for node, place in number.items():
                     if mm.is_a(model.graph.class_of(node), reference.owner):
-                        targets = (number[to] for to in model.graph.targets(node, reference) if to in number)
+                        targets = sorted(number[to] for to in model.graph.targets(node, reference) if to in number)
                         yield from (Edge(place, target) for target in targets)
         tokens = self._token_classes()
         for between in mm.class_list:

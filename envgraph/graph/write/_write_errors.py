@@ -145,10 +145,11 @@ def lost_links_error(graph: Graph, node: int, cls: str, links: list[Link]) -> Ru
 
 
 def describe_links(graph: Graph, links: Iterable[Link]) -> list[str]:
-    """Return a text for each link, `source -reference-> target`, for messages."""
+    """Return a text for each link, `source -reference-> target`, for messages, by reference and age of the objects."""
+    found = sorted((relation.reference.index, source, target) for relation, source, target in links)
     return [
-        f"{graph.describe(source)} -{relation.reference.name}-> {graph.describe(target)}"
-        for relation, source, target in links
+        f"{graph.describe(source)} -{graph.metamodel.references[index].name}-> {graph.describe(target)}"
+        for index, source, target in found
     ]
 
 

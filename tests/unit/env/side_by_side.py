@@ -12,7 +12,7 @@ from typing import Any
 
 import numpy as np
 
-from envgraph.env import Behaviour, KeyIndex, Simulator, Tabular, indexed_classes
+from envgraph.env import Behaviour, GraphView, KeyIndex, Simulator, Tabular, indexed_classes
 from envgraph.env.compiled import CompiledBatch, CompiledProgram, program_of
 from envgraph.env.compiled.kernels import BEYOND, FULL, OVERFLOW
 from envgraph.errors import EvaluationError, RuleError
@@ -260,19 +260,22 @@ def _agree(batch: CompiledBatch, error: Exception | None, expected: Iterable[Tra
 
 
 def lines_of(error: object, program: CompiledProgram) -> list[str]:
-    """Return the lines of an error, sorted: links have no order, but are listed in the one in which they came."""
+    """Return the lines of an error."""
     text = str(error)
     if program.layout.reuses_numbers:  # ids are what the message has of them
         text = sub("#[0-9]+", "#", text)
-    return sorted(text.splitlines())
+    return text.splitlines()
 
 
 def assert_same_state(batch: CompiledBatch, number: int, simulator: Simulator) -> None:
-    """The state of an environment, cell by cell, is that of the live one."""
+    """The state of an environment, cell by cell, is that of the live one, and is seen as a graph in the same order."""
     hashed, facts = simulator.state_key(), None
     if batch.program.layout.reuses_numbers:
         facts = facts_of(simulator.engine.model)
+    view = GraphView(simulator.behaviour, simulator.engine.model.metamodel)
+    wanted = view.observe(simulator)
     with batch.live_simulator(number) as twin:
+        assert all(map(np.array_equal, view.observe(twin), wanted))
         if facts is None:
             assert twin.state_key() == hashed
         else:
