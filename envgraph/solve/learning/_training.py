@@ -10,7 +10,6 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import replace
-from importlib.util import find_spec
 from typing import Literal, get_args
 
 import numpy as np
@@ -18,6 +17,7 @@ from numpy.typing import NDArray
 
 from envgraph.code import dataclass
 from envgraph.env import Tabular
+from envgraph.env.compiled import has_numba
 from envgraph.errors import LIMITS, InvalidArgument, check_known
 from envgraph.solve.learning._stage import Stage, StageResult, TransitionTable, flatten_tabular
 from envgraph.solve.learning._training_settings import TrainingSettings
@@ -65,7 +65,7 @@ class Training:
 
 def available_backends() -> tuple[Backend, ...]:
     """Return the training loops that can run here, fastest first; numba comes with the extra `fast`."""
-    return ("numba", "python") if find_spec("numba") else ("python",)
+    return ("numba", "python") if has_numba() else ("python",)
 
 
 def choose_backend(backend: Backend, steps: int, settings: TrainingSettings) -> Backend:

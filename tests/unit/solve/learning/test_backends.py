@@ -108,8 +108,12 @@ def test_short_training_runs_on_lists(settings: dict[str, Any], pays: int) -> No
     assert choose_backend("auto", pays, TrainingSettings(**settings)) == available_backends()[0]
 
 
-def test_training_uses_the_python_backend_without_numba(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setitem(sys.modules, "numba", None)
+@pytest.mark.parametrize("how", ["not installed", "switched off"])
+def test_training_uses_the_python_backend_without_numba(how: str, monkeypatch: pytest.MonkeyPatch) -> None:
+    if how == "not installed":
+        monkeypatch.setitem(sys.modules, "numba", None)
+    else:
+        monkeypatch.setenv("NUMBA_DISABLE_JIT", "1")
     assert available_backends() == ("python",)
     assert choose_backend("auto", 10**9, SETTINGS) == "python"
     with pytest.raises(InvalidArgument, match="envgraph\\[fast\\]"):
