@@ -7,10 +7,11 @@ from collections.abc import Callable, Sequence
 from itertools import zip_longest
 from math import prod
 
-from envgraph.behaviour import Agent, Behaviour, KeyIndex, key_attributes, unbound_names
+from envgraph.behaviour import Agent, Behaviour, KeyIndex, expand_action, key_attributes, unbound_names
 from envgraph.code import dataclass
+from envgraph.env._observation_components import component_sizes
 from envgraph.env._prepared_behaviour import PreparedBehaviour
-from envgraph.env._prepared_clauses import PreparedAction, PreparedBranches
+from envgraph.env._prepared_clauses import PreparedAction, PreparedBranches, merge_clauses
 from envgraph.errors import ResolutionError
 from envgraph.graph import Model
 from envgraph.rewrite import Engine
@@ -53,9 +54,9 @@ class AgentOrder:
     Attributes:
         prepared_agents: the agents.
         together: True if they act in the same step.
-        action_names: the names of all actions; an action number means the same name for every agent.
-        shape: for each component of an observation, the maximum number of values over all agents. With several
-            `agent` blocks, the first component is the block number of the agent whose turn it is.
+        action_names: the names of all actions; an action number means the same name for every agent of the family.
+        shape: for each component of an observation, the maximum number of values over all blocks. With several `agent`
+            blocks, the first component is the block number of the agent whose turn it is.
     """
 
     def __init__(self, behaviour: Behaviour, engine: Engine, keys: KeyIndex) -> None:
@@ -65,9 +66,16 @@ class AgentOrder:
             raise ResolutionError(unbound_names(behaviour, engine.model))
         self._classes = tuple(agent.cls for agent in behaviour.agents)
         self.together = behaviour.together
-        own = [program.actions for _, _, _, program in programs]
-        self.action_names = _merged_action_names(own)
-        shapes = [[part.size for part in program.components] for _, _, _, program in programs]
+        shared = {parameter.name: parameter.type or "" for parameter in behaviour.parameters}
+        names: dict[str, None] = {}
+        shapes = []
+        for block in behaviour.agents or (Agent("", ""),):
+            own = {**shared, block.variable: block.cls}
+            for action, _ in merge_clauses(block.actions, own, behaviour.actions, shared):
+                names.update((name, None) for name, _ in expand_action(action, keys, engine.model.metamodel))
+            seen = merge_clauses(block.observations, own, behaviour.observations, shared)
+            shapes.append(component_sizes(seen, keys, engine.model.metamodel))
+        self.action_names = tuple(names)
         lead = (len(behaviour.agents),) if len(behaviour.agents) > 1 else ()
         self.shape = (*lead, *(max(sizes) for sizes in zip_longest(*shapes, fillvalue=1)))
         weights = [prod(self.shape[:place]) for place in range(len(lead), len(self.shape))]
@@ -77,10 +85,10 @@ class AgentOrder:
                 node,
                 block,
                 program,
-                _fill_actions(actions, self.action_names),
+                _fill_actions(program.actions, self.action_names),
                 tuple((part.read, weight) for part, weight in zip(program.components, weights, strict=False)),
             )
-            for (name, node, block, program), actions in zip(programs, own, strict=True)
+            for name, node, block, program in programs
         )
 
     def can_act(self, seat: PreparedAgent) -> bool:
@@ -157,16 +165,6 @@ def _agents_of_block(model: Model, agent: Agent, keys: KeyIndex) -> list[tuple[s
         for position, (key, node) in enumerate(objects)
         if node is not None
     ]
-
-
-def _merged_action_names(actions_of_agents: Sequence[Sequence[PreparedAction]]) -> tuple[str, ...]:
-    """Return the names of all agents' actions without duplicates, in order; `actions_of_agents` has the actions of each
-    agent.
-    """
-    names = [tuple(action.name for action in actions) for actions in actions_of_agents]
-    if all(one == names[0] for one in names):
-        return names[0]
-    return tuple(dict.fromkeys(name for one in names for name in one))
 
 
 def _fill_actions(actions: Sequence[PreparedAction], names: Sequence[str]) -> tuple[PreparedAction, ...]:

@@ -78,6 +78,18 @@ def component_size(observation: Observation, types: NameClasses, keys: KeyIndex,
             return (len(type_.literals) if isinstance(type_, EnumType) else 2) + unseen
 
 
+def component_sizes(
+    observations: Iterable[tuple[Observation, NameClasses]], keys: KeyIndex, metamodel: Metamodel
+) -> list[int]:
+    """Return the number of values of each component of some `observe` clauses, each with the classes of its names."""
+    found: list[int] = []
+    for observation, types in observations:
+        size = component_size(observation, types, keys, metamodel)
+        each = None if isinstance(observation, ObserveFind) else observation.each
+        found += [size] * (1 if each is None else keys.size(each.type or ""))
+    return found
+
+
 def path_type(observation: ObservePath, types: NameClasses, metamodel: Metamodel) -> StaticType | None:
     """Return the type of the value or object that an observed path leads to; None if the path has errors."""
     scope: dict[str, StaticType | None] = {name: ObjectType(cls) for name, cls in types.items()}

@@ -15,13 +15,11 @@ from envgraph.behaviour import (
     Effect,
     KeyIndex,
     Observation,
-    ObserveFind,
     domain_type,
     expand_action,
     object_reads,
 )
 from envgraph.code import dataclass
-from envgraph.env._observation_components import component_size
 from envgraph.env._prepared_behaviour import precedes_action
 from envgraph.env._prepared_clauses import NameClasses, merge_clauses
 from envgraph.env.compiled._clause_code import FunctionEmitter
@@ -283,12 +281,3 @@ class ClauseEmitter:
         _, shared, own = self.scope(block)
         mine = block.observations if block is not None else ()
         return merge_clauses(mine, own, self.behaviour.observations, shared)
-
-    def component_sizes(self, observations: Sequence[tuple[Observation, NameClasses]]) -> list[int]:
-        """Return the number of values of each component of some observation clauses."""
-        found: list[int] = []
-        for observation, types in observations:
-            size = component_size(observation, types, self.keys, self.metamodel)
-            each = None if isinstance(observation, ObserveFind) else observation.each
-            found += [size] * (1 if each is None else self.keys.size(each.type or ""))
-        return found

@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from envgraph import code
-from envgraph.behaviour import Behaviour, KeyIndex, indexed_classes
+from envgraph.behaviour import Behaviour, KeyIndex, indexed_classes, unbound_names
 from envgraph.code import dataclass
 from envgraph.env._agent_order import named_agents
 from envgraph.env._joint_steps import check_all_agents_exist
@@ -31,8 +31,9 @@ from envgraph.env.compiled._compiled_costs import COSTS
 from envgraph.env.compiled._live_counterpart import LiveCounterpart
 from envgraph.env.compiled._loading import has_numba, load_functions
 from envgraph.env.compiled._member_data import MemberData, SharedEngine
-from envgraph.env.compiled._not_compiled import AssumptionViolated, NotCompiled
+from envgraph.env.compiled._not_compiled import AssumptionViolated
 from envgraph.env.compiled._program_layout import ProgramLayout
+from envgraph.errors import ResolutionError
 from envgraph.rewrite import Engine
 
 Purpose = Literal["step", "mask", "list", "learn", "play"]
@@ -108,8 +109,7 @@ class CompiledProgram:
         if keys != self.keys:
             raise AssumptionViolated("keys")
         alone = MemberData(engine, keys, engine.library)
-        if self.behaviour.together:
-            check_all_agents_exist(self.behaviour, engine.model, keys)
+        _check_agents(self.behaviour, engine, keys)
         strings = _string_numbers(alone.model_strings, self.layout)
         member = alone.for_program(strings, self.layout.created_classes, self.spare)
         arrays = self.layout.fill_arrays([member], member.number_count, strings)
@@ -152,6 +152,7 @@ def program_of(
 
     Raises:
         NotCompiled: the behaviour contains a construct that only the live engine supports.
+        ResolutionError: a model has no agent.
     """
     behaviour = engine.library.with_functions_resolved(behaviour)
     keys = keys or KeyIndex.of_model(engine.model, indexed_classes(behaviour, engine.model.metamodel))
@@ -216,9 +217,8 @@ def _joint_agents(behaviour: Behaviour, engine: Engine, keys: KeyIndex) -> tuple
 def _check_agents(behaviour: Behaviour, engine: Engine, keys: KeyIndex) -> None:
     if behaviour.together:
         check_all_agents_exist(behaviour, engine.model, keys)
-    for agent in behaviour.agents:
-        if not engine.model.graph.extent(agent.cls):
-            raise NotCompiled(f"an `agent` block of a class that has no objects in a model (`{agent.cls}`)", agent.span)
+    if behaviour.agents and not named_agents(behaviour, engine.model, keys):
+        raise ResolutionError(unbound_names(behaviour, engine.model))
 
 
 def _build_program(

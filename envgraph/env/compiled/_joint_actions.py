@@ -8,7 +8,7 @@ from itertools import chain
 from envgraph import code
 from envgraph.behaviour import Agent, Observation
 from envgraph.env._joint_steps import joint_action_names, order_effects
-from envgraph.env._observation_components import combined_component_names
+from envgraph.env._observation_components import combined_component_names, component_sizes
 from envgraph.env._prepared_clauses import NameClasses
 from envgraph.env.compiled._clause_code import FunctionEmitter
 from envgraph.env.compiled._clause_terms import ACTION, ClauseEmitter
@@ -42,9 +42,9 @@ class JointStepEmitter:
     def __init__(self, clauses: ClauseEmitter, seats: Sequence[tuple[str, int]]) -> None:
         self._clauses, self._seats = clauses, seats
         self.action_names = joint_action_names([name for name, _ in seats], clauses.block_actions[0].names)
-        blocks = clauses.blocks
-        own = [clauses.component_sizes(self._observations_of(blocks[number], shared=False)) for _, number in seats]
-        self.shape = (*chain(*own), *clauses.component_sizes(self._observations_of(blocks[0], shared=True)))
+        own = [self._observations_of(clauses.blocks[number], shared=False) for _, number in seats]
+        parts = [*chain(*own), *self._observations_of(clauses.blocks[0], shared=True)]
+        self.shape = tuple(component_sizes(parts, clauses.keys, clauses.metamodel))
         self.observation_names = combined_component_names(clauses.behaviour, clauses.keys, seats)
 
     def emit_bodies(self) -> tuple[code.Body, code.Body, code.Body]:

@@ -6,7 +6,7 @@ from collections.abc import Sequence
 from itertools import zip_longest
 
 from envgraph import code
-from envgraph.env._observation_components import component_names
+from envgraph.env._observation_components import component_names, component_sizes
 from envgraph.env.compiled._clause_code import FunctionEmitter
 from envgraph.env.compiled._clause_terms import ACTION, SELF, ClauseEmitter
 from envgraph.env.compiled._observation_code import COMPONENTS, ObservationEmitter
@@ -44,7 +44,7 @@ class TurnStepEmitter:
     def __init__(self, clauses: ClauseEmitter) -> None:
         self._clauses = clauses
         self.action_names = tuple(clauses.block_actions[0].names)
-        sizes = [clauses.component_sizes(clauses.observed(block)) for block in clauses.blocks]
+        sizes = [component_sizes(clauses.observed(block), clauses.keys, clauses.metamodel) for block in clauses.blocks]
         lead = (len(clauses.blocks),) if len(clauses.blocks) > 1 else ()
         self.shape: tuple[int, ...] = (*lead, *(max(each) for each in zip_longest(*sizes, fillvalue=1)))
         self.observation_names = component_names(clauses.behaviour, clauses.keys, len(self.shape))

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from tests.unit.env.corners.yard import MODEL, Yard, wrong
+from tests.unit.env.corners.yard import Yard, wrong
 
 GO = "rule go(m : Man, s : Spot) { lhs { m : Man; s : Spot; } modify { set m.at = s; } }"
 GONE = "action go(s : Spot) = go(adam, s)\n"
@@ -248,10 +248,4 @@ CORNERS = {
 
 REFUSED = {
     "a rule that merges objects (`yard.wrong`)": wrong("lhs { s : Item; t : Item; } modify { [[merge s <- t;]] }"),
-    "an `agent` block of a class that has no objects in a model (`Pit`)": Yard(
-        "rule up(s : Spot) { lhs { s : Spot; } modify { set s.n += 1; } }",
-        "action up(s : Spot) = up(s)\nagent [[p]] : Pit { }\nagent m : Man { observe m.kind }",
-        head="",
-        model=MODEL.replace("s2 : Pit", "s2 : Spot"),
-    ),
 }

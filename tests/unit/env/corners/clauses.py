@@ -203,6 +203,34 @@ CORNERS = {
         """,
         head="",
     ),
+    "a block whose agents some members lack": Yard(
+        """
+        rule up(s : Spot) { lhs { s : Spot; check s.n < 4; } modify { set s.n += 1; } }
+        rule walk(m : Man, way : Way) { lhs { m -at-> here : Spot; find step(here, way, there); }
+            modify { set m.at = there; } }
+        rule dug { lhs { s : Spot; neg Pit(s); check s.x > 0; } modify { retype s : Pit; } }
+        """,
+        """
+        agent p : Pit {
+            action up = up(p) reward p.n else reward -0.5
+            action rest = nothing() reward 0.25
+            on find deep(p) reward 2
+            observe p.n in 0..4
+            observe p.kind
+        }
+        agent m : Man {
+            action walk(way : Way) = walk(m, way) reward 0.1
+            action rest = nothing()
+            observe m.at among Spot or none
+        }
+        each step reward -0.01
+        on find deep(_) reward 0.5
+        """,
+        "pattern deep(s : Spot) { Spot.n(s, n); check(n > 2); }",
+        head="",
+        model=MODEL.replace("s2 : Pit", "s2 : Spot"),
+        members=4,
+    ),
     "agents that go, or change their class": Yard(
         """
         @semantics(spo) rule kill(i : Item) { lhs { i : Item; } modify { delete i; } }
