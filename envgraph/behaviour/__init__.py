@@ -37,11 +37,13 @@ if TYPE_CHECKING:
         HelperPattern as HelperPattern,
         condition_helper as condition_helper,
         count_helper as count_helper,
+        key_helper as key_helper,
     )
     from envgraph.behaviour._key_index import (
         DuplicateKeyError as DuplicateKeyError,
         KeyIndex as KeyIndex,
         expand_action as expand_action,
+        indexable_classes as indexable_classes,
         indexed_classes as indexed_classes,
         key_attributes as key_attributes,
         key_reader as key_reader,

@@ -7,11 +7,12 @@ closures, negations and nested terms in a clause have the same meaning as in a q
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Mapping, Sequence
 
 from envgraph.behaviour._behaviour import OnFind
 from envgraph.code import dataclass
 from envgraph.errors import Span
+from envgraph.metamodel import Attribute, type_name
 from envgraph.pattern import (
     Aggregate,
     Body,
@@ -19,8 +20,10 @@ from envgraph.pattern import (
     Constraint,
     Negation,
     Parameter,
+    PathConstraint,
     Pattern,
     PatternCall,
+    TypeConstraint,
     Variable,
     terms_of,
     variables_in,
@@ -72,6 +75,17 @@ def count_helper(name: str, call: PatternCall, scope: Mapping[str, str]) -> Help
     parameters.append(Parameter(total, "int", span=call.span))
     counted = Comparison("==", Variable(total, call.span), Aggregate("count", call, call.span), call.span)
     return HelperPattern(_make_helper(name, parameters, (counted,), call.span), used, (total,))
+
+
+def key_helper(name: str, cls: str, key: Sequence[Attribute]) -> HelperPattern:
+    """Return a helper pattern for the objects of a class that have given values of their key attributes."""
+    owner = Variable("object")
+    parameters = [Parameter(f"key{place}", type_name(each.type)) for place, each in enumerate(key)]
+    values = zip(key, parameters, strict=True)
+    body = [PathConstraint(each.owner, (each.name,), owner, Variable(given.name)) for each, given in values]
+    bound, free = tuple(one.name for one in parameters), Parameter(owner.name, cls)
+    made = _make_helper(name, [*parameters, free], (TypeConstraint(cls, owner), *body), None)
+    return HelperPattern(made, bound, (owner.name,))
 
 
 def variable_occurrences(condition: PatternCall | Negation) -> list[Variable]:

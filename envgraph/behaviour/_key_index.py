@@ -46,7 +46,7 @@ class KeyIndex:
 
     The index of an object is the rank of its key in the sorted union over all members of a family (an enum sorts by
     the order of its literals). Objects of a class without `@key` are identified by their ids, which follow the order
-    of creation: those of the initial model come before later ones.
+    of creation; those that are created in an episode have no index.
 
     Attributes:
         keys: the sorted keys of each class that the behaviour numbers.
@@ -90,15 +90,16 @@ class KeyIndex:
         Raises:
             EvaluationError: the family has no such key: the object was created, or its key changed, during an episode.
         """
-        try:
-            return self.keys_of(cls).index(key_reader(model, cls)(node))
-        except ValueError:
-            raise _missing_key_error(model, cls, node) from None
+        return self.indexer(model, cls)(node)
 
     def indexer(self, model: Model, cls: str) -> Callable[[int], int]:
-        """Return a function that maps object ids to indices as `index` does, but faster, for one model and class."""
-        rank = {key: position for position, key in enumerate(self.keys_of(cls))}
-        key_of = key_reader(model, cls)
+        """Return a function that maps object ids to indices as `index` does, but faster, for one model and class.
+
+        Without key attributes, objects that are created later have no index.
+        """
+        created, key_of = (model.graph.store.next_id,), key_reader(model, cls)
+        has_key = bool(key_attributes(model.metamodel, cls))
+        rank = {key: position for position, key in enumerate(self.keys_of(cls)) if has_key or key < created}
 
         def index(node: int) -> int:
             found = rank.get(key_of(node))
@@ -109,10 +110,22 @@ class KeyIndex:
         return index
 
     def objects(self, model: Model, cls: str) -> list[int | None]:
-        """Return the object id for each index of a class; None if this member of the family has no such object."""
+        """Return for each index of a class the id of the oldest object that has it; None if there is none."""
+        class_of, covers = model.graph.class_of, {*model.metamodel.concrete_classes(cls)}
+        return [
+            next((node for node in nodes if class_of(node) in covers), None) for nodes in self.candidates(model, cls)
+        ]
+
+    def candidates(self, model: Model, cls: str) -> list[list[int]]:
+        """Return the objects with the key of each index, oldest first, also those that may be retyped to the class."""
+        found: dict[Key, list[int]] = {key: [] for key in self.keys_of(cls)}
+        if not key_attributes(model.metamodel, cls):
+            return [[node] if model.graph.alive(node) else [] for (node,) in found]  # type: ignore[arg-type, list-item]
         key_of = key_reader(model, cls)
-        found = {key_of(node): node for node in model.graph.extent(cls)}
-        return [found.get(key) for key in self.keys_of(cls)]
+        for name in indexable_classes(model.metamodel, cls):
+            for node in model.graph.exact_extent(name):
+                found.get(key_of(node), []).append(node)
+        return [*map(sorted, found.values())]
 
     def to_json(self) -> dict[str, list[list[Value]]]:
         """Return the index as JSON-ready data, for the family file."""
@@ -168,30 +181,31 @@ def _domain_values(domain: Domain, keys: KeyIndex, metamodel: Metamodel) -> Iter
 
 
 def key_reader(model: Model, cls: str) -> Callable[[int], Key]:
-    """Return a function that reads the key of an object of a class.
-
-    The function raises EvaluationError if a key attribute of the object has no value.
-    """
-    attributes = key_attributes(model.metamodel, cls)
+    """Return a function that reads the key of an object of a class; it contains None for missing values."""
+    attributes, value = key_attributes(model.metamodel, cls), model.graph.value
     if not attributes:
         return lambda node: (node,)
-
-    def read(node: int) -> Key:
-        values = []
-        for attribute in attributes:
-            value = model.graph.value(node, attribute)
-            if value is None:
-                raise EvaluationError(f"{model.node(node)!r} has no `{attribute.name}`, which is part of its key")
-            values.append(value)
-        return tuple(values)
-
-    return read
+    return lambda node: tuple([value(node, attribute) for attribute in attributes])  # type: ignore[misc]
 
 
 def key_attributes(metamodel: Metamodel, cls: str) -> tuple[Attribute, ...]:
     """Return the key attributes of a class; () if it has no key."""
     features = metamodel.features(cls)
     return tuple(f for name in metamodel.key(cls) if isinstance(f := features[name], Attribute))
+
+
+def indexable_classes(metamodel: Metamodel, cls: str) -> tuple[str, ...]:
+    """Return the concrete classes that have the key attributes of a class, so that their objects can have an index."""
+    key = key_attributes(metamodel, cls)
+    return tuple(
+        one.name
+        for one in metamodel.class_list
+        if not one.abstract
+        and (
+            metamodel.is_a(one.name, cls)
+            or (key and all(metamodel.is_a(one.name, attribute.owner) for attribute in key))
+        )
+    )
 
 
 class DuplicateKeyError(EvaluationError):
@@ -212,8 +226,13 @@ class DuplicateKeyError(EvaluationError):
 
 
 def _object_keys(model: Model, cls: str) -> dict[int, Key]:
-    read = key_reader(model, cls)
-    return {node: read(node) for node in model.graph.extent(cls)}
+    read, names = key_reader(model, cls), model.metamodel.key(cls)
+    found = {node: read(node) for node in model.graph.extent(cls)}
+    for node, key in found.items():
+        if None in key:
+            lacking = names[key.index(None)]
+            raise EvaluationError(f"{model.node(node)!r} has no `{lacking}`, which is part of its key")
+    return found
 
 
 def _sorted_keys(model: Model, cls: str) -> tuple[Key, ...]:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from itertools import zip_longest
 from math import prod
 
@@ -130,14 +130,11 @@ class AgentOrder:
 
 def _prepare_agents(
     behaviour: Behaviour, engine: Engine, keys: KeyIndex
-) -> Sequence[tuple[str, int | None, int, PreparedBehaviour]]:
+) -> Iterator[tuple[str, int | None, int, PreparedBehaviour]]:
     if not behaviour.agents:
-        return [("", None, 0, PreparedBehaviour(behaviour, engine, keys))]
-    result = []
+        yield "", None, 0, PreparedBehaviour(behaviour, engine, keys)
     for name, (node, block) in named_agents(behaviour, engine.model, keys):
-        program = PreparedBehaviour(behaviour, engine, keys, (behaviour.agents[block], node))
-        result.append((name, node, block, program))
-    return result
+        yield name, node, block, PreparedBehaviour(behaviour, engine, keys, (behaviour.agents[block], node))
 
 
 def named_agents(behaviour: Behaviour, model: Model, keys: KeyIndex) -> list[tuple[str, tuple[int, int]]]:
@@ -168,8 +165,6 @@ def _agents_of_block(model: Model, agent: Agent, keys: KeyIndex) -> list[tuple[s
 
 
 def _fill_actions(actions: Sequence[PreparedAction], names: Sequence[str]) -> tuple[PreparedAction, ...]:
-    if [action.name for action in actions] == [*names]:
-        return tuple(actions)
     found = {action.name: action for action in actions}
     return tuple(found.get(name) or _idle_action(name) for name in names)
 

@@ -2,13 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from functools import cached_property
 from itertools import product
 from math import prod
 
 from envgraph.behaviour import Behaviour, Effect, KeyIndex
-from envgraph.code import dataclass
 from envgraph.env._agent_order import AgentOrder, PreparedAgent
 from envgraph.env._observation_components import combined_component_names
 from envgraph.env._prepared_behaviour import PreparedBehaviour, dominant_end
@@ -25,22 +24,6 @@ from envgraph.env._prepared_clauses import (
 from envgraph.errors import LIMITS, Diagnostic, EvaluationError, InvalidArgument, ResolutionError
 from envgraph.graph import Model
 from envgraph.match import Row
-
-
-@dataclass(frozen=True, slots=True)
-class PreparedEffect:
-    """A prepared effect for one agent.
-
-    Attributes:
-        agent: the number of the agent; 0 for shared effects.
-        is_shared: True if the effect stands outside of `agent` blocks.
-    """
-
-    agent: int
-    is_shared: bool
-    behaviour: PreparedBehaviour
-    effect: PreparedEachStep | PreparedOnFind
-
 
 _Clause = tuple[PreparedOnFind | None, Reward | None, NameValues, list[int]]
 """A clause of a step: its condition, or None, its reward, the values of names, and the sums that it is added to."""
@@ -71,7 +54,13 @@ class AgentStepper:
         self.n_actions = self._weights[-1]
         self.has_acted = False
         self._sums = [0.0] * len(acting)
-        self._effects = _ordered_effects(acting)
+        written, programs = [], [agent.behaviour for agent in acting]
+        for each in programs:
+            written.append([*zip((one for one, _ in each.effect_clauses), each.is_shared_effect, strict=True)])
+        self._effects = [
+            (number, programs[number].is_shared_effect[place], programs[number].effects[place])
+            for number, place in order_effects(written)
+        ]
         self._arrange([*range(len(acting))])
 
     def _arrange(self, present: Sequence[int]) -> None:
@@ -79,22 +68,22 @@ class AgentStepper:
 
         The sums of a step are the rewards of all agents, and then those of all but the first without shared rewards.
         """
-        agents, effects = len(self.acting), [one for one in self._effects if one.is_shared or one.agent in present]
+        agents = len(self.acting)
+        effects = [(number, shared, one) for number, shared, one in self._effects if shared or number in present]
         self._present = present
         self._accounts = [[place, agents + place][: 1 + (place not in present[:1])] for place in range(agents)]
         self._counted = [self._accounts[place][-1] for place in present] or [agents]
         self._clauses: list[_Clause] = []
-        for one in effects:
-            paid = [*present] or [agents] if one.is_shared else self._accounts[one.agent]
-            effect = one.effect if isinstance(one.effect, PreparedOnFind) else None
-            self._clauses.append((effect, one.effect.reward, one.behaviour.bound_values, paid))
-        self._applied = [
-            (one.effect.apply, one.behaviour.bound_values)
-            for one in effects
-            if isinstance(one.effect, PreparedEachStep) and one.effect.apply is not None
-        ]
+        self._applied = []
+        for number, shared, effect in effects:
+            bound = self.acting[number].behaviour.bound_values
+            if isinstance(effect, PreparedEachStep) and effect.apply is not None:
+                self._applied.append((effect.apply, bound))
+            condition = effect if isinstance(effect, PreparedOnFind) else None
+            paid = [*present] or [agents] if shared else self._accounts[number]
+            self._clauses.append((condition, effect.reward, bound, paid))
         self._places = [
-            [place for place, one in enumerate(effects) if one.is_shared or one.agent == number] + [len(effects)]
+            [place for place, (owner, shared, _) in enumerate(effects) if shared or owner == number] + [len(effects)]
             for number in range(agents)
         ]
 
@@ -207,25 +196,6 @@ class JointStepper(AgentStepper):
         return sum(read() * weight for read, weight in self._component_readers)
 
 
-def _ordered_effects(seats: Sequence[PreparedAgent]) -> tuple[PreparedEffect, ...]:
-    """Return the prepared effects of all agents, in the order of the text."""
-    found = []
-    written = [
-        [
-            *zip(
-                (effect for effect, _ in seat.behaviour.effect_clauses),
-                seat.behaviour.is_shared_effect,
-                strict=True,
-            )
-        ]
-        for seat in seats
-    ]
-    for number, place in order_effects(written):
-        program = seats[number].behaviour
-        found.append(PreparedEffect(number, program.is_shared_effect[place], program, program.effects[place]))
-    return tuple(found)
-
-
 def order_effects(effects_of_agents: Sequence[Sequence[tuple[Effect, bool]]]) -> list[tuple[int, int]]:
     """Order the effects of all agents by the text: a block's effect once for each of its agents, a shared one once.
 
@@ -268,18 +238,14 @@ def check_all_agents_exist(behaviour: Behaviour, model: Model, keys: KeyIndex) -
     problems = [
         Diagnostic(
             "missing-agent",
-            f"agents that act together must exist in every member of a family; this one has no `{agent.cls}` {shown}",
+            f"agents that act together must exist in every member of a family; this one has no `{agent.cls}` "
+            + ", ".join(map(str, key)),
             agent.cls_span or agent.span,
             "remove `together`, so that agents take turns, or remove rules that create or delete agents",
         )
         for agent in behaviour.agents
-        for shown in _missing_agent_keys(agent.cls, model, keys)
+        for key, node in zip(keys.keys_of(agent.cls), keys.objects(model, agent.cls), strict=True)
+        if node is None
     ]
     if problems:
         raise ResolutionError(problems)
-
-
-def _missing_agent_keys(cls: str, model: Model, keys: KeyIndex) -> Iterator[str]:
-    for key, node in zip(keys.keys_of(cls), keys.objects(model, cls), strict=True):
-        if node is None:
-            yield ", ".join(map(str, key))

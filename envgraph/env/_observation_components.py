@@ -15,6 +15,7 @@ from envgraph.behaviour import (
     ObservePath,
     ObserveRange,
     follow_path,
+    key_attributes,
     key_reader,
 )
 from envgraph.env._prepared_clauses import NameClasses, NameValues, merge_clauses
@@ -35,23 +36,24 @@ from envgraph.pattern import (
 
 
 class KeyedObjects:
-    """A list of the current objects of a class by index, which is updated after the model has changed."""
+    """A list of the current objects of a class by index, the oldest of several with one key; updated after changes."""
 
     def __init__(self, model: Model, keys: KeyIndex, cls: str) -> None:
         self.keys = keys.keys_of(cls)
         self._model, self._index, self._cls = model, keys, cls
-        self._key_of = key_reader(model, cls)
-        self._found = keys.objects(model, cls)
-        self._revision = model.graph.store.revision
+        self._key_of, self._has_key = key_reader(model, cls), bool(key_attributes(model.metamodel, cls))
+        self._initial = keys.candidates(model, cls)
+        self._found: list[int | None] = []
+        self._revision = -1
 
     def get(self, position: int) -> int | None:
         """Return the object that has the index `position` in the current state, or None."""
-        node = self._found[position]
-        if node is not None and self._has_index(node, position):
-            return node
-        if (
-            self._revision != self._model.graph.store.revision
-        ):  # objects may have been created or deleted, or have new keys
+        for node in self._initial[position]:
+            if self._has_index(node, position):
+                return node
+        if not self._has_key:
+            return None
+        if self._revision != self._model.graph.store.revision:  # objects may have been created, or have new keys
             self._found = self._index.objects(self._model, self._cls)
             self._revision = self._model.graph.store.revision
         return self._found[position]

@@ -18,7 +18,6 @@ from envgraph.behaviour import (
     check_behaviour,
     indexed_classes,
     is_lost,
-    key_attributes,
     object_reads,
 )
 from envgraph.code import dataclass
@@ -26,11 +25,7 @@ from envgraph.env._agent_order import AgentOrder, PreparedAgent
 from envgraph.env._joint_steps import AgentStepper, JointStepper
 from envgraph.env._observation_components import component_names
 from envgraph.env._prepared_behaviour import PreparedBehaviour
-from envgraph.env._prepared_clauses import (
-    ChoiceSource,
-    PreparedOnFind,
-    run_pending,
-)
+from envgraph.env._prepared_clauses import ChoiceSource, PreparedOnFind, run_pending
 from envgraph.env._random_choices import UniformDraw, all_choice_sequences
 from envgraph.env._size_errors import TooManyOutcomes
 from envgraph.env._tabular import nonempty_masks
@@ -113,7 +108,7 @@ class Simulator:
         self._model = engine.model
         self._episode_savepoint: Savepoint | None = None
         self._episode_record: list[tuple[int, float]] = []
-        self._first_created = _first_created_id(engine.model, self.keys)
+        self._first_created = engine.model.graph.store.next_id
         self._always_read = [one for one in object_reads(behaviour) if one.is_always_evaluated and one.callers]
         self.turn = self._first_turn = self.agents.next_turn(-1)
         self.has_acted = False
@@ -228,10 +223,8 @@ class Simulator:
         An action does something if a branch of it is `nothing()`, a rule that has a match, or a unit that can succeed.
         For a joint action this must be true of each agent's action, tested on the state before the step.
         """
-        if self.joint_stepper is None:
-            return self.agent_action_mask(self.turn)
         found = np.ones(1, dtype=np.bool_)
-        for number in range(len(self.agents.prepared_agents)):
+        for number in range(len(self.agents.prepared_agents)) if self.joint_stepper else (self.turn,):
             found = (self.agent_action_mask(number)[:, None] & found).ravel()
         return found
 
@@ -379,10 +372,3 @@ def _check_always_read(program: PreparedBehaviour, needed: Sequence[ObjectRead],
     for each in needed:
         if is_lost(model, program.bound_values[each.name], each.cls):
             raise program.deleted_object_error(each.name, each.cls, each.what, each.span)
-
-
-def _first_created_id(model: Model, keys: KeyIndex) -> int | None:
-    """Return the id that the next new object gets; None if keys of other members of the family contain such ids."""
-    first = model.graph.store.next_id
-    unnamed = (cls for cls in keys.keys if not key_attributes(model.metamodel, cls))
-    return None if any(key >= (first,) for cls in unnamed for key in keys.keys_of(cls)) else first

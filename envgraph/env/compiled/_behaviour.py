@@ -6,7 +6,7 @@ from collections.abc import Sequence
 from typing import Final
 
 from envgraph import code
-from envgraph.behaviour import Behaviour, KeyIndex, indexed_classes, key_attributes
+from envgraph.behaviour import Behaviour, KeyIndex, key_attributes, ranged_classes
 from envgraph.code import dataclass
 from envgraph.env.compiled._changes import ModelChanges, StaticPatterns, plans_of
 from envgraph.env.compiled._clause_terms import ACTION, ClauseEmitter
@@ -19,13 +19,9 @@ from envgraph.env.compiled._observation_code import COMPONENTS
 from envgraph.env.compiled._program_layout import STATE, ZERO, L, ProgramLayout, emit_call
 from envgraph.env.compiled._renumbering import emit_tidy_body
 from envgraph.env.compiled._step_code import TOTAL_REWARD, ActingAgent, AgentEffect, StepEmitter
-from envgraph.env.compiled._symbols import indexable_classes
 from envgraph.env.compiled._turn_taking import TurnStepEmitter
-from envgraph.errors import Span
 from envgraph.match.plan import CallGraph, LiveSizes, Planner
-from envgraph.metamodel import Attribute
 from envgraph.rewrite import Engine
-from envgraph.rewrite.plans import AdjustAttribute, RulePlan, SetAttribute
 
 ENTRIES: Final = ("begin", "step_one", "may_one", "look", "places")
 """The functions of a program that `kernels` calls."""
@@ -93,7 +89,7 @@ class _ProgramWriter:
         self._changes = ModelChanges.from_plans(plans, self._metamodel)
         layout.created_classes = self._changes.created
         layout.reuses_numbers = self._changes.reuses_numbers
-        self._check_keys(plans)
+        self._check_keys()
         calls = CallGraph(library)
         static = StaticPatterns(self._changes, library, calls)
         sizes = LiveSizes(library, engine.model.graph.store)
@@ -103,16 +99,14 @@ class _ProgramWriter:
         self._clauses = ClauseEmitter(engine, behaviour, keys, matching)
         self._step = JointStepEmitter(self._clauses, seats) if behaviour.together else TurnStepEmitter(self._clauses)
 
-    def _check_keys(self, plans: Sequence[RulePlan]) -> None:
-        """Raise `NotCompiled` if a rule creates objects of an indexed class with keys, or changes key attributes."""
-        for cls in indexed_classes(self._behaviour, self._metamodel):
-            key = key_attributes(self._metamodel, cls)
-            if key and not self._changes.created.isdisjoint(indexable_classes(self._metamodel, cls)):
-                span = next(body.span for plan in plans for body in plan.blocks if body.creates)
-                raise NotCompiled(f"a rule that creates objects with a key (`{cls}`)", span)
-            for attribute in key:
-                if attribute.index in self._changes.set_attributes:
-                    raise NotCompiled(f"a rule that changes a key (`{attribute}`)", _span_of_change(plans, attribute))
+    def _check_keys(self) -> None:
+        """Raise `NotCompiled` if a rule changes the key of an object that may have an index."""
+        for cls in ranged_classes(self._behaviour, self._metamodel):
+            for attribute in key_attributes(self._metamodel, cls):
+                for each in self._changes.possible_classes(cls):
+                    if (attribute.index, each) in self._changes.set_attributes:
+                        span = self._changes.set_attributes[attribute.index, each]
+                        raise NotCompiled(f"a rule that changes a key (`{attribute}`)", span)
 
     def emit(self) -> ProgramText:
         """Emit all functions of the program, and return them with the sizes and names that callers need."""
@@ -145,11 +139,3 @@ class _ProgramWriter:
             writer.append(code.Return(ZERO))
             name = self._module.add_function("start", (), writer.all_statements())
         return (code.Return(emit_call(name)),)
-
-
-def _span_of_change(plans: Sequence[RulePlan], attribute: Attribute) -> Span | None:
-    """Return the span of the first rule action that sets an attribute, or else of the first retyping, or else None."""
-    bodies = [body for plan in plans for body in plan.blocks]
-    sets = [one for body in bodies for one in body.sets if isinstance(one, SetAttribute | AdjustAttribute)]
-    found = [one.span for one in sets if one.attribute == attribute]
-    return next(iter([*found, *(one.span for body in bodies for one in body.retypes)]), None)

@@ -3,11 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Container, Iterable, Iterator, Mapping
+from itertools import product
 from types import MappingProxyType
 
 from envgraph.behaviour import Agent, Behaviour, RuleCall
 from envgraph.code import dataclass
 from envgraph.env.compiled._not_compiled import NotCompiled, add_missing_span
+from envgraph.errors import Span
 from envgraph.match.plan import CallGraph
 from envgraph.metamodel import Attribute, Metamodel, Reference, Scalar
 from envgraph.pattern import (
@@ -89,8 +91,8 @@ class ModelChanges:
 
     Attributes:
         attributes, references: indices of the features that may change.
-        set_attributes: indices of the attributes that rules set; other attributes in `attributes` change only
-            because their objects are created or deleted.
+        set_attributes: the place of a change of an attribute of existing objects, by the attribute's index and their
+            concrete class; other attributes in `attributes` change only when objects are created, deleted or retyped.
         groups: disjoint sets of concrete classes. Objects may be retyped within a group, or deleted from it. All
             classes whose objects rules create are in one group.
         deleted: classes whose objects may be deleted.
@@ -99,7 +101,7 @@ class ModelChanges:
 
     metamodel: Metamodel
     attributes: frozenset[int]
-    set_attributes: frozenset[int]
+    set_attributes: Mapping[tuple[int, str], Span | None]
     references: frozenset[int]
     groups: tuple[tuple[str, ...], ...]
     deleted: frozenset[str]
@@ -158,7 +160,7 @@ class _ChangeCollector:
     def __init__(self, metamodel: Metamodel) -> None:
         self.metamodel = metamodel
         self.attributes: set[int] = set()
-        self.written: set[int] = set()
+        self.written: dict[tuple[int, str], Span | None] = {}
         self.references: set[int] = set()
         self.deleted: set[str] = set()
         self.created: set[str] = set()
@@ -195,18 +197,25 @@ class _ChangeCollector:
                             f"a rule that sets several targets and may change other links (`{reference}`)",
                             change.span,
                         )
-                case SetAttribute(_, attribute) | AdjustAttribute(_, attribute):
-                    self.written.add(attribute.index)
+                case SetAttribute(node, attribute) | AdjustAttribute(node, attribute):
+                    self.attributes.add(attribute.index)
+                    if node not in created:
+                        self._add_written([attribute.index], body.classes[node], change.span or body.span)
                 case _:
                     raise AssertionError(change)
         for delete in body.deletes:
             self._add_deletion(body.classes[delete.node])
         for retype in body.retypes:
-            self._add_retyping(body.classes[retype.node], retype.cls)
+            self._add_retyping(body.classes[retype.node], retype.cls, retype.span or body.span)
         for new in body.creates:
             self.created.add(new.cls)
             self._merge_group(self.created)
             self._add_features_of([new.cls])
+
+    def _add_written(self, attributes: Iterable[int], cls: str | None, span: Span | None) -> None:
+        assert cls is not None
+        for each in product(attributes, self.metamodel.concrete_classes(cls)):
+            self.written.setdefault(each, span)
 
     def _add_reference(self, reference: Reference) -> None:
         opposite = self.metamodel.opposite(reference)
@@ -258,7 +267,7 @@ class _ChangeCollector:
             if any(self.metamodel.is_a(one, end) for one in concrete for end in (reference.owner, reference.target)):
                 self.references.add(reference.index)
 
-    def _add_retyping(self, cls: str | None, new: str) -> None:
+    def _add_retyping(self, cls: str | None, new: str, span: Span | None) -> None:
         """Record the features that change if an object is retyped to `new`. Put both classes into one retyping
         group.
         """
@@ -269,7 +278,8 @@ class _ChangeCollector:
                 {f.index for f in self.metamodel.features(each).values() if isinstance(f, Attribute)}
                 for each in (one, new)
             )
-            self.written |= has ^ will
+            self.attributes |= has ^ will
+            self._add_written(will - has, new, span)
             for reference in self.metamodel.references:
                 ends = reference.owner, reference.target
                 if any(self.metamodel.is_a(one, end) and not self.metamodel.is_a(new, end) for end in ends):
@@ -289,8 +299,8 @@ class _ChangeCollector:
         growing = (cls for group in groups if not self.created.isdisjoint(group) for cls in group)
         return ModelChanges(
             self.metamodel,
-            frozenset(self.attributes | self.written),
-            frozenset(self.written),
+            frozenset(self.attributes),
+            self.written,
             frozenset(self.references),
             tuple(groups),
             frozenset(self.deleted),

@@ -6,7 +6,16 @@ from collections.abc import Mapping, Sequence
 from dataclasses import replace
 
 from envgraph import code
-from envgraph.behaviour import Branch, HelperPattern, RuleCall, condition_helper, read_variables
+from envgraph.behaviour import (
+    Branch,
+    HelperPattern,
+    KeyIndex,
+    RuleCall,
+    condition_helper,
+    key_attributes,
+    key_helper,
+    read_variables,
+)
 from envgraph.code import dataclass
 from envgraph.env._prepared_behaviour import add_helper_pattern
 from envgraph.env._prepared_clauses import NameClasses
@@ -20,10 +29,12 @@ from envgraph.env.compiled._program_layout import (
     ERROR,
     NOBODY,
     ONE,
+    RI,
     TOP,
     ZERO,
     D,
     emit_call,
+    emit_entry,
     emit_result,
     emit_state_entry,
     emit_sum,
@@ -31,7 +42,7 @@ from envgraph.env.compiled._program_layout import (
 )
 from envgraph.env.compiled._refused_rules import emit_attempts
 from envgraph.env.compiled._statement_list import StatementList
-from envgraph.env.compiled._symbols import ObjectByIndex
+from envgraph.env.compiled._symbols import KeyValues, ObjectByIndex, OneObjectPerIndex
 from envgraph.env.compiled._term_code import (
     CodeTerm,
     ExpressionEmitter,
@@ -109,9 +120,16 @@ class FunctionEmitter(StatementList):
         self.append_fail_if(code.Operation(">", (code.emit_call("abs", local), code.Constant(MAX_REWARD))))
         return local
 
-    def emit_object_at_index(self, cls: str, index: code.Expression) -> code.Local:
+    def emit_object_at_index(self, keys: KeyIndex, cls: str, index: code.Expression) -> code.Local:
         """Emit code that looks up the object with an index in a class, or -1 if there is none. Return its variable."""
         local, changes = self.facts.new_local_for(ObjectType(cls)), self.facts.changes
+        key = self.key_pattern(keys, cls, index)
+        if key is not None:
+            rows = self.emit_function_call(self.matching.emit_rows(self.pattern_view(key[0])), *key[1])
+            self.append_assignment(local, NOBODY)
+            first = code.Assign(local, emit_entry(RI, self.first_row, 0))
+            self.append(code.If(code.Operation(">", (rows, ZERO)), (first,)))
+            return local
         objects = self.facts.layout.offset(ObjectByIndex(cls, changes.possible_classes(cls)))
         self.append_assignment(local, emit_table_entry(emit_sum(objects, index)))
         if not changes.is_fixed_class(cls):
@@ -119,6 +137,25 @@ class FunctionEmitter(StatementList):
             gone = code.Operation("and", (there, code.emit_not(self.facts.emit_is_instance(local, cls))))
             self.append(code.If(gone, (code.Assign(local, NOBODY),)))
         return local
+
+    def key_pattern(
+        self, keys: KeyIndex, cls: str, index: code.Expression
+    ) -> tuple[HelperPattern, list[code.Expression]] | None:
+        """Return a helper pattern for objects of a class with a key, and code for the key at an index.
+
+        Return None if the object at each index can be found without, in a table.
+        """
+        changes, layout = self.facts.changes, self.facts.layout
+        attributes = key_attributes(changes.metamodel, cls)
+        grows = attributes and not changes.created.isdisjoint(changes.possible_classes(cls))
+        if not grows and OneObjectPerIndex(cls) not in layout.broken_assumptions:
+            return None
+        values = [
+            KeyValues(attribute, tuple(key[place] for key in keys.keys_of(cls)))
+            for place, attribute in enumerate(attributes)
+        ]
+        entries = [emit_table_entry(emit_sum(layout.offset(one), index), one.is_float) for one in values]
+        return add_helper_pattern(self.engine, self.behaviour, lambda name: key_helper(name, cls, attributes)), entries
 
     def deleted_test(self, term: CodeTerm, cls: str) -> code.Expression | None:
         """Return an expression that tests if an object is deleted or no longer of a class; None if it cannot be."""

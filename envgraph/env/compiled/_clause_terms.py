@@ -166,7 +166,7 @@ class ClauseEmitter:
             type_: StaticType = domain_type(domain, self.metamodel) or Scalar.INT
             number: code.Expression = emit_entry(L, emit_sum(first, place))
             if isinstance(type_, ObjectType):
-                local = writer.emit_object_at_index(type_.cls, number)
+                local = writer.emit_object_at_index(self.keys, type_.cls, number)
                 present = (code.Operation(">=", (local, ZERO)),)
                 scope[name] = replace(variable_term(local, type_), present=present)
             else:

@@ -109,7 +109,7 @@ class CompiledProgram:
         if keys != self.keys:
             raise AssumptionViolated("keys")
         alone = MemberData(engine, keys, engine.library)
-        _check_agents(self.behaviour, engine, keys)
+        _joint_agents(self.behaviour, engine, keys)
         strings = _string_numbers(alone.model_strings, self.layout)
         member = alone.for_program(strings, self.layout.created_classes, self.spare)
         arrays = self.layout.fill_arrays([member], member.number_count, strings)
@@ -160,8 +160,7 @@ def program_of(
     seats: tuple[tuple[str, int], ...] = ()
     for home in [engine] if members is None else members:
         alone.append(MemberData(home, keys, engine.library))
-        _check_agents(behaviour, alone[-1].engine, keys)
-        seats = seats or _joint_agents(behaviour, alone[-1].engine, keys)
+        seats = _joint_agents(behaviour, alone[-1].engine, keys)
     known = {text for each in alone for text in each.model_strings}
     unmet = {*broken}
     while True:
@@ -209,16 +208,17 @@ def _string_numbers(texts: Iterable[str], layout: ProgramLayout) -> dict[str, in
 
 
 def _joint_agents(behaviour: Behaviour, engine: Engine, keys: KeyIndex) -> tuple[tuple[str, int], ...]:
-    """Return the name and block number of each agent if all agents act together; otherwise ()."""
-    named = named_agents(behaviour, engine.model, keys) if behaviour.together else ()
-    return tuple((name, block) for name, (_, block) in named)
+    """Return the name and block number of each agent if all agents act together; otherwise ().
 
-
-def _check_agents(behaviour: Behaviour, engine: Engine, keys: KeyIndex) -> None:
+    Raises:
+        ResolutionError: the model has no agent, or agents act together and one is missing.
+    """
     if behaviour.together:
         check_all_agents_exist(behaviour, engine.model, keys)
-    if behaviour.agents and not named_agents(behaviour, engine.model, keys):
+    named = named_agents(behaviour, engine.model, keys)
+    if behaviour.agents and not named:
         raise ResolutionError(unbound_names(behaviour, engine.model))
+    return tuple((name, block) for name, (_, block) in named) if behaviour.together else ()
 
 
 def _build_program(

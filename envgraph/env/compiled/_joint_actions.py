@@ -92,10 +92,8 @@ class JointStepEmitter:
 
         Yields the number of the agent's block, and the two variables.
         """
-        left, names = (
-            self._clauses.module.new_local("left"),
-            code.Constant(len(self._clauses.block_actions[0].names)),
-        )
+        left = self._clauses.module.new_local("left")
+        names = code.Constant(len(self._clauses.block_actions[0].names))
         writer.append_assignment(left, ACTION)
         for place, (_, block) in enumerate(self._seats):
             node, digit = self._emit_agent_object(writer, place), self._clauses.module.new_local("a")

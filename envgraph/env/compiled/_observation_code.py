@@ -33,9 +33,10 @@ from envgraph.env.compiled._program_layout import (
     emit_sum,
     emit_table_entry,
 )
-from envgraph.env.compiled._symbols import IndexByObject, indexable_classes
+from envgraph.env.compiled._symbols import IndexByObject
 from envgraph.env.compiled._term_code import CodeTerm, variable_term
 from envgraph.errors import LARGEST_INT
+from envgraph.match.plan import PatternQuery
 from envgraph.metamodel import EnumType
 from envgraph.pattern import ObjectType, PatternCall
 
@@ -136,7 +137,7 @@ class ObservationEmitter:
         index = writer.module.new_local("i")
 
         def write() -> None:
-            node = writer.emit_object_at_index(cls, index)
+            node = writer.emit_object_at_index(self._keys, cls, index)
             gone = code.Operation("<", (node, ZERO))
             known = {**scope, each.name: variable_term(node, ObjectType(cls), cls)}
             self._emit_value_component(observation, {**types, each.name: cls}, known, gone)
@@ -220,9 +221,10 @@ class ObservationEmitter:
                 assert isinstance(term.type, ObjectType), "the behaviour was checked"
                 node = writer.facts.new_local_for(term.type)
                 writer.append_assignment(node, term.value)
-                indices = self._layout.offset(IndexByObject(among, indexable_classes(self._metamodel, among)))
+                indices = self._layout.offset(IndexByObject(among))
                 found: code.Body = (
                     code.Assign(local, emit_table_entry(emit_sum(indices, node))),
+                    *self._emit_find_index(among, node, local),
                     code.If(code.Operation("<", (local, ZERO)), writer.failure_statements()),
                 )
                 if not self._metamodel.covers(among, term.type.cls):
@@ -235,6 +237,19 @@ class ObservationEmitter:
                 writer.append_assignment(local, code.Operation("-", (clipped, code.Constant(low))))
             case _:
                 writer.append_assignment(local, _emit_literal_index(term, self._layout))
+
+    def _emit_find_index(self, cls: str, node: code.Local, local: code.Local) -> code.Body:
+        """Emit code that finds the index of an object that a rule has created, by its key; no code if none has one."""
+        writer, index = self._writer, self._writer.module.new_local("i")
+        key = writer.key_pattern(self._keys, cls, index)
+        if key is None:
+            return ()
+        place = len(key[1])
+        view = PatternQuery(key[0].pattern.qualified_name, tuple(range(place + 1)), ())
+        has_key = writer.emit_function_call(writer.matching.emit_exists(view), *key[1], node)
+        found = code.If(has_key, (code.Assign(local, index), code.BreakOrContinue("break")))
+        each = code.For(index, code.emit_call("range", self._emit_index_count(cls)), (found,))
+        return (code.If(code.Operation("<", (local, ZERO)), (each,)),)
 
 
 def _emit_literal_index(term: CodeTerm, layout: ProgramLayout) -> code.Expression:

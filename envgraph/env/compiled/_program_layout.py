@@ -6,6 +6,7 @@ So one program serves all families of a behaviour, and all members of a family.
 from __future__ import annotations
 
 from collections.abc import Hashable, Iterable, Mapping, Sequence
+from itertools import chain
 from typing import Any, Final, Literal, TypeAlias
 
 import numpy as np
@@ -24,6 +25,7 @@ from envgraph.env.compiled._symbols import (
     ClassSet,
     CreatedCount,
     GroupStarts,
+    KeyValues,
     LinkColumn,
     LinkMatrix,
     ProgramTable,
@@ -147,7 +149,9 @@ class ProgramLayout:
     @property
     def strings(self) -> set[str]:
         """Return the strings that the program uses."""
-        return {symbol.text for symbol in self._numbers if isinstance(symbol, StringNumber)}
+        keys = chain(*(one.values for one in self._numbers if isinstance(one, KeyValues)))
+        known = {value for value in keys if isinstance(value, str)}
+        return known | {one.text for one in self._numbers if isinstance(one, StringNumber)}
 
     def fill_arrays(self, members: Iterable[MemberData], stride: int, strings: Mapping[str, int]) -> FamilyArrays:
         """Compute the tables, offsets and initial states of a family.

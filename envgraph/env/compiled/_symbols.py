@@ -2,18 +2,18 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from math import prod
 from typing import Final, Literal, TypeAlias
 
 import numpy as np
 from numpy.typing import NDArray
 
-from envgraph.behaviour import bind_parameter, key_attributes, key_reader
+from envgraph.behaviour import bind_parameter
 from envgraph.code import dataclass
 from envgraph.env.compiled._member_data import NO_OBJECT, Cell, MemberData, Row, missing_value, value_count
-from envgraph.env.compiled._not_compiled import AssumptionViolated, NotCompiled
-from envgraph.metamodel import Attribute, Metamodel, Reference, Scalar
+from envgraph.env.compiled._not_compiled import AssumptionViolated
+from envgraph.metamodel import Attribute, Reference, Scalar, Value
 from envgraph.pattern import Library, ObjectType, Parameter, StaticType
 
 WORD_BITS: Final = 32
@@ -428,15 +428,22 @@ class ObjectByIndex(IntValued):
         """Return the entries of the table for a member; `stride` is the largest number of objects of a member.
 
         Raises:
-            NotCompiled: two objects may have the same index.
+            AssumptionViolated: two objects may have the same index.
         """
-        found = [NO_OBJECT] * member.key_index.size(self.cls)
-        for number, index in _object_indices(member, self.cls, self.candidates):
-            if index != NO_OBJECT:
-                if found[index] != NO_OBJECT:
-                    raise NotCompiled(f"objects with the same key that may both become a `{self.cls}`")
-                found[index] = number
+        found, class_of = list[int](), member.model.graph.class_of
+        for nodes in member.key_index.candidates(member.model, self.cls):
+            numbers = [member.object_numbers[node] for node in nodes if class_of(node) in self.candidates]
+            if len(numbers) > 1:
+                raise AssumptionViolated(OneObjectPerIndex(self.cls))
+            found.append(max(numbers, default=NO_OBJECT))
         return found
+
+
+@dataclass(frozen=True, slots=True)
+class OneObjectPerIndex:
+    """The assumption that at most one object of each member may have an index of a class."""
+
+    cls: str
 
 
 @dataclass(frozen=True, slots=True)
@@ -444,44 +451,31 @@ class IndexByObject(IntValued):
     """A table of the index of each object within a class; -1 for objects without an index."""
 
     cls: str
-    candidates: tuple[str, ...]
 
     def fill(self, member: MemberData, stride: int) -> Sequence[Cell]:
         """Return the entries of the table for a member; `stride` is the largest number of objects of a member."""
         found = [NO_OBJECT] * stride
-        for number, index in _object_indices(member, self.cls, self.candidates):
-            found[number] = index
+        for index, nodes in enumerate(member.key_index.candidates(member.model, self.cls)):
+            for node in nodes:
+                found[member.object_numbers[node]] = index
         return found
 
 
-def indexable_classes(metamodel: Metamodel, cls: str) -> tuple[str, ...]:
-    """Return the concrete classes that have the key attributes of a class, so that their objects can have an index."""
-    key = key_attributes(metamodel, cls)
-    return tuple(
-        one.name
-        for one in metamodel.class_list
-        if not one.abstract
-        and (
-            metamodel.is_a(one.name, cls)
-            or (key and all(metamodel.is_a(one.name, attribute.owner) for attribute in key))
-        )
-    )
+@dataclass(frozen=True, slots=True)
+class KeyValues:
+    """A table of the value of one key attribute at each index of a class."""
 
+    attribute: Attribute
+    values: tuple[Value, ...]
 
-def _object_indices(member: MemberData, cls: str, classes: Sequence[str]) -> Iterator[tuple[int, int]]:
-    """Yield the initial objects of some classes, each with its index within a class, or -1 without an index.
+    @property
+    def is_float(self) -> bool:
+        """Return True if the values are floats."""
+        return self.attribute.type is Scalar.FLOAT
 
-    Raises:
-        NotCompiled: an object that a rule creates may have an index.
-    """
-    key_of = key_reader(member.model, cls)
-    rank = {key: position for position, key in enumerate(member.key_index.keys_of(cls))}
-    if not member.created_classes.isdisjoint(classes) and any(
-        key >= (member.model.graph.store.next_id,) for key in rank
-    ):
-        raise NotCompiled(f"rules that create objects without a key, of which other members have more (`{cls}`)")
-    for number in (number for number in object_numbers(member, classes) if number not in member.reserved_numbers):
-        yield number, rank.get(key_of(member.object_ids[number]), NO_OBJECT)
+    def fill(self, member: MemberData, stride: int) -> Sequence[Cell]:
+        """Return the entries of the table, which are the same for all members of a family."""
+        return [member.encode(value, self.attribute.type) for value in self.values]
 
 
 @dataclass(frozen=True, slots=True)
@@ -506,7 +500,7 @@ class AgentTable(IntValued):
 
 ProgramTable: TypeAlias = (
     "BitTable | ValueTable | GroupStarts | GroupedValues | BitSetTable | ExtentTable "
-    "| ReservedNumbers | BoundParameter | ObjectByIndex | IndexByObject | AgentTable"
+    "| ReservedNumbers | BoundParameter | ObjectByIndex | IndexByObject | KeyValues | AgentTable"
 )
 StateColumn: TypeAlias = "AttributeColumn | LinkColumn | LinkMatrix | ClassSet"
 

@@ -234,7 +234,6 @@ REFUSED = (
     | values.REFUSED
     | queries.REFUSED
     | blocks.REFUSED
-    | creation.REFUSED
     | units.REFUSED
 )
 

@@ -2,13 +2,32 @@
 
 from __future__ import annotations
 
-from tests.unit.env.corners.yard import Yard, wrong
+from tests.unit.env.corners.yard import MODEL, Yard, wrong
 
 GO = "rule go(m : Man, s : Spot) { lhs { m : Man; s : Spot; } modify { set m.at = s; } }"
 GONE = "action go(s : Spot) = go(adam, s)\n"
 OTHERS = "observe m.at among Pit or none for m : Man\nobserve i.pair among Heavy or none for i : Item"
 
 CORNERS = {
+    "several that may have one index": Yard(
+        """
+        rule harden { lhs { i : Item; neg Heavy(i); } modify { retype i : Heavy; } }
+        rule soften(i : Item) { lhs { i : Heavy; } modify { retype i : Item; } }
+        rule want(m : Man) { lhs { m : Man; i : Heavy; } modify { set m.wants = i; } }
+        rule grow(i : Item) { lhs { check i.weight < 4.0; } modify { set i.weight += 1.0; } }
+        """,
+        """
+        action harden = harden() reward 1
+        action soften(h : Heavy) = soften(h) reward h.weight
+        action grow(h : Heavy) = grow(h)
+        action want = want(adam)
+        observe h.kind for h : Heavy
+        observe adam.wants among Heavy or none
+        observe h.at among Spot or none for h : Heavy
+        """,
+        model=MODEL.replace("{ id = 2 at", "{ id = 1 at").replace("{ id = 3 tag", "{ id = 1 tag"),
+        members=1,
+    ),
     "classes that change, and with them what objects have": Yard(
         """
         rule harden { lhs { b : Box; } modify { retype b : Chest; } }

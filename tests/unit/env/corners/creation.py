@@ -21,6 +21,7 @@ pattern carried(m : Man, i : Item, k : Kind) { Man.bag(m, i); Item.kind(i, k); }
 pattern heavy(i : Item, w : float) { Item.weight(i, w); check w > 1.0; }
 pattern near(i : Item, j : Item) { Item.at(i, s); Item.at(j, s); }
 pattern any(i : Item) { Item(i); }
+pattern wants(m : Man, i : Item) { Man.wants(m, i); }
 """
 LOOK = "observe count find size(_, _) up to 9\nobserve count find any(_) up to 9\n"
 
@@ -133,12 +134,68 @@ CORNERS = {
     ),
 }
 
-REFUSED = {
-    f"a rule that creates objects with a key (`Item`) | {name}": Yard(
-        MADE.replace("lhs", "[[lhs]]"), f"action make = make(adam, _)\n{observed}"
+OBSERVED = {
+    f"objects with a key that a rule creates, {name}": Yard(
+        MADE.replace("most + 1", "(m.hunger + most) % 8")
+        + DROP
+        + GO
+        + """
+        rule harden { lhs { i : Item; neg Heavy(i); } modify { retype i : Heavy; } }
+        rule soften { lhs { i : Heavy; } modify { retype i : Item; } }
+        rule want(m : Man, i : Item) { lhs { Man(m); Item(i); } modify { set m.wants = i; } }
+        rule wish(m : Man) { lhs { m : Man; i : Item; } modify { set m.wants = i; } }
+        rule sleep(m : Man) { lhs { check m.hunger < 6; } modify { set m.hunger += 1; } }
+        """,
+        "action make(m : Man) = make(m, i) reward i.id else reward -1\naction drop = drop() reward 0.25\n"
+        "action harden = harden()\naction soften = soften()\naction sleep = sleep(adam)\n" + observed,
+        SIZES,
+        members=4,
     )
     for name, observed in (
-        ("observed one by one", "observe i.kind for i : Item"),
-        ("among which one is observed", "observe adam.wants among Item or none"),
+        ("observed one by one", "observe i.kind for i : Item\nobserve h.id in 0..8 for h : Heavy"),
+        (
+            "among which one is observed",
+            "observe adam.wants among Item or none\naction want(i : Item) = want(adam, i)\naction wish = wish(adam)",
+        ),
+        ("counted through", "action want(i : Heavy) = want(adam, i) reward i.id\nobserve find wants(_, _)"),
     )
+}
+
+CORNERS |= OBSERVED | {
+    "men with the names of others, or without": Yard(
+        """
+        @semantics(spo) rule leave(m : Man) { lhs { Man(m); } modify { delete m; } }
+        rule come(m : Man) { lhs { y : Yard; Man.name(m, n); } modify { create y -men-> o : Man { name = n }; } }
+        rule eve { lhs { y : Yard; } modify { create y -men-> o : Man { name = "eve", hunger = 2 }; } }
+        rule nobody { lhs { y : Yard; } modify { create y -men-> o : Man { hunger = 4 }; } }
+        """,
+        """
+        action leave(m : Man) = leave(m) reward 1 else reward -1
+        action come(m : Man) = come(m)
+        action eve = eve()
+        action nobody = nobody()
+        observe m.kind for m : Man
+        observe m.hunger in 1..4 for m : Man
+        observe count find men(_) up to 9
+        """,
+        "pattern men(m : Man) { Man(m); }",
+        head="",
+    ),
+    "boxes are made and observed one by one": Yard(
+        BORN
+        + """
+        rule lid(b : Box) { lhs { Box(b); } modify { create b -lid-> c : Box { size = 5 }; } }
+        @semantics(spo) rule burn(b : Box) { lhs { Box(b); } modify { delete b; } }
+        """,
+        """
+        action born = born()
+        action burn(b : Box) = burn(b) reward 1 else reward -1
+        action lid(b : Box) = 0.5: lid(b)
+        observe b.size in 0..6 for b : Box
+        observe b.under among Box or none for b : Box
+        observe count find size(_, _) up to 9
+        """,
+        SIZES,
+        members=4,
+    ),
 }
