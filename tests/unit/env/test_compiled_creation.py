@@ -6,11 +6,12 @@ import numpy as np
 import pytest
 
 from envgraph.env import EnvgraphEnv, EnvgraphLiveEnv, Simulator, TooManyStates, explore
-from envgraph.env.compiled import CompiledBatch, CompiledVectorEnv, NotCompiled, enumerate_states, program_of
+from envgraph.env._observation_spaces import split_index
+from envgraph.env.compiled import CompiledBatch, CompiledVectorEnv, enumerate_states, program_of
 from envgraph.errors import EvaluationError
 from tests.unit.env.corners.creation import BORN, DROP, LOOK, MADE, SIZES
 from tests.unit.env.corners.yard import Yard
-from tests.unit.env.side_by_side import mutants, step_side_by_side
+from tests.unit.env.side_by_side import family_keys, mutants, step_side_by_side
 
 BOUNDED = """
 rule born { lhs { y : Yard; n == count Box(_); check n < 4; } modify { create y -boxes-> b : Box { size = n }; } }
@@ -112,11 +113,14 @@ def test_created_objects_reuse_the_space_of_deleted_objects() -> None:
     assert len(states) == 1
 
 
-def test_creating_objects_without_a_key_is_not_compiled_if_members_differ() -> None:
+def test_created_object_without_a_key_has_no_index_even_if_another_member_has_one_of_its_id() -> None:
     engine, behaviour = Yard(BORN, "action born = born()\nobserve b.size in 0..5 for b : Box").opened()
     step_side_by_side([engine], behaviour, 20, native=False)
     other = engine.copy()
     other.apply("yard.newItem", other.matches("yard.newItem")[0])
     other.apply("yard.newBox", other.matches("yard.newBox")[0])
-    with pytest.raises(NotCompiled, match="rules that create objects without a key"):
-        step_side_by_side([engine, other], behaviour, 20, native=False)
+    step_side_by_side([engine, other], behaviour, 20, native=False)
+    live = Simulator(engine, behaviour, family_keys([engine, other], behaviour))
+    for _ in range(3):
+        live.step_with(0, 0.5)
+    assert split_index(live.observe(), live.observation_shape).tolist() == [2, 1, 0], "another member has a third one"
