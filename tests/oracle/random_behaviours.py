@@ -87,7 +87,12 @@ def random_behaviour_case(seed: int) -> BehaviourCase:
     metamodel = _simplified_metamodel(dice, random_metamodel(dice))
     while not metamodel.references or not concrete(metamodel):
         metamodel = _simplified_metamodel(dice, random_metamodel(dice))
+    if seed % 2:
+        metamodel = _with_keys(Dice(seed), metamodel)
     model = random_model(dice, metamodel)
+    for cls in metamodel.class_list:
+        for number, node in enumerate(sorted(model.graph.extent(cls.name)) if cls.key else ()):
+            model.graph.set_value(node, metamodel.feature(cls.name, cls.key[0]), number)  # type: ignore[arg-type]
     known = random_patterns(dice, metamodel)
     library = Library(metamodel)
     for number in range(dice.number(1, 3)):
@@ -133,6 +138,17 @@ def _simplified_metamodel(dice: Dice, metamodel: Metamodel) -> Metamodel:
         classes.append(Class(cls.name, cls.abstract, cls.supertypes, tuple(features)))
     if dice.chance(50):
         classes.append(Class("E", False, (dice.one(classes).name,)))
+    return Metamodel(metamodel.name, tuple(classes), tuple(metamodel.enums.values()))
+
+
+def _with_keys(dice: Dice, metamodel: Metamodel) -> Metamodel:
+    """The metamodel, half of whose classes with ints have one as key."""
+    classes = []
+    for cls in metamodel.class_list:
+        ints = [one for one in cls.features if isinstance(one, Attribute) and one.type is Scalar.INT]
+        names = [one.name for one in ints if not one.many]
+        key = (dice.one(names),) if names and dice.chance(50) else ()
+        classes.append(Class(cls.name, cls.abstract, cls.supertypes, cls.features, key))
     return Metamodel(metamodel.name, tuple(classes), tuple(metamodel.enums.values()))
 
 
