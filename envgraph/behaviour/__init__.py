@@ -43,7 +43,6 @@ if TYPE_CHECKING:
         DuplicateKeyError as DuplicateKeyError,
         KeyIndex as KeyIndex,
         expand_action as expand_action,
-        indexable_classes as indexable_classes,
         indexed_classes as indexed_classes,
         key_attributes as key_attributes,
         key_reader as key_reader,

@@ -123,7 +123,7 @@ class FunctionEmitter(StatementList):
     def emit_object_at_index(self, keys: KeyIndex, cls: str, index: code.Expression) -> code.Local:
         """Emit code that looks up the object with an index in a class, or -1 if there is none. Return its variable."""
         local, changes = self.facts.new_local_for(ObjectType(cls)), self.facts.changes
-        key = self.key_pattern(keys, cls, index)
+        key = key_pattern(self, keys, cls, index)
         if key is not None:
             rows = self.emit_function_call(self.matching.emit_rows(self.pattern_view(key[0])), *key[1])
             self.append_assignment(local, NOBODY)
@@ -137,25 +137,6 @@ class FunctionEmitter(StatementList):
             gone = code.Operation("and", (there, code.emit_not(self.facts.emit_is_instance(local, cls))))
             self.append(code.If(gone, (code.Assign(local, NOBODY),)))
         return local
-
-    def key_pattern(
-        self, keys: KeyIndex, cls: str, index: code.Expression
-    ) -> tuple[HelperPattern, list[code.Expression]] | None:
-        """Return a helper pattern for objects of a class with a key, and code for the key at an index.
-
-        Return None if the object at each index can be found without, in a table.
-        """
-        changes, layout = self.facts.changes, self.facts.layout
-        attributes = key_attributes(changes.metamodel, cls)
-        grows = attributes and not changes.created.isdisjoint(changes.possible_classes(cls))
-        if not grows and OneObjectPerIndex(cls) not in layout.broken_assumptions:
-            return None
-        values = [
-            KeyValues(attribute, tuple(key[place] for key in keys.keys_of(cls)))
-            for place, attribute in enumerate(attributes)
-        ]
-        entries = [emit_table_entry(emit_sum(layout.offset(one), index), one.is_float) for one in values]
-        return add_helper_pattern(self.engine, self.behaviour, lambda name: key_helper(name, cls, attributes)), entries
 
     def deleted_test(self, term: CodeTerm, cls: str) -> code.Expression | None:
         """Return an expression that tests if an object is deleted or no longer of a class; None if it cannot be."""
@@ -476,3 +457,23 @@ class FunctionEmitter(StatementList):
     def bound_alive_tests(self, question: HelperPattern, scope: Mapping[str, CodeTerm]) -> list[code.Expression]:
         """Return expressions that test if the objects in the bound variables of a helper pattern are not deleted."""
         return [test for name in question.bound if (test := self.alive_test(scope[name])) is not None]
+
+
+def key_pattern(
+    writer: FunctionEmitter, keys: KeyIndex, cls: str, index: code.Expression
+) -> tuple[HelperPattern, list[code.Expression]] | None:
+    """Return a helper pattern for objects of a class with a key, and code for the key at an index.
+
+    Return None if the object at each index can be found without, in a table.
+    """
+    changes, layout = writer.facts.changes, writer.facts.layout
+    attributes = key_attributes(changes.metamodel, cls)
+    grows = attributes and not changes.created.isdisjoint(changes.possible_classes(cls))
+    if not grows and OneObjectPerIndex(cls) not in layout.broken_assumptions:
+        return None
+    values = [
+        KeyValues(attribute, tuple(key[place] for key in keys.keys_of(cls)))
+        for place, attribute in enumerate(attributes)
+    ]
+    entries = [emit_table_entry(emit_sum(layout.offset(one), index), one.is_float) for one in values]
+    return add_helper_pattern(writer.engine, writer.behaviour, lambda name: key_helper(name, cls, attributes)), entries

@@ -20,7 +20,7 @@ from envgraph.behaviour import (
 from envgraph.env._observation_components import component_size
 from envgraph.env._prepared_behaviour import add_helper_pattern
 from envgraph.env._prepared_clauses import NameClasses
-from envgraph.env.compiled._clause_code import FunctionEmitter
+from envgraph.env.compiled._clause_code import FunctionEmitter, key_pattern
 from envgraph.env.compiled._not_compiled import add_missing_span
 from envgraph.env.compiled._program_layout import (
     ONE,
@@ -241,7 +241,7 @@ class ObservationEmitter:
     def _emit_find_index(self, cls: str, node: code.Local, local: code.Local) -> code.Body:
         """Emit code that finds the index of an object that a rule has created, by its key; no code if none has one."""
         writer, index = self._writer, self._writer.module.new_local("i")
-        key = writer.key_pattern(self._keys, cls, index)
+        key = key_pattern(writer, self._keys, cls, index)
         if key is None:
             return ()
         place = len(key[1])
