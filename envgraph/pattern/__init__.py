@@ -127,6 +127,7 @@ if TYPE_CHECKING:
     )
     from envgraph.pattern.expressions._builtin_functions import (
         EXPRESSION_NAMESPACE as EXPRESSION_NAMESPACE,
+        FUNCTIONS as FUNCTIONS,
         BuiltinFunction as BuiltinFunction,
     )
     from envgraph.pattern.expressions._evaluate import (

@@ -7,7 +7,7 @@ from dataclasses import replace
 from typing import TYPE_CHECKING
 
 from envgraph import code
-from envgraph.env.compiled._program_layout import ONE, RF, ZERO, emit_error
+from envgraph.env.compiled._program_layout import ONE, RF, ZERO, S, emit_error
 from envgraph.match.plan import PlanStep, StepKind, query_of_call
 from envgraph.metamodel import Scalar
 from envgraph.pattern import AggregateAtom, CallAtom
@@ -17,7 +17,8 @@ if TYPE_CHECKING:
 
 COUNT = code.Local("n", "int")
 PARTS, SPACE = code.Local("parts", "int"), code.Local("space", "int")
-"""The number of floats whose sum is exactly that of the values so far, and the row from which on they are stored."""
+"""The number of floats whose sum is exactly that of the values so far, and the row from which on they are stored. For
+a sum of ints, how often it has left the range of 64 bits upwards minus downwards."""
 
 
 def emit_count(body: BodyEmitter, number: code.Local) -> None:
@@ -50,18 +51,24 @@ def emit_aggregate(body: BodyEmitter, goal: AggregateAtom, step: PlanStep) -> No
 def _emit_fold(body: BodyEmitter, goal: AggregateAtom, variable: int, steps: Sequence[PlanStep]) -> None:
     """Emit code that binds the goal's result to the sum, mean, minimum or maximum of the variable `variable`.
 
-    Without solutions, a sum is 0, and a mean, minimum or maximum makes the goal fail.
+    Without solutions, a sum is 0, and a mean, minimum or maximum makes the goal fail. So does a sum of ints beyond 64
+    bits.
     """
-    type_ = body.conjunction.types[variable]
+    type_ = Scalar.FLOAT if goal.function == "avg" else body.conjunction.types[variable]
     exact = type_ is Scalar.FLOAT and goal.function in ("sum", "avg")
-    folded = code.Local("folded", "float" if type_ is Scalar.FLOAT else "int")
+    of_ints = type_ is Scalar.INT and goal.function == "sum"
+    folded, beyond = code.Local("folded", "float" if type_ is Scalar.FLOAT else "int"), code.Local("beyond")
 
     def emit_accumulate(part: BodyEmitter) -> None:
         value = part.value_of(variable)
         if exact:
-            part.block.add(code.Assign(PARTS, code.emit_call("add_exactly", RF, SPACE, PARTS, value)))
-        elif goal.function in ("sum", "avg"):
-            part.block.add(code.Assign(folded, value, "+="))
+            is_float = part.conjunction.types[variable] is Scalar.FLOAT
+            added = value if is_float else code.emit_call("float", value)
+            part.block.add(code.Assign(PARTS, code.emit_call("add_exactly", RF, SPACE, PARTS, added)))
+        elif of_ints:
+            part.block.add(code.Assign(code.emit_tuple(folded, beyond), code.emit_call("add_checked", folded, value)))
+            way = code.ConditionalExpression(code.Operation(">", (value, ZERO)), ONE, code.Constant(-1))
+            part.block.add(code.If(beyond, (code.Assign(PARTS, way, "+="),)))
         else:
             operator = "<" if goal.function == "min" else ">"
             better = code.Operation(operator, (value, folded))
@@ -75,14 +82,18 @@ def _emit_fold(body: BodyEmitter, goal: AggregateAtom, variable: int, steps: Seq
         part.emit_steps(steps, emit_accumulate)
 
     nothing: code.Expression = code.Constant(0.0 if type_ is Scalar.FLOAT else 0)
-    head = (code.Assign(COUNT, ZERO), code.Assign(PARTS, ZERO) if exact else code.Assign(folded, nothing))
+    parts = [code.Assign(PARTS, ZERO)] if exact or of_ints else []
+    head = (code.Assign(COUNT, ZERO), *parts, *([] if exact else [code.Assign(folded, nothing)]))
     last = code.emit_call("sum_exactly", RF, SPACE, PARTS) if exact else folded
-    whole = body.emit_function(emit_loop, code.emit_tuple(COUNT, last), head)
+    whole = body.emit_function(emit_loop, code.emit_tuple(PARTS if of_ints else COUNT, last), head)
     number, result = body.matching.module.new_local("n"), body.facts.new_local_for(type_)
     body.block.add(code.Assign(code.Tuple((number, result)), whole))
     if exact:  # the live engine knows sums that are beyond all floats on the way only
         finite = code.Operation("<", (code.emit_call("abs", result), code.Name("INFINITY")))
         body.block.add(code.If(code.emit_not(finite), (emit_error("FAILED"),)))
-    if goal.function != "sum":
+    if of_ints:
+        body.block.open_test(code.emit_equal(number, ZERO))
+        body.block.open_test(code.emit_call("within", S, result, code.FALSE))
+    elif goal.function != "sum":
         body.block.open_test(code.Operation(">", (number, ZERO)))
     body.bind_or_test(goal.result, code.Operation("/", (result, number)) if goal.function == "avg" else result)

@@ -9,20 +9,27 @@ may import this module; `_python_kernels` defines the same names for Python.
 
 import operator
 
-from llvmlite import ir
-from numba import types
+from llvmlite import binding, ir
+from numba import _helperlib, types
 from numba.core.cgutils import create_struct_proxy
 from numba.core.typing.templates import AbstractTemplate, infer_global, signature
 from numba.extending import intrinsic, lower_builtin, models, register_model
 
 __all__ = [
+    "add_checked",
     "arrays_at",
     "bit",
     "bit_at",
     "count_bits",
+    "exp",
     "fixed",
+    "log",
     "lowest_bit",
     "matrix",
+    "multiply_checked",
+    "pow",
+    "sqrt",
+    "subtract_checked",
     "vector",
     "width",
 ]
@@ -255,3 +262,35 @@ bit = int_intrinsic(
 bit_at = int_intrinsic(1, lambda builder, place: builder.shl(ONE, emit_bit_index(builder, place)))
 count_bits = int_intrinsic(1, lambda builder, word: builder.ctpop(word))
 lowest_bit = int_intrinsic(1, lambda builder, word: builder.cttz(word, ir.Constant(ir.IntType(1), 0)))
+
+
+# --- numbers
+
+
+def checked_intrinsic(operation):
+    """Return an intrinsic function of two ints: the last 64 bits of the result, and True if it has more."""
+
+    @intrinsic
+    def checked(typing, left, right):
+        def code(context, builder, sig, args):
+            pair = getattr(builder, operation)(*args)
+            return context.make_tuple(builder, sig.return_type, [builder.extract_value(pair, n) for n in range(2)])
+
+        return types.Tuple((types.int64, types.bool_))(types.int64, types.int64), code
+
+    return checked
+
+
+def float_function(name, count=1):
+    """Return a function of the C library of `count` floats.
+
+    LLVM must not know the function by its name: it would compute `pow(x, 2.0)` as `x * x`, which rounds otherwise.
+    """
+    binding.add_symbol(f"envgraph_{name}", _helperlib.c_helpers[name])
+    return types.ExternalFunction(f"envgraph_{name}", types.float64(*[types.float64] * count))
+
+
+add_checked, subtract_checked, multiply_checked = map(
+    checked_intrinsic, ("sadd_with_overflow", "ssub_with_overflow", "smul_with_overflow")
+)
+exp, log, sqrt, pow = float_function("exp"), float_function("log"), float_function("sqrt"), float_function("pow", 2)

@@ -24,15 +24,16 @@ from envgraph.env.compiled._batch_arrays import (
 from envgraph.env.compiled._compiled_program import CompiledProgram
 from envgraph.env.compiled._growth import copy_states, with_more_space
 from envgraph.env.compiled._live_counterpart import LiveCounterpart
+from envgraph.env.compiled._member_data import NO_INT
 from envgraph.env.compiled._symbols import CreatedCount
-from envgraph.env.compiled.kernels import BEYOND, CAPACITY, FULL, OVERFLOW
+from envgraph.env.compiled.kernels import CAPACITY, FULL, OVERFLOW
 from envgraph.errors import EvaluationError
 
 CAPACITY_ERRORS: Final = {
     OVERFLOW: f"a condition or rule has more than {CAPACITY} matches, the limit of compiled environments",
-    BEYOND: "an int has more than 32 bits, the limit of compiled environments",
     FULL: "rules create too many objects in one step for compiled environments",
 }
+INT_ERROR: Final = f"compiled environments do not support the int {NO_INT}, or more bits than 64 within an expression"
 """Messages for errors that only compiled programs have, since the live engine has no such bounds."""
 
 
@@ -217,7 +218,7 @@ class CompiledBatch:
                     simulator.reset_with(uniform)
                 else:
                     simulator.step_with(action, uniform)
-        message = CAPACITY_ERRORS.get(error, "a rule cannot be applied, or an expression has no value")
+        message = CAPACITY_ERRORS.get(error, INT_ERROR)
         raise EvaluationError(message, self.program.behaviour.span, 'make the environment with `engine="live"`')
 
     @contextmanager

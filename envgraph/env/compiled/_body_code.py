@@ -11,7 +11,7 @@ from envgraph.env.compiled._aggregate_code import emit_aggregate
 from envgraph.env.compiled._inlining import local_names
 from envgraph.env.compiled._model_reading import SetWord
 from envgraph.env.compiled._not_compiled import NotCompiled
-from envgraph.env.compiled._program_layout import ONE, RI, TOP, emit_call, emit_entry, emit_error, emit_sum
+from envgraph.env.compiled._program_layout import ONE, RI, TOP, emit_call, emit_entry, emit_sum
 from envgraph.env.compiled._symbols import (
     ClosurePairs,
     FeatureRows,
@@ -250,8 +250,6 @@ class BodyEmitter:
                 for test in term.tests:
                     self.block.open_test(test)
                 is_float = self.conjunction.types[result] is Scalar.FLOAT
-                if term.overflow_test is not None and not is_float:
-                    self.block.add(code.If(term.overflow_test, (emit_error("BEYOND"),)))
                 number = emit_as_float(term) if is_float else term.number_code
                 self.bind_or_test(result, number)
             case AggregateAtom():

@@ -39,6 +39,7 @@ from envgraph.env.compiled._program_layout import (
     emit_state_entry,
     emit_sum,
     emit_table_entry,
+    emit_value_entry,
 )
 from envgraph.env.compiled._refused_rules import emit_attempts
 from envgraph.env.compiled._statement_list import StatementList
@@ -276,9 +277,6 @@ class FunctionEmitter(StatementList):
                 if isinstance(term.type, ObjectType):
                     tests += [alive] if (alive := self.alive_test(term)) is not None else []
                     tests += self._class_tests(rule, term, taken.type)
-                elif term.overflow_test is not None and taken.type is not Scalar.FLOAT:
-                    wrong = code.emit_joined("and", [*term.tests, term.overflow_test], True)
-                    self.append_fail_if(wrong, "BEYOND")
                 given[taken.name] = emit_as_float(term) if taken.type is Scalar.FLOAT else term.number_code
         return given, tests
 
@@ -472,8 +470,8 @@ def key_pattern(
     if not grows and OneObjectPerIndex(cls) not in layout.broken_assumptions:
         return None
     values = [
-        KeyValues(attribute, tuple(key[place] for key in keys.keys_of(cls)))
+        KeyValues(attribute.type, tuple(key[place] for key in keys.keys_of(cls)))
         for place, attribute in enumerate(attributes)
     ]
-    entries = [emit_table_entry(emit_sum(layout.offset(one), index), one.is_float) for one in values]
+    entries = [emit_value_entry(layout, one, index) for one in values]
     return add_helper_pattern(writer.engine, writer.behaviour, lambda name: key_helper(name, cls, attributes)), entries

@@ -30,7 +30,7 @@ from envgraph.env.compiled._behaviour import ProgramText, emit_program
 from envgraph.env.compiled._compiled_costs import COSTS
 from envgraph.env.compiled._live_counterpart import LiveCounterpart
 from envgraph.env.compiled._loading import has_numba, load_functions
-from envgraph.env.compiled._member_data import MemberData, SharedEngine
+from envgraph.env.compiled._member_data import NO_OBJECT, MemberData, SharedEngine
 from envgraph.env.compiled._not_compiled import AssumptionViolated
 from envgraph.env.compiled._program_layout import ProgramLayout
 from envgraph.errors import ResolutionError
@@ -110,9 +110,11 @@ class CompiledProgram:
             raise AssumptionViolated("keys")
         alone = MemberData(engine, keys, engine.library)
         _joint_agents(self.behaviour, engine, keys)
-        strings = _string_numbers(alone.model_strings, self.layout)
+        strings = self.layout.number_strings(alone.model_strings)
         member = alone.for_program(strings, self.layout.created_classes, self.spare)
         arrays = self.layout.fill_arrays([member], member.number_count, strings)
+        if NO_OBJECT in strings.values():
+            raise AssumptionViolated("strings")
         return replace(self, arrays=arrays, members=(member,))
 
     def agent_names(self, number: int) -> tuple[str, ...]:
@@ -166,12 +168,15 @@ def program_of(
     while True:
         layout = ProgramLayout(unmet)
         text = emit_program(engine, behaviour, keys, layout, seats)
-        strings = _string_numbers(known, layout)
+        strings = layout.number_strings(known)
         data = [each.for_program(strings, layout.created_classes, spare) for each in alone]
         try:
             arrays = layout.fill_arrays(data, max(each.number_count for each in data), strings)
         except AssumptionViolated as misfit:
             unmet.add(misfit.assumption)
+            continue
+        if NO_OBJECT in strings.values():  # queries on the models have computed strings
+            known.update(strings)
             continue
         return _build_program(text, arrays, native, data, behaviour, keys, spare)
 
@@ -200,11 +205,6 @@ def compile_for_model(
     if len(known) > COSTS.programs:
         del known[next(iter(known))]
     return known[indices]
-
-
-def _string_numbers(texts: Iterable[str], layout: ProgramLayout) -> dict[str, int]:
-    """Return the number of each string of the family and its program, in alphabetical order."""
-    return {text: number for number, text in enumerate(sorted({*texts, *layout.strings}))}
 
 
 def _joint_agents(behaviour: Behaviour, engine: Engine, keys: KeyIndex) -> tuple[tuple[str, int], ...]:

@@ -13,10 +13,9 @@ from envgraph.env.compiled._matching import MatchEmitter
 from envgraph.env.compiled._member_data import emit_missing_value
 from envgraph.env.compiled._object_changes import ObjectChangeEmitter
 from envgraph.env.compiled._program_layout import ZERO
-from envgraph.env.compiled._symbols import WORD_BITS
-from envgraph.env.compiled._term_code import CodeTerm, ExpressionEmitter, variable_term
+from envgraph.env.compiled._term_code import ExpressionEmitter, variable_term
 from envgraph.metamodel import Attribute, Scalar
-from envgraph.pattern import ObjectType, StaticType
+from envgraph.pattern import Binary, ObjectType, StaticType, Variable
 from envgraph.rewrite.plans import (
     AdjustAttribute,
     ChangeTargets,
@@ -203,8 +202,6 @@ class EffectEmitter:
         local = self._facts.new_local_for(term.type or ObjectType(""))
         value = term.number_code
         optional = term.present if not compute.is_required else ()
-        if term.overflow_test is not None and self._expected_type(compute.slot) is not Scalar.FLOAT:
-            self._statements.append_fail_if(code.emit_joined("and", [*optional, term.overflow_test], True), "BEYOND")
         if optional:
             value = code.ConditionalExpression(
                 code.emit_joined("and", optional, True),
@@ -257,15 +254,12 @@ class EffectEmitter:
         attribute = change.attribute
         place = self._attribute_cell(change.object, attribute)
         self._statements.append_fail_if(code.emit_not(self._facts.emit_is_present(place, attribute.type)))
-        made = code.Operation(change.operator[0], (place, self._converted_slot(change.value, attribute)))
-        local = self._facts.new_local_for(attribute.type)
-        self._statements.append(code.Assign(local, made))
-        if attribute.type is Scalar.FLOAT:
-            finite = code.Operation("<", (code.emit_call("abs", local), code.Name("INFINITY")))
-            self._statements.append_fail_if(code.emit_not(finite))
-        if (beyond := CodeTerm(local, attribute.type, max_bits=WORD_BITS + 1).overflow_test) is not None:
-            self._statements.append_fail_if(beyond, "BEYOND")
-        self._statements.append(code.Assign(place, _without_negative_zero(local, attribute)))
+        sides = {"old": place, "by": self._converted_slot(change.value, attribute)}
+        terms = ExpressionEmitter(self._facts, {name: variable_term(sides[name], attribute.type) for name in sides})
+        made = terms.emit(Binary(change.operator[0], Variable("old"), Variable("by")))
+        self._statements.append(*terms.statements)
+        self._statements.append_fail_if(code.emit_not(code.emit_joined("and", made.tests, True)))
+        self._statements.append(code.Assign(place, _without_negative_zero(made.value, attribute)))
 
 
 def _without_negative_zero(value: code.Expression, attribute: Attribute) -> code.Expression:

@@ -17,10 +17,8 @@ from envgraph.rewrite import Engine
 
 NO_OBJECT = -1
 """Represents a missing object; ids of objects are not negative."""
-NO_INT = -(2**31)
-"""Represents a missing int; ints in states have 32 bits."""
-MAX_INT = 2**31 - 1
-"""Largest int in a state."""
+NO_INT = -(2**63)
+"""Represents a missing int; other ints of 64 bits represent themselves."""
 
 Cell: TypeAlias = "int | float"
 Row: TypeAlias = "tuple[Cell, ...]"
@@ -156,7 +154,7 @@ class MemberData:
             case EnumType():
                 return literal_ranks(type_)[str(value)]
             case Scalar.STRING:
-                return self.string_numbers[str(value)]
+                return self.string_numbers.setdefault(str(value), NO_OBJECT)  # a query has computed it
             case Scalar.FLOAT:
                 return float(value)
             case Scalar.INT:
@@ -207,19 +205,12 @@ class MemberData:
     def match_rows(self, pattern: str) -> list[Row]:
         """Return the matches of a pattern in the initial model, as numbers. Add the pattern to the engine if necessary.
 
-        Raises:
-            NotCompiled: a match contains a computed string that the family has no number for.
+        Computed strings that the family has no number for are added to `string_numbers` as `NO_OBJECT`.
         """
         types = self._library.parameter_types(pattern)
         if not self._has_pattern(pattern):
             self.engine.add(self._library.get(pattern))
-        rows = self.engine.matcher.prepare(pattern, ())()
-        if any(
-            type_ is Scalar.STRING and any(row[place] not in self.string_numbers for row in rows)
-            for place, type_ in enumerate(types)
-        ):
-            raise NotCompiled(f"a query that computes strings (`{pattern}`)", self._library.get(pattern).span)
-        return [tuple(map(self.encode, row, types)) for row in rows]
+        return [tuple(map(self.encode, row, types)) for row in self.engine.matcher.prepare(pattern, ())()]
 
     def _has_pattern(self, pattern: str) -> bool:
         """Return True if the engine's library contains the pattern; helper patterns of paths may not be added yet."""
@@ -251,13 +242,13 @@ class MemberData:
 
 
 def check_int_range(value: int) -> int:
-    """Return the int unchanged if it fits into 32 bits.
+    """Return the int unchanged.
 
     Raises:
-        NotCompiled: the int does not fit into 32 bits, the size of ints in states.
+        NotCompiled: the int represents a missing value.
     """
-    if not NO_INT < value <= MAX_INT:
-        raise NotCompiled(f"an int outside of the 32-bit range ({value})")
+    if value == NO_INT:
+        raise NotCompiled(f"the int {value}, which represents a missing value")
     return value
 
 

@@ -11,7 +11,6 @@ from envgraph.code import dataclass
 from envgraph.env.compiled._changes import ModelChanges
 from envgraph.env.compiled._link_reading import LinkReader
 from envgraph.env.compiled._member_data import emit_missing_value, missing_value
-from envgraph.env.compiled._not_compiled import NotCompiled
 from envgraph.env.compiled._program_layout import (
     STATE,
     ProgramLayout,
@@ -20,6 +19,7 @@ from envgraph.env.compiled._program_layout import (
     emit_state_entry,
     emit_sum,
     emit_table_entry,
+    emit_value_entry,
 )
 from envgraph.env.compiled._symbols import (
     WORD_BITS,
@@ -173,8 +173,7 @@ class ModelReader:
         if self.layout.assumes_functional(AtMostOneRow(keys, shown)):
             for position, local in found.items():
                 values = ValueTable(keys, position, shown, types[position])
-                entry = emit_table_entry(emit_sum(self.layout.offset(values), place), values.is_float)
-                block.add(code.Assign(local, entry))
+                block.add(code.Assign(local, emit_value_entry(self.layout, values, place)))
             first = shown[0]
             block.open_test(self.emit_is_present(found[first], types[first]))
         else:
@@ -184,9 +183,8 @@ class ModelReader:
             block.add(code.Assign(end, emit_table_entry(emit_sum(starts, place, 1))))
             block.open_loop(row, code.emit_call("range", begin, end))
             for position, local in found.items():
-                listed = GroupedValues(keys, shown, position, types[position] is Scalar.FLOAT)
-                entry = emit_table_entry(emit_sum(self.layout.offset(listed), row), listed.is_float)
-                block.add(code.Assign(local, entry))
+                listed = GroupedValues(keys, shown, position, types[position])
+                block.add(code.Assign(local, emit_value_entry(self.layout, listed, row)))
         for position in rest:
             block.open_test(code.emit_equal(found[position], bound[position]))
         return {position: found[position] for position in wanted}
@@ -369,12 +367,8 @@ class ModelReader:
     ) -> code.Expression:
         """Return code for a single-valued attribute; `class_known` if the object is known to be of the attribute's
         class.
-
-        Raises:
-            NotCompiled: the attribute is multi-valued.
         """
-        if attribute.many:
-            raise NotCompiled(f"an expression that reads the multi-valued attribute `{attribute}`")
+        assert not attribute.many, "expressions cannot read several values"
         if self.changes.is_fixed_feature(attribute):
             return self._table_value(attribute, attribute.type, node)
         place, guard = self.attribute_cell(attribute, node, class_known=class_known)
@@ -384,8 +378,7 @@ class ModelReader:
 
     def _table_value(self, feature: Attribute | Reference, type_: StaticType, node: code.Expression) -> code.Expression:
         keys, _ = split_key_columns(FeatureRows(feature), self.library, (0,))
-        values = ValueTable(keys, 1, (1,), type_)
-        return emit_table_entry(emit_sum(self.layout.offset(values), node), values.is_float)
+        return emit_value_entry(self.layout, ValueTable(keys, 1, (1,), type_), node)
 
     def attribute_cell(
         self, attribute: Attribute, node: code.Expression, *, class_known: bool

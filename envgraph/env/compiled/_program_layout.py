@@ -5,7 +5,7 @@ So one program serves all families of a behaviour, and all members of a family.
 
 from __future__ import annotations
 
-from collections.abc import Hashable, Iterable, Mapping, Sequence
+from collections.abc import Hashable, Iterable, Sequence
 from itertools import chain
 from typing import Any, Final, Literal, TypeAlias
 
@@ -24,6 +24,7 @@ from envgraph.env.compiled._symbols import (
     BitTable,
     ClassSet,
     CreatedCount,
+    GroupedValues,
     GroupStarts,
     KeyValues,
     LinkColumn,
@@ -33,7 +34,9 @@ from envgraph.env.compiled._symbols import (
     StaticRelation,
     ValueTable,
 )
+from envgraph.env.compiled._text_tables import TextTable, number_strings
 from envgraph.env.compiled.kernels import CAPACITY
+from envgraph.metamodel import Scalar
 
 T, G = code.Local("T"), code.Local("G")
 """The tables of the member, which rules do not change: ints, and floats."""
@@ -74,7 +77,7 @@ class StringNumber:
     text: str
 
 
-Symbol: TypeAlias = "ProgramTable | StateColumn | CreatedCount | Stride | Width | Constants | StringNumber"
+Symbol: TypeAlias = "ProgramTable | StateColumn | CreatedCount | Stride | Width | Constants | StringNumber | TextTable"
 
 
 @dataclass(frozen=True, slots=True)
@@ -146,26 +149,33 @@ class ProgramLayout:
         kinds = BitTable | ValueTable | GroupStarts
         return list(dict.fromkeys(one.keys.relation for one in self._numbers if isinstance(one, kinds)))
 
-    @property
-    def strings(self) -> set[str]:
-        """Return the strings that the program uses."""
-        keys = chain(*(one.values for one in self._numbers if isinstance(one, KeyValues)))
-        known = {value for value in keys if isinstance(value, str)}
-        return known | {one.text for one in self._numbers if isinstance(one, StringNumber)}
+    def number_strings(self, texts: Iterable[str]) -> dict[str, int]:
+        """Return the number of each of some strings, and of each string that the program uses, in alphabetical order.
 
-    def fill_arrays(self, members: Iterable[MemberData], stride: int, strings: Mapping[str, int]) -> FamilyArrays:
+        Raises:
+            NotCompiled: the program computes too many strings.
+        """
+        own = {symbol.text for symbol in self._numbers if isinstance(symbol, StringNumber)}
+        keys = chain(*(symbol.values for symbol in self._numbers if isinstance(symbol, KeyValues)))
+        own |= {value for value in keys if isinstance(value, str)}
+        tables = [symbol for symbol in self._numbers if isinstance(symbol, TextTable)]
+        return number_strings({*texts, *own}, tables)
+
+    def fill_arrays(self, members: Iterable[MemberData], stride: int, strings: dict[str, int]) -> FamilyArrays:
         """Compute the tables, offsets and initial states of a family.
 
         Args:
             members: consumed one by one, since an engine may hold only one member at a time.
             stride: the number of objects of the largest member.
-            strings: number of each string.
+            strings: number of each string. Strings that queries compute are added, with the number `NO_OBJECT`.
 
         Raises:
-            Misfit: a member does not meet an assumption.
+            AssumptionViolated: a member does not meet an assumption.
             NotCompiled: states are too large to be saved for a rule that may be refused.
         """
-        symbols = [one for one in self._numbers if not isinstance(one, Stride | Width | Constants | StringNumber)]
+        symbols = [
+            one for one in self._numbers if not isinstance(one, Stride | Width | Constants | StringNumber | TextTable)
+        ]
         filled: list[list[Sequence[Cell]]] = []
         for member in members:
             member.restore_initial_state()
@@ -183,9 +193,9 @@ class ProgramLayout:
                 pass  # Known only after all columns have their offsets.
             elif isinstance(symbol, StringNumber):
                 offsets[number] = strings[symbol.text]
-            elif isinstance(symbol, Constants):
+            elif isinstance(symbol, Constants | TextTable):
                 offsets[number] = len(self._numbers) + len(tails)
-                tails += symbol.values
+                tails += symbol.values if isinstance(symbol, Constants) else symbol.entries(strings)
             else:
                 where = _array_name(symbol)
                 ends[where] += where in "TG"  # A gap between tables, because -1 is an index as well.
@@ -212,14 +222,14 @@ class ProgramLayout:
 
 
 def _array_name(symbol: Symbol) -> str:
-    assert not isinstance(symbol, Stride | Width | Constants | StringNumber)
+    assert not isinstance(symbol, Stride | Width | Constants | StringNumber | TextTable)
     if hasattr(symbol, "fill"):
         return "G" if symbol.is_float else "T"
     return "F" if symbol.is_float else "S"
 
 
 def _values_of(symbol: Symbol, member: MemberData, stride: int) -> Sequence[Cell]:
-    assert not isinstance(symbol, Stride | Width | Constants | StringNumber)
+    assert not isinstance(symbol, Stride | Width | Constants | StringNumber | TextTable)
     return symbol.fill(member, stride) if hasattr(symbol, "fill") else symbol.initial_cells(member)
 
 
@@ -253,6 +263,16 @@ def emit_entry(array: code.Expression, *places: code.Expression | int) -> code.S
 def emit_table_entry(place: code.Expression, is_float: bool = False) -> code.Expression:
     """Return code for an entry of the tables of the member: of the ints, or of the floats if `is_float`."""
     return emit_entry(G if is_float else T, place)
+
+
+def emit_value_entry(
+    layout: ProgramLayout, table: ValueTable | GroupedValues | KeyValues, place: code.Expression
+) -> code.Expression:
+    """Return code for the value at a place of a table."""
+    if table.type is Scalar.INT:
+        twice = code.Operation("*", (place, code.Constant(2)))
+        return code.emit_call("wide", T, emit_sum(layout.offset(table), twice))
+    return emit_table_entry(emit_sum(layout.offset(table), place), table.is_float)
 
 
 def emit_state_entry(place: code.Expression | int, is_float: bool = False) -> code.Subscript:

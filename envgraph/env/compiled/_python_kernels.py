@@ -5,20 +5,30 @@
 
 from __future__ import annotations
 
+import math
+import operator
+from collections.abc import Callable
 from typing import Any, Final
 from zlib import crc32
 
 import numpy as np
 
 __all__ = [
+    "add_checked",
     "arrays_at",
     "bit",
     "bit_at",
     "count_bits",
+    "exp",
     "fixed",
     "hash_row",
+    "log",
     "lowest_bit",
     "matrix",
+    "multiply_checked",
+    "pow",
+    "sqrt",
+    "subtract_checked",
     "uniform",
     "vector",
     "width",
@@ -59,6 +69,34 @@ def count_bits(word: int) -> int:
 def lowest_bit(word: int) -> int:
     """Return the position of the lowest bit that is set in a word."""
     return int(word & -word).bit_length() - 1
+
+
+def _checked(operation: Callable[[int, int], int]) -> Callable[[int, int], tuple[int, bool]]:
+    """Return a function that returns the last 64 bits of the result of an operation, and True if it has more."""
+
+    def checked(left: int, right: int) -> tuple[int, bool]:
+        value = operation(int(left), int(right))
+        cut = (value + 2**63 & MASK_64_BITS) - 2**63
+        return cut, cut != value
+
+    return checked
+
+
+def _without_errors(function: Callable[..., float]) -> Callable[..., float]:
+    """Return a function of floats that returns NaN where `function` raises an error."""
+
+    def guarded(*numbers: float) -> float:
+        try:
+            return function(*numbers)
+        except (ValueError, OverflowError):
+            return math.nan
+
+    return guarded
+
+
+add_checked, subtract_checked, multiply_checked = map(_checked, (operator.add, operator.sub, operator.mul))
+exp, log, sqrt = map(_without_errors, (math.exp, math.log, math.sqrt))
+pow = _without_errors(math.pow)
 
 
 def uniform(states: Any, row: int) -> float:

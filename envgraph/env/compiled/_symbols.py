@@ -138,6 +138,19 @@ class BitTable(IntValued):
         return _pack_bits(bits)
 
 
+def _is_float(table: ValueTable | GroupedValues) -> bool:
+    """Return True if the values of a table are floats."""
+    return table.type is Scalar.FLOAT
+
+
+def _cells_of(values: Sequence[Cell], type_: StaticType) -> Sequence[Cell]:
+    """Return the cells that hold values: two for an int, of 32 bits, the lower one first; otherwise one."""
+    if type_ is not Scalar.INT:
+        return values
+    words: list[int] = np.array(values, dtype="<i8").view("<i4").tolist()
+    return words
+
+
 @dataclass(frozen=True, slots=True)
 class ValueTable:
     """A table of the value that one column has in the row with given key values; at most one such row may exist."""
@@ -146,11 +159,7 @@ class ValueTable:
     position: int
     shown_columns: tuple[int, ...]
     type: StaticType
-
-    @property
-    def is_float(self) -> bool:
-        """Return True if the values are floats."""
-        return self.type is Scalar.FLOAT
+    is_float = property(_is_float)
 
     def fill(self, member: MemberData, stride: int) -> Sequence[Cell]:
         """Return the entries of the table for a member; positions without a row have the missing value.
@@ -169,7 +178,7 @@ class ValueTable:
                 raise AssumptionViolated(AtMostOneRow(self.keys, self.shown_columns))
         for place, row in zip(places, rows, strict=True):
             found[place] = row[self.position]
-        return found
+        return _cells_of(found, self.type)
 
 
 @dataclass(frozen=True, slots=True)
@@ -200,13 +209,14 @@ class GroupedValues:
     keys: KeyColumns
     shown_columns: tuple[int, ...]
     position: int
-    is_float: bool
+    type: StaticType
+    is_float = property(_is_float)
 
     def fill(self, member: MemberData, stride: int) -> Sequence[Cell]:
         """Return the entries of the table for a member; `stride` is the largest number of objects of a member."""
         column = self.shown_columns.index(self.position)
         groups = _group_rows(self.keys, self.shown_columns, member, self.keys.value_counts(stride))
-        return [row[column] for place in sorted(groups) for row in groups[place]]
+        return _cells_of([row[column] for place in sorted(groups) for row in groups[place]], self.type)
 
 
 @dataclass(frozen=True, slots=True)
@@ -465,17 +475,13 @@ class IndexByObject(IntValued):
 class KeyValues:
     """A table of the value of one key attribute at each index of a class."""
 
-    attribute: Attribute
+    type: StaticType
     values: tuple[Value, ...]
-
-    @property
-    def is_float(self) -> bool:
-        """Return True if the values are floats."""
-        return self.attribute.type is Scalar.FLOAT
+    is_float = property(_is_float)
 
     def fill(self, member: MemberData, stride: int) -> Sequence[Cell]:
         """Return the entries of the table, which are the same for all members of a family."""
-        return [member.encode(value, self.attribute.type) for value in self.values]
+        return _cells_of([member.encode(value, self.type) for value in self.values], self.type)
 
 
 @dataclass(frozen=True, slots=True)

@@ -8,17 +8,14 @@ from typing import Final, TypeAlias
 
 from envgraph import code
 from envgraph.code import dataclass
-from envgraph.env.compiled._member_data import (
-    MAX_INT,
-    NO_INT,
-    check_int_range,
-    emit_missing_value,
-    literal_ranks,
-)
+from envgraph.env.compiled._member_data import check_int_range, emit_missing_value, literal_ranks
 from envgraph.env.compiled._model_reading import ModelReader
 from envgraph.env.compiled._not_compiled import NotCompiled
-from envgraph.metamodel import Attribute, EnumType, Scalar, Value
+from envgraph.env.compiled._program_layout import L, S, emit_entry, emit_sum
+from envgraph.env.compiled._text_tables import TextTable
+from envgraph.metamodel import LARGEST_INT, Attribute, EnumType, Scalar, Value
 from envgraph.pattern import (
+    FUNCTIONS,
     Binary,
     Conditional,
     Constant,
@@ -30,15 +27,21 @@ from envgraph.pattern import (
     StaticType,
     Unary,
     Variable,
+    check_expression,
     children,
     value_type,
+    with_children,
 )
 
 Test: TypeAlias = code.Expression
 
 _COMPARISONS: Final = ("<", "<=", ">", ">=")
-_INT_BITS: Final = 32
-"""Bits of ints in states: with more, programs and their exports read other states."""
+_EXACT_FLOAT: Final = 2**53
+"""Below this, floats that equal ints are different for different ints."""
+_CHECKED: Final = {"+": "add_checked", "-": "subtract_checked", "*": "multiply_checked"}
+"""Functions that return the last 64 bits of a result, and if it has more."""
+_TO_FLOAT: Final = ("toFloat", "doubleValue", "floatValue")
+"""The functions that only change the type of a number."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -51,7 +54,8 @@ class CodeTerm:
         valid: tests that the evaluation does not fail; each test may assume that the earlier ones pass.
         present: tests, to run after `valid`, that the expression has a value.
         certain_class: a class that the object certainly has; None if no class is certain.
-        max_bits: the maximum number of bits of an int; variables have 32.
+        most: the largest absolute value of an int.
+        beyond: code that tests if an int has more than 64 bits; None if it cannot have.
     """
 
     value: code.Expression
@@ -59,21 +63,29 @@ class CodeTerm:
     valid: tuple[Test, ...] = ()
     present: tuple[Test, ...] = ()
     certain_class: str | None = None
-    max_bits: int = _INT_BITS
+    most: int = LARGEST_INT
+    beyond: Test | None = None
 
     @property
     def tests(self) -> tuple[Test, ...]:
         """Return all tests that must pass for the expression to have a value."""
         return (*self.valid, *self.present)
 
-    @property
-    def overflow_test(self) -> Test | None:
-        """Return an expression that tests if an int is too large for a variable; None if it always fits."""
-        if self.type is not Scalar.INT or self.max_bits <= _INT_BITS:
-            return None
-        low = code.Operation("<=", (self.value, code.Constant(NO_INT)))
-        high = code.Operation(">", (self.value, code.Constant(MAX_INT)))
-        return code.Operation("or", (low, high))
+    def limited(self, *, is_operand: bool) -> CodeTerm:
+        """Return the term with tests that an int has at most 64 bits.
+
+        A whole expression with more has no value, as on the live engine. An operand with more is exact there, and
+        ints of -(2**63) represent missing values here, so that both set an error of the state.
+        """
+        if self.type is not Scalar.INT or self.most <= LARGEST_INT:
+            return self
+        beyond = self.beyond or code.FALSE
+        tests = [] if is_operand or self.beyond is None else [code.emit_not(beyond)]
+        tests.append(code.emit_call("within", S, self.value, beyond if is_operand else code.FALSE))
+        if self.present:
+            missing = code.emit_not(code.emit_joined("and", self.present, True))
+            tests = [code.Operation("or", (missing, test)) for test in tests]
+        return replace(self, valid=(*self.valid, *tests), most=LARGEST_INT, beyond=None)
 
     @property
     def number_code(self) -> code.Expression:
@@ -121,6 +133,13 @@ class ExpressionEmitter:
         Raises:
             NotCompiled: the expression contains a construct that the compiler does not support.
         """
+        return self._emit(node, expected).limited(is_operand=False)
+
+    def _emit(self, node: Expression, expected: StaticType | None = None) -> CodeTerm:
+        """Emit code for an expression, without tests that its own value has at most 64 bits."""
+        node = self._as_call(node)
+        if self._is_text_operation(node):
+            return self._emit_text_operation(node)
         match node:
             case Variable():
                 return self._names[node.name]
@@ -148,17 +167,18 @@ class ExpressionEmitter:
             case Conditional():
                 return self._emit_conditional(node, expected)
             case FunctionCall():
-                return self._emit_function(node)
+                if node.declaration is not None:
+                    raise NotCompiled(f"the function `{node.function}`, which is written in Python", node.span)
+                return self._emit_function(node.function, node.arguments)
 
     def _emit_required(self, node: Expression) -> CodeTerm:
         """Return the term of an operand that must have a value: the evaluation fails if the value is missing."""
-        term = self.emit(node)
+        term = self._emit(node).limited(is_operand=True)
         return replace(term, valid=term.tests, present=())
 
     def _emit_navigation(self, node: Navigation) -> CodeTerm:
-        owner = self.emit(node.object)
-        if not isinstance(owner.type, ObjectType):
-            raise NotCompiled(f"`.{node.feature}` of a string", node.span)
+        owner = self._emit(node.object)
+        assert isinstance(owner.type, ObjectType), "functions of values are function calls"
         feature = self._facts.metamodel.feature(owner.type.cls, node.feature)
         assert feature is not None
         owner = self._with_class_test(owner, feature.owner)
@@ -170,8 +190,7 @@ class ExpressionEmitter:
         else:
             type_, sure = ObjectType(feature.target), feature.target
             end = self._facts.links.only_other_end(feature, owner.value, forward=True, class_known=above)
-            if end is None:
-                raise NotCompiled(f"`{feature}`, which may have several targets, in an expression", node.span)
+            assert end is not None, "paths lead along single references"
             found = end
         if owner.tests:
             found = code.ConditionalExpression(
@@ -199,40 +218,44 @@ class ExpressionEmitter:
                 return self._emit_logical(node)
             case "==" | "!=":
                 return self._emit_equality(node)
-        left, right = self._emit_required(node.left), self._emit_required(node.right)
-        valid = (*left.valid, *right.valid)
-        if node.operator in _COMPARISONS:
-            return CodeTerm(code.Operation(node.operator, (left.value, right.value)), Scalar.BOOL, valid)
-        if Scalar.STRING in (left.type, right.type):
-            raise NotCompiled("a concatenation of strings", node.span)
-        return self._emit_arithmetic(node, left, right, valid)
+        first, links = node.chain()
+        found = self._emit_required(first)
+        for link in links:
+            left, right = found.limited(is_operand=True), self._emit_required(link.right)
+            valid = (*left.valid, *right.valid)
+            if link.operator in _COMPARISONS:
+                return CodeTerm(_emit_comparison(link.operator, left, right), Scalar.BOOL, valid)
+            found = self._emit_arithmetic(link.operator, left, right, valid)
+        return found
 
-    def _emit_arithmetic(self, node: Binary, left: CodeTerm, right: CodeTerm, valid: tuple[Test, ...]) -> CodeTerm:
-        operator = node.operator
-        if operator in "/%":
+    def _emit_arithmetic(self, operator: str, left: CodeTerm, right: CodeTerm, valid: tuple[Test, ...]) -> CodeTerm:
+        """Emit code for `+`, `-`, `*`, `/`, `%` or `mod` of two numbers."""
+        if operator in ("/", "%", "mod"):
             other = self._emit_local(right.value, right.type or Scalar.INT)
             there = code.Operation("!=", (other, code.Constant(0)))
             valid = (*valid, there)
             right = replace(right, value=code.ConditionalExpression(there, other, code.Constant(1)))
-        if left.type is Scalar.INT and right.type is Scalar.INT:
-            bits = {
-                "*": left.max_bits + right.max_bits - 1,
-                "/": left.max_bits,
-                "%": min(left.max_bits, right.max_bits),
-            }.get(operator, max(left.max_bits, right.max_bits) + 1)
-            if bits > 64:
-                raise NotCompiled("a product of ints that may exceed 64 bits", node.span)
-            made: code.Expression
-            if operator in "/%":
-                function = "quotient" if operator == "/" else "rest"
-                made = code.emit_call(function, left.value, right.value)
-            else:
-                made = code.Operation(operator, (left.value, right.value))
-            return CodeTerm(made, Scalar.INT, valid, max_bits=bits)
-        if operator == "%":
-            made = code.emit_call("fmod", left.value, right.value)
-        else:
-            made = code.Operation(operator, (left.value, right.value))
+        if Scalar.FLOAT in (left.type, right.type):
+            made: code.Expression = code.Operation("%" if operator == "mod" else operator, (left.value, right.value))
+            made = code.emit_call("fmod", left.value, right.value) if operator == "%" else made
+            return self._emit_finite(made, valid)
+        function = {"/": "quotient", "%": "rest", "mod": "modulo"}.get(operator)
+        if function:
+            most = {"/": left.most, "%": min(left.most, right.most), "mod": right.most}[operator]
+            return CodeTerm(code.emit_call(function, left.value, right.value), Scalar.INT, valid, most=most)
+        most = left.most * right.most if operator == "*" else left.most + right.most
+        if most <= LARGEST_INT:
+            return CodeTerm(code.Operation(operator, (left.value, right.value)), Scalar.INT, valid, most=most)
+        return self._emit_checked(code.emit_call(_CHECKED[operator], left.value, right.value), valid)
+
+    def _emit_checked(self, pair: code.Expression, valid: tuple[Test, ...]) -> CodeTerm:
+        """Return the term of an int that a function returns with a truth value: if it has more than 64 bits."""
+        local, beyond = self._facts.new_local_for(Scalar.INT), self._facts.module.new_local("o")
+        self.statements.append(code.Assign(code.emit_tuple(local, beyond), pair))
+        return CodeTerm(local, Scalar.INT, valid, most=LARGEST_INT + 1, beyond=beyond)
+
+    def _emit_finite(self, made: code.Expression, valid: tuple[Test, ...]) -> CodeTerm:
+        """Return the term of a float, which has no value if it is not finite."""
         local = self._emit_local(made, Scalar.FLOAT)
         finite = code.Operation("<", (code.emit_call("abs", local), code.Name("INFINITY")))
         return CodeTerm(local, Scalar.FLOAT, (*valid, finite))
@@ -254,10 +277,10 @@ class ExpressionEmitter:
         left, right = self._emit_sides(node.left, node.right)
         same: code.Expression
         if not left.present and not right.present:
-            same = code.emit_equal(left.value, right.value)
+            same = _emit_comparison("==", left, right)
         else:
             there, other = (code.emit_joined("and", term.present, True) for term in (left, right))
-            values = [code.emit_equal(left.value, right.value)] if None not in (left.type, right.type) else []
+            values = [_emit_comparison("==", left, right)] if None not in (left.type, right.type) else []
             both = code.emit_joined("and", [there, other, *values], True)
             neither = code.Operation("and", (code.emit_not(there), code.emit_not(other)))
             same = code.Operation("or", (both, neither))
@@ -270,12 +293,15 @@ class ExpressionEmitter:
         if _is_literal(left) and not _is_literal(right):
             other, one = self._emit_sides(right, left)
             return one, other
-        first = self.emit(left)
-        return first, self.emit(right, first.type)
+        first = self._emit(left).limited(is_operand=True)
+        return first, self._emit(right, first.type).limited(is_operand=True)
 
     def _emit_conditional(self, node: Conditional, expected: StaticType | None) -> CodeTerm:
         test = self._emit_required(node.test)
-        then, otherwise = self.emit(node.then, expected), self.emit(node.otherwise, expected)
+        if expected is None and _is_literal(node.then):  # `::literal` has the enum of the other branch
+            expected = self._type_of(node.otherwise)
+        then = self._emit(node.then, expected)
+        otherwise = self._emit(node.otherwise, expected or then.type)
         type_ = then.type or otherwise.type
         if Scalar.FLOAT in (then.type, otherwise.type):
             type_ = Scalar.FLOAT
@@ -286,28 +312,122 @@ class ExpressionEmitter:
             either = code.emit_joined("and", ones, True), code.emit_joined("and", others, True)
             return (code.ConditionalExpression(test.value, *either),)
 
+        beyond = None
+        if then.beyond or otherwise.beyond:
+            beyond = code.ConditionalExpression(test.value, then.beyond or code.FALSE, otherwise.beyond or code.FALSE)
         return CodeTerm(
             code.ConditionalExpression(test.value, _emit_as_type(then, type_), _emit_as_type(otherwise, type_)),
             type_,
             (*test.valid, *tests_of_branch(then.valid, otherwise.valid)),
             tests_of_branch(then.present, otherwise.present),
-            max_bits=max(then.max_bits, otherwise.max_bits),
+            most=max(then.most, otherwise.most),
+            beyond=beyond,
         )
 
-    def _emit_function(self, node: FunctionCall) -> CodeTerm:
-        if node.declaration is not None or node.function not in ("abs", "min", "max", "toFloat"):
-            raise NotCompiled(f"the function `{node.function}`", node.span)
-        terms = [self._emit_required(argument) for argument in node.arguments]
-        types = {term.type for term in terms}
-        result: StaticType = Scalar.FLOAT if Scalar.FLOAT in types or node.function == "toFloat" else Scalar.INT
-        values = [_emit_as_type(term, result) for term in terms]
-        made = values[0]
-        if node.function == "abs":
-            made = code.emit_call("abs", made)
-        for value in values[1:]:
-            made = code.emit_call(node.function, made, value)
+    def _emit_function(self, name: str, arguments: Sequence[Expression]) -> CodeTerm:
+        """Emit code for a function of numbers."""
+        terms = [self._emit_required(argument) for argument in arguments]
         valid = tuple(test for term in terms for test in term.valid)
-        return CodeTerm(made, result, valid, max_bits=max(term.max_bits for term in terms) + 1)
+        if name == "mod":
+            return self._emit_arithmetic(name, terms[0], terms[1], valid)
+        if FUNCTIONS[name].result is Scalar.INT:
+            (term,) = terms
+            if term.type is Scalar.INT:
+                return term
+            number = term.value
+            if name == "round":
+                number = code.emit_call("nearest", number)
+            elif name in ("floor", "ceil"):
+                number = code.emit_method_call(code.Name("np"), name, number)
+            return self._emit_checked(code.emit_call("whole", number), valid)
+        if FUNCTIONS[name].result is Scalar.FLOAT and name not in _TO_FLOAT:
+            return self._emit_finite(code.emit_call(name, *map(emit_as_float, terms)), valid)
+        types = {term.type for term in terms}
+        result = FUNCTIONS[name].result or (Scalar.FLOAT if Scalar.FLOAT in types else Scalar.INT)
+        made, *values = [_emit_as_type(term, result) for term in terms]
+        if name == "abs":
+            made = code.emit_call("abs", made)
+        for value in values:
+            made = code.emit_call(name, made, value)
+        return CodeTerm(made, result, valid, most=max(term.most for term in terms))
+
+    # --- strings
+
+    def _type_of(self, node: Expression) -> StaticType | None:
+        types = {name: term.type for name, term in self._names.items()}
+        return check_expression(node, types, self._facts.metamodel)[0]
+
+    def _as_call(self, node: Expression) -> Expression:
+        """Return a function after its argument, such as `text.length`, as a call; other expressions unchanged."""
+        match node:
+            case Navigation(object, name) if name in FUNCTIONS and not isinstance(self._type_of(object), ObjectType):
+                return FunctionCall(name, (object,), node.span)
+        return node
+
+    def _is_text_operation(self, node: Expression) -> bool:
+        """Return True for a function of strings or of all data, `+` of strings, and comparisons of such results."""
+        match self._as_call(node):
+            case FunctionCall(name) as call:
+                return call.declaration is None and FUNCTIONS[name].parameters[0] in ("string", "data")
+            case Binary("+" | "-"):
+                return self._type_of(node) is Scalar.STRING
+            case Binary(operator) if operator in ("==", "!=", *_COMPARISONS):
+                made = [side for side in children(node) if self._is_text_operation(side)]
+                return any(self._type_of(side) is Scalar.STRING for side in made)
+            case _:
+                return False
+
+    def _emit_text_operation(self, node: Expression) -> CodeTerm:
+        """Emit code that reads the result of operations on strings from a table of the results for all operands.
+
+        Raises:
+            NotCompiled: an operand has too many values.
+        """
+        operands: list[CodeTerm] = []
+        present: list[Test] = []
+
+        def emit_operand(part: Expression) -> Expression:
+            part = self._as_call(part)
+            if isinstance(part, Constant | EnumLiteral):
+                return part
+            if self._is_text_operation(part):
+                return with_children(part, [*map(emit_operand, children(part))])
+            term = self._emit(part).limited(is_operand=True)
+            if not isinstance(term.type, EnumType) and term.type not in (Scalar.BOOL, Scalar.STRING):
+                raise NotCompiled("a string made of a number", part.span)
+            if compared and any(part is side for side in children(node)):
+                present.extend(term.present)
+            else:
+                term = replace(term, valid=term.tests)
+            operands.append(term)
+            return Variable(f"x{len(operands)}")
+
+        compared = node.operator if isinstance(node, Binary) and node.operator in ("==", "!=") else None
+        type_ = self._type_of(node)
+        assert type_ is not None, "expressions were checked"
+        tabulated = emit_operand(node)
+        table = self._facts.layout.offset(TextTable(tabulated, tuple(one.type or type_ for one in operands), type_))
+        parts = [one.number_code for one in operands]
+        for number in range(len(parts) - 1):
+            parts[number] = code.Operation("*", (parts[number], emit_entry(L, emit_sum(table, number))))
+        found: code.Expression = emit_entry(L, emit_sum(table, max(len(parts) - 1, 0), *parts))
+        valid, nothing = [test for one in operands for test in one.valid], emit_missing_value(Scalar.INT)
+        for tests, otherwise in ((present, code.Constant(int(compared == "!="))), (valid, nothing)):
+            if tests:
+                found = code.ConditionalExpression(code.emit_joined("and", tests, True), found, otherwise)
+        local = self._emit_local(found, Scalar.INT)
+        return replace(variable_term(local, type_), valid=(*valid, code.Operation("!=", (local, nothing))))
+
+
+def _emit_comparison(operator: str, left: CodeTerm, right: CodeTerm) -> code.Expression:
+    """Return code that compares two values. An int and a float are compared exactly, as in Python."""
+    for one, other, flipped in ((left, right, False), (right, left, True)):
+        if one.type is Scalar.INT and other.type is Scalar.FLOAT and one.most > _EXACT_FLOAT:
+            constant = other.value.value if isinstance(other.value, code.Constant) else None
+            if not isinstance(constant, float) or abs(constant) >= _EXACT_FLOAT:
+                sides = code.emit_call("order", one.value, other.value), code.Constant(0)
+                return code.Operation(operator, sides[::-1] if flipped else sides)
+    return code.Operation(operator, (left.value, right.value))
 
 
 def _emit_as_type(term: CodeTerm, type_: StaticType | None) -> code.Expression:
@@ -330,7 +450,7 @@ def _is_literal(node: Expression) -> bool:
 
 
 def emit_literal(facts: ModelReader, value: Value, type_: StaticType) -> CodeTerm:
-    """Return the term of a literal of a type. Raise `NotCompiled` if it is an int that does not fit into 32 bits."""
+    """Return the term of a literal of a type. Raise `NotCompiled` if it is the int of a missing value."""
     match type_:
         case EnumType():
             return CodeTerm(code.Constant(literal_ranks(type_)[str(value)]), type_)
@@ -342,7 +462,7 @@ def emit_literal(facts: ModelReader, value: Value, type_: StaticType) -> CodeTer
             return CodeTerm(code.TRUE if value else code.FALSE, type_)
         case _:
             number = check_int_range(int(value))
-            return CodeTerm(code.Constant(number), type_, max_bits=max(number.bit_length(), 1) + 1)
+            return CodeTerm(code.Constant(number), type_, most=abs(number))
 
 
 def initial_constant(type_: StaticType | None) -> code.Expression:

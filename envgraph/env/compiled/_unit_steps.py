@@ -291,8 +291,6 @@ class _UnitStepEmitter:
                 code.emit_joined("and", [*tests, code.emit_not(code.emit_joined("and", term.valid, True))], True)
             )
         tests += term.tests
-        if term.overflow_test is not None and expected is not Scalar.FLOAT:
-            writer.append_fail_if(code.emit_joined("and", [*tests, term.overflow_test], True), "BEYOND")
         return term
 
     def _path_tests(self, expression: Expression, scope: UnitScope) -> list[code.Expression]:

@@ -16,9 +16,10 @@ CAPACITY = 4096
 """Maximum number of rows of one query; more are the error `OVERFLOW`."""
 BELOW = 1.0 - 2.0**-53
 NAN, INFINITY = nan, inf
-FAILED, REFUSED, OVERFLOW, BEYOND, FULL = 1, 2, 3, 4, 5
-"""Error codes of an environment: a missing value, a refused rule, too many rows, an int too large, or too many created
-objects."""
+FAILED, REFUSED, OVERFLOW, FULL = 1, 2, 3, 5
+"""Error codes of an environment: a missing value, a refused rule, too many rows, or too many created objects."""
+NO_INT, INT_LIMIT = -(2**63), 2.0**63
+"""Represents a missing int; and the smallest float that is larger than all ints."""
 WHOLE = 2**32 - 1
 U64 = np.uint64
 
@@ -171,8 +172,47 @@ def sum_exactly(RF, top, parts):
     return whole
 
 
+def wide(T, place):
+    """Return an int of 64 bits, which two entries of the tables hold: first its lower 32 bits."""
+    return (T[place + 1] << 32) | (T[place] & WHOLE)
+
+
+def within(S, value, beyond):
+    """Return True if an int has at most 64 bits (`beyond` is false) and does not represent a missing value.
+
+    Otherwise set the error of the state: the live engine may go on where a program cannot.
+    """
+    if beyond or value == NO_INT:
+        S[0] = FAILED
+        return False
+    return True
+
+
+def whole(number):
+    """Return a float without fraction as an int, and False; or 0 and True if the int has more than 64 bits."""
+    if -INT_LIMIT <= number < INT_LIMIT:
+        return int(number), False
+    return 0, True
+
+
+def nearest(number):
+    """Return the nearest float without fraction; of two, the larger."""
+    low = np.floor(number)
+    return low + 1.0 if number - low >= 0.5 else low
+
+
+def order(one, other):
+    """Return a float that is less than, equal to or greater than 0 as an int is less, equal or greater than a float."""
+    difference = float(one) - other
+    if difference == 0.0:  # rounding may have made them equal
+        return -1.0 if other >= INT_LIMIT else float(one - int(other))
+    return difference
+
+
 def quotient(left, right):
     """Return the quotient of two ints, truncated toward zero."""
+    if right == -1:
+        return left if left == NO_INT else -left  # processors cannot divide `NO_INT` by -1
     result = left // right
     if result < 0 and result * right != left:
         result += 1
@@ -187,6 +227,12 @@ def rest(left, right):
 def fmod(left, right):
     """Return the remainder of two floats, with the sign of the left operand."""
     return np.fmod(left, right)
+
+
+def modulo(left, right):
+    """Return the remainder of two ints, with the sign of the right operand."""
+    result = rest(left, right)
+    return result + right if result != 0 and (result < 0) != (right < 0) else result
 
 
 def less(RI, RF, one, other, width, floats):

@@ -14,7 +14,8 @@ import numpy as np
 
 from envgraph.env import Behaviour, GraphView, KeyIndex, Simulator, Tabular, indexed_classes
 from envgraph.env.compiled import CompiledBatch, CompiledProgram, program_of
-from envgraph.env.compiled.kernels import BEYOND, FULL, OVERFLOW
+from envgraph.env.compiled._batch import INT_ERROR
+from envgraph.env.compiled.kernels import FULL, OVERFLOW
 from envgraph.errors import EvaluationError, RuleError
 from envgraph.graph import Model
 from envgraph.lang import load_workspace
@@ -250,7 +251,7 @@ def _agree(batch: CompiledBatch, error: Exception | None, expected: Iterable[Tra
     Returns:
         Whether there was space for everything.
     """
-    if np.isin(batch.states[:, ERROR], (OVERFLOW, BEYOND, FULL)).any():
+    if np.isin(batch.states[:, ERROR], (OVERFLOW, FULL)).any() or getattr(error, "message", None) == INT_ERROR:
         return False
     errors = [one.error for one in expected if one.error]
     assert (error is not None) == bool(errors), f"{said}: {error}, but live {errors}"

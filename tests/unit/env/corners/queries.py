@@ -130,6 +130,21 @@ CORNERS = {
         """,
         "pattern heavy(i : Item) { Item(i); check(i.weight > 2.0); neg Man.wants(_, i); }",
     ),
+    "queries that compute strings": Yard(
+        """
+        rule read(out t : string) { lhs { find long(t); } modify { } }
+        rule copy(m : Man, i : Item, t : string) { lhs { m : Man; i : Item; find long(t); } modify { set i.tag = t; } }
+        """,
+        """
+        action read = read(t) reward t == "bx" ? 1 : (t < "c" ? 2 : 3)
+        action copy(i : Item) = copy(adam, i, "ax")
+        on find known(i, t) reward t == "ax" ? 0.5 : 0.25
+        """,
+        """
+        pattern long(t : string) { Spot.tag(_, u); t == eval(u + "x"); } or { Spot.x(s, n); t == eval("p" + (n + 1)); }
+        pattern known(i : Item, t : string) { Item.tag(i, t); find long(t); }
+        """,
+    ),
 }
 
 REFUSED = {
@@ -137,10 +152,5 @@ REFUSED = {
         "rule wed(i : Item, j : Item) { lhs { i : Item; j : Item; } modify { set i.pair = j; } }",
         "action wed(i : Item, j : Item) = wed(i, j)\non find after(i, j) reward 1",
         "pattern [[after]](i : Item, j : Item) { Item.pair(i, j); } or { Item.pair(i, k); find after(k, j); }",
-    ),
-    "a query that computes strings (`yard.long`)": Yard(
-        "rule read(out t : string) { lhs { find long(t); } modify { } }",
-        'action read = read(t) reward t == "bx" ? 1 : 2',
-        'pattern [[long]](t : string) { Spot.tag(_, u); t == eval(u + "x"); }',
     ),
 }

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from tests.unit.env.corners.yard import Yard, wrong
+from tests.unit.env.corners.yard import MODEL, Yard, wrong
 
 CORNERS = {
     "enums": Yard(
@@ -231,16 +231,130 @@ CORNERS = {
         pattern values(k : Kind, f : float, t : string) { Spot.kind(s, k); Spot.f(s, f); Spot.tag(s, t); }
         """,
     ),
+    "functions of numbers": Yard(
+        """
+        rule more(s : Spot, by : float) { lhs { s : Spot; } modify { set s.f = s.f * by - 0.25; } }
+        rule round(s : Spot) { lhs { s : Spot; } modify { set s.n = round(s.f) - ceil(-s.f) * 2 + toInt(s.f / 3); } }
+        rule power(s : Spot) { lhs { s : Spot; } modify { set s.f = pow(s.f, 2) - exp(floatValue(s.f) / 7); } }
+        rule exp(s : Spot) { lhs { s : Spot; } modify { set s.f = pow(2.0, s.n); } }
+        rule root(s : Spot) { lhs { s : Spot; } modify { set s.f = sqrt(s.f) + log(s.x) + log(s.n + 1); } }
+        rule wrap(s : Spot) { lhs { s : Spot; }
+            modify { set s.n = mod(s.n * 7 - 3, 5 - s.x); set s.f = mod(s.f, -1.5); } }
+        rule huge(s : Spot) { lhs { s : Spot; } modify { set s.n = floor(s.f * 1e18); set s.f = s.f * 1e3; } }
+        """,
+        """
+        action more(s : Spot) = more(s, 1.5)
+        action less(s : Spot) = more(s, -1.5) reward mod(s.n, 3) + floor(s.f) * 0.25
+        action round(s : Spot) = round(s) reward exp(s.f)
+        action power(s : Spot) = power(s) reward min(s.n, s.f, 3) - max(1, s.n) else reward sqrt(s.x)
+        action exp(s : Spot) = exp(s)
+        action root(s : Spot) = root(s) reward log(s.x + 1)
+        action wrap(s : Spot) = wrap(s) reward pow(s.f, 0.5)
+        action huge(s : Spot) = huge(s)
+        action half(s : Spot) = nothing() reward toFloat(s.n) / 3 + doubleValue(s.n) + intValue(s.f) + abs(s.f)
+        on find low(s, k) reward k * 0.5
+        observe count find small(_) up to 3
+        """,
+        """
+        pattern low(s : Spot, k : int) { Spot.f(s, f);
+            k == eval(round(sqrt(f)) + floor(log(f)) - toInt(exp(min(f, 40)))); }
+        pattern small(s : Spot) { Spot(s); check(pow(s.f, s.n) < 2 && mod(s.n, s.x) >= 0 || ceil(s.f) == 1); }
+        """,
+    ),
+    "ints of 64 bits": Yard(
+        """
+        rule square(s : Spot) { lhs { s : Spot; } modify { set s.n = (s.n + 3) * (s.n - s.x); } }
+        rule cube(s : Spot) { lhs { s : Spot; } modify { set s.maybe = s.n * s.n * s.n; } }
+        rule add(s : Spot) { lhs { s : Spot; } modify { set s.n += 4611686018427387904; } }
+        rule take(s : Spot) { lhs { s : Spot; } modify { set s.n -= s.maybe; } }
+        rule neg(s : Spot) { lhs { s : Spot; } modify { set s.n = -s.n / 3 % 5000000007; } }
+        rule lowest(s : Spot) { lhs { s : Spot; } modify { set s.n = -2147483648; set s.maybe = -2147483648; } }
+        rule best(s : Spot) { lhs { s : Spot; top == max Spot.n(_, #); all == sum Spot.n(_, #); }
+            modify { set s.n = all - top; } }
+        rule mean(s : Spot) { lhs { s : Spot; m == avg Spot.n(_, #); } modify { set s.f = m; } }
+        rule float(s : Spot) { lhs { s : Spot; } modify { set s.f = s.n; set s.n = s.n / 2 * 3; } }
+        """,
+        """
+        action square(s : Spot) = square(s)
+        action cube(s : Spot) = cube(s)
+        action add(s : Spot) = add(s)
+        action take(s : Spot) = take(s)
+        action neg(s : Spot) = neg(s)
+        action lowest(s : Spot) = lowest(s) reward s.maybe == none ? 1 : (s.n < 0 ? 2 : 3)
+        action best(s : Spot) = best(s) reward s.n * 0.5
+        action mean(s : Spot) = mean(s)
+        action float(s : Spot) = float(s) reward s.n == s.f ? 0.1 : (s.n < s.f ? 0.2 : 0.3)
+        on find twice(s, k) reward k * 0.01
+        on find large(s) reward s.maybe > s.n ? 0.01 : 0.02
+        on find wide(s, t) reward 0.001
+        observe count find large(_) up to 3
+        observe adam.at.n in -1..2000000000000000000
+        """,
+        """
+        pattern twice(s : Spot, k : int) { Spot.n(s, n); k == eval(n + n); }
+        pattern large(s : Spot) { Spot(s); check(s.n / 2 > 2000000000 || s.n > s.f || s.maybe == -2147483648); }
+        pattern wide(s : Spot, t : Spot) { Spot.n(s, n); Spot.maybe(t, n); } or { Spot.n(s, n); Spot.n(t, n); s != t; }
+        """,
+        head="adam : Man",
+        model=MODEL.replace("n = 2", "n = 5000000000").replace("maybe = 4", "maybe = -9000000000"),
+    ),
+    "tables of ints of 64 bits": Yard(
+        "rule feed(m : Man) { lhs { m : Man; } modify { set m.hunger += 1; } }",
+        """
+        action feed(m : Man) = feed(m) reward m.at.n * 0.1
+        action ask(s : Spot) = nothing() reward s.maybe == none ? 5 : s.maybe
+        on find same(m, n) reward n * 0.5
+        on find many(n, k) reward n - k
+        """,
+        """
+        pattern same(m : Man, n : int) { Man.at(m, s); Spot.n(s, n); Man.hunger(m, h); check(h * 2000000000 > n); }
+        pattern many(n : int, k : int) { Spot.near(_, s); Spot.n(s, n); k == count Spot.n(_, n); }
+        """,
+        model=MODEL.replace("n = 2", "n = 9223372036854775807")
+        .replace("maybe = 4", "maybe = -9223372036854775807")
+        .replace("f = 0.1", "f = 0.1 n = -2147483648 near = [s0, s2]"),
+    ),
+    "operations on strings": Yard(
+        """
+        rule copy(s : Spot, t : Spot) { lhs { s : Spot; t : Spot; check s.tag + "a" != t.tag + s.kind; }
+            modify { set s.tag = t.tag; set s.n = length(s.tag + t.tag) + t.tag.length; } }
+        rule upper(s : Spot) { lhs { s : Spot; } modify { set s.tag = s.tag.toUpper; } }
+        rule mark(s : Spot) { lhs { s : Spot; } modify { set s.tag = "a long one"; } }
+        rule cut(s : Spot) { lhs { s : Spot; } modify { set s.tag = substring(s.tag, 2); set s.kind = ::ant; } }
+        rule clear(s : Spot) { lhs { s : Spot; check startsWith(s.tag, "a"); } modify { set s.tag = none; } }
+        """,
+        """
+        action copy(s : Spot, t : Spot) = copy(s, t)
+        action upper(s : Spot) = upper(s)
+        action mark(s : Spot) = mark(s)
+        action cut(s : Spot) = cut(s)
+        action clear(s : Spot) = clear(s) reward indexOf(s.tag, "o") else reward -1
+        action compare(s : Spot) = nothing() reward toUpper("c") == s.tag ? 1 : ("c" + s.kind != s.tag ? 2 : 3)
+        action ask(s : Spot) = nothing() reward s.tag.contains("o") ? s.tag.length : (s.lit ? 5 : 7)
+        on find long(s, t) reward t == "OLD" ? 0.1 : (toString(s.kind) < t ? 0.2 : 0.3)
+        on find pair(s, t) reward length(toString(s.kind == ::ant) + t.tag)
+        observe count find pair(_, _) up to 12
+        """,
+        """
+        pattern long(s : Spot, t : string) { Spot.tag(s, u); t == eval(toLower(u == "a" ? "OLD" : u)); }
+        pattern pair(a : Spot, b : Spot) { Spot(a); Spot(b);
+            check(a.tag + "B" == toUpper(b.tag + "b") || a.tag.isEmpty); }
+        """,
+    ),
+    "enums of branches": Yard(
+        "rule turn(s : Spot) { lhs { s : Spot; check (s.lit ? ::ant : s.kind) == s.kind; } "
+        "modify { set s.kind = s.kind == (s.n == 0 ? s.kind : ::mole) ? ::mole : ::ant; set s.n -= 1; } }",
+        "action turn(s : Spot) = turn(s) reward (s.n < 0 ? ::ant : s.kind) == ::ant ? 1 : 2\n"
+        "observe s.kind for s : Spot",
+    ),
 }
 
 REFUSED = {
-    "a concatenation of strings": wrong('lhs { s : Spot; } modify { set s.tag = [[s.tag + "x"]]; }'),
+    "strings that change": wrong('lhs { s : Spot; } modify { set s.tag = [[s.tag + "x"]]; }'),
+    "a string made of a number": wrong("lhs { s : Spot; } modify { set s.tag = toString([[s.n]]); }"),
     "a rule that concatenates strings (`yard.wrong`)": wrong('lhs { s : Spot; } modify { [[set s.tag += "x";]] }'),
     "a rule that changes a key (`Spot.x`)": wrong("lhs { s : Spot; } modify { [[set s.x += 1;]] }"),
     "a rule that sets a multi-valued attribute (`yard.wrong`)": wrong(
         'lhs { s : Spot; } modify { [[set s.marks = ["x"];]] }'
     ),
-    "a product of ints that may exceed 64 bits": wrong("lhs { s : Spot; } modify { set s.n = [[s.n * s.n * s.n]]; }"),
-    "the function `ceil`": wrong("lhs { s : Spot; } modify { set s.n = [[ceil(s.f)]]; }"),
-    "an int outside of the 32-bit range (5000000000)": wrong("[[lhs]] { s : Spot; } modify { set s.n = 5000000000; }"),
 }
