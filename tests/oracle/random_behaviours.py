@@ -38,6 +38,7 @@ from envgraph.pattern import (
     CreateAction,
     EnumLiteral,
     Expression,
+    FunctionCall,
     IfStep,
     Library,
     MergeAction,
@@ -114,7 +115,7 @@ def random_behaviour_case(seed: int) -> BehaviourCase:
         for _ in range(dice.number(1, 6)):
             edit(dice, other.model)
         engines.append(other)
-    builder = _Builder(dice, engines)
+    builder = _Builder(dice, engines, Dice(seed + 1))
     return BehaviourCase(tuple(engines), builder.behaviour(), tuple(builder.refused))
 
 
@@ -197,8 +198,9 @@ class _Builder:
         refused: what is not compiled.
     """
 
-    def __init__(self, dice: Dice, engines: Sequence[Engine]) -> None:
+    def __init__(self, dice: Dice, engines: Sequence[Engine], operations: Dice) -> None:
         self._dice = dice
+        self._operations = operations
         self._engines = engines
         self._engine = engines[0]
         self._metamodel = engines[0].model.metamodel
@@ -498,12 +500,27 @@ class _Builder:
             known += [Variable(name) for name in self._fitting(scope, type_)] * 2
             return dice.one(known or [Variable("nobody")])
         if known and dice.chance(60):
-            return dice.one(known)
+            return self._operated(dice.one(known), type_)
         if dice.chance(30) and (test := self._test(scope)) is not None:
             return Conditional(test, self._literal(type_), self._literal(type_))
         if type_ is Scalar.INT and known and dice.chance(50):
             return Binary(dice.one(["+", "-", "*", "/", "%"]), dice.one(known), self._literal(type_))
         return self._literal(type_)
+
+    def _operated(self, made: Expression, type_: StaticType) -> Expression:
+        """The expression, or an operation on it: by dice of its own, so that earlier cases stay what they were."""
+        dice, other = self._operations, Constant(self._operations.one([2, 3, -7, 2**31, 2**62, -(2**63) + 1]))
+        if dice.chance(60) or type_ not in (Scalar.INT, Scalar.FLOAT, Scalar.STRING):
+            return made
+        if type_ is Scalar.STRING:
+            cut = FunctionCall("substring", (Binary("+", made, Constant("b")), Constant(dice.number(0, 2))))
+            return dice.one([FunctionCall("toUpper", (made,)), cut])
+        if type_ is Scalar.INT and dice.chance(60):
+            return Binary(dice.one(["+", "-", "*", "*", "/", "%"]), dice.one([made, Binary("*", made, made)]), other)
+        real = FunctionCall("toFloat", (made,)) if dice.chance(50) else Binary("-", made, Constant(1.25))
+        name = dice.one(["sqrt", "exp", "log", "pow", "mod", "min"])
+        real = FunctionCall(name, (real, other) if name in ("pow", "mod", "min") else (real,))
+        return FunctionCall(dice.one(["floor", "ceil", "round", "toInt"]), (real,)) if type_ is Scalar.INT else real
 
     def _test(self, scope: dict[str, StaticType]) -> Expression | None:
         dice = self._dice
@@ -516,7 +533,7 @@ class _Builder:
         others = [one for one, own in paths if own == type_]
         if isinstance(type_, ObjectType):
             return Binary(dice.one(["==", "!="]), path, dice.one(others))
-        right = dice.one(others) if dice.chance(50) else self._literal(type_)
+        right = self._operated(dice.one(others), type_) if dice.chance(50) else self._literal(type_)
         operators = ["==", "!=", "<", ">="] if type_ in (Scalar.INT, Scalar.FLOAT) else ["==", "!="]
         return Binary(dice.one(operators), path, right)
 
