@@ -287,7 +287,7 @@ class StateVisit:
             for _ in outcomes:
                 simulator.observe()
         self.is_out_of_space = bool(self.states[row, ERROR] == FULL)
-        bounds = f"{CAPACITY} matches of a condition, {program.spare} created objects, ints of 32 bits"
+        bounds = f"{CAPACITY} matches of a condition, {program.spare} created objects, 64 bits within expressions"
         raise NotCompiled(f"a state that exceeds one of the limits: {bounds}")
 
     def _action_masks(self, states: int) -> NDArray[np.bool_]:

@@ -15,7 +15,7 @@ from tests.unit.env.side_by_side import ERROR
 def test_only_the_last_of_several_failing_environments_is_marked_as_over(threads: int) -> None:
     """The third step of those that do the first action leads to an int that has no space."""
     actions = "action burst = burst()\naction grow = grow()\nobserve adam.kind"
-    burst = "rule burst { lhs { b : Box; } modify { set b.size = b.size * 1500 + 1500; } }\n"
+    burst = "rule burst { lhs { b : Box; } modify { set b.size = b.size * 1000000000 + 1000000000; } }\n"
     grow = "rule grow { lhs { b : Box; check b.size < 6; } modify { set b.size += 1; } }\n"
     engine, behaviour = Yard(burst + grow, actions).opened()
     batch = CompiledBatch(program_of(engine, behaviour, native=False), [0] * 6, threads)
@@ -23,7 +23,7 @@ def test_only_the_last_of_several_failing_environments_is_marked_as_over(threads
     chosen = np.array([0, 0, 1, 0, 1, 1])
     for _ in range(2):
         batch.step(chosen, resets_ended=False)
-    with pytest.raises(EnvgraphError, match="32 bits"):
+    with pytest.raises(EnvgraphError, match="64 bits"):
         batch.step(chosen, resets_ended=False)
     assert np.flatnonzero(batch.states[:, ERROR]).tolist() == [0, 1, 3]
     assert np.flatnonzero(batch.over).tolist() == [3]
