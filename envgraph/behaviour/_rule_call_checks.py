@@ -122,12 +122,6 @@ class CallChecks(CheckBase):
             message = f"`{call.rule}` is a group of rules, but an environment calls single rules or units"
             self.report("no-rule", message, call.rule_span or call.span, "name a rule or a unit")
             return _supposed_outputs(call, scope)
-        firsts = self.engine.catalog.first_calls(call.rule)
-        if firsts:
-            message = f"unit `{call.rule}` takes the first match, which may depend on how a state was reached"
-            hint = "leave `first` out, so that each match is an outcome; for `top` write `all`"
-            notes = tuple(Note("the first match is taken here", one.span) for one in firsts[:1])
-            self.report("first-match", message, call.rule_span or call.span, hint, notes=notes)
         self._check_dangling(call.rule, call.rule_span or call.span)
         if len(call.arguments) != len(signature.parameters):
             count = count_with_noun(len(signature.parameters), "argument")

@@ -24,3 +24,8 @@ from envgraph.rewrite.check._claims import (
     may_be_refused as may_be_refused,
 )
 from envgraph.rewrite.check._unit_check import CheckedUnit as CheckedUnit, all_steps as all_steps
+from envgraph.rewrite.run._unit_code import (
+    always_changes as always_changes,
+    choice_tiers as choice_tiers,
+    fails_without_changes as fails_without_changes,
+)

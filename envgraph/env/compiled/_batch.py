@@ -25,9 +25,10 @@ from envgraph.env.compiled._compiled_program import CompiledProgram
 from envgraph.env.compiled._growth import copy_states, with_more_space
 from envgraph.env.compiled._live_counterpart import LiveCounterpart
 from envgraph.env.compiled._member_data import NO_INT
+from envgraph.env.compiled._scripted_choices import LACKS, ROOM, SCRIPT
 from envgraph.env.compiled._symbols import CreatedCount
 from envgraph.env.compiled.kernels import CAPACITY, FULL, OVERFLOW
-from envgraph.errors import EvaluationError
+from envgraph.errors import LIMITS, EvaluationError
 
 CAPACITY_ERRORS: Final = {
     OVERFLOW: f"a condition or rule has more than {CAPACITY} matches, the limit of compiled environments",
@@ -103,7 +104,11 @@ class CompiledBatch:
         found = np.zeros((len(self.members), actions), dtype=np.int64)
         masks = self.program.functions_for("mask")["masks"]
         for part, batch_arrays in self._parts:
-            batch_arrays.call_function(masks, found[part].reshape(-1), actions)
+            script = empty_script(LIMITS["random choices"])
+            batch_arrays.call_function(masks, found[part].reshape(-1), actions, script)
+            while script[LACKS]:
+                script = empty_script(len(script))
+                batch_arrays.call_function(masks, found[part].reshape(-1), actions, script)
         return nonempty_masks(found > 0)
 
     def close(self) -> None:
@@ -233,6 +238,13 @@ class CompiledBatch:
         if member not in self._live_counterparts:
             self._live_counterparts[member] = self.program.live_counterpart(member)
         return self._live_counterparts[member]
+
+
+def empty_script(choices: int) -> NDArray[np.float64]:
+    """Return a script of choices for a program, with space for a number of them."""
+    script = np.zeros(SCRIPT + 2 * choices)
+    script[ROOM] = len(script)
+    return script
 
 
 def padded_to(array: NDArray[Any], size: int) -> NDArray[Any]:

@@ -97,7 +97,7 @@ class BatchArrays:
         first, second = np.zeros((2, ints.shape[1]), dtype=np.int64), np.zeros((2, floats.shape[1]))
         self.failed_state = first, second
         fixed = arrays.tables_for(native), arrays.reals, arrays.offsets
-        work = *zero_row_buffers(space), np.zeros(1)
+        work = *zero_row_buffers(space), np.zeros(2)
         self._arrays = (*fixed, ints, floats, *work, members, *arrays[3:], *others, *self.failed_state)
         self._given: Any = _addresses(self._arrays) if native else self._arrays
         self.advance: Callable[..., int] = partial(function, self._given)

@@ -312,7 +312,7 @@ def plans_of(engine: Engine, behaviour: Behaviour) -> list[RulePlan]:
     """Return the plans of all rules that a behaviour calls, directly or through units.
 
     Raises:
-        NotCompiled: see `plan_of` and `checked_unit`; or a unit calls itself or a group of rules.
+        NotCompiled: see `plan_of` and `checked_unit`; or a unit calls itself.
     """
     return _plans_of_calls(engine, (one for one in calls_of(behaviour) if one.rule is not None))
 
@@ -322,21 +322,20 @@ def _plans_of_calls(engine: Engine, calls: Iterable[RuleCall]) -> list[RulePlan]
 
 
 def _rule_calls(engine: Engine, call: RuleCall, above: tuple[str, ...] = ()) -> Iterator[RuleCall]:
-    """Yield the calls of rules that a call leads to: the call itself, or the calls in the unit that it names."""
+    """Yield the calls of rules that a call leads to: itself, those of a group, or those in a unit."""
     assert call.rule is not None
     signature = engine.signature(call.rule)
-    if signature.kind == "rule":
-        yield call
+    if signature.kind != "unit":
+        yield from (RuleCall(name, call.arguments, span=call.span) for name in engine.catalog.group(signature.name))
         return
-    if signature.kind == "group":
-        raise NotCompiled(f"the group `{signature.simple_name}` in a unit", call.span)
     if signature.name in above:
         raise NotCompiled(f"the unit `{signature.simple_name}`, which calls itself", call.span)
     checked = checked_unit(engine, call)
     for step in all_steps(checked.unit):
-        if isinstance(step, UnitCall):
-            inner = RuleCall(checked.calls[id(step)].name, span=step.span)
-            yield from _rule_calls(engine, inner, (*above, signature.name))
+        asked = checked.applicability_tests.get(id(step))
+        callee = checked.calls[id(step)] if isinstance(step, UnitCall) else asked and asked[1]
+        if callee is not None:
+            yield from _rule_calls(engine, RuleCall(callee.name, span=step.span), (*above, signature.name))
 
 
 def _is_only_move(change: SetTargets | ChangeTargets, body: BlockPlan) -> bool:

@@ -2,8 +2,11 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
+from contextlib import contextmanager, nullcontext
 from dataclasses import replace
+from types import MappingProxyType
+from typing import Final
 
 from envgraph import code
 from envgraph.behaviour import (
@@ -21,18 +24,23 @@ from envgraph.env._prepared_behaviour import add_helper_pattern
 from envgraph.env._prepared_clauses import NameClasses
 from envgraph.env._random_choices import missing_probability
 from envgraph.env._tabular import MAX_REWARD
-from envgraph.env.compiled._changes import plan_of
+from envgraph.env.compiled._changes import checked_unit, plan_of
 from envgraph.env.compiled._effect_code import EffectEmitter
 from envgraph.env.compiled._matching import MatchEmitter
-from envgraph.env.compiled._not_compiled import NotCompiled, add_missing_span
+from envgraph.env.compiled._not_compiled import add_missing_span
 from envgraph.env.compiled._program_layout import (
     ERROR,
     NOBODY,
     ONE,
+    RF,
     RI,
+    STEPS_LEFT,
     TOP,
     ZERO,
     D,
+    F,
+    S,
+    Width,
     emit_call,
     emit_entry,
     emit_result,
@@ -41,7 +49,7 @@ from envgraph.env.compiled._program_layout import (
     emit_table_entry,
     emit_value_entry,
 )
-from envgraph.env.compiled._refused_rules import emit_attempts
+from envgraph.env.compiled._refused_rules import CLEAR_REFUSED
 from envgraph.env.compiled._statement_list import StatementList
 from envgraph.env.compiled._symbols import KeyValues, ObjectByIndex, OneObjectPerIndex
 from envgraph.env.compiled._term_code import (
@@ -52,11 +60,15 @@ from envgraph.env.compiled._term_code import (
     variable_term,
 )
 from envgraph.env.compiled._unit_steps import emit_unit
+from envgraph.errors import LIMITS
 from envgraph.match.plan import PatternQuery
 from envgraph.metamodel import Scalar
 from envgraph.pattern import Constant, Expression, Negation, ObjectType, StaticType, Variable
 from envgraph.rewrite import Engine
-from envgraph.rewrite.plans import RulePlan
+from envgraph.rewrite.plans import RulePlan, fails_without_changes
+
+NO_CLASSES: Final[Mapping[str, str]] = MappingProxyType({})
+NO_VALUES: Final[Mapping[str, code.Expression]] = MappingProxyType({})
 
 
 @dataclass(frozen=True, slots=True)
@@ -91,6 +103,31 @@ class FunctionEmitter(StatementList):
         self.behaviour = behaviour
         self.first_row: code.Expression = TOP
         self.row_regions_above = 0
+
+    @contextmanager
+    def reserved_rows(self, count: code.Expression) -> Iterator[code.Local]:
+        """Reserve rows of the row buffers: calls within the block use later rows. Yield the variable of the first row.
+
+        `count` is at most the size of a region.
+        """
+        before = self.first_row, self.row_regions_above
+        first, above = self.module.new_local("t"), self.module.new_local("t")
+        self.append_assignment(first, self.first_row)
+        self.append_assignment(above, emit_sum(first, count))
+        self.first_row, self.row_regions_above = above, self.row_regions_above + 1
+        self.module.record_levels(self.row_regions_above + 1)
+        yield first
+        self.first_row, self.row_regions_above = before
+
+    @contextmanager
+    def saved_state(self) -> Iterator[code.Statement]:
+        """Emit code that saves the state in reserved rows. Yield the statement that restores it, but for its error."""
+        widths = Width("S"), Width("F"), Width("rows")
+        ints, floats, rows = (self.facts.layout.offset(width) for width in widths)
+        with self.reserved_rows(rows) as first:
+            state = S, F, ints, floats, RI, RF, first
+            self.append(code.ExpressionStatement(code.emit_call("keep", *state)))
+            yield code.ExpressionStatement(code.emit_call("put_back", *state))
 
     def emit_function_call(self, name: str, *arguments: code.Expression) -> code.Call:
         """Return code that calls a function of the program, and record that the current function calls it."""
@@ -161,20 +198,24 @@ class FunctionEmitter(StatementList):
             done = self.module.new_local("done")
             self.append_assignment(done, ONE)
             return RuleCallResult(done, {})
-        given, tests = self._emit_arguments(rule, scope)
+        given, tests, wider = self._emit_arguments(rule, scope)
         parameters = self.engine.signature(rule.rule).parameters
-        called = self.emit_application(
-            rule,
-            given,
-            tests,
-            {
-                taken.name: argument.name
-                for argument, taken in zip(rule.arguments, parameters, strict=True)
-                if taken.is_output and isinstance(argument, Variable) and not argument.is_anonymous
-            },
-        )
-        if self._is_unit(rule):
-            self.append(code.If(code.Operation("!=", (emit_state_entry(ERROR), ZERO)), (self.error_return,)))
+        wanted = {
+            taken.name: argument.name
+            for argument, taken in zip(rule.arguments, parameters, strict=True)
+            if taken.is_output and isinstance(argument, Variable) and not argument.is_anonymous
+        }
+        if not self._is_unit(rule):
+            return self.emit_application(rule, given, tests, wanted)
+        checked = checked_unit(self.engine, rule)
+        self.append(code.Assign(STEPS_LEFT, code.Constant(float(self.engine.step_limit))))
+        undoes = not fails_without_changes(checked.unit.body, checked.calls)
+        with self.saved_state() if undoes else nullcontext() as put_back:
+            called = self.emit_application(rule, given, tests, wanted, wider)
+        done = called.done_variable
+        succeeded: code.Body = (CLEAR_REFUSED, code.Assign(done, ONE))
+        self.append(code.If(code.emit_equal(done, ZERO), (put_back,) if put_back else (), succeeded))
+        self.append(code.If(code.Operation("!=", (emit_state_entry(ERROR), ZERO)), (self.error_return,)))
         return called
 
     def emit_application(
@@ -183,8 +224,7 @@ class FunctionEmitter(StatementList):
         given: Mapping[str, code.Expression],
         tests: Sequence[code.Expression],
         output_names: Mapping[str, str],
-        *,
-        retries_refused: bool = False,
+        wider: Mapping[str, str] = NO_CLASSES,
     ) -> RuleCallResult:
         """Emit code that applies a rule or runs a unit if all tests pass.
 
@@ -193,20 +233,29 @@ class FunctionEmitter(StatementList):
             given: the values of parameters.
             tests: tests that have to pass.
             output_names: the name that gets each output parameter.
-            retries_refused: if the model refuses the rule at a match, apply it at another match.
+            wider: for a unit, the classes of objects that may lack the class of their parameter.
         """
-        done = self.module.new_local("done")
-        self.append_assignment(done, ZERO)
-        function = self._retrying_function if retries_refused else self.application_function
-        applied = function(rule, tuple(given), tuple(output_names))
-        types = self.output_types(rule, tuple(output_names))
-        outputs = [self.facts.new_local_for(type_) for type_ in types]
-        for local, type_ in zip(outputs, types, strict=True):
-            self.append_assignment(local, initial_constant(type_))
+        applied = self._application_function(rule, tuple(given), tuple(output_names), wider)
+        done, outputs = self.emit_results(rule, tuple(output_names))
         found = self.emit_function_call(applied, *given.values())
-        target = code.emit_tuple(done, *outputs) if outputs else done
-        self.append(code.If(code.emit_joined("and", tests, True), (code.Assign(target, found),)))
+        assigned = code.Assign(code.emit_tuple(done, *outputs) if outputs else done, found)
+        self.append(code.If(code.emit_joined("and", tests, True), (assigned,)))
         self.append(code.If(code.Operation("<", (done, ZERO)), (self.error_return,)))
+        return self.call_result(rule, done, outputs, output_names)
+
+    def emit_results(self, rule: RuleCall, wanted: Sequence[str]) -> tuple[code.Local, list[code.Local]]:
+        """Emit code that sets new variables to 0: one for whether the call succeeds, and one for each wanted output."""
+        types = [Scalar.INT, *self.output_types(rule, wanted)]
+        done, *outputs = (self.facts.new_local_for(type_) for type_ in types)
+        for local, type_ in zip((done, *outputs), types, strict=True):
+            self.append_assignment(local, initial_constant(type_))
+        return done, outputs
+
+    def call_result(
+        self, rule: RuleCall, done: code.Local, outputs: Sequence[code.Local], output_names: Mapping[str, str]
+    ) -> RuleCallResult:
+        """Return the result of a call whose outputs, those of the keys of `output_names`, are in variables."""
+        types = self.output_types(rule, tuple(output_names))
         terms = [variable_term(local, type_) for local, type_ in zip(outputs, types, strict=True)]
         return RuleCallResult(done, dict(zip(output_names.values(), terms, strict=True)))
 
@@ -220,37 +269,75 @@ class FunctionEmitter(StatementList):
         if rule.rule is None:
             self.append_assignment(can, ONE)
             return
-        given, tests = self._emit_arguments(rule, scope)
-        found = code.emit_joined("and", [*tests, self.emit_can_apply(rule, given)], True)
+        given, tests, wider = self._emit_arguments(rule, scope)
+        found = code.emit_joined("and", [*tests, self._emit_can_apply(rule, given, wider)], True)
         self.append(code.If(found, (code.Assign(can, ONE),)))
         if self._is_unit(rule):  # only running the unit reports the error
             wrong = code.Operation("!=", (emit_state_entry(ERROR), ZERO))
             self.append(code.If(wrong, (code.Assign(can, ONE), code.Assign(emit_state_entry(ERROR), ZERO))))
 
-    def emit_can_apply(
-        self, rule: RuleCall, given: Mapping[str, code.Expression], *, retries_refused: bool = False
+    def _emit_can_apply(
+        self, rule: RuleCall, given: Mapping[str, code.Expression], wider: Mapping[str, str]
     ) -> code.Expression:
-        """Return code that tests if a rule has a match, or a unit can succeed, with values for parameters.
-
-        With `retries_refused`, only a match at which the model does not refuse the rule counts.
-        """
-        if retries_refused:
-            return code.emit_equal(
-                self.emit_function_call(
-                    self._retrying_function(rule, tuple(given), (), tests_only=True), *given.values()
-                ),
-                ONE,
-            )
+        """Return code that tests if a rule has a match, or a unit can succeed, with values for parameters."""
         if self._is_unit(rule):
-            key = "may", rule.rule, tuple(given)
-            name = self.module.function_for(
-                key, "may", lambda: emit_unit(self, rule, tuple(given), (), tests_only=True)
-            )
+            key = "may", rule.rule, tuple(given), tuple(wider.items())
+            name = self.module.function_for(key, "may", lambda: self._emit_can_succeed(rule, tuple(given), wider))
             return code.emit_equal(self.emit_function_call(name, *given.values()), ONE)
+        return self.emit_exists(rule, given)
+
+    def emit_exists(self, rule: RuleCall, given: Mapping[str, code.Expression] = NO_VALUES) -> code.Expression:
+        """Return code that tests if a rule has a match with values for parameters."""
         plan = plan_of(self.engine, rule)
         places = {plan.variables.index(name): value for name, value in given.items()}
         exists = self.matching.emit_exists(PatternQuery(plan.body.pattern, tuple(sorted(places)), ()))
         return self.emit_function_call(exists, *(places[position] for position in sorted(places)))
+
+    def _emit_can_succeed(
+        self, rule: RuleCall, bound: tuple[str, ...], wider: Mapping[str, str]
+    ) -> tuple[list[code.Local], code.Body]:
+        """Emit the parameters and body of a function that tests if a unit can succeed; an error counts as success.
+
+        It runs the unit with all choices, as a script decides, and restores the state after each run.
+        """
+        types = checked_unit(self.engine, rule).types
+        writer, parameters = (
+            self.new_emitter(code.Return(ONE)),
+            [self.facts.new_local_for(types[name] or ObjectType("")) for name in bound],
+        )
+        done, number = (self.module.new_local(prefix) for prefix in "di")
+        with writer.saved_state() as put_back:
+            applied = writer._application_function(rule, bound, (), wider)
+            run = (
+                code.ExpressionStatement(code.emit_call("begin_outcome", D)),
+                code.Assign(emit_state_entry(ERROR), ZERO),
+                code.Assign(STEPS_LEFT, code.Constant(float(self.engine.step_limit))),
+                code.Assign(done, writer.emit_function_call(applied, *parameters)),
+                put_back,
+                code.If(code.Operation("!=", (done, ZERO)), (code.Return(ONE),)),
+                code.If(code.Operation("!=", (emit_state_entry(ERROR), ZERO)), (code.Return(ONE),)),
+                code.If(code.emit_not(code.emit_call("next_script", D)), (code.Return(ZERO),)),
+            )
+            writer.append(code.ExpressionStatement(code.emit_call("begin_script", D)))
+            writer.append(code.For(number, code.emit_call("range", code.Constant(LIMITS["outcomes"])), run))
+        return parameters, (*writer.all_statements(), code.Return(ZERO))
+
+    def emit_holds(self, pattern: str, terms: Sequence[CodeTerm]) -> code.Expression:
+        """Return code that tests if a pattern holds for values of all its parameters; objects may lack their class."""
+        types, facts = self.facts.library.parameter_types(pattern), self.facts
+        tests = [
+            facts.emit_is_instance(term.value, type_.cls)
+            for term, type_ in zip(terms, types, strict=True)
+            if isinstance(type_, ObjectType) and not self.has_class(term, type_.cls)
+        ]
+        exists = self.matching.emit_exists(PatternQuery(pattern, tuple(range(len(types))), ()))
+        held = self.emit_function_call(exists, *(term.number_code for term in terms))
+        return code.emit_joined("and", [*tests, held], True)
+
+    def has_class(self, term: CodeTerm, cls: str) -> bool:
+        """Return True if an object certainly is of a class, and exists."""
+        assert isinstance(term.type, ObjectType)
+        return self.facts.metamodel.is_a(term.type.cls, cls) and self.facts.changes.is_fixed_class(cls)
 
     def new_emitter(self, error_return: code.Return) -> FunctionEmitter:
         """Return an emitter for another function, with its own return statement after an error."""
@@ -262,12 +349,15 @@ class FunctionEmitter(StatementList):
 
     def _emit_arguments(
         self, rule: RuleCall, scope: Mapping[str, CodeTerm]
-    ) -> tuple[dict[str, code.Expression], list[code.Expression]]:
-        """Emit code for the arguments of a call; return input values by parameter, and tests of the values."""
+    ) -> tuple[dict[str, code.Expression], list[code.Expression], dict[str, str]]:
+        """Emit code for the arguments of a call; return input values by parameter, tests of the values, and the classes
+        of objects that are given to a unit and may lack the class of their parameter.
+        """
         assert rule.rule is not None
         parameters = self.engine.signature(rule.rule).parameters
         given: dict[str, code.Expression] = {}
         tests: list[code.Expression] = []
+        wider: dict[str, str] = {}
         for argument, taken in zip(rule.arguments, parameters, strict=True):
             if not taken.is_output:
                 term = self.emit_value(argument, scope, taken.type)
@@ -276,23 +366,14 @@ class FunctionEmitter(StatementList):
                 tests += term.tests
                 if isinstance(term.type, ObjectType):
                     tests += [alive] if (alive := self.alive_test(term)) is not None else []
-                    tests += self._class_tests(rule, term, taken.type)
+                    assert isinstance(taken.type, ObjectType)
+                    if not self.facts.metamodel.is_a(term.type.cls, taken.type.cls):
+                        if self._is_unit(rule):
+                            wider[taken.name] = term.type.cls
+                        else:
+                            tests.append(self.facts.emit_is_instance(term.value, taken.type.cls))
                 given[taken.name] = emit_as_float(term) if taken.type is Scalar.FLOAT else term.number_code
-        return given, tests
-
-    def _class_tests(self, rule: RuleCall, term: CodeTerm, taken: StaticType | None) -> list[code.Expression]:
-        """Return expressions that test if an object has the class of a rule's parameter; none if its class is certain.
-
-        Raises:
-            NotCompiled: the class of a unit's argument is not certain.
-        """
-        assert isinstance(term.type, ObjectType)
-        assert isinstance(taken, ObjectType)
-        if self.facts.metamodel.is_a(term.type.cls, taken.cls):
-            return []
-        if self._is_unit(rule):
-            raise NotCompiled(f"an argument of a unit whose class is not certain (`{rule.rule}`)", rule.span)
-        return [self.facts.emit_is_instance(term.value, taken.cls)]
+        return given, tests, wider
 
     def _emit_argument_check(self, argument: Expression, scope: Mapping[str, CodeTerm], term: CodeTerm) -> None:
         """Emit code that fails if the evaluation of an argument fails, unless it reads from a deleted object."""
@@ -307,14 +388,18 @@ class FunctionEmitter(StatementList):
             there += [alive] if (alive := self.alive_test(scope[root.name])) is not None else []
         return there
 
-    def application_function(self, rule: RuleCall, bound: tuple[str, ...], wanted: tuple[str, ...]) -> str:
+    def _application_function(
+        self, rule: RuleCall, bound: tuple[str, ...], wanted: tuple[str, ...], wider: Mapping[str, str]
+    ) -> str:
         """Emit a function that applies a rule at a sampled match, or runs a unit. Return the function's name.
 
-        It returns 1 and the outputs, 0 without a match or if the unit fails, and -1 after a refusal or an error.
+        It returns 1 and the outputs, 0 without a match or if the unit fails, and -1 after a refusal or an error. If a
+        unit may succeed without a change, it returns 2 after a change.
         """
-        key = "apply", rule.rule, bound, wanted
-        write = emit_unit if self._is_unit(rule) else FunctionEmitter._emit_rule_function
-        return self.module.function_for(key, "apply", lambda: write(self, rule, bound, wanted))
+        key = "apply", rule.rule, bound, wanted, tuple(wider.items())
+        if self._is_unit(rule):
+            return self.module.function_for(key, "apply", lambda: emit_unit(self, rule, bound, wanted, wider))
+        return self.module.function_for(key, "apply", lambda: self._emit_rule_function(rule, bound, wanted))
 
     def _emit_rule_function(
         self, rule: RuleCall, bound: tuple[str, ...], wanted: tuple[str, ...]
@@ -353,20 +438,6 @@ class FunctionEmitter(StatementList):
         return (
             *changes,
             code.Return(emit_result(ONE, [effects.slot_value(places[name]) for name in wanted])),
-        )
-
-    def _retrying_function(
-        self, rule: RuleCall, bound: tuple[str, ...], wanted: tuple[str, ...], *, tests_only: bool = False
-    ) -> str:
-        """Return the name of a function like that of `application_function`, which tries another match if the rule is
-        refused.
-
-        After a refusal the state is restored. If every match is refused, the function leaves the error in the state.
-        With `tests_only` the function only tests, and restores the state in any case.
-        """
-        key = "try", rule.rule, bound, wanted, tests_only
-        return self.module.function_for(
-            key, "attempt", lambda: emit_attempts(self, rule, bound, wanted, tests_only=tests_only)
         )
 
     def output_types(self, rule: RuleCall, wanted: Sequence[str]) -> list[StaticType]:

@@ -21,6 +21,7 @@ from envgraph.env.compiled import (
     _learning_kernels,
     _mask_kernels,
     _policy_network,
+    _scripted_choices,
     _visit_kernels,
     kernels,
     values,
@@ -40,8 +41,11 @@ Purpose = Literal["step", "mask", "list", "learn", "play"]
 
 PURPOSE_FUNCTIONS: Final[Mapping[Purpose, tuple[tuple[ModuleType, ...], tuple[str, ...]]]] = {
     "step": ((kernels,), ("advance",)),
-    "mask": ((kernels, _mask_kernels), ("masks",)),
-    "list": ((kernels, _visit_kernels), ("visit_starts", "visit", "expand", "forget_last", "hash_all")),
+    "mask": ((kernels, _scripted_choices, _mask_kernels), ("masks",)),
+    "list": (
+        (kernels, _scripted_choices, _visit_kernels),
+        ("visit_starts", "visit", "expand", "forget_last", "hash_all"),
+    ),
     "learn": ((kernels, values, _learning_kernels, _episodes), ("learn", "follow", "hash_all")),
     "play": ((kernels, values, _policy_network, _episodes), ("follow",)),
 }
@@ -91,7 +95,13 @@ class CompiledProgram:
     @property
     def row_buffer_shape(self) -> tuple[int, int]:
         """Return the number of rows and columns of the row buffers that the program needs."""
-        return kernels.CAPACITY * self.row_regions, self.row_width
+        return self.region_size * self.row_regions, self.row_width
+
+    @property
+    def region_size(self) -> int:
+        """Return the number of rows of a region of the row buffers: enough for all matches, and for a saved state."""
+        sizes: Sequence[int] = (self.arrays.ints.shape[1], self.arrays.floats.shape[1])
+        return max(kernels.CAPACITY, *sizes)
 
     def __deepcopy__(self, _: object) -> CompiledProgram:
         return self

@@ -14,7 +14,7 @@ from envgraph.behaviour import Behaviour, KeyIndex
 from envgraph.env._enumeration import ExploredEnvironment, Progress, explore
 from envgraph.env._size_errors import TooManyStates, check_observation_count, check_table_size
 from envgraph.env._tabular import Tabular, nonempty_masks
-from envgraph.env.compiled._batch import CompiledBatch, padded_to
+from envgraph.env.compiled._batch import CompiledBatch, empty_script, padded_to
 from envgraph.env.compiled._batch_arrays import zero_row_buffers
 from envgraph.env.compiled._compiled_costs import COSTS
 from envgraph.env.compiled._compiled_program import CompiledProgram, compile_for_model, program_of
@@ -148,7 +148,7 @@ class StateVisit:
         self._tables = program.tables
         self._space = zero_row_buffers(program.row_buffer_shape)
         self.is_out_of_space = False
-        self._draw = np.zeros(3 + 2 * LIMITS["random choices"])
+        self._draw = empty_script(LIMITS["random choices"])
         self._actions = len(program.action_names)
         self.states = np.zeros((COSTS.first, arrays.ints.shape[1]), dtype=np.int64)
         self.floats = np.zeros((COSTS.first, arrays.floats.shape[1]))

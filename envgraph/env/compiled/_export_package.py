@@ -15,7 +15,7 @@ import numpy as np
 from envgraph.env.compiled import _batch_arrays, _exported, _python_kernels, kernels
 from envgraph.env.compiled._batch import CAPACITY_ERRORS
 from envgraph.env.compiled._compiled_program import CompiledProgram
-from envgraph.env.compiled.kernels import CAPACITY, FAILED, REFUSED
+from envgraph.env.compiled.kernels import FAILED, REFUSED
 from envgraph.errors import InvalidArgument
 from envgraph.files import _cache, check_empty_folder, escape_markdown, replace_file
 
@@ -24,7 +24,7 @@ MOST_NAMED: Final = 20
 _NUMBA: Final = "arrays", "machine_code"
 """Modules that cannot be imported without numba."""
 _ERRORS: Final = {
-    FAILED: "a value is missing or too large, or the changes of a rule contradict each other",
+    FAILED: "a value is missing or too large, changes of a rule contradict each other, or a unit may never end",
     REFUSED: "a rule cannot be applied",
     **CAPACITY_ERRORS,
 }
@@ -116,7 +116,7 @@ def program_files(
         "agents": [program.agent_names(number) for number in range(len(members))],
         "observation_shape": program.observation_shape,
         "limit": limit,
-        "capacity": CAPACITY,
+        "capacity": program.region_size,
         "levels": program.row_regions,
         "width": program.row_width,
         "errors": _ERRORS,

@@ -121,18 +121,18 @@ class MatchEmitter:
             *then(values),
         )
 
-    def load_row(self, key: PatternQuery, row: code.Expression) -> tuple[code.Body, list[code.Local]]:
-        """Return statements that read a row into variables, and the variables."""
+    def load_row(self, key: PatternQuery, row: code.Expression, first: int = 0) -> tuple[code.Body, list[code.Local]]:
+        """Return statements that read a row, which begins at a column, into variables, and the variables."""
         found = [self.facts.new_local_for(type_) for type_ in self.column_types(key)]
-        places = self._row_cells(key, row)
+        places = self.row_cells(key, row, first)
         return tuple(code.Assign(local, place) for local, place in zip(found, places, strict=True)), found
 
-    def _row_cells(self, key: PatternQuery, row: code.Expression) -> list[code.Subscript]:
-        """Return the cells that store the values of a row, and make the row buffers wide enough for them."""
+    def row_cells(self, key: PatternQuery, row: code.Expression, first: int = 0) -> list[code.Subscript]:
+        """Return the cells that store the values of a row, from a column on; make the row buffers wide enough."""
         types = self.column_types(key)
-        self.module.width = max(self.module.width, len(types))
+        self.module.width = max(self.module.width, first + len(types))
         spaces = [RF if type_ is Scalar.FLOAT else RI for type_ in types]
-        return [emit_entry(space, row, column) for column, space in enumerate(spaces)]
+        return [emit_entry(space, row, column) for column, space in enumerate(spaces, first)]
 
     def column_types(self, key: PatternQuery) -> list[StaticType]:
         """Return the types of the columns of a view's rows."""
@@ -216,7 +216,7 @@ class MatchEmitter:
 
     def _emit_store(self, body: BodyEmitter, key: PatternQuery, row: code.Expression) -> code.Body:
         """Return statements that store the output values of a solution in a row."""
-        places = zip(self._row_cells(key, row), body.output_values(key), strict=True)
+        places = zip(self.row_cells(key, row), body.output_values(key), strict=True)
         return tuple(code.Assign(place, value) for place, value in places)
 
     def _emit_sorted_rows(

@@ -16,7 +16,6 @@ from envgraph import code
 from envgraph.code import dataclass
 from envgraph.env.compiled._batch_arrays import FamilyArrays
 from envgraph.env.compiled._member_data import NO_OBJECT, Cell, MemberData
-from envgraph.env.compiled._not_compiled import NotCompiled
 from envgraph.env.compiled._symbols import (
     AtMostOneObject,
     AtMostOneRow,
@@ -35,7 +34,6 @@ from envgraph.env.compiled._symbols import (
     ValueTable,
 )
 from envgraph.env.compiled._text_tables import TextTable, number_strings
-from envgraph.env.compiled.kernels import CAPACITY
 from envgraph.metamodel import Scalar
 
 T, G = code.Local("T"), code.Local("G")
@@ -45,7 +43,8 @@ S, F = code.Local("S"), code.Local("F")
 L, K = code.Local("L"), code.Local("K")
 """The vector of offsets, followed by the constants of the family; and the offsets as a tuple."""
 D = code.Local("D")
-"""The source of random numbers."""
+"""The source of random numbers, and the steps left of a run of a unit."""
+STEPS_LEFT = code.Subscript(D, code.Name("STEPS"))
 RI, RF = code.Local("RI"), code.Local("RF")
 """The row buffers, where matches are stored: ints, and floats."""
 TOP = code.Local("top")
@@ -65,9 +64,9 @@ class Stride:
 
 @dataclass(frozen=True, slots=True)
 class Width:
-    """The number of ints (`S`) or floats (`F`) in a state."""
+    """The number of ints (`S`) or floats (`F`) in a state, or of rows for saving a state."""
 
-    of: Literal["S", "F"]
+    of: Literal["S", "F", "rows"]
 
 
 @dataclass(frozen=True, slots=True)
@@ -171,7 +170,6 @@ class ProgramLayout:
 
         Raises:
             AssumptionViolated: a member does not meet an assumption.
-            NotCompiled: states are too large to be saved for a rule that may be refused.
         """
         symbols = [
             one for one in self._numbers if not isinstance(one, Stride | Width | Constants | StringNumber | TextTable)
@@ -204,9 +202,7 @@ class ProgramLayout:
                 homes.append((where, int(offsets[number])))
         for symbol, number in self._numbers.items():
             if isinstance(symbol, Width):
-                offsets[number] = ends[symbol.of]
-                if ends[symbol.of] > CAPACITY:  # The saved state needs the space of the rows.
-                    raise NotCompiled("a rule in a unit that may be refused, and states too large to be restored")
+                offsets[number] = max(ends["S"], ends["F"]) if symbol.of == "rows" else ends[symbol.of]
         count = len(filled)
         arrays: dict[str, NDArray[Any]] = {
             "T": np.full((count, ends["T"]), NO_OBJECT, dtype=np.int32),

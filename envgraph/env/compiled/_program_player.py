@@ -23,7 +23,7 @@ class ProgramPlayer:
         arrays = program.arrays
         states, floats = (np.zeros_like(array[:1]) for array in (arrays.ints, arrays.floats))
         fixed = program.tables, arrays.reals, arrays.offsets
-        space = *zero_row_buffers(program.row_buffer_shape), np.zeros(1)
+        space = *zero_row_buffers(program.row_buffer_shape), np.zeros(2)
         self.program, self._functions = program, program.functions_for(purpose)
         self._arguments = *fixed, states, floats, floats.view(np.int64), *space
         self._starts = arrays.ints, arrays.floats

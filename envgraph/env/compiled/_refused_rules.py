@@ -1,97 +1,243 @@
-"""Emit functions for rules in a unit that may be refused: save the state, restore it, and try the next match."""
+"""Emit code for the rules that a unit applies at chosen matches: if the model refuses a rule, the state is restored."""
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from contextlib import contextmanager
+from typing import TYPE_CHECKING, Final
 
 from envgraph import code
 from envgraph.behaviour import RuleCall
 from envgraph.env.compiled._body_code import CAPACITY
+from envgraph.env.compiled._changes import plan_of
+from envgraph.env.compiled._not_compiled import NotCompiled
 from envgraph.env.compiled._program_layout import (
     ERROR,
-    NOBODY,
     ONE,
     RF,
     RI,
-    TOP,
     ZERO,
     D,
-    F,
-    S,
-    Width,
-    emit_call,
-    emit_error,
-    emit_result,
+    emit_entry,
     emit_state_entry,
     emit_sum,
 )
-from envgraph.env.compiled._term_code import initial_constant
+from envgraph.env.compiled._term_code import CodeTerm, variable_term
+from envgraph.metamodel import Scalar
+from envgraph.pattern import ObjectType, StaticType
+from envgraph.rewrite.plans import may_be_refused
 
 if TYPE_CHECKING:
     from envgraph.env.compiled._clause_code import FunctionEmitter
 
+CLEAR_REFUSED: Final = code.If(
+    code.emit_equal(emit_state_entry(ERROR), code.Name("REFUSED")),
+    (code.Assign(emit_state_entry(ERROR), ZERO),),
+)
+"""Clears the error code if it is `REFUSED`, which a failed step leaves behind; other errors stay."""
 
-def emit_attempts(
-    writer: FunctionEmitter,
-    rule: RuleCall,
-    bound: tuple[str, ...],
-    output_names: tuple[str, ...],
-    *,
-    tests_only: bool,
-) -> tuple[list[code.Local], code.Body]:
-    """Return the parameters and body of a function that applies a rule at a random match, and tries others if refused.
+Narrow = Callable[[Mapping[str, CodeTerm]], tuple[list[code.Expression], CodeTerm | None]]
+"""Emits tests of a match, given by the terms of its variables, and the number that orders it, or None for no order."""
 
-    The function returns 1 and the outputs after an application. It returns 0 if there is no match, or if the rule is
-    refused at all of them, which also sets the error of the state. It returns -1 after any other error.
+
+class RuleAttempts:
+    """An emitter of applications of a rule at its matches, which are stored as rows.
 
     Args:
-        writer: the emitter of the function that calls this function.
+        writer: the emitter of the function.
         rule: the call.
-        bound, output_names: the parameters that get values, and the outputs to return.
-        tests_only: True to test only if the rule can be applied. No match is sampled, and the state does not
-            change. The function then returns 1 after any other error, too.
+        given: the values of parameters.
+        wanted: the output parameters.
     """
-    plan, given, key = writer.plan_and_view(rule, bound)
-    types = writer.output_types(rule, output_names)
-    nothing = [initial_constant(type_) for type_ in types]
-    done, left, row = (writer.module.new_local(name) for name in ("done", "n", "k"))
-    loads, values = writer.matching.load_row(key, row)
-    matched = {**given, **dict(zip(key.outputs, values, strict=True))}
-    here = [writer.facts.new_local_for(plan.types[p]) for p in sorted(matched)]
+
+    def __init__(
+        self, writer: FunctionEmitter, rule: RuleCall, given: Mapping[str, code.Expression], wanted: Sequence[str] = ()
+    ) -> None:
+        self._writer, self._rule, self._wanted = writer, rule, tuple(wanted)
+        self._plan, self._given, self._key = writer.plan_and_view(rule, tuple(given))
+        for name, value in given.items():
+            writer.append_assignment(self._given[self._plan.variables.index(name)], value)
+        self._left, self._row = writer.module.new_local("n"), writer.module.new_local("k")
+        self._first: code.Expression = ZERO
+        self._column = 0
+        self._may_be_refused = may_rule_be_refused(writer, rule)
+
+    @contextmanager
+    def rows(self, narrow: Narrow | None = None, limit: int | None = None) -> Iterator[None]:
+        """Emit code that stores the matches in rows, reserved within the block; of those that `narrow` keeps, `limit`.
+
+        The rows are sorted.
+        """
+        writer, key = self._writer, self._key
+        find = writer.matching.emit_rows(key) if key.outputs else writer.matching.emit_exists(key)
+        found = writer.emit_function_call(find, *self._given.values())
+        writer.append_assignment(self._left, found if key.outputs else code.ConditionalExpression(found, ONE, ZERO))
+        writer.append(code.If(code.Operation("!=", (emit_state_entry(ERROR), ZERO)), (writer.error_return,)))
+        with writer.reserved_rows(CAPACITY) as self._first:
+            if narrow is not None:
+                self._emit_narrowing(narrow, limit)
+            yield
+
+    def _emit_narrowing(self, narrow: Narrow, limit: int | None) -> None:
+        """Emit code that keeps the rows that pass tests, the largest values first. A value is in the first column."""
+        writer, first, kept = self._writer, self._first, self._writer.module.new_local("n")
+        value: CodeTerm | None = None
+
+        def emit_test() -> None:
+            nonlocal value
+            loads, names = self._load_match()
+            writer.append(*loads)
+            tests, value = narrow(names)
+            self._column = 0 if value is None else 1
+            row = emit_sum(first, kept)
+            cells = writer.matching.row_cells(self._key, row, self._column)
+            stores = [
+                code.Assign(cell, self._slots[position])
+                for cell, position in zip(cells, self._key.outputs, strict=True)
+            ]
+            if value is not None:
+                stores.append(code.Assign(self._value_cell(value, row), code.Operation("-", (value.value,))))
+            more = code.Assign(kept, ONE, "+=")
+            writer.append(code.If(code.emit_joined("and", tests, True), (*stores, more)))
+
+        writer.append_assignment(kept, ZERO)
+        place = writer.module.new_local("i")
+        body = writer.collect(emit_test)
+        there = code.Assign(self._row, emit_sum(first, place))
+        writer.append(code.For(place, code.emit_call("range", self._left), (there, *body)))
+        number: code.Expression = kept
+        if value is not None:
+            types = [value.type, *writer.matching.column_types(self._key)]
+            kinds = sum(1 << column for column, type_ in enumerate(types) if type_ is Scalar.FLOAT)
+            widths = map(code.Constant, (len(types), kinds, 0))
+            number = code.emit_call("sort_rows", RI, RF, first, kept, *widths)
+        writer.append_assignment(
+            self._left, number if limit is None else code.emit_call("min", number, code.Constant(limit))
+        )
+
+    def _value_cell(self, value: CodeTerm, row: code.Expression) -> code.Subscript:
+        return emit_entry(RF if value.type is Scalar.FLOAT else RI, row, 0)
+
+    def _load_match(self) -> tuple[code.Body, dict[str, CodeTerm]]:
+        """Return statements that load the row `_row`, and the terms of the match's variables."""
+        loads, values = self._writer.matching.load_row(self._key, self._row, self._column)
+        self._slots: dict[int, code.Local] = {**self._given, **dict(zip(self._key.outputs, values, strict=True))}
+        names: dict[str, CodeTerm] = {}
+        for position, (name, type_) in enumerate(zip(self._plan.variables, self._plan.types, strict=True)):
+            names[name] = object_or_value_term(self._writer, self._slots[position], type_)
+        return loads, names
+
+    # --- applications
+
+    def emit_one(
+        self, done: code.Local, outputs: Sequence[code.Local], *, in_order: bool = False, tests_only: bool = False
+    ) -> None:
+        """Emit code that applies the rule at a random row, or the first; if it is refused, at another, or the next.
+
+        Args:
+            done: a variable that is 0, and gets 1 if the rule is applied.
+            outputs: the variables of the outputs.
+            in_order: take the rows in order.
+            tests_only: take the rows in order, and restore the state.
+        """
+        writer, error = self._writer, emit_state_entry(ERROR)
+
+        def attempt(put_back: code.Body) -> None:
+            place = ZERO if in_order or tests_only else code.emit_call("pick", D, self._left)
+            writer.append(code.Assign(self._row, emit_sum(self._first, place)), code.Assign(error, ZERO))
+            refused = (
+                *put_back,
+                code.ExpressionStatement(
+                    code.emit_call("drop_row", RI, RF, self._row, emit_sum(self._first, self._left))
+                ),
+                code.Assign(self._left, ONE, "-="),
+            )
+            self._emit_fire(done, outputs, refused)
+            if tests_only:
+                writer.append(code.If(code.emit_equal(done, ONE), put_back))
+
+        def attempts() -> None:
+            with self._saved(always=tests_only) as put_back:
+                going = code.emit_equal(done, ZERO), code.Operation(">", (self._left, ZERO))
+                writer.append(code.While(code.Operation("and", going), writer.collect(lambda: attempt(put_back))))
+
+        writer.append_if(code.Operation(">", (self._left, ZERO)), attempts)
+
+    def emit_every(self, count_step: Callable[[], None]) -> code.Local:
+        """Emit code that applies the rule at each row that is still a match, unless it is refused there.
+
+        Returns:
+            A variable that is 1 if the rule was applied at a row, else 0.
+        """
+        writer, place = self._writer, self._writer.module.new_local("i")
+        any_done, done = writer.module.new_local("done"), writer.module.new_local("done")
+        writer.append_assignment(any_done, ZERO)
+
+        def apply() -> None:
+            with self._saved() as put_back:
+                self._emit_fire(done, [], put_back, load=False)
+            writer.append(code.Assign(any_done, code.emit_call("max", any_done, done)))
+
+        def each() -> None:
+            count_step()
+            loads, names = self._load_match()
+            writer.append(code.Assign(self._row, emit_sum(self._first, place)), *loads)
+            writer.append_if(writer.emit_holds(self._key.pattern, [*names.values()]), apply)
+
+        body = writer.collect(each)
+        writer.append(code.For(place, code.emit_call("range", self._left), body))
+        writer.append(code.If(code.emit_equal(any_done, ONE), (CLEAR_REFUSED,)))
+        return any_done
+
+    @contextmanager
+    def _saved(self, *, always: bool = False) -> Iterator[code.Body]:
+        """Save the state if the rule may be refused. Yield the statements that restore it."""
+        if always or self._may_be_refused:
+            with self._writer.saved_state() as put_back:
+                yield (put_back,)
+        else:
+            yield ()
+
+    def _emit_fire(
+        self, done: code.Local, outputs: Sequence[code.Local], refused: code.Body, *, load: bool = True
+    ) -> None:
+        """Emit code that applies the rule at the row `_row`; after a refusal it runs `refused` and sets `done` to 0."""
+        writer = self._writer
+        fired = fire_function(writer, self._rule, self._wanted)
+        if load:
+            writer.append(*self._load_match()[0])
+        call = writer.emit_function_call(fired, *(self._slots[position] for position in sorted(self._slots)))
+        writer.append(code.Assign(code.emit_tuple(done, *outputs) if outputs else done, call))
+        fatal = code.Operation("!=", (emit_state_entry(ERROR), code.Name("REFUSED")))
+        failed = (code.If(fatal, (writer.error_return,)), *refused, code.Assign(done, ZERO))
+        writer.append(code.If(code.Operation("<", (done, ZERO)), failed))
+
+
+def fire_function(writer: FunctionEmitter, rule: RuleCall, wanted: tuple[str, ...]) -> str:
+    """Emit a function that applies a rule at a match, given by all values, and return its name."""
 
     def emit_effects() -> tuple[list[code.Local], code.Body]:
-        return here, writer.emit_rule_effects(rule, dict(enumerate(here)), output_names)
+        here = [writer.facts.new_local_for(type_) for type_ in plan_of(writer.engine, rule).types]
+        return here, writer.emit_rule_effects(rule, dict(enumerate(here)), wanted)
 
-    fired = writer.module.function_for(("fire", rule.rule, output_names), "fire", emit_effects)
-    find = writer.matching.emit_rows(key) if key.outputs else writer.matching.emit_exists(key)
-    found: code.Expression = emit_call(find, *given.values())
-    writer.module.record_call(find, 0)
-    writer.module.record_call(fired, 2)
-    outputs = [writer.facts.new_local_for(type_) for type_ in types]
-    kept, above = (emit_sum(TOP, code.Operation("*", (CAPACITY, code.Constant(n)))) for n in (1, 2))
-    sizes = [writer.facts.layout.offset(Width(of)) for of in ("S", "F")]
-    put_back = code.ExpressionStatement(code.emit_call("put_back", S, F, *sizes, RI, RF, kept))
-    target = code.emit_tuple(done, *outputs) if outputs else done
-    refused = code.emit_equal(emit_state_entry(ERROR), code.Name("REFUSED"))
-    success = code.Return(emit_result(done, outputs))
-    wrong = code.Return(emit_result(ONE if tests_only else NOBODY, nothing))
-    turn = (
-        code.Assign(row, emit_sum(TOP, ZERO if tests_only else code.emit_call("pick", D, left))),
-        *loads,
-        code.Assign(target, emit_call(fired, *(matched[p] for p in sorted(matched)), top=above)),
-        code.If(code.emit_equal(done, ONE), ((put_back, success) if tests_only else (success,))),
-        code.If(code.emit_not(refused), ((put_back, wrong) if tests_only else (wrong,))),
-        put_back,
-        code.ExpressionStatement(code.emit_call("drop_row", RI, RF, row, emit_sum(TOP, left))),
-        code.Assign(left, ONE, "-="),
-    )
-    body = (
-        code.Assign(left, found if key.outputs else code.ConditionalExpression(found, ONE, ZERO)),
-        code.If(code.Operation("!=", (emit_state_entry(ERROR), ZERO)), (wrong,)),
-        code.If(code.emit_equal(left, ZERO), (code.Return(emit_result(ZERO, nothing)),)),
-        code.ExpressionStatement(code.emit_call("keep", S, F, *sizes, RI, RF, kept)),
-        code.While(code.Operation(">", (left, ZERO)), turn),
-        emit_error("REFUSED"),
-        code.Return(emit_result(ZERO, nothing)),
-    )
-    return [given[plan.variables.index(name)] for name in bound], body
+    return writer.module.function_for(("fire", rule.rule, wanted), "fire", emit_effects)
+
+
+def may_rule_be_refused(writer: FunctionEmitter, rule: RuleCall) -> bool:
+    """Return True if the model may refuse a change of a rule, so that a unit has to try another match.
+
+    Raises:
+        NotCompiled: it depends on the order of a block's matches if one is refused or contradicts another.
+    """
+    plan = plan_of(writer.engine, rule)
+    if any(block.identification_pairs or block.identification_link_pairs for block in plan.blocks[1:]):
+        raise NotCompiled(
+            f"a rule in a unit whose blocks may delete an object that they keep (`{rule.rule}`)", rule.span
+        )
+    return may_be_refused(plan, writer.facts.metamodel)
+
+
+def object_or_value_term(writer: FunctionEmitter, value: code.Expression, type_: StaticType | None) -> CodeTerm:
+    """Return the term of a variable, whose class is certain if no object of it is created, retyped or deleted."""
+    fixed = isinstance(type_, ObjectType) and writer.facts.changes.is_fixed_class(type_.cls)
+    return variable_term(value, type_, type_.cls if fixed and isinstance(type_, ObjectType) else None)

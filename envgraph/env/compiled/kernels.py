@@ -15,9 +15,12 @@ import numpy as np
 CAPACITY = 4096
 """Maximum number of rows of one query; more are the error `OVERFLOW`."""
 BELOW = 1.0 - 2.0**-53
+STEPS = 1
+"""Index of `D`: the number of steps that the current run of a unit may still take; before it is the random number."""
 NAN, INFINITY = nan, inf
 FAILED, REFUSED, OVERFLOW, FULL = 1, 2, 3, 5
-"""Error codes of an environment: a missing value, a refused rule, too many rows, or too many created objects."""
+"""Error codes of an environment: a missing value or another error that ends a run, a refused rule, too many rows, or
+too many created objects."""
 NO_INT, INT_LIMIT = -(2**63), 2.0**63
 """Represents a missing int; and the smallest float that is larger than all ints."""
 WHOLE = 2**32 - 1
@@ -114,16 +117,16 @@ def renumber(S, start, count, first, RI, top):
 
 
 def keep(S, F, ints, floats, RI, RF, top):
-    """Copy a state to the rows of the row buffers from `top` on."""
-    for number in range(ints):
+    """Copy a state, but for its error, to the rows of the row buffers from `top` on."""
+    for number in range(1, ints):
         RI[top + number, 0] = S[number]
     for number in range(floats):
         RF[top + number, 0] = F[number]
 
 
 def put_back(S, F, ints, floats, RI, RF, top):
-    """Restore the state that `keep` copied to the row buffers."""
-    for number in range(ints):
+    """Restore the state that `keep` copied to the row buffers. The error of the state stays as it is."""
+    for number in range(1, ints):
         S[number] = RI[top + number, 0]
     for number in range(floats):
         F[number] = RF[top + number, 0]

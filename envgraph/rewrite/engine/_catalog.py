@@ -207,16 +207,6 @@ class Catalog:
         rule = self.runners.get(self.resolve(name))
         return tuple(unnamed_links(rule.plan, self.library)) if isinstance(rule, GraphRule) else ()
 
-    def first_calls(self, name: str) -> tuple[UnitCall, ...]:
-        """Return the calls with `first` or `top` in a unit and in the units that it calls.
-
-        Raises:
-            InvalidArgument: the name is unknown.
-        """
-        units = [one for one in map(self.added_definitions.get, self._reachable_names(name)) if isinstance(one, Unit)]
-        calls = [step for unit in units for step in all_steps(unit) if isinstance(step, UnitCall)]
-        return tuple(call for call in calls if call.first or call.limit is not None)
-
     def _reachable_names(self, name: str) -> list[str]:
         """Return the qualified names of a rule, unit or group and of everything that it calls, even indirectly."""
 

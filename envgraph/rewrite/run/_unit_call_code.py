@@ -134,10 +134,10 @@ class UnitCalls:
             rows = code.emit_call(self._functions.add_constant(rule.all_rows))
         else:
             rows = code.emit_call(self._functions.add_constant(rule.rows_reader()))
-        if not step.first:
-            rows = code.ConditionalExpression(
-                code.AttributeAccess(RUN, "ordered"), code.emit_call("sorted", rows), rows
-            )
+        in_order: code.Expression = code.emit_call("sorted", rows)
+        if step.first:
+            in_order = code.emit_call("iter", in_order)
+        rows = code.ConditionalExpression(code.AttributeAccess(RUN, "ordered"), in_order, rows)
         return rule, self._selected_rows(step, rule, rows, scope), new
 
     def _emit_alive_check(self, step: UnitCall, rule: RuleRunner, given: Sequence[tuple[str, code.Expression]]) -> None:

@@ -288,23 +288,22 @@ class UnitSource:
         function.branches -= 1
 
     def _emit_choice(self, step: UnitChoice, scope: VariableScope) -> None:
-        tiers: dict[int, list[tuple[code.Name, float]]] = {}
+        names: dict[int, code.Name] = {}
         for alternative in step.alternatives:
-            priority, weight = _priority_and_weight(alternative, self._checked.calls)
             name = self._emit_block_function(alternative, scope)
             if not fails_without_changes(alternative, self._checked.calls):
                 whole = code.Return(self._emit_guarded_call(name, scope))
                 name = self._functions.finish_function(
                     self._functions.unused_name("b"), (RUN, *scope.local_variables), (whole,)
                 )
-            tiers.setdefault(priority, []).append((name, weight))
+            names[id(alternative)] = name
         # Built as expressions, because the functions are not compiled yet.
         ordered = [
             code.emit_tuple(
-                code.emit_tuple(*(name for name, _ in tier)),
+                code.emit_tuple(*(names[id(alternative)] for alternative, _ in tier)),
                 self._functions.add_constant(tuple(weight for _, weight in tier)),
             )
-            for tier in (tiers[priority] for priority in sorted(tiers, reverse=True))
+            for tier in choice_tiers(step, self._checked.calls)
         ]
         self._functions.current.add(
             code.Assign(OUTCOME, code.emit_call("run_one_of", RUN, code.emit_tuple(*ordered), *scope.local_variables))
@@ -361,11 +360,14 @@ def fails_without_changes(step: Step | None, calls: Named[int, Signature]) -> bo
             return True
 
 
-def _priority_and_weight(step: Step, calls: Named[int, Signature]) -> tuple[int, float]:
-    if isinstance(step, UnitCall):
-        callee = calls[id(step)]
-        return callee.priority, callee.weight
-    return 0, 1.0
+def choice_tiers(step: UnitChoice, calls: Named[int, Signature]) -> list[list[tuple[Step, float]]]:
+    """Return the alternatives of a choice with their weights, in lists of equal priority, the highest first."""
+    tiers: dict[int, list[tuple[Step, float]]] = {}
+    for alternative in step.alternatives:
+        callee = calls[id(alternative)] if isinstance(alternative, UnitCall) else None
+        priority, weight = (0, 1.0) if callee is None else (callee.priority, callee.weight)
+        tiers.setdefault(priority, []).append((alternative, weight))
+    return [tiers[priority] for priority in sorted(tiers, reverse=True)]
 
 
 def _bound_outputs(step: Step, calls: Named[int, Signature]) -> list[str]:

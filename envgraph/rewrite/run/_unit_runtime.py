@@ -298,7 +298,7 @@ def rows_bound_by(
     return prepare(tuple(given))(*given.values())
 
 
-def is_applicable(rule: RuleRunner, values: Mapping[str, Any]) -> bool:
+def is_applicable(run: UnitRun, rule: RuleRunner, values: Mapping[str, Any]) -> bool:
     """Return True if a rule is applicable at a match that agrees with the values that are set.
 
     Return False if a value is None or a deleted object.
@@ -307,7 +307,8 @@ def is_applicable(rule: RuleRunner, values: Mapping[str, Any]) -> bool:
     for name, value in given.items():
         if value is None or (rule.shape.is_object(rule.shape.position(name)) and not rule.model.graph.alive(value)):
             return False
-    return any(map(rule.is_applicable, list(rule.rows_unchecked(given))))
+    rows = list(rule.rows_unchecked(given))
+    return any(map(rule.is_applicable, sorted(rows) if run.ordered else rows))
 
 
 # --- choices

@@ -22,7 +22,7 @@ from envgraph.pattern import (
 from envgraph.rewrite._signatures import Signature
 from envgraph.rewrite.check._unit_check import CheckedUnit
 from envgraph.rewrite.run._rule_runner import RuleRunner
-from envgraph.rewrite.run._unit_function_code import UnitFunctions, VariableScope
+from envgraph.rewrite.run._unit_function_code import RUN, UnitFunctions, VariableScope
 
 
 class UnitValues:
@@ -118,7 +118,7 @@ class UnitValues:
             what = f"an argument of `{asked.name}`"
             given[parameter.name] = self._emit_computation(argument, scope, what, asked.span)
         rule = code.Local("rule")
-        applicable = code.emit_call("is_applicable", rule, self.emit_mapping(given))
+        applicable = code.emit_call("is_applicable", RUN, rule, self.emit_mapping(given))
         test = code.emit_call("any", code.Comprehension(applicable, rule, rules, is_lazy=True))
         return code.emit_not(test) if asked.negated else test
 
