@@ -25,7 +25,7 @@ from envgraph.env.compiled._compiled_program import CompiledProgram
 from envgraph.env.compiled._growth import copy_states, with_more_space
 from envgraph.env.compiled._live_counterpart import LiveCounterpart
 from envgraph.env.compiled._member_data import NO_INT
-from envgraph.env.compiled._scripted_choices import LACKS, ROOM, SCRIPT
+from envgraph.env.compiled._scripted_choices import LACKS, MOST, ROOM, SCRIPT
 from envgraph.env.compiled._symbols import CreatedCount
 from envgraph.env.compiled.kernels import CAPACITY, FULL, OVERFLOW
 from envgraph.errors import LIMITS, EvaluationError
@@ -243,7 +243,7 @@ class CompiledBatch:
 def empty_script(choices: int) -> NDArray[np.float64]:
     """Return a script of choices for a program, with space for a number of them."""
     script = np.zeros(SCRIPT + 2 * choices)
-    script[ROOM] = len(script)
+    script[ROOM], script[MOST] = len(script), LIMITS["outcomes"]
     return script
 
 

@@ -60,7 +60,6 @@ from envgraph.env.compiled._term_code import (
     variable_term,
 )
 from envgraph.env.compiled._unit_steps import emit_unit
-from envgraph.errors import LIMITS
 from envgraph.match.plan import PatternQuery
 from envgraph.metamodel import Scalar
 from envgraph.pattern import Constant, Expression, Negation, ObjectType, StaticType, Variable
@@ -318,8 +317,9 @@ class FunctionEmitter(StatementList):
                 code.If(code.Operation("!=", (emit_state_entry(ERROR), ZERO)), (code.Return(ONE),)),
                 code.If(code.emit_not(code.emit_call("next_script", D)), (code.Return(ZERO),)),
             )
+            most = code.emit_call("int", code.Subscript(D, code.Name("MOST")))
             writer.append(code.ExpressionStatement(code.emit_call("begin_script", D)))
-            writer.append(code.For(number, code.emit_call("range", code.Constant(LIMITS["outcomes"])), run))
+            writer.append(code.For(number, code.emit_call("range", most), run))
         return parameters, (*writer.all_statements(), code.Return(ZERO))
 
     def emit_holds(self, pattern: str, terms: Sequence[CodeTerm]) -> code.Expression:

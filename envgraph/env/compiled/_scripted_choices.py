@@ -5,9 +5,9 @@ Part of the text of programs that try all choices, behind `kernels`, whose `pick
 
 # mypy: ignore-errors
 
-MADE, CHANCE, KNOWN, ROOM, LACKS, SCRIPT = 0, 2, 3, 4, 5, 6
+MADE, CHANCE, KNOWN, ROOM, LACKS, MOST, SCRIPT = 0, 2, 3, 4, 5, 6, 7
 """Indices of `D`, with `STEPS` between them: choices made, their probability, choices in the script, the length of `D`,
-and 1 if it was too short; then alternative and count of each choice."""
+1 if it was too short, and how many combinations a test tries; then alternative and count of each choice."""
 
 
 def next_choice(D, count):

@@ -1,8 +1,13 @@
-"""Units that have nothing to undo."""
+"""Units: all their steps, what they undo, and what ends them."""
 
 from __future__ import annotations
 
+from functools import partial
+
+from envgraph.env import Behaviour
+from envgraph.rewrite import Engine
 from tests.unit.env.corners.yard import Yard
+from tests.unit.env.side_by_side import Corner
 
 RULES = """
 @weight(3.0) rule up(s : Spot) { lhs { s : Spot; check s.n < 2; } modify { set s.n += 1; } }
@@ -27,7 +32,7 @@ pattern low(s : Spot) { Spot.n(s, 0); }
 SEEN = "observe count find low(_) up to 5\nobserve adam.at among Spot or none\nobserve count find lit(_) up to 5"
 LIT = "pattern lit(s : Spot) { Spot.lit(s, true); }"
 
-CORNERS = {
+PLAIN = {
     "alternatives by weight and by priority": Yard(
         RULES
         + """
@@ -172,21 +177,205 @@ CORNERS = {
     ),
 }
 
-OTHERS = """
+MORE = """
+rule near(s : Spot, out t : Spot) { lhs { s -east-> t : Spot; } modify { set t.n += 1; } }
+rule toggle(s : Spot) { lhs { s : Spot; check s.n < 4; } modify { set s.n = s.n == 0 ? 1 : 0; } }
+rule born(out i : Item) { lhs { y : Yard; most == max Item.id(_, #); n == count Item(_); check n < 7; }
+    modify { create y -items-> i : Item { id = most + 1 }; } }
+@semantics(spo) rule lose { lhs { i : Item; check i.id > 2; } modify { delete i; } }
+rule grab(m : Man) { lhs { m : Man; y : Yard -items-> i : Item; } modify { set m.hunger += 1; move i to m.bag; } }
+rule drop(m : Man) { lhs { y : Yard; m : Man -bag-> i : Item; } modify { set m.hunger -= 1; move i to y.items; } }
+@weight(2.0) rule box { lhs { y : Yard -items-> i : Item; b : Box; } modify { move i to b.item; } }
+rule unbox { lhs { y : Yard; b : Box -item-> i : Item; } modify { move i to y.items; } }
 derive climb = retype among { Spot, Pit };
-unit flatten(s : Pit) { flat(s); }
+rule visit { lhs { m : Man; s : Spot; check s.n > 0; }
+    forall { lhs { i : Item -at-> s; } modify { set i.weight = m.power; move i to m.bag; } }
+    modify { set m.at = s; } }
+rule meet { lhs { y : Yard; } forall { lhs { m : Man; s : Spot; check s.n > m.hunger - 3; } modify { set m.at = s; } }
+    modify { } }
+rule sweep(s : Spot) { lhs { s : Spot; } forall+ { lhs { i : Item -at-> s; } modify { delete i -at-> s; } } modify { } }
 """
+INSIDE = "\npattern inside(i : Item) { Box.item(_, i); } or { Man.bag(_, i); }"
+"""Rules some of which are refused at some matches, or contradict themselves, for units that undo what they did."""
+
+LIMITED = {
+    "loops, and steps that fail after others": Yard(
+        RULES
+        + MORE
+        + """
+        unit fill(s : Spot) { alap { up(s); } light; }
+        unit drain(s : Spot) { alap { if check s.n > 0 { down(s) | dark; } try { up(s); down(s); light; } } }
+        unit often(s : Spot) { repeat 1..3 { up(s); light; } }
+        unit hungry(m : Man, s : Spot) { repeat s.n..m.hunger { eat(m, 1); try { up(s); dark; } } }
+        unit counted(s : Spot) { repeat s.maybe - 3 { go(i1, s) | { up(s); go(_, s); down(s); } } }
+        unit late(s : Spot) { up(s); light; down(s); dark; }
+        unit undone(s : Spot) {
+            try { up(s); try { light; atomic { up(s); dark; urgent; } } else { late(s); } down(s); }
+            else { alap { down(s); } }
+        }
+        unit packed(m : Man) { alap { grab(m) | { box; light; }; } repeat 0..2 { drop(m); unbox; } }
+        unit deep(s : Spot) { try { repeat 1 { try { alap { try { repeat 2 { try { { up(s); { light; } | dark; }
+            | { dark; down(s); }; } } } else { alap { { down(s); light; } | dark; } } dark; } } light; } } }
+        """.replace("i1", "_"),
+        f"""
+        action fill(s : Spot) = fill(s) reward 1 else reward -1
+        action drain(s : Spot) = drain(s) reward 2 else reward -2
+        action often(s : Spot) = often(s) reward 3 else reward -3
+        action hungry(m : Man, s : Spot) = hungry(m, s) reward 4 else reward -4
+        action counted(s : Spot) = counted(s) reward 5 else reward -5
+        action undone(s : Spot) = 0.8: undone(s) | 0.2: late(s) reward 6 else reward -6
+        action packed(m : Man) = 0.5: packed(m) reward 7 else reward -7
+        action deep(s : Spot) = deep(s) reward 8 else reward -8
+        observe count find inside(_) up to 5
+        {SEEN}
+        """,
+        QUERY + LIT + INSIDE,
+        head="adam : Man, i1 : Item",
+    ),
+    "matches that a unit chooses": Yard(
+        RULES
+        + MORE
+        + """
+        unit each { all up; all light where check s.x > 0 by s.f; }
+        unit best(m : Man) { top 2 up where neg find stands(m, s) by s.maybe + m.hunger; top 1 down by -s.f; }
+        unit first1(m : Man) { first grab(m); first go where find at(i, s); try { first stuff; } }
+        rule stuff { lhs { y : Yard -items-> i : Item; m : Man; check i.id != 2; } modify { move i to m.bag; } }
+        unit where1(m : Man) { grab(m) where find at(i, m.at) || check true; }
+        unit where2(m : Man, s : Spot) { go(i, s) where neg Heavy(i) | grab(m) where check i.id + m.hunger > 3; }
+        unit stuffed { all stuff where check m.hunger > 1 by i.weight; try { all lose; light; } }
+        unit some { climb; } unit every { try { all climb; } else { light; } climb; }
+        unit noSuch(s : Spot) { up(s) where check s.n > 7 | first down(s); }
+        """.replace("unit where1(m : Man) { grab(m) where find at(i, m.at) || check true; }\n", "").replace(
+            "go(i, s)", "go(_, s)"
+        ),
+        f"""
+        action each = each() reward 1 else reward -1
+        action best(m : Man) = best(m) reward 2 else reward -2
+        action first1(m : Man) = first1(m) reward 3 else reward -3
+        action where2(m : Man, s : Spot) = where2(m, s) reward 4 else reward -4
+        action stuffed = 0.3: stuffed() reward 5 else reward -5
+        action some = 0.3: some() | 0.3: every() reward 6
+        action noSuch(s : Spot) = noSuch(s) reward 7
+        action drop(m : Man) = drop(m)
+        observe count find inside(_) up to 5
+        observe count find pit(_) up to 5
+        {SEEN}
+        """,
+        QUERY + LIT + INSIDE + "\npattern stands(m : Man, s : Spot) { Man.at(m, s); }\npattern pit(s : Spot) { Pit(s); }",
+        head="adam : Man, i1 : Item",
+    ),
+    "units that ask for rules": Yard(
+        RULES
+        + MORE
+        + """
+        unit asks(m : Man, s : Spot) {
+            if grab(m) { grab(m); } else { if neg drop(m) { up(s); } else { drop(m); light; } }
+            if go(_, eval(s.east)) { light | dark; }
+        }
+        unit climbs(s : Spot) { if climb { if neg down(s) { climb; } } else { up(s); } }
+        unit swept(s : Spot) { if sweep(s) { sweep(s); up(s); } else { if meet { down(s); } } }
+        unit never(m : Man, s : Spot) { try { grab(m); grab(m); grab(m); } else { if eat(m, eval(s.maybe)) { eat(m, 1); } } }
+        """,
+        f"""
+        action asks(m : Man, s : Spot) = asks(m, s) reward 1 else reward -1
+        action climbs(s : Spot) = climbs(s) reward 2 else reward -2
+        action swept(s : Spot) = swept(s) reward 3 else reward -3
+        action never(m : Man, s : Spot) = never(m, s) reward 4 else reward -4
+        observe count find inside(_) up to 5
+        {SEEN}
+        """,
+        QUERY + LIT + INSIDE,
+        head="adam : Man",
+    ),
+    "units of rules with blocks": Yard(
+        RULES
+        + MORE
+        + """
+        unit begins(s : Spot) { sweep(s); try { up(s); light; } }
+        unit later(s : Spot) { up(s); sweep(s); visit; }
+        unit may(s : Spot) { visit | { down(s); meet; }; }
+        unit again { alap { visit where check s.x + m.hunger < 5; } all visit; }
+        """,
+        f"""
+        action begins(s : Spot) = begins(s) reward 1 else reward -1
+        action later(s : Spot) = later(s) reward 2 else reward -2
+        action may(s : Spot) = may(s) reward 3 else reward -3
+        action again = again() reward 4 else reward -4
+        action drop(m : Man) = drop(m)
+        action go(i : Item, s : Spot) = go(i, s)
+        observe m.at among Spot or none for m : Man
+        {SEEN}
+        """,
+        QUERY + LIT,
+        head="adam : Man",
+    ),
+    "values that a unit passes on": Yard(
+        RULES
+        + MORE
+        + """
+        unit east2(s : Spot, out t : Spot) { near(s, m); atomic { near(m, t); } }
+        unit back(s : Spot) { east2(s, t); try { east2(s, t); near(t, s); } else { down(t); } }
+        unit made(out i : Item) { born(i); }
+        unit both(m : Man) { made(i); try { made(i); } else { set1(i, m.at); } }
+        rule set1(i : Item, s : Spot) { lhs { i : Item; s : Spot; } modify { set i.at = s; } }
+        unit flatten(s : Pit) { flat(s) | { sink1(s); up(s); }; }
+        rule sink1(s : Spot) { lhs { s : Spot; } modify { retype s : Pit; } }
+        unit weigh(h : Heavy) { if check h.weight > 1.0 { set1(h, h.at.east); } else { light; } }
+        unit depth(c : Chest) { if check c.depth == none { dark; } else { up(s0) | deeper(c, c.depth); } }
+        rule deeper(c : Chest, by : int) { lhs { c : Chest; check c.depth < 3; } modify { set c.depth += by + 1; } }
+        rule open(b : Box) { lhs { b : Box; neg Chest(b); } modify { retype b : Chest; } }
+        unit opens(b : Box) { open(b) | depth(b); }
+        unit gone(s : Spot) { dig; if check s.maybe == none { light; } else { up(s); } }
+        """.replace("up(s0)", "light"),
+        f"""
+        action back(s : Spot) = back(s) reward 1 else reward -1
+        action both(m : Man) = both(m) reward 2 else reward -2
+        action flatten(s : Spot) = flatten(s) reward 3 else reward -3
+        action weigh = 0.5: weigh(i1) | 0.3: weigh(i2) reward 4 else reward -4
+        action open(b : Box) = opens(b) reward 5 else reward -5
+        action gone(s : Spot) = 0.2: gone(s) reward 6 else reward -6
+        action lose = 0.2: lose()
+        observe count find inside(_) up to 5
+        observe count find low(_) up to 5
+        """,
+        QUERY + LIT + INSIDE,
+        head="i1 : Item, i2 : Item",
+    ),
+    "runs of too many steps": Yard(
+        RULES
+        + MORE
+        + """
+        unit endless(s : Spot) { alap { toggle(s); } }
+        unit long(s : Spot) { repeat 4..9 { toggle(s) | light; } all up; }
+        unit twice(s : Spot) { long(s); try { long(s); } }
+        """,
+        f"""
+        action endless(s : Spot) = endless(s) reward 1
+        action twice(s : Spot) = twice(s) reward 2
+        action long(s : Spot) = long(s) reward 3
+        action down(s : Spot) = down(s)
+        {SEEN}
+        """,
+        QUERY + LIT,
+        head="adam : Man",
+    ),
+}
+STEP_LIMIT = 20
+
+
+def _with_step_limit(yard: Yard) -> tuple[Engine, Behaviour]:
+    engine, behaviour = yard.opened()
+    engine.step_limit = STEP_LIMIT
+    return engine, behaviour
+
+
+CORNERS: dict[str, Yard | Corner] = {**PLAIN} | {
+    name: Corner(partial(_with_step_limit, yard), yard.members) for name, yard in LIMITED.items()
+}
+
 REFUSED = {
-    construct: Yard(f"{RULES}{OTHERS}unit wrong(s : Spot) {{ {body} }}", "action wrong(s : Spot) = wrong(s)", QUERY)
+    construct: Yard(f"{RULES}unit wrong(s : Spot) {{ {body} }}", "action wrong(s : Spot) = wrong(s)", QUERY)
     for construct, body in {
-        "a step of a unit that may fail after other steps (`wrong`)": "up(s); [[down(s)]];",
-        "`alap` in a unit (`wrong`)": "[[alap { up(s); }]]",
-        "`repeat` in a unit (`wrong`)": "[[repeat 2 { up(s); }]]",
-        "`all` in a unit (`wrong`)": "[[all up]];",
-        "`where` in a unit (`wrong`)": "up(s) | { [[light where check s.x > 1]]; }",
-        "an `if` in a unit that asks whether a rule can be applied (`wrong`)": "[[if up(s) { down(s); }]]",
-        "the group `climb` in a unit": "[[climb]];",
         "the unit `wrong`, which calls itself": "try { [[wrong(s)]]; } else { up(s); }",
-        "an argument of a unit whose class is not certain (`flatten`)": "[[flatten(s)]];",
     }.items()
 }
