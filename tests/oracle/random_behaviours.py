@@ -30,6 +30,8 @@ from envgraph.env.compiled import NotCompiled, program_of
 from envgraph.errors import EvaluationError, ResolutionError, Severity
 from envgraph.metamodel import Attribute, Class, EnumType, Metamodel, Reference, Scalar
 from envgraph.pattern import (
+    Alap,
+    Applicable,
     AtomicStep,
     Binary,
     Check,
@@ -49,6 +51,7 @@ from envgraph.pattern import (
     Parameter,
     Pattern,
     PatternCall,
+    Repeat,
     RightSide,
     Rule,
     RuleBlock,
@@ -70,6 +73,8 @@ from tests.oracle.worlds import COLOUR, Dice, add, body, domain, edit, parameter
 from tests.unit.env.side_by_side import family_keys
 
 ENUM = COLOUR.name
+STEP_LIMIT = 100
+"""Of a run of a unit, which may never end."""
 
 
 @dataclass(frozen=True)
@@ -359,6 +364,8 @@ class _Builder:
         scope: dict[str, StaticType] = {f"x{number}": ObjectType(cls) for number, cls in enumerate(classes)}
         parameters = tuple(Parameter(f"x{number}", cls) for number, cls in enumerate(classes))
         unit = Unit(name, parameters, self._step(scope, 2))
+        for engine in self._engines:
+            engine.step_limit = STEP_LIMIT
         with suppress(ResolutionError, EvaluationError):
             for engine in self._engines:
                 engine.add(unit)
@@ -366,10 +373,9 @@ class _Builder:
 
     def _step(self, scope: dict[str, StaticType], depth: int) -> Step:
         dice = self._dice
-        roll = dice.number(0, 11) if depth else 0
+        roll = dice.number(0, 14) if depth else 0
         if roll < 3 or not self._callable:
-            call = self._call(scope)[0]
-            return UnitCall(call.rule or "nobody", tuple(self._opened(one) for one in call.arguments))
+            return self._unit_call(scope)
         inner = [self._step(scope, depth - 1) for _ in range(dice.number(2, 3))]
         if roll < 6:
             return UnitChoice(tuple(inner))
@@ -377,11 +383,38 @@ class _Builder:
             return TryStep(inner[0], inner[1] if dice.chance(50) else None)
         if roll < 10:
             test = self._test(scope)
-            condition = (
+            condition: Check | PatternCall | Negation | Applicable = (
                 Check(test) if test is not None and dice.chance(50) else self._condition(dice.chance(30), scope)[0]
             )
+            if dice.chance(25):
+                asked = self._call(scope)[0]
+                condition = Applicable(asked.rule or "nobody", asked.arguments, dice.chance(30))
             return IfStep(condition, inner[0], inner[1] if dice.chance(50) else None)
-        return Steps((inner[0], *(TryStep(one) for one in inner[1:]))) if roll < 11 else AtomicStep(Steps((inner[0],)))
+        if roll < 12:
+            return Steps(tuple(inner) if dice.chance(60) else (inner[0], *(TryStep(one) for one in inner[1:])))
+        if roll < 13:
+            return Alap(Steps(tuple(inner[:2])))
+        if roll < 14:
+            lower = dice.number(0, 2)
+            bound = self._value(scope, Scalar.INT, depth=1) if dice.chance(30) else lower + dice.number(0, 1)
+            return Repeat(lower, bound, inner[0])
+        return AtomicStep(Steps(tuple(inner)))
+
+    def _unit_call(self, scope: dict[str, StaticType]) -> UnitCall:
+        """A call of a unit, or of a rule at one of its matches, or all of them."""
+        dice, call = self._dice, self._call(scope)[0]
+        made = UnitCall(call.rule or "nobody", tuple(self._opened(one) for one in call.arguments))
+        if call.rule is None or self._engine.signature(call.rule).kind == "unit" or dice.chance(60):
+            return made
+        outputs = [one.is_output for one in self._engine.signature(call.rule).parameters]
+        plain = tuple(Variable("_") if each else one for one, each in zip(made.arguments, outputs, strict=True))
+        test = self._test(scope) if dice.chance(40) else None
+        where = () if test is None else (Check(test),)
+        if dice.chance(30):
+            return replace(made, first=True, where=where)
+        by = self._value(scope, dice.one([Scalar.INT, Scalar.FLOAT]), depth=1) if dice.chance(40) else None
+        limit = dice.number(1, 2) if by is not None and dice.chance(50) else None
+        return replace(made, arguments=plain, every=True, where=where, by=by, limit=limit)
 
     def _opened(self, argument: Expression) -> Expression:
         """An argument, or often `_` for one that has no value."""
