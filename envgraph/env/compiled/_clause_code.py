@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
-from contextlib import contextmanager, nullcontext
+from collections.abc import Mapping, Sequence
+from contextlib import nullcontext
 from dataclasses import replace
 from types import MappingProxyType
 from typing import Final
@@ -26,22 +26,17 @@ from envgraph.env._random_choices import missing_probability
 from envgraph.env._tabular import MAX_REWARD
 from envgraph.env.compiled._changes import checked_unit, plan_of
 from envgraph.env.compiled._effect_code import EffectEmitter
+from envgraph.env.compiled._function_statements import FunctionStatements
 from envgraph.env.compiled._matching import MatchEmitter
 from envgraph.env.compiled._not_compiled import add_missing_span
 from envgraph.env.compiled._program_layout import (
     ERROR,
     NOBODY,
     ONE,
-    RF,
     RI,
     STEPS_LEFT,
-    TOP,
     ZERO,
     D,
-    F,
-    S,
-    Width,
-    emit_call,
     emit_entry,
     emit_result,
     emit_state_entry,
@@ -50,7 +45,6 @@ from envgraph.env.compiled._program_layout import (
     emit_value_entry,
 )
 from envgraph.env.compiled._refused_rules import CLEAR_REFUSED
-from envgraph.env.compiled._statement_list import StatementList
 from envgraph.env.compiled._symbols import KeyValues, ObjectByIndex, OneObjectPerIndex
 from envgraph.env.compiled._term_code import (
     CodeTerm,
@@ -59,7 +53,7 @@ from envgraph.env.compiled._term_code import (
     initial_constant,
     variable_term,
 )
-from envgraph.env.compiled._unit_steps import emit_unit
+from envgraph.env.compiled._unit_steps import emit_can_succeed, emit_unit
 from envgraph.match.plan import PatternQuery
 from envgraph.metamodel import Scalar
 from envgraph.pattern import Constant, Expression, Negation, ObjectType, StaticType, Variable
@@ -83,7 +77,7 @@ class RuleCallResult:
     outputs: Mapping[str, CodeTerm]
 
 
-class FunctionEmitter(StatementList):
+class FunctionEmitter(FunctionStatements):
     """An emitter of the statements of one function of a behaviour.
 
     Args:
@@ -94,44 +88,11 @@ class FunctionEmitter(StatementList):
     """
 
     def __init__(self, matching: MatchEmitter, engine: Engine, behaviour: str, error_return: code.Return) -> None:
-        super().__init__(error_return)
+        super().__init__(error_return, matching.module, matching.facts.layout)
         self.matching = matching
         self.facts = matching.facts
-        self.module = matching.module
         self.engine = engine
         self.behaviour = behaviour
-        self.first_row: code.Expression = TOP
-        self.row_regions_above = 0
-
-    @contextmanager
-    def reserved_rows(self, count: code.Expression) -> Iterator[code.Local]:
-        """Reserve rows of the row buffers: calls within the block use later rows. Yield the variable of the first row.
-
-        `count` is at most the size of a region.
-        """
-        before = self.first_row, self.row_regions_above
-        first, above = self.module.new_local("t"), self.module.new_local("t")
-        self.append_assignment(first, self.first_row)
-        self.append_assignment(above, emit_sum(first, count))
-        self.first_row, self.row_regions_above = above, self.row_regions_above + 1
-        self.module.record_levels(self.row_regions_above + 1)
-        yield first
-        self.first_row, self.row_regions_above = before
-
-    @contextmanager
-    def saved_state(self) -> Iterator[code.Statement]:
-        """Emit code that saves the state in reserved rows. Yield the statement that restores it, but for its error."""
-        widths = Width("S"), Width("F"), Width("rows")
-        ints, floats, rows = (self.facts.layout.offset(width) for width in widths)
-        with self.reserved_rows(rows) as first:
-            state = S, F, ints, floats, RI, RF, first
-            self.append(code.ExpressionStatement(code.emit_call("keep", *state)))
-            yield code.ExpressionStatement(code.emit_call("put_back", *state))
-
-    def emit_function_call(self, name: str, *arguments: code.Expression) -> code.Call:
-        """Return code that calls a function of the program, and record that the current function calls it."""
-        self.module.record_call(name, self.row_regions_above)
-        return emit_call(name, *arguments, top=self.first_row)
 
     # --- values
 
@@ -234,7 +195,7 @@ class FunctionEmitter(StatementList):
             output_names: the name that gets each output parameter.
             wider: for a unit, the classes of objects that may lack the class of their parameter.
         """
-        applied = self._application_function(rule, tuple(given), tuple(output_names), wider)
+        applied = self.application_function(rule, tuple(given), tuple(output_names), wider)
         done, outputs = self.emit_results(rule, tuple(output_names))
         found = self.emit_function_call(applied, *given.values())
         assigned = code.Assign(code.emit_tuple(done, *outputs) if outputs else done, found)
@@ -281,7 +242,7 @@ class FunctionEmitter(StatementList):
         """Return code that tests if a rule has a match, or a unit can succeed, with values for parameters."""
         if self._is_unit(rule):
             key = "may", rule.rule, tuple(given), tuple(wider.items())
-            name = self.module.function_for(key, "may", lambda: self._emit_can_succeed(rule, tuple(given), wider))
+            name = self.module.function_for(key, "may", lambda: emit_can_succeed(self, rule, tuple(given), wider))
             return code.emit_equal(self.emit_function_call(name, *given.values()), ONE)
         return self.emit_exists(rule, given)
 
@@ -291,53 +252,6 @@ class FunctionEmitter(StatementList):
         places = {plan.variables.index(name): value for name, value in given.items()}
         exists = self.matching.emit_exists(PatternQuery(plan.body.pattern, tuple(sorted(places)), ()))
         return self.emit_function_call(exists, *(places[position] for position in sorted(places)))
-
-    def _emit_can_succeed(
-        self, rule: RuleCall, bound: tuple[str, ...], wider: Mapping[str, str]
-    ) -> tuple[list[code.Local], code.Body]:
-        """Emit the parameters and body of a function that tests if a unit can succeed; an error counts as success.
-
-        It runs the unit with all choices, as a script decides, and restores the state after each run.
-        """
-        types = checked_unit(self.engine, rule).types
-        writer, parameters = (
-            self.new_emitter(code.Return(ONE)),
-            [self.facts.new_local_for(types[name] or ObjectType("")) for name in bound],
-        )
-        done, number = (self.module.new_local(prefix) for prefix in "di")
-        with writer.saved_state() as put_back:
-            applied = writer._application_function(rule, bound, (), wider)
-            run = (
-                code.ExpressionStatement(code.emit_call("begin_outcome", D)),
-                code.Assign(emit_state_entry(ERROR), ZERO),
-                code.Assign(STEPS_LEFT, code.Constant(float(self.engine.step_limit))),
-                code.Assign(done, writer.emit_function_call(applied, *parameters)),
-                put_back,
-                code.If(code.Operation("!=", (done, ZERO)), (code.Return(ONE),)),
-                code.If(code.Operation("!=", (emit_state_entry(ERROR), ZERO)), (code.Return(ONE),)),
-                code.If(code.emit_not(code.emit_call("next_script", D)), (code.Return(ZERO),)),
-            )
-            most = code.emit_call("int", code.Subscript(D, code.Name("MOST")))
-            writer.append(code.ExpressionStatement(code.emit_call("begin_script", D)))
-            writer.append(code.For(number, code.emit_call("range", most), run))
-        return parameters, (*writer.all_statements(), code.Return(ZERO))
-
-    def emit_holds(self, pattern: str, terms: Sequence[CodeTerm]) -> code.Expression:
-        """Return code that tests if a pattern holds for values of all its parameters; objects may lack their class."""
-        types, facts = self.facts.library.parameter_types(pattern), self.facts
-        tests = [
-            facts.emit_is_instance(term.value, type_.cls)
-            for term, type_ in zip(terms, types, strict=True)
-            if isinstance(type_, ObjectType) and not self.has_class(term, type_.cls)
-        ]
-        exists = self.matching.emit_exists(PatternQuery(pattern, tuple(range(len(types))), ()))
-        held = self.emit_function_call(exists, *(term.number_code for term in terms))
-        return code.emit_joined("and", [*tests, held], True)
-
-    def has_class(self, term: CodeTerm, cls: str) -> bool:
-        """Return True if an object certainly is of a class, and exists."""
-        assert isinstance(term.type, ObjectType)
-        return self.facts.metamodel.is_a(term.type.cls, cls) and self.facts.changes.is_fixed_class(cls)
 
     def new_emitter(self, error_return: code.Return) -> FunctionEmitter:
         """Return an emitter for another function, with its own return statement after an error."""
@@ -388,7 +302,7 @@ class FunctionEmitter(StatementList):
             there += [alive] if (alive := self.alive_test(scope[root.name])) is not None else []
         return there
 
-    def _application_function(
+    def application_function(
         self, rule: RuleCall, bound: tuple[str, ...], wanted: tuple[str, ...], wider: Mapping[str, str]
     ) -> str:
         """Emit a function that applies a rule at a sampled match, or runs a unit. Return the function's name.

@@ -23,6 +23,7 @@ from envgraph.env.compiled._program_layout import (
     emit_sum,
 )
 from envgraph.env.compiled._term_code import CodeTerm, variable_term
+from envgraph.match.plan import PatternQuery
 from envgraph.metamodel import Scalar
 from envgraph.pattern import ObjectType, StaticType
 from envgraph.rewrite.plans import may_be_refused
@@ -182,7 +183,7 @@ class RuleAttempts:
             count_step()
             loads, names = self._load_match()
             writer.append(code.Assign(self._row, emit_sum(self._first, place)), *loads)
-            writer.append_if(writer.emit_holds(self._key.pattern, [*names.values()]), apply)
+            writer.append_if(emit_holds(writer, self._key.pattern, [*names.values()]), apply)
 
         body = writer.collect(each)
         writer.append(code.For(place, code.emit_call("range", self._left), body))
@@ -241,3 +242,22 @@ def object_or_value_term(writer: FunctionEmitter, value: code.Expression, type_:
     """Return the term of a variable, whose class is certain if no object of it is created, retyped or deleted."""
     fixed = isinstance(type_, ObjectType) and writer.facts.changes.is_fixed_class(type_.cls)
     return variable_term(value, type_, type_.cls if fixed and isinstance(type_, ObjectType) else None)
+
+
+def emit_holds(writer: FunctionEmitter, pattern: str, terms: Sequence[CodeTerm]) -> code.Expression:
+    """Return code that tests if a pattern holds for values of all its parameters; objects may lack their class."""
+    types, facts = writer.facts.library.parameter_types(pattern), writer.facts
+    tests = [
+        facts.emit_is_instance(term.value, type_.cls)
+        for term, type_ in zip(terms, types, strict=True)
+        if isinstance(type_, ObjectType) and not has_class(writer, term, type_.cls)
+    ]
+    exists = writer.matching.emit_exists(PatternQuery(pattern, tuple(range(len(types))), ()))
+    held = writer.emit_function_call(exists, *(term.number_code for term in terms))
+    return code.emit_joined("and", [*tests, held], True)
+
+
+def has_class(writer: FunctionEmitter, term: CodeTerm, cls: str) -> bool:
+    """Return True if an object certainly is of a class, and exists."""
+    assert isinstance(term.type, ObjectType)
+    return writer.facts.metamodel.is_a(term.type.cls, cls) and writer.facts.changes.is_fixed_class(cls)

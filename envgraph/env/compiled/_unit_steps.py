@@ -30,6 +30,8 @@ from envgraph.env.compiled._program_layout import (
 from envgraph.env.compiled._refused_rules import (
     CLEAR_REFUSED,
     RuleAttempts,
+    emit_holds,
+    has_class,
     may_rule_be_refused,
     object_or_value_term,
 )
@@ -119,6 +121,37 @@ def emit_block(
         writer.append(code.If(code.emit_equal(done, ONE), (code.Assign(done, changed, "+="),)))
     writer.append(code.Return(emit_result(done, [scope[name].number_code for name in outputs])))
     return [*given.values()], writer.all_statements()
+
+
+def emit_can_succeed(
+    outer: FunctionEmitter, rule: RuleCall, bound: tuple[str, ...], wider: Mapping[str, str]
+) -> tuple[list[code.Local], code.Body]:
+    """Emit the parameters and body of a function that tests if a unit can succeed; an error counts as success.
+
+    It runs the unit with all choices, as a script decides, and restores the state after each run.
+    """
+    types = checked_unit(outer.engine, rule).types
+    writer, parameters = (
+        outer.new_emitter(code.Return(ONE)),
+        [outer.facts.new_local_for(types[name] or ObjectType("")) for name in bound],
+    )
+    done, number = (outer.module.new_local(prefix) for prefix in "di")
+    with writer.saved_state() as put_back:
+        applied = writer.application_function(rule, bound, (), wider)
+        run = (
+            code.ExpressionStatement(code.emit_call("begin_outcome", D)),
+            code.Assign(emit_state_entry(ERROR), ZERO),
+            code.Assign(STEPS_LEFT, code.Constant(float(outer.engine.step_limit))),
+            code.Assign(done, writer.emit_function_call(applied, *parameters)),
+            put_back,
+            code.If(code.Operation("!=", (done, ZERO)), (code.Return(ONE),)),
+            code.If(code.Operation("!=", (emit_state_entry(ERROR), ZERO)), (code.Return(ONE),)),
+            code.If(code.emit_not(code.emit_call("next_script", D)), (code.Return(ZERO),)),
+        )
+        most = code.emit_call("int", code.Subscript(D, code.Name("MOST")))
+        writer.append(code.ExpressionStatement(code.emit_call("begin_script", D)))
+        writer.append(code.For(number, code.emit_call("range", most), run))
+    return parameters, (*writer.all_statements(), code.Return(ZERO))
 
 
 class _UnitExpressions(ExpressionEmitter):
@@ -487,7 +520,7 @@ class _UnitStepEmitter:
                 continue
             term = self._emit_value(argument, scope, taken.type, tests)
             if isinstance(taken.type, ObjectType) and isinstance(term.type, ObjectType):
-                if callee.kind != "unit" and not self._writer.has_class(term, taken.type.cls):
+                if callee.kind != "unit" and not has_class(self._writer, term, taken.type.cls):
                     tests.append(self._writer.facts.emit_is_instance(term.value, taken.type.cls))
                 elif not self._writer.facts.metamodel.is_a(term.type.cls, taken.type.cls):
                     wider[taken.name] = term.type.cls
@@ -539,7 +572,7 @@ class _UnitStepEmitter:
             return code.emit_joined("and", [*self._path_tests(asked, scope), *term.tests, term.value], True)
         found = self._checked.conditions[id(step), number]
         terms = [scope[name] for name in found.arguments]
-        test = self._writer.emit_holds(found.pattern.qualified_name, terms)
+        test = emit_holds(self._writer, found.pattern.qualified_name, terms)
         return code.emit_not(test) if found.negated else test
 
     def _emit_applicable(self, step: IfStep, scope: UnitScope) -> code.Expression:
