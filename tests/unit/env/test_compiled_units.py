@@ -1,4 +1,4 @@
-"""Units that have nothing to undo, as the one action of Sokoban and in tables; others are among the corners."""
+"""Units, as the one action of Sokoban and in tables; others are among the corners."""
 
 from __future__ import annotations
 
@@ -8,6 +8,7 @@ import numpy as np
 
 from envgraph.env import explore
 from envgraph.env.compiled import enumerate_states, program_of
+from envgraph.env.compiled.kernels import CAPACITY
 from tests.unit.env.corners.units import QUERY, RULES
 from tests.unit.env.corners.yard import Yard
 from tests.unit.env.side_by_side import EXTRA, mutants, opened, step_side_by_side
@@ -48,3 +49,20 @@ def test_compiled_table_with_units_equals_that_of_the_live_engine() -> None:
     for name in ("probability", "next_state", "reward", "allowed"):
         np.testing.assert_array_equal(getattr(mine, name), getattr(other, name))
     assert mine.n_states > 50
+
+
+def test_unit_restores_a_state_that_is_larger_than_a_region_of_the_row_buffers() -> None:
+    yard = Yard(
+        RULES + "rule see { lhs { m : Man; s : Spot; } modify { create m -visited-> s; set s.n += 1; } }\n"
+        "unit seen(s : Spot) { try { see; up(s); dark; } else { down(s); see; } }",
+        "action seen(s : Spot) = seen(s) reward 1\nobserve adam.at among Spot or none",
+        QUERY,
+        head="adam : Man",
+    )
+    engine, behaviour = yard.opened()
+    owner = engine.model.node(next(iter(engine.model.graph.extent("Yard"))))
+    for number in range(90):
+        owner.men.append(engine.model.create("Man", name=f"m{number}"))
+        owner.spots.append(engine.model.create("Spot", x=10 + number))
+    program = step_side_by_side([engine], behaviour, 12, native=False)
+    assert program.arrays.ints.shape[1] > CAPACITY

@@ -195,6 +195,7 @@ rule meet { lhs { y : Yard; } forall { lhs { m : Man; s : Spot; check s.n > m.hu
     modify { } }
 rule sweep(s : Spot) { lhs { s : Spot; } forall+ { lhs { i : Item -at-> s; } modify { delete i -at-> s; } } modify { } }
 """
+STANDS = "\npattern stands(m : Man, s : Spot) { Man.at(m, s); }\npattern pit(s : Spot) { Pit(s); }"
 INSIDE = "\npattern inside(i : Item) { Box.item(_, i); } or { Man.bag(_, i); }"
 """Rules some of which are refused at some matches, or contradict themselves, for units that undo what they did."""
 
@@ -207,7 +208,7 @@ LIMITED = {
         unit drain(s : Spot) { alap { if check s.n > 0 { down(s) | dark; } try { up(s); down(s); light; } } }
         unit often(s : Spot) { repeat 1..3 { up(s); light; } }
         unit hungry(m : Man, s : Spot) { repeat s.n..m.hunger { eat(m, 1); try { up(s); dark; } } }
-        unit counted(s : Spot) { repeat s.maybe - 3 { go(i1, s) | { up(s); go(_, s); down(s); } } }
+        unit counted(s : Spot) { repeat s.maybe - 3 { go(_, s) | { up(s); go(_, s); down(s); } } }
         unit late(s : Spot) { up(s); light; down(s); dark; }
         unit undone(s : Spot) {
             try { up(s); try { light; atomic { up(s); dark; urgent; } } else { late(s); } down(s); }
@@ -216,7 +217,7 @@ LIMITED = {
         unit packed(m : Man) { alap { grab(m) | { box; light; }; } repeat 0..2 { drop(m); unbox; } }
         unit deep(s : Spot) { try { repeat 1 { try { alap { try { repeat 2 { try { { up(s); { light; } | dark; }
             | { dark; down(s); }; } } } else { alap { { down(s); light; } | dark; } } dark; } } light; } } }
-        """.replace("i1", "_"),
+        """,
         f"""
         action fill(s : Spot) = fill(s) reward 1 else reward -1
         action drain(s : Spot) = drain(s) reward 2 else reward -2
@@ -240,14 +241,11 @@ LIMITED = {
         unit best(m : Man) { top 2 up where neg find stands(m, s) by s.maybe + m.hunger; top 1 down by -s.f; }
         unit first1(m : Man) { first grab(m); first go where find at(i, s); try { first stuff; } }
         rule stuff { lhs { y : Yard -items-> i : Item; m : Man; check i.id != 2; } modify { move i to m.bag; } }
-        unit where1(m : Man) { grab(m) where find at(i, m.at) || check true; }
-        unit where2(m : Man, s : Spot) { go(i, s) where neg Heavy(i) | grab(m) where check i.id + m.hunger > 3; }
+        unit where2(m : Man, s : Spot) { go(_, s) where neg Heavy(i) | grab(m) where check i.id + m.hunger > 3; }
         unit stuffed { all stuff where check m.hunger > 1 by i.weight; try { all lose; light; } }
         unit some { climb; } unit every { try { all climb; } else { light; } climb; }
         unit noSuch(s : Spot) { up(s) where check s.n > 7 | first down(s); }
-        """.replace("unit where1(m : Man) { grab(m) where find at(i, m.at) || check true; }\n", "").replace(
-            "go(i, s)", "go(_, s)"
-        ),
+        """,
         f"""
         action each = each() reward 1 else reward -1
         action best(m : Man) = best(m) reward 2 else reward -2
@@ -261,7 +259,7 @@ LIMITED = {
         observe count find pit(_) up to 5
         {SEEN}
         """,
-        QUERY + LIT + INSIDE + "\npattern stands(m : Man, s : Spot) { Man.at(m, s); }\npattern pit(s : Spot) { Pit(s); }",
+        QUERY + LIT + INSIDE + STANDS,
         head="adam : Man, i1 : Item",
     ),
     "units that ask for rules": Yard(
@@ -274,7 +272,8 @@ LIMITED = {
         }
         unit climbs(s : Spot) { if climb { if neg down(s) { climb; } } else { up(s); } }
         unit swept(s : Spot) { if sweep(s) { sweep(s); up(s); } else { if meet { down(s); } } }
-        unit never(m : Man, s : Spot) { try { grab(m); grab(m); grab(m); } else { if eat(m, eval(s.maybe)) { eat(m, 1); } } }
+        unit never(m : Man, s : Spot) { try { grab(m); grab(m); grab(m); } else {
+            if eat(m, eval(s.maybe)) { eat(m, 1); } } }
         """,
         f"""
         action asks(m : Man, s : Spot) = asks(m, s) reward 1 else reward -1
@@ -321,13 +320,13 @@ LIMITED = {
         unit flatten(s : Pit) { flat(s) | { sink1(s); up(s); }; }
         rule sink1(s : Spot) { lhs { s : Spot; } modify { retype s : Pit; } }
         unit weigh(h : Heavy) { if check h.weight > 1.0 { set1(h, h.at.east); } else { light; } }
-        unit depth(c : Chest) { if check c.depth == none { dark; } else { up(s0) | deeper(c, c.depth); } }
+        unit depth(c : Chest) { if check c.depth == none { dark; } else { light | deeper(c, c.depth); } }
         rule deeper(c : Chest, by : int) { lhs { c : Chest; check c.depth < 3; } modify { set c.depth += by + 1; } }
         rule open(b : Box) { lhs { b : Box; neg Chest(b); } modify { retype b : Chest; } }
         unit opens(b : Box) { open(b) | depth(b); }
         unit gone(s : Spot) { dig; if check s.maybe == none { light; } else { up(s); } }
-        """.replace("up(s0)", "light"),
-        f"""
+        """,
+        """
         action back(s : Spot) = back(s) reward 1 else reward -1
         action both(m : Man) = both(m) reward 2 else reward -2
         action flatten(s : Spot) = flatten(s) reward 3 else reward -3
