@@ -105,7 +105,7 @@ def _export_program(family: Family, output: Path) -> None:
     try:
         program = family.program(family.members)
     except NotCompiled as error:
-        message = f"environment `{family.behaviour.name}` cannot be compiled: it has {error.construct}"
+        message = f"environment `{family.behaviour.name}` cannot be compiled: {error}"
         raise EvaluationError(message, error.span) from None
     names = [member.name for member in family.members]
     export_package(program, output, name=family.behaviour.name, members=names, limit=family.limit)

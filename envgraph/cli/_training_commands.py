@@ -344,7 +344,7 @@ def _compiled_members(family: Family, order: str, error: TooManyStates) -> list[
         program = family.program(family.members)
     except NotCompiled as refused:
         raise EvaluationError(
-            f"{error.message}, and it cannot be compiled: it has {refused.construct}",
+            f"{error.message}, and it cannot be compiled: {refused}",
             refused.span,
             "reduce the number of states, or remove this construct from the environment",
         ) from None

@@ -8,6 +8,7 @@ from envgraph.rewrite._rule_plan import (
     ComputeValue as ComputeValue,
     CreateObject as CreateObject,
     DeleteObject as DeleteObject,
+    MergeObjects as MergeObjects,
     MoveToContainer as MoveToContainer,
     RemoveLink as RemoveLink,
     RetypeObject as RetypeObject,
@@ -22,6 +23,12 @@ from envgraph.rewrite.check._claims import (
     endangered_classes as endangered_classes,
     kept_objects as kept_objects,
     may_be_refused as may_be_refused,
+)
+from envgraph.rewrite.check._containment import (
+    contained_end as contained_end,
+    container_entries as container_entries,
+    containments_of as containments_of,
+    leaving_changes as leaving_changes,
 )
 from envgraph.rewrite.check._unit_check import CheckedUnit as CheckedUnit, all_steps as all_steps
 from envgraph.rewrite.run._unit_code import (

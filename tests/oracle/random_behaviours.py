@@ -138,7 +138,7 @@ def _simplified_metamodel(dice: Dice, metamodel: Metamodel) -> Metamodel:
     for cls in metamodel.class_list:
         features: list[Attribute | Reference] = []
         for feature in cls.features:
-            if (isinstance(feature, Attribute) and feature.many and dice.chance(80)) or feature.name in plain:
+            if (isinstance(feature, Attribute) and feature.many and dice.chance(40)) or feature.name in plain:
                 feature = replace(feature, upper=1)
             features.append(feature)
         classes.append(Class(cls.name, cls.abstract, cls.supertypes, tuple(features)))
@@ -174,9 +174,9 @@ def _block(dice: Dice, block: RuleBlock, rule: Rule) -> RuleBlock:
 def _simplified_right_side(
     dice: Dice, right: RightSide | Modification | None, rule: Rule
 ) -> RightSide | Modification | None:
-    """The right side without merges, mostly, and half of the time without what is created."""
+    """The right side, half of the time without what is created, and then often without what is merged."""
     making = dice.chance(50)
-    if dice.chance(10):
+    if dice.chance(40):
         return right
     if isinstance(right, Modification):
         return Modification(tuple(one for one in right.actions if not _makes(one, making)))

@@ -86,7 +86,7 @@ class _ProgramWriter:
         self._metamodel = engine.model.metamodel
         library = engine.library
         plans = plans_of(engine, behaviour)
-        self._changes = ModelChanges.from_plans(plans, self._metamodel)
+        self._changes = ModelChanges.from_plans(plans, library)
         layout.created_classes = self._changes.created
         layout.reuses_numbers = self._changes.reuses_numbers
         self._check_keys()

@@ -27,7 +27,7 @@ from envgraph.env.compiled._term_code import (
     variable_term,
 )
 from envgraph.match.plan import PatternQuery, PlanStep, SearchPlan, StepKind, query_of_call
-from envgraph.metamodel import Attribute, Scalar
+from envgraph.metamodel import Attribute, Reference, Scalar
 from envgraph.pattern import (
     AbsenceAtom,
     AggregateAtom,
@@ -338,16 +338,17 @@ class BodyEmitter:
 
     def _emit_link(self, goal: LinkAtom, step: PlanStep) -> None:
         reference, source, target = goal.reference, goal.source, goal.target
-        if isinstance(reference, Attribute) or self.facts.changes.is_fixed_feature(reference):
-            if isinstance(reference, Attribute) and not self.facts.changes.is_fixed_feature(reference):
-                raise NotCompiled(f"a rule that changes a multi-valued attribute (`{reference}`)")
+        fixed, held = self.facts.changes.is_fixed_feature(reference), self._is_known_instance(source, reference.owner)
+        if fixed or (isinstance(reference, Attribute) and reference.index not in self.facts.changes.domains):
             self._emit_table_rows(goal, step)
+            if not (fixed or held):  # the values do not change, but objects that have them are deleted
+                self.block.open_test(self.facts.emit_is_instance(self.value_of(source), reference.owner))
             return
         links, forward = self.facts.links, self.is_bound(source)
-        sure = (
-            self._is_known_instance(source, reference.owner),
-            self._is_known_instance(target, reference.target),
-        )
+        if isinstance(reference, Attribute) and not forward and not self.is_bound(target):
+            self._names[source] = self.facts.emit_instance_loop(self.block, reference.owner)
+            forward = held = True
+        sure = held, isinstance(reference, Reference) and self._is_known_instance(target, reference.target)
         if forward and self.is_bound(target):
             kept = links.link_cell(reference, self.value_of(source), self.value_of(target), classes_known=sure)
             for test in kept.tests_linked:
@@ -358,7 +359,8 @@ class BodyEmitter:
             found = links.emit_follow(self.block, reference, self.value_of(near), forward=forward, class_known=own)
             self.bind_or_test(far, found)
         self._record_class(source, ObjectType(reference.owner))
-        self._record_class(target, ObjectType(reference.target))
+        if isinstance(reference, Reference):
+            self._record_class(target, ObjectType(reference.target))
 
     # --- calls
 

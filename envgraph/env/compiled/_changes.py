@@ -2,24 +2,27 @@
 
 from __future__ import annotations
 
-from collections.abc import Container, Iterable, Iterator, Mapping
+from collections.abc import Container, Iterable, Iterator, Mapping, Sequence
 from itertools import product
-from types import MappingProxyType
 
 from envgraph.behaviour import Agent, Behaviour, RuleCall
 from envgraph.code import dataclass
 from envgraph.env.compiled._not_compiled import NotCompiled, add_missing_span
+from envgraph.env.compiled._symbols import ValueDomain
 from envgraph.errors import Span
 from envgraph.match.plan import CallGraph
-from envgraph.metamodel import Attribute, Metamodel, Reference, Scalar
+from envgraph.metamodel import Attribute, EnumType, Metamodel, Reference, Scalar, Value
 from envgraph.pattern import (
     AbsenceAtom,
     AggregateAtom,
     AttributeAtom,
+    Conditional,
+    Constant,
     Goal,
     InstanceAtom,
     Library,
     LinkAtom,
+    Navigation,
     UnitCall,
 )
 from envgraph.rewrite import Engine
@@ -33,6 +36,7 @@ from envgraph.rewrite.plans import (
     SetAttributeValues,
     SetTargets,
     all_steps,
+    containments_of,
 )
 
 
@@ -57,7 +61,9 @@ def plan_of(engine: Engine, call: RuleCall) -> RulePlan:
     plan: RulePlan | None = getattr(engine.prepare(call.rule), "plan", None)
     if plan is None:
         raise NotCompiled(f"the rule `{call.rule}`, which is written in Python", call.span)
-    _check_is_compiled(plan)
+    for change in (change for body in plan.blocks for change in body.sets):
+        if isinstance(change, AdjustAttribute) and change.attribute.type is Scalar.STRING and not change.attribute.many:
+            raise NotCompiled(f"a rule that concatenates strings (`{plan.name}`)", change.span)
     return plan
 
 
@@ -74,17 +80,6 @@ def checked_unit(engine: Engine, call: RuleCall) -> CheckedUnit:
     return checked
 
 
-def _check_is_compiled(plan: RulePlan) -> None:
-    for body in plan.blocks:
-        for absorb in body.absorbs:
-            raise NotCompiled(f"a rule that merges objects (`{plan.name}`)", absorb.span or body.span)
-        for change in body.sets:
-            if isinstance(change, AdjustAttribute) and change.attribute.type is Scalar.STRING:
-                raise NotCompiled(f"a rule that concatenates strings (`{plan.name}`)", change.span)
-            if isinstance(change, SetAttributeValues | AdjustAttribute) and change.attribute.many:
-                raise NotCompiled(f"a rule that sets a multi-valued attribute (`{plan.name}`)", change.span)
-
-
 @dataclass(frozen=True, slots=True)
 class ModelChanges:
     """The features and classes that a set of rules may change.
@@ -97,6 +92,7 @@ class ModelChanges:
             classes whose objects rules create are in one group.
         deleted: classes whose objects may be deleted.
         created: classes whose objects may be created: the whole group, since a created object may be retyped.
+        domains: the values of each multi-valued attribute that rules set, by its index.
     """
 
     metamodel: Metamodel
@@ -106,15 +102,16 @@ class ModelChanges:
     groups: tuple[tuple[str, ...], ...]
     deleted: frozenset[str]
     created: frozenset[str]
+    domains: Mapping[int, ValueDomain]
 
     @classmethod
-    def from_plans(cls, plans: Iterable[RulePlan], metamodel: Metamodel) -> ModelChanges:
+    def from_plans(cls, plans: Iterable[RulePlan], library: Library) -> ModelChanges:
         """Return what the rules with these plans may change.
 
         Raises:
             NotCompiled: a rule makes a change that is not compiled.
         """
-        found = _ChangeCollector(metamodel)
+        found = _ChangeCollector(library)
         for plan in plans:
             with add_missing_span(plan.body.span):
                 found.add(plan.body)
@@ -154,27 +151,35 @@ class ModelChanges:
         return next((group for group in self.groups if not self.created.isdisjoint(group)), None)
 
 
+_Origin = Value | Attribute | None
+"""A value of a rule, an attribute that has the value before, or None for a value of which nothing is known."""
+
+
 class _ChangeCollector:
     """A collector of the changes that rules may make."""
 
-    def __init__(self, metamodel: Metamodel) -> None:
-        self.metamodel = metamodel
+    def __init__(self, library: Library) -> None:
+        self.metamodel = library.metamodel
+        self._library = library
         self.attributes: set[int] = set()
         self.written: dict[tuple[int, str], Span | None] = {}
+        self._assigned: set[int] = set()
         self.references: set[int] = set()
         self.deleted: set[str] = set()
         self.created: set[str] = set()
         self._groups: list[set[str]] = []
+        self._value_origins: dict[Attribute, dict[_Origin, Span | None]] = {}
 
-    def add(self, body: BlockPlan, outer: Mapping[int, str] = MappingProxyType({})) -> None:
-        """Add the changes of a rule or block; `outer` has the classes of objects that enclosing blocks create.
+    def add(self, body: BlockPlan, outer: tuple[BlockPlan, ...] = ()) -> None:
+        """Add the changes of a rule or block; `outer` are the enclosing blocks, the outermost first.
 
         Raises:
             NotCompiled: a change is not compiled.
         """
-        created = {**outer, **{new.node: new.cls for new in body.creates}}
+        blocks = (*outer, body)
+        created = {new.node: new.cls for block in blocks for new in block.creates}
         for inner in body.nested:
-            self.add(inner, created)
+            self.add(inner, blocks)
         for reference in (*(one.reference for one in body.unlinks), *(one.reference for one in body.links)):
             self._add_reference(reference)
         for move in body.moves:
@@ -183,28 +188,25 @@ class _ChangeCollector:
             match change:
                 case SetTargets(_, reference) | ChangeTargets(_, reference):
                     self._add_reference(reference)
-                    if self.metamodel.containment_link(reference, 0, 1) and not _is_only_move(change, body):
-                        raise NotCompiled(
-                            f"a rule that sets a container and may change other links (`{reference}`)",
-                            change.span,
-                        )
-                    if (
-                        isinstance(change, SetTargets)
-                        and reference.many
-                        and not self._replaces_all_targets(change, body)
-                    ):
-                        raise NotCompiled(
-                            f"a rule that sets several targets and may change other links (`{reference}`)",
-                            change.span,
-                        )
-                case SetAttribute(node, attribute) | AdjustAttribute(node, attribute):
+                case (
+                    SetAttribute(node, attribute)
+                    | AdjustAttribute(node, attribute)
+                    | SetAttributeValues(node, attribute)
+                ):
                     self.attributes.add(attribute.index)
+                    self._assigned.add(attribute.index)
                     if node not in created:
                         self._add_written([attribute.index], body.classes[node], change.span or body.span)
+                    if attribute.many and not (isinstance(change, AdjustAttribute) and change.operator == "-="):
+                        values = change.values if isinstance(change, SetAttributeValues) else (change.value,)
+                        origins = (each for slot in values for each in self._origins_of(slot, blocks))
+                        self._value_origins.setdefault(attribute, {}).update(dict.fromkeys(origins, change.span))
                 case _:
                     raise AssertionError(change)
-        for delete in body.deletes:
-            self._add_deletion(body.classes[delete.node])
+        for absorb in body.absorbs:
+            self._add_container_change(created.get(absorb.kept) or body.classes[absorb.kept])
+        for gone in (*(delete.node for delete in body.deletes), *(absorb.absorbed for absorb in body.absorbs)):
+            self._add_deletion(body.classes[gone])
         for retype in body.retypes:
             self._add_retyping(body.classes[retype.node], retype.cls, retype.span or body.span)
         for new in body.creates:
@@ -224,28 +226,13 @@ class _ChangeCollector:
         if held is not None:
             self._add_container_change(held[2], reference)
 
-    def _replaces_all_targets(self, change: SetTargets, body: BlockPlan) -> bool:
-        """Return True if an assignment sets distinct targets, and no other action of the rule changes the reference.
-
-        Return False for containments, since contents would also leave their former containers.
-        """
-        if self.metamodel.containment_link(change.reference, 0, 1):
-            return False
-        ends = {change.reference, self.metamodel.opposite(change.reference)}
-        sets = [one for one in body.sets if isinstance(one, SetTargets | ChangeTargets) and one is not change]
-        others = any(one.reference in ends for one in (*sets, *body.links, *body.unlinks))
-        simple = body.kind == "rule" and not (body.nested or body.may_coincide or others)
-        return simple and (len(change.values) < 2 or max(change.values) < body.variable_count)
-
-    def _add_container_change(self, content: str | None, entered: Reference) -> None:
+    def _add_container_change(self, content: str | None, entered: Reference | None = None) -> None:
         """Record the references that may change if an object enters a container, and so leaves its former one."""
         assert content is not None
-        for reference in self.metamodel.references:
-            fits = reference.containment and self.metamodel.may_overlap(content, reference.target)
-            if fits or reference == entered:
-                opposite = self.metamodel.opposite(reference)
-                self.references.add(reference.index)
-                self.references.update(() if opposite is None else (opposite.index,))
+        left = containments_of(content, self.metamodel)
+        for reference in left if entered is None else [*left, entered]:
+            opposite = self.metamodel.opposite(reference)
+            self.references.update({reference.index} if opposite is None else {reference.index, opposite.index})
 
     def _add_deletion(self, cls: str | None) -> None:
         assert cls is not None
@@ -279,12 +266,57 @@ class _ChangeCollector:
                 for each in (one, new)
             )
             self.attributes |= has ^ will
+            self._assigned |= has ^ will
             self._add_written(will - has, new, span)
             for reference in self.metamodel.references:
                 ends = reference.owner, reference.target
                 if any(self.metamodel.is_a(one, end) and not self.metamodel.is_a(new, end) for end in ends):
                     self._add_reference(reference)
         self._merge_group([*old, new])
+
+    def _origins_of(self, slot: int | None, blocks: Sequence[BlockPlan]) -> Iterator[_Origin]:
+        """Yield where the value of a slot comes from; `blocks` have the slot, the outermost first."""
+        assert slot is not None
+        block = next(block for block in blocks if slot < block.slot_count)
+        parts = [compute.expression for compute in block.computed if compute.slot == slot]
+        for part in parts:  # `parts` grows during the loop
+            match part:
+                case Constant(value) if value is not None:
+                    yield value
+                case Conditional(_, then, otherwise):
+                    parts += [then, otherwise]
+                case Navigation(_, name):
+                    yield from (one for one in self.metamodel.attributes if one.name == name)
+                case _:
+                    yield None
+        if not parts:
+            for body in self._library.lowered_pattern(block.pattern).bodies:
+                known: dict[int, object] = dict(body.constants)
+                for goal in body.goals:
+                    match goal:
+                        case AttributeAtom(feature, _, end) | LinkAtom(feature, _, end):
+                            known.setdefault(end, feature)
+                yield known.get(body.parameters[len(block.arguments) + slot - block.inherited_count])  # type: ignore[misc]
+
+    def _domain_of(self, attribute: Attribute) -> ValueDomain:
+        """Return the values that a multi-valued attribute may have.
+
+        Raises:
+            NotCompiled: they are not known before rules set them.
+        """
+        type_, origins = attribute.type, self._value_origins.get(attribute, {})
+        if isinstance(type_, EnumType) or type_ is Scalar.BOOL:
+            return ValueDomain(type_, type_.literals if isinstance(type_, EnumType) else (False, True), ())
+        literals = tuple(one for one in origins if not isinstance(one, Attribute) and one is not None)
+        if type_ is Scalar.STRING:
+            return ValueDomain(type_, literals if len(literals) == len(origins) else None, (attribute,))
+        sources = [one for one in origins if isinstance(one, Attribute) and one.index not in self._assigned]
+        for origin, span in origins.items():
+            if origin not in (*literals, *sources, attribute):
+                raise NotCompiled(f"values of `{attribute}` that are not known before they are set", span)
+        initial = (one.initial for one in sources)
+        literals += tuple(value for value in initial if not isinstance(value, tuple))
+        return ValueDomain(type_, literals, (attribute, *sources))
 
     def _merge_group(self, classes: Iterable[str]) -> None:
         merged = {*classes}
@@ -296,6 +328,7 @@ class _ChangeCollector:
     def result(self) -> ModelChanges:
         order = [cls.name for cls in self.metamodel.class_list]
         groups = sorted(tuple(sorted(group, key=order.index)) for group in self._groups)
+        many = [one for one in self.metamodel.attributes if one.many and one.index in self._assigned]
         growing = (cls for group in groups if not self.created.isdisjoint(group) for cls in group)
         return ModelChanges(
             self.metamodel,
@@ -305,6 +338,7 @@ class _ChangeCollector:
             tuple(groups),
             frozenset(self.deleted),
             frozenset(growing),
+            {one.index: self._domain_of(one) for one in many},
         )
 
 
@@ -336,14 +370,6 @@ def _rule_calls(engine: Engine, call: RuleCall, above: tuple[str, ...] = ()) -> 
         callee = checked.calls[id(step)] if isinstance(step, UnitCall) else asked and asked[1]
         if callee is not None:
             yield from _rule_calls(engine, RuleCall(callee.name, span=step.span), (*above, signature.name))
-
-
-def _is_only_move(change: SetTargets | ChangeTargets, body: BlockPlan) -> bool:
-    """Return True if a change of a container is the only action of a rule that moves an object into a container."""
-    if isinstance(change, ChangeTargets) or body.kind != "rule" or body.nested or body.moves or body.deletes:
-        return False
-    others = [one for one in body.sets if one is not change and isinstance(one, SetTargets | ChangeTargets)]
-    return not (others or body.links or body.may_coincide or body.has_contended_objects)
 
 
 class StaticPatterns:
@@ -394,7 +420,7 @@ def unaffected_patterns(engine: Engine, names: Iterable[str]) -> Container[str]:
     """
     calls = (RuleCall(member) for name in names for member in engine.catalog.group(name))
     try:
-        changes = ModelChanges.from_plans(_plans_of_calls(engine, calls), engine.model.metamodel)
+        changes = ModelChanges.from_plans(_plans_of_calls(engine, calls), engine.library)
     except NotCompiled:
         return ()
     return StaticPatterns(changes, engine.library, CallGraph(engine.library))

@@ -19,8 +19,9 @@ from envgraph.env.compiled._program_layout import (
     emit_state_entry,
     emit_sum,
 )
-from envgraph.env.compiled._symbols import WORD_BITS, ClassSet, LinkColumn
+from envgraph.env.compiled._symbols import WORD_BITS, ClassSet
 from envgraph.metamodel import Attribute, Metamodel, Reference
+from envgraph.rewrite.plans import contained_end
 
 REFUSED = emit_error("REFUSED"), code.Return(NOBODY)
 
@@ -104,7 +105,7 @@ def _emit_contents(
     facts: ModelReader, classes: Sequence[str], node: code.Local, count: code.Local
 ) -> Iterator[code.Statement]:
     for reference, forward in ends_of(facts.metamodel, classes):
-        if holds_content(facts.metamodel, reference, forward):
+        if contained_end(reference, False, True, facts.metamodel) is forward:
             block = code.BodyBuilder()
             content = facts.links.emit_follow(block, reference, node, forward=forward, class_known=False)
             block.add(*_emit_append(content, count))
@@ -124,7 +125,7 @@ def _emit_dangling_check(
         first = code.emit_equal(number, ZERO)
         loop = code.Operation("and", (first, code.emit_equal(other, node)))
         stays: code.Expression = code.Operation("or", (code.emit_equal(_mark_cell(other), ZERO), loop))
-        if holds_content(facts.metamodel, reference, not forward):
+        if contained_end(reference, True, False, facts.metamodel) is forward:
             stays = code.Operation("and", (stays, code.emit_not(first)))
         block.add(code.If(stays, REFUSED))
         yield from block.finish_body()
@@ -134,18 +135,17 @@ def _emit_erase(facts: ModelReader, classes: Sequence[str], node: code.Local) ->
     """Yield statements that remove all links and values of an object, and remove it from all class sets."""
     links = facts.links
     for reference, forward in ends_of(facts.metamodel, classes):
-        kept, _ = links.storage_of(reference)
-        if isinstance(kept, LinkColumn) and kept.belongs_to_sources is forward:
-            place, guard = links.column_cell(kept, node, class_known=False)
-            yield code.If(code.emit_joined("and", guard, True), (code.Assign(place, NOBODY),))
-            continue
         block = code.BodyBuilder()
         _, link = links.loop_over_links(block, reference, node, forward=forward, class_known=False)
         block.add(code.Assign(link.place, link.unlinked_value))
         yield from block.finish_body()
-    for attribute in single_attributes(facts.metamodel, classes).values():
-        place, guard = facts.attribute_cell(attribute, node, class_known=False)
-        yield code.If(code.emit_joined("and", guard, True), (code.Assign(place, emit_missing_value(attribute.type)),))
+    yield from emit_clear_values(facts, classes, node)
+
+
+def emit_clear_values(facts: ModelReader, classes: Sequence[str], node: code.Expression) -> Iterator[code.Statement]:
+    """Yield statements that remove all values of an object, and remove it from all class sets."""
+    for attribute in stored_attributes(facts, classes).values():
+        yield from emit_clear_attribute(facts, attribute, node, class_known=False)
     for group in dict.fromkeys(facts.changes.group_of(cls) for cls in classes):
         assert group is not None
         yield from emit_leave_sets(facts, group, node, class_known=False)
@@ -172,16 +172,25 @@ def class_set_word(facts: ModelReader, group: tuple[str, ...], cls: str, place: 
     return emit_state_entry(emit_sum(offset, code.Operation(">>", (place, code.Constant(5)))))
 
 
-def single_attributes(metamodel: Metamodel, classes: Iterable[str]) -> dict[int, Attribute]:
-    """Return the single-valued attributes that objects of some classes have, by their index in the metamodel."""
-    features = (feature for cls in classes for feature in metamodel.features(cls).values())
-    return {one.index: one for one in features if isinstance(one, Attribute) and not one.many}
+def stored_attributes(facts: ModelReader, classes: Iterable[str]) -> dict[int, Attribute]:
+    """Return the attributes of objects of some classes by their index, without multi-valued ones that no rule sets."""
+    features = (feature for cls in classes for feature in facts.metamodel.features(cls).values())
+    found = (one for one in features if isinstance(one, Attribute))
+    return {one.index: one for one in found if not one.many or one.index in facts.changes.domains}
 
 
-def holds_content(metamodel: Metamodel, reference: Reference, forward: bool) -> bool:
-    """Return True if a reference's sources (if not `forward`, its targets) contain the objects at the other end."""
-    held = metamodel.containment_link(reference, True, False)
-    return held is not None and held[1] is forward
+def emit_clear_attribute(
+    facts: ModelReader, attribute: Attribute, node: code.Expression, *, class_known: bool
+) -> code.Body:
+    """Return statements that remove all values of an object's attribute."""
+    if attribute.many:
+        block = code.BodyBuilder()
+        _, held = facts.links.loop_over_links(block, attribute, node, forward=True, class_known=class_known)
+        block.add(code.Assign(held.place, held.unlinked_value))
+        return block.finish_body()
+    place, guard = facts.attribute_cell(attribute, node, class_known=class_known)
+    cleared = code.Assign(place, emit_missing_value(attribute.type))
+    return (code.If(code.emit_joined("and", guard, True), (cleared,)) if guard else cleared,)
 
 
 def ends_of(metamodel: Metamodel, classes: Sequence[str]) -> Iterator[tuple[Reference, bool]]:

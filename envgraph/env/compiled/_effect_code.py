@@ -11,6 +11,7 @@ from envgraph.env.compiled._match_conflicts import converted_value, emit_agreeme
 from envgraph.env.compiled._match_statements import MatchStatements
 from envgraph.env.compiled._matching import MatchEmitter
 from envgraph.env.compiled._member_data import emit_missing_value
+from envgraph.env.compiled._merge_code import MergeEmitter
 from envgraph.env.compiled._object_changes import ObjectChangeEmitter
 from envgraph.env.compiled._program_layout import ZERO
 from envgraph.env.compiled._term_code import ExpressionEmitter, variable_term
@@ -23,7 +24,9 @@ from envgraph.rewrite.plans import (
     RemoveLink,
     RulePlan,
     SetAttribute,
+    SetAttributeValues,
     SetTargets,
+    leaving_changes,
 )
 
 
@@ -47,6 +50,7 @@ class EffectEmitter:
         self._statements = MatchStatements(matching, plan, slots, error_return)
         self._facts = matching.facts
         self._links, self._objects = LinkEmitter(self._statements), ObjectChangeEmitter(self._statements)
+        self._merges = MergeEmitter(self._statements, self._links)
 
     def slot_value(self, number: int) -> code.Expression:
         """Return the value of a slot of the rule. Call after `write`."""
@@ -65,7 +69,14 @@ class EffectEmitter:
         for phase in (self._emit_unlinks, self._emit_deletions):
             self._emit_phase(phase)
         self._emit_phase(lambda: emit_kept_check(self._statements))
-        for phase in (self._emit_retypings, self._emit_creations, self._emit_links, self._emit_assignments):
+        self._merges.emit_start()
+        for phase in (
+            self._emit_strips,
+            self._emit_retypings,
+            self._emit_creations,
+            self._emit_links,
+            self._emit_assignments,
+        ):
             self._emit_phase(phase)
         return self._statements.all_statements()
 
@@ -125,13 +136,20 @@ class EffectEmitter:
         for unlink in self._statements.frame.plan.unlinks:
             self._links.emit_unlink(unlink)
         for move in self._statements.frame.plan.moves:
-            self._links.emit_leave_container(move)
+            self._links.emit_leave_container(move.node, move.reference, (move.container,))
+        alone = not self._statements.plan.body.may_contradict
+        for change in leaving_changes(self._statements.frame.plan, self._facts.metamodel, alone=alone):
+            self._links.emit_release(change)
 
     def _emit_deletions(self) -> None:
         for delete in self._statements.frame.plan.deletes:
             made = self._statements.collect(lambda each=delete: self._objects.emit_delete(each))  # type: ignore[misc]
             stays = code.emit_not(self._objects.emit_is_inside_deleted(delete))
             self._statements.append(*(made if stays == code.TRUE else [code.If(stays, made)]))
+
+    def _emit_strips(self) -> None:
+        for absorb in self._statements.frame.plan.absorbs:
+            self._merges.emit_strip(absorb)
 
     def _emit_retypings(self) -> None:
         for retype in self._statements.frame.plan.retypes:
@@ -142,6 +160,8 @@ class EffectEmitter:
             self._objects.emit_create(new)
 
     def _emit_links(self) -> None:
+        for absorb in self._statements.frame.plan.absorbs:
+            self._merges.emit_merge(absorb)
         for move in self._statements.frame.plan.moves:
             self._links.emit_link(move)
         for link in self._statements.frame.plan.links:
@@ -150,13 +170,15 @@ class EffectEmitter:
     def _emit_assignments(self) -> None:
         for change in self._statements.frame.plan.sets:
             match change:
+                case SetAttributeValues(_, attribute) | AdjustAttribute(_, attribute) if attribute.many:
+                    self._links.emit_change_values(change)
                 case SetAttribute():
                     self._emit_set(change)
                 case AdjustAttribute():
                     self._emit_increase(change)
-                case SetTargets(_, reference) if self._facts.metamodel.containment_link(reference, 0, 1):
-                    self._links.emit_set_container(change)
-                case SetTargets(_, reference) if reference.many:
+                case SetTargets(_, reference) if reference.many or self._facts.metamodel.containment_link(
+                    reference, 0, 1
+                ):
                     self._links.emit_set_targets(change)
                 case SetTargets():
                     self._links.emit_set_target(change)
@@ -217,11 +239,12 @@ class EffectEmitter:
 
     def _expected_type(self, slot: int) -> StaticType | None:
         """Return the type of the attribute that gets the value of a slot, or None if no attribute does."""
-        values = (SetAttribute, AdjustAttribute)
-        found = (
-            one.attribute for one in self._statements.frame.plan.sets if isinstance(one, values) and one.value == slot
-        )
-        return next((attribute.type for attribute in found), None)
+        for change in self._statements.frame.plan.sets:
+            if isinstance(change, SetAttribute | AdjustAttribute | SetAttributeValues):
+                values = change.values if isinstance(change, SetAttributeValues) else (change.value,)
+                if slot in values:
+                    return change.attribute.type
+        return None
 
     def _converted_slot(self, slot: int, attribute: Attribute) -> code.Expression:
         """Return the value of a slot, converted to the type of an attribute."""

@@ -24,7 +24,7 @@ def explain_compilation(engine: Engine, behaviour: Behaviour) -> str:
         program = program_of(engine, behaviour, native=False)
     except NotCompiled as refused:
         where = f"\n\n{refused.span}\n{refused.span.excerpt()}" if refused.span is not None else ""
-        return f"environment {behaviour.name} steps on the live engine: it has {refused.construct}{where}"
+        return f"environment {behaviour.name} steps on the live engine: {refused}{where}"
     return "\n".join([f"environment {behaviour.name} is compiled", *_program_facts(program)])
 
 

@@ -2,16 +2,30 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
+from functools import partial
+
 from envgraph import code
 from envgraph.env.compiled._block_matches import MatchFrame
-from envgraph.env.compiled._containment_code import emit_is_inside
+from envgraph.env.compiled._containment_code import emit_clear_attribute, emit_is_inside
 from envgraph.env.compiled._link_reading import LinkCell
+from envgraph.env.compiled._match_conflicts import converted_value
 from envgraph.env.compiled._match_statements import MatchStatements
 from envgraph.env.compiled._program_layout import NOBODY, ZERO, emit_call
 from envgraph.env.compiled._symbols import LinkColumn
 from envgraph.metamodel import Reference
 from envgraph.pattern import ObjectType
-from envgraph.rewrite.plans import AddLink, ChangeTargets, MoveToContainer, RemoveLink, SetTargets
+from envgraph.rewrite.plans import (
+    AddLink,
+    AdjustAttribute,
+    ChangeTargets,
+    MoveToContainer,
+    RemoveLink,
+    SetAttributeValues,
+    SetTargets,
+    container_entries,
+    containments_of,
+)
 
 
 class LinkEmitter:
@@ -24,6 +38,7 @@ class LinkEmitter:
     def __init__(self, matches: MatchStatements) -> None:
         self._statements = matches
         self._facts = matches.facts
+        self._merges = any(block.absorbs for block in matches.plan.blocks)
 
     def _link_cells(self, source: int, reference: Reference, target: int) -> list[LinkCell]:
         """Return the cells that store a link between the objects in two slots: two for a symmetric reference."""
@@ -49,44 +64,44 @@ class LinkEmitter:
         test = self.emit_is_linked(unlink.source, unlink.reference, unlink.target)
         self._statements.append(code.If(test, tuple(code.Assign(kept.place, kept.unlinked_value) for kept in cells)))
 
-    def emit_leave_container(self, move: MoveToContainer) -> None:
-        """Emit code that removes an object from its container, unless it is the container that the rule moves it to."""
-        cls = self._statements.frame.classes.get(move.node)
-        assert cls is not None
-        metamodel, node = self._facts.metamodel, self._statements.slots[move.node]
-        for reference in metamodel.references:
-            if not (reference.containment and metamodel.may_overlap(cls, reference.target)):
-                continue
-            stays = None
-            if reference == move.reference:
-                stays = code.Operation(
-                    "!=", (self._emit_container(reference, node, cls), self._statements.slots[move.container])
-                )
-            self._emit_removal(reference, node, cls, stays)
+    def emit_leave_container(self, content: int, entered: Reference, containers: tuple[int, ...]) -> None:
+        """Emit code that removes an object from its container, unless that is the one it enters; `()` for none."""
+        cls = self._statements.frame.classes.get(content) or entered.target
+        node = self._statements.slots[content]
+        for reference in containments_of(cls, self._facts.metamodel):
+            holder = self._facts.new_local_for(ObjectType(""))
+            tests: list[code.Expression] = [code.Operation(">=", (holder, ZERO))]
+            if reference == entered and containers:
+                tests.append(code.Operation("!=", (holder, self._statements.slots[containers[0]])))
+            cell = self._facts.links.link_cell(reference, holder, node, classes_known=(True, True))
+            left = code.Assign(cell.place, cell.unlinked_value)
+            self._statements.append(
+                code.Assign(holder, self.emit_container(reference, node, cls)),
+                code.If(code.emit_joined("and", tests, True), (left,)),
+            )
 
-    def _emit_container(self, reference: Reference, node: code.Expression, cls: str) -> code.Expression:
+    def emit_release(self, change: SetTargets | ChangeTargets) -> None:
+        """Emit code that removes objects from the containers that they leave because of an assignment."""
+        statements, reference, values = self._statements, change.reference, change.values
+        contains = self._facts.metamodel.opposite(reference)
+        if isinstance(change, ChangeTargets) and change.operator == "-=":
+            self.emit_change_targets(change)
+        elif not reference.containment:
+            assert contains is not None
+            self.emit_leave_container(change.object, contains, values)
+        else:
+            if isinstance(change, SetTargets):
+                self._emit_drop_targets(change)
+            for value in values:
+                there = code.Operation(">=", (statements.slots[value], ZERO))
+                statements.append_if(there, partial(self.emit_leave_container, value, reference, (change.object,)))
+
+    def emit_container(self, reference: Reference, node: code.Expression, cls: str) -> code.Expression:
         """Return code for the container that holds an object by a reference, -1 for none."""
         sure = self._facts.metamodel.is_a(cls, reference.target)
         found = self._facts.links.only_other_end(reference, node, forward=False, class_known=sure)
         assert found is not None
         return found
-
-    def _emit_removal(
-        self, reference: Reference, node: code.Expression, cls: str, test: code.Expression | None
-    ) -> None:
-        """Emit code that removes an object from its container by a reference, if `test` holds; always if it is None."""
-        stored, same = self._facts.links.column_of(reference)
-        if stored.belongs_to_sources is same:
-            holder = self._facts.new_local_for(ObjectType(""))
-            self._statements.append(code.Assign(holder, self._emit_container(reference, node, cls)))
-            place, _ = self._facts.links.column_cell(stored, holder, class_known=True)
-            there: list[code.Expression] = [code.Operation(">=", (holder, ZERO))]
-        else:
-            sure = self._facts.metamodel.is_a(cls, reference.target)
-            place, there = self._facts.links.column_cell(stored, node, class_known=sure)
-        tests = [*there, *([] if test is None else [test])]
-        cleared = code.Assign(place, NOBODY)
-        self._statements.append(code.If(code.emit_joined("and", tests, True), (cleared,)) if tests else cleared)
 
     def emit_link(self, link: AddLink | MoveToContainer) -> None:
         """Emit code that adds a link, unless it exists. The code refuses the rule if an end has too many links.
@@ -103,7 +118,7 @@ class LinkEmitter:
             if held is not None:
                 contains, container, content = held
                 self._emit_cycle_check(content, container, contains.target)
-                self._emit_container_check(content, contains)
+                self._emit_container_check(content, contains, moves=isinstance(link, MoveToContainer))
             self._emit_room_check(reference, self._statements.slots[source], source, forward=True)
             self._emit_room_check(reference, self._statements.slots[target], target, forward=False)
             cells = self._link_cells(source, reference, target)
@@ -120,7 +135,8 @@ class LinkEmitter:
     def _emit_cycle_check(self, content: int, container: int, cls: str) -> None:
         """Emit code that refuses the rule if an object would enter a container that it contains, at any depth."""
         facts, matches = self._facts, self._statements
-        if content in matches.frame.creators and all(holder != content for _, holder, _ in self._container_entries()):
+        is_empty = content in matches.frame.creators and not self._merges
+        if is_empty and all(holder != content for _, holder, _ in self._entries()):
             return
         inner = facts.metamodel.all_content_classes(
             facts.metamodel.concrete_classes(matches.frame.classes.get(content) or cls)
@@ -130,32 +146,28 @@ class LinkEmitter:
             found = emit_call(emit_is_inside(facts), matches.slots[content], matches.slots[container])
             matches.append_refuse_unless(code.emit_not(found))
 
-    def _emit_container_check(self, content: int, entered: Reference) -> None:
-        """Emit code that refuses the rule if an object already has a container by a reference other than `entered`."""
+    def _emit_container_check(self, content: int, entered: Reference, *, moves: bool) -> None:
+        """Emit code that refuses the rule if an object already has a container by a reference other than `entered`.
+
+        An object that `moves`, or is created for this container, has none, unless it got that of a merged object.
+        """
         maker = self._statements.frame.creators.get(content)
-        entering = [
-            node
-            for node, _, frame in self._container_entries()
-            if node == content and frame.creators.get(node) is maker
-        ]
-        if maker is self._statements.frame and len(entering) == 1:
+        entering = [node for node, _, frame in self._entries() if node == content and frame.creators.get(node) is maker]
+        if moves or (maker is self._statements.frame and len(entering) == 1):
+            if self._merges:
+                self.emit_leave_container(content, entered, ())
             return
-        metamodel, cls = self._facts.metamodel, self._statements.frame.classes.get(content) or entered.target
-        for reference in metamodel.references:
-            if reference.containment and reference != entered and metamodel.may_overlap(cls, reference.target):
-                held = self._emit_container(reference, self._statements.slots[content], cls)
+        cls = self._statements.frame.classes.get(content) or entered.target
+        for reference in containments_of(cls, self._facts.metamodel):
+            if reference != entered:
+                held = self.emit_container(reference, self._statements.slots[content], cls)
                 self._statements.append_refuse_unless(code.Operation("<", (held, ZERO)))
 
-    def _container_entries(self) -> list[tuple[int, int, MatchFrame]]:
-        """Return all objects that the rule or its blocks put into containers: content slot, container slot, frame."""
-        found: list[tuple[int, int, MatchFrame]] = []
+    def _entries(self) -> Iterator[tuple[int, int, MatchFrame]]:
+        """Yield all objects that the rule or its blocks put into containers: content slot, container slot, frame."""
         for frame in self._statements.blocks.frames:
-            found += [(move.node, move.container, frame) for move in frame.plan.moves]
-            for link in frame.plan.links:
-                held = self._facts.metamodel.containment_link(link.reference, link.source, link.target)
-                if held is not None:
-                    found.append((held[2], held[1], frame))
-        return found
+            for content, container in container_entries(frame.plan.operations, self._facts.metamodel):
+                yield content, container, frame
 
     def _emit_room_check(self, reference: Reference, node: code.Expression, slot: int, *, forward: bool) -> None:
         """Emit code that refuses the rule if an object has the most targets allowed, or sources if not `forward`."""
@@ -208,48 +220,15 @@ class LinkEmitter:
 
         matches.append(code.If(code.Operation("!=", (old, target)), matches.collect(write)))
 
-    def emit_set_container(self, change: SetTargets) -> None:
-        """Emit code that moves an object into a new container, or only out of its old one if there is no value."""
-        matches, reference, value = self._statements, change.reference, change.values[0] if change.values else None
-        contains = reference if reference.containment else self._facts.metamodel.opposite(reference)
-        assert contains is not None
-        source, target = matches.slots[change.object], NOBODY if value is None else matches.slots[value]
-        old = self._facts.new_local_for(ObjectType(""))
-        found = self._facts.links.only_other_end(reference, source, forward=True, class_known=False)
-        assert found is not None
-        matches.append(code.Assign(old, found))
-        there = code.Operation(">=", (target, ZERO))
-
-        def write() -> None:
-            if reference.containment:
-                self._emit_removal(contains, old, contains.target, code.Operation(">=", (old, ZERO)))
-            else:
-                self._emit_removal(contains, source, contains.target, None)
-            if value is not None:
-                ends = change.object, value
-                entering = ends if reference.containment else ends[::-1]
-                matches.append(code.If(there, matches.collect(lambda: self._emit_put(contains, *entering))))
-
-        matches.append(code.If(code.Operation("!=", (old, target)), matches.collect(write)))
-
-    def _emit_put(self, reference: Reference, container: int, content: int) -> None:
-        """Emit code that moves an object into a container. A single-valued reference loses its former content.
+    def emit_put(self, reference: Reference, container: int, content: int, *, replaces: bool = True) -> None:
+        """Emit code that moves an object into a container. If it `replaces`, the former only content leaves.
 
         The rule is refused if the container is full, or is inside the object.
         """
-        matches, metamodel = self._statements, self._facts.metamodel
-        cls, node = matches.frame.classes.get(content) or reference.target, matches.slots[content]
-        for other in metamodel.references:
-            if other.containment and metamodel.may_overlap(cls, other.target):
-                self._emit_removal(other, node, cls, None)
-        if reference.upper == 1:
-            inside_ = self._facts.new_local_for(ObjectType(""))
-            found = self._facts.links.only_other_end(
-                reference, matches.slots[container], forward=True, class_known=False
-            )
-            assert found is not None
-            matches.append(code.Assign(inside_, found))
-            self._emit_removal(reference, inside_, reference.target, code.Operation(">=", (inside_, ZERO)))
+        matches = self._statements
+        self.emit_leave_container(content, reference, ())
+        if reference.upper == 1 and replaces:
+            self._emit_drop_targets(SetTargets(container, reference, (content,)))
         else:
             self._emit_room_check(reference, matches.slots[container], container, forward=True)
         self._emit_cycle_check(content, container, reference.target)
@@ -259,20 +238,50 @@ class LinkEmitter:
         matches.append(code.Assign(kept.place, kept.linked_value))
 
     def emit_set_targets(self, change: SetTargets) -> None:
-        """Emit code that replaces all targets of an object."""
-        block, reference = code.BodyBuilder(), change.reference
+        """Emit code that replaces all targets of an object, also of a containment or of its opposite."""
+        self._emit_drop_targets(change)
+        self.emit_change_targets(ChangeTargets(change.object, change.reference, "+=", change.values))
+
+    def _emit_drop_targets(self, change: SetTargets) -> None:
+        """Emit code that removes the targets of an object that an assignment does not name."""
+        block, reference, links = code.BodyBuilder(), change.reference, self._facts.links
         source, sure = (
             self._statements.slots[change.object],
             self._statements.has_certain_class(change.object, reference.owner),
         )
-        links = self._facts.links
-        target, kept = links.loop_over_links(block, reference, source, forward=True, class_known=sure)
-        block.add(code.Assign(kept.place, kept.unlinked_value))
-        if links.is_symmetric(reference):
-            back = links.link_cell(reference, target, source, classes_known=(True, sure))
-            block.add(code.Assign(back.place, back.unlinked_value))
+        target = links.emit_follow(block, reference, source, forward=True, class_known=sure)
+        for value in change.values:
+            block.open_test(code.Operation("!=", (target, self._statements.slots[value])))
+        ends = (source, target), (target, source)
+        for one, other in ends if links.is_symmetric(reference) else ends[:1]:
+            kept = links.link_cell(reference, one, other, classes_known=(True, True))
+            block.add(code.Assign(kept.place, kept.unlinked_value))
         self._statements.append(*block.finish_body())
-        self.emit_change_targets(ChangeTargets(change.object, reference, "+=", change.values))
+
+    def emit_change_values(self, change: SetAttributeValues | AdjustAttribute) -> None:
+        """Emit code that sets all values of a multi-valued attribute, or adds or removes one."""
+        attribute, statements, links = change.attribute, self._statements, self._facts.links
+        node, sure = statements.slots[change.object], statements.has_certain_class(change.object, attribute.owner)
+        if isinstance(change, SetAttributeValues):
+            statements.append(*emit_clear_attribute(self._facts, attribute, node, class_known=sure))
+        for slot in change.values if isinstance(change, SetAttributeValues) else (change.value,):
+            value = converted_value(statements.slots[slot], statements.frame.types.get(slot, attribute.type), attribute)
+            cell = links.link_cell(attribute, node, value, classes_known=(sure, True))
+            if isinstance(change, AdjustAttribute) and change.operator == "-=":
+                held = code.emit_joined("and", cell.tests_linked, True)
+                statements.append(code.If(held, (code.Assign(cell.place, cell.unlinked_value),)))
+                continue
+            for test in cell.guard:
+                statements.append_fail_if(code.emit_not(test), "BEYOND")
+
+            def write(cell: LinkCell = cell) -> None:
+                if attribute.upper is not None:
+                    counted = emit_call(links.emit_counter(attribute, forward=True), node)
+                    statements.append_refuse_unless(code.Operation("<", (counted, code.Constant(attribute.upper))))
+                statements.append(code.Assign(cell.place, cell.linked_value, "+="))
+
+            made = statements.collect(write)
+            statements.append(*([code.If(code.emit_not(cell.is_linked), made)] if attribute.unique else made))
 
     def emit_change_targets(self, change: ChangeTargets) -> None:
         """Emit code that adds or removes targets. An added target loses its former link of a single-valued opposite."""
@@ -282,6 +291,9 @@ class LinkEmitter:
                 made = self._statements.collect(
                     lambda value=value: self.emit_unlink(RemoveLink(change.object, change.reference, value))  # type: ignore[misc]
                 )
+            elif held := self._facts.metamodel.containment_link(change.reference, change.object, value):
+                missing = code.emit_not(self.emit_is_linked(change.object, change.reference, value))
+                made = (code.If(missing, self._statements.collect(partial(self.emit_put, *held))),)
             elif opposite is not None and opposite.upper == 1:
                 made = self._statements.collect(
                     lambda value=value: self.emit_set_target(SetTargets(value, opposite, (change.object,)))  # type: ignore[misc]

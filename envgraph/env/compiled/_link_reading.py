@@ -25,7 +25,7 @@ from envgraph.env.compiled._symbols import (
     split_key_columns,
 )
 from envgraph.match.plan import LiveSizes
-from envgraph.metamodel import Reference
+from envgraph.metamodel import Attribute, Reference, Scalar
 from envgraph.pattern import ObjectType
 
 if TYPE_CHECKING:
@@ -47,9 +47,14 @@ class LinkCell:
     guard: Sequence[code.Expression] = ()
 
     @property
+    def is_linked(self) -> code.Expression:
+        """Return the test that the link exists, to be made after those of `guard`. Cells of matrices are counts."""
+        return code.Operation(">=" if self.linked_value is ONE else "==", (self.place, self.linked_value))
+
+    @property
     def tests_linked(self) -> list[code.Expression]:
         """Return the tests that all hold exactly if the link exists, in the order in which they have to be made."""
-        return [*self.guard, code.emit_equal(self.place, self.linked_value)]
+        return [*self.guard, self.is_linked]
 
 
 class LinkReader:
@@ -64,12 +69,18 @@ class LinkReader:
         self._facts = facts
         self._sizes = sizes
 
-    def storage_of(self, reference: Reference) -> tuple[LinkColumn | LinkMatrix, bool]:
+    def storage_of(self, reference: Reference | Attribute) -> tuple[LinkColumn | LinkMatrix, bool]:
         """Return the storage of a changing reference's links, and True unless it belongs to the opposite reference.
 
-        A reference and its opposite share their storage. If it is its own opposite, both directions are stored.
+        A reference and its opposite share their storage. If it is its own opposite, both directions are stored. A
+        multi-valued attribute that rules set is like a reference to values.
         """
         metamodel = self._facts.metamodel
+        if isinstance(reference, Attribute):
+            domain = self._facts.changes.domains[reference.index]
+            for text in (domain.literals or ()) if domain.type is Scalar.STRING else ():
+                self._facts.string_number(str(text))
+            return LinkMatrix(reference, self._facts.changes.possible_classes(reference.owner), domain), True
         opposite = metamodel.opposite(reference)
         if opposite is not None and opposite.index < reference.index:
             return self.storage_of(opposite)[0], False
@@ -81,9 +92,9 @@ class LinkReader:
         at_source = not reference.many and (not one_source or source <= target)
         return LinkColumn(reference, at_source, ends[not at_source]), True
 
-    def is_symmetric(self, reference: Reference) -> bool:
+    def is_symmetric(self, reference: Reference | Attribute) -> bool:
         """Return True if a reference is its own opposite."""
-        return self._facts.metamodel.opposite(reference) == reference
+        return isinstance(reference, Reference) and self._facts.metamodel.opposite(reference) == reference
 
     def column_of(self, reference: Reference) -> tuple[LinkColumn, bool]:
         """Return the same as `kept`, for a reference whose links are stored in a column and not in a matrix."""
@@ -93,7 +104,7 @@ class LinkReader:
 
     def link_cell(
         self,
-        reference: Reference,
+        reference: Reference | Attribute,
         source: code.Expression,
         target: code.Expression,
         *,
@@ -130,17 +141,22 @@ class LinkReader:
     def loop_over_links(
         self,
         block: code.BodyBuilder,
-        reference: Reference,
+        reference: Reference | Attribute,
         node: code.Expression,
         *,
         forward: bool,
         class_known: bool,
     ) -> tuple[code.Local, LinkCell]:
-        """Emit a loop over an object's targets, or its sources if not `forward`. Return the variable and link cell.
-
-        Call only where `only_other_end` is None, or where links are stored at the other end.
-        """
+        """Emit a loop over an object's targets, or its sources if not `forward`. Return the variable and link cell."""
         facts, (kept, same) = self._facts, self.storage_of(reference)
+        if isinstance(kept, LinkColumn) and kept.belongs_to_sources is (forward is same):
+            cell, guard = self.column_cell(kept, node, class_known=class_known)
+            for test in guard:
+                block.open_test(test)
+            only = facts.new_local_for(ObjectType(""))
+            block.add(code.Assign(only, cell))
+            block.open_test(facts.emit_is_present(only, ObjectType("")))
+            return only, LinkCell(cell, only, NOBODY)
         if isinstance(kept, LinkColumn):
             other, place = facts.emit_loop_over_group(block, kept.classes)
             found = LinkCell(emit_state_entry(emit_sum(facts.layout.offset(kept), place)), node, NOBODY)
@@ -153,13 +169,13 @@ class LinkReader:
             other, there = facts.emit_loop_over_group(block, far)
             places = (here, there) if begins else (there, here)
             found = LinkCell(self._pair_cell(kept, *places), ONE, ZERO)
-        block.open_test(code.emit_equal(found.place, found.linked_value))
+        block.open_test(found.is_linked)
         return other, found
 
     def emit_follow(
         self,
         block: code.BodyBuilder,
-        reference: Reference,
+        reference: Reference | Attribute,
         node: code.Expression,
         *,
         forward: bool,
@@ -178,7 +194,7 @@ class LinkReader:
         return local
 
     def only_other_end(
-        self, reference: Reference, node: code.Expression, *, forward: bool, class_known: bool
+        self, reference: Reference | Attribute, node: code.Expression, *, forward: bool, class_known: bool
     ) -> code.Expression | None:
         """Return code for an object's only target, or its only source if not `forward`. The code yields -1 for none.
 
@@ -202,11 +218,13 @@ class LinkReader:
             return None
         return emit_call(self._emit_finder(reference, forward), node)
 
-    def _has_at_most_one(self, reference: Reference, forward: bool) -> bool:
+    def _has_at_most_one(self, reference: Reference | Attribute, forward: bool) -> bool:
         """Return True if an object has at most one target, or at most one source if not `forward`."""
+        if isinstance(reference, Attribute):
+            return False
         return (reference.upper if forward else self._facts.metamodel.max_sources(reference)) == 1
 
-    def _emit_finder(self, reference: Reference, forward: bool) -> str:
+    def _emit_finder(self, reference: Reference | Attribute, forward: bool) -> str:
         """Emit a function that finds the object whose cell stores a given object, or -1 for none. Return its name."""
 
         def write() -> tuple[Sequence[code.Local], code.Body]:
@@ -218,15 +236,15 @@ class LinkReader:
 
         return self._facts.module.function_for(("find", self.storage_of(reference)[0]), "find", write)
 
-    def emit_counter(self, reference: Reference, forward: bool) -> str:
+    def emit_counter(self, reference: Reference | Attribute, forward: bool) -> str:
         """Emit a function that counts an object's targets, or its sources if not `forward`. Return its name."""
         kept, same = self.storage_of(reference)
 
         def write() -> tuple[Sequence[code.Local], code.Body]:
             block, wanted = code.BodyBuilder(), self._facts.module.new_local("v", "object")
             number = code.Local("n", "int")
-            self.loop_over_links(block, reference, wanted, forward=forward, class_known=False)
-            block.add(code.Assign(number, ONE, "+="))
+            _, found = self.loop_over_links(block, reference, wanted, forward=forward, class_known=False)
+            block.add(code.Assign(number, found.place if found.linked_value is ONE else ONE, "+="))
             return [wanted], (code.Assign(number, ZERO), *block.finish_body(), code.Return(number))
 
         return self._facts.module.function_for(("partners", kept, forward is same), "partners", write)

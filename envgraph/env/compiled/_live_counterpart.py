@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from contextlib import contextmanager
-from itertools import product
 from typing import Any
 
 from numpy.typing import NDArray
@@ -21,6 +20,7 @@ from envgraph.env.compiled._symbols import (
     LinkMatrix,
     object_numbers,
 )
+from envgraph.metamodel import Reference
 
 StateArray = NDArray[Any]
 
@@ -63,7 +63,11 @@ class LiveCounterpart:
         for column, _ in self._columns:
             if isinstance(column, LinkColumn | LinkMatrix):
                 for source, target in member.rows(FeatureRows(column.reference)):
-                    model.graph.unlink(member.object_ids[int(source)], column.reference, member.object_ids[int(target)])
+                    node = member.object_ids[int(source)]
+                    if isinstance(column.reference, Reference):
+                        model.graph.unlink(node, column.reference, member.object_ids[int(target)])
+                    else:
+                        model.graph.set_value(node, column.reference, ())
         del objects[len(member.object_ids) :]
         self._restore_classes(state)
         for column, start in self._columns:
@@ -86,10 +90,17 @@ class LiveCounterpart:
                     model.graph.link(ends[0], column.reference, ends[1])
 
     def _restore_links(self, matrix: LinkMatrix, cells: StateArray) -> None:
-        pairs = product(object_numbers(self._member, matrix.sources), object_numbers(self._member, matrix.targets))
-        for (source, target), linked in zip(pairs, cells, strict=False):  # other columns follow in `cells`
-            if linked:
-                self.simulator.engine.model.graph.link(self._objects[source], matrix.reference, self._objects[target])
+        graph, feature, targets = self.simulator.engine.model.graph, matrix.reference, matrix.targets
+        columns = object_numbers(self._member, targets)
+        for place, source in enumerate(object_numbers(self._member, matrix.sources)):
+            row = cells[place * len(columns) : (place + 1) * len(columns)]
+            held = [target for target, count in zip(columns, row, strict=True) for _ in range(count)]
+            if isinstance(feature, Reference):
+                for target in held:
+                    graph.link(self._objects[source], feature, self._objects[target])
+            elif held:
+                values = [self._member.decode(number, feature.type) for number in held]
+                graph.set_value(self._objects[source], feature, values)  # type: ignore[arg-type]
 
     def _restore_classes(self, state: StateArray) -> None:
         member, model = self._member, self.simulator.engine.model

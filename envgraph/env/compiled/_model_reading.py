@@ -10,11 +10,13 @@ from envgraph import code
 from envgraph.code import dataclass
 from envgraph.env.compiled._changes import ModelChanges
 from envgraph.env.compiled._link_reading import LinkReader
-from envgraph.env.compiled._member_data import emit_missing_value, missing_value
+from envgraph.env.compiled._member_data import emit_missing_value, missing_value, value_count
 from envgraph.env.compiled._program_layout import (
     STATE,
+    G,
     ProgramLayout,
     StringNumber,
+    T,
     emit_bit_test,
     emit_state_entry,
     emit_sum,
@@ -35,6 +37,7 @@ from envgraph.env.compiled._symbols import (
     GroupStarts,
     KeyColumns,
     StaticRelation,
+    ValueDomain,
     ValueTable,
     split_key_columns,
 )
@@ -253,31 +256,40 @@ class ModelReader:
         return emit_bit_test(word, place)
 
     def emit_object_index(
-        self, classes: tuple[str, ...], node: code.Expression, *, class_known: bool
+        self, classes: tuple[str, ...] | ValueDomain, node: code.Expression, *, class_known: bool
     ) -> tuple[code.Expression, list[code.Expression]]:
         """Return code for an object's index among those of some classes, and tests that it has one (none if
-        `class_known`).
+        `class_known`). For a value, the index is that among the values of a domain.
         """
+        if isinstance(classes, ValueDomain):
+            if value_count(classes.type) is not None:  # the domain has all values of the type
+                return node, []
+            first, count = self.layout.offset(ExtentTable(classes, "objects")), self.emit_object_count(classes)
+            rank = code.emit_call("place_of", G if classes.is_float else T, first, count, node)
+            return rank, [code.Operation(">=", (rank, code.Constant(0)))]
         found = emit_table_entry(emit_sum(self.layout.offset(ExtentTable(classes, "places")), node))
         guard: list[code.Expression] = [] if class_known else [code.Operation(">=", (found, code.Constant(0)))]
         return (code.Constant(0) if self.layout.assume_single(classes) else found), guard
 
     def emit_loop_over_group(
-        self, block: code.BodyBuilder, classes: tuple[str, ...]
+        self, block: code.BodyBuilder, classes: tuple[str, ...] | ValueDomain
     ) -> tuple[code.Local, code.Expression]:
-        """Emit a loop over the objects that may be of some classes. Return the variable, and the object's index."""
-        node = self.module.new_local("v", "object")
-        holders = self.layout.offset(ExtentTable(classes, "objects"))
+        """Emit a loop over the objects that may be of some classes, or over the values of a domain.
+
+        Return the variable, and the index of the object or value.
+        """
+        listed = ExtentTable(classes, "objects")
+        node, holders = self.module.new_local("v", "float" if listed.is_float else "object"), self.layout.offset(listed)
         if self.layout.assume_single(classes):
             block.open_test(code.Operation(">", (self.emit_object_count(classes), code.Constant(0))))
-            block.add(code.Assign(node, emit_table_entry(holders)))
+            block.add(code.Assign(node, emit_table_entry(holders, listed.is_float)))
             return node, code.Constant(0)
         place = self.module.new_local("i")
         block.open_loop(place, code.emit_call("range", self.emit_object_count(classes)))
-        block.add(code.Assign(node, emit_table_entry(emit_sum(holders, place))))
+        block.add(code.Assign(node, emit_table_entry(emit_sum(holders, place), listed.is_float)))
         return node, place
 
-    def emit_object_count(self, classes: tuple[str, ...]) -> code.Expression:
+    def emit_object_count(self, classes: tuple[str, ...] | ValueDomain) -> code.Expression:
         return emit_table_entry(self.layout.offset(ExtentTable(classes, "count")))
 
     def emit_instance_loop(self, block: code.BodyBuilder, cls: str, exact: bool = False) -> code.Local:

@@ -12,7 +12,7 @@ class NotCompiled(Exception):
     """A construct that the compiler does not support, so that only the live engine can run the behaviour.
 
     Attributes:
-        construct: a noun phrase that completes a sentence beginning with "it has".
+        construct: a noun phrase, which the message completes to a sentence.
         span: the source position of the construct, or None if it is unknown.
     """
 
@@ -20,6 +20,9 @@ class NotCompiled(Exception):
         self.construct = construct
         self.span = span
         super().__init__(construct)
+
+    def __str__(self) -> str:
+        return f"compiled environments do not support {self.construct}"
 
 
 @contextmanager

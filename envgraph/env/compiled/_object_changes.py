@@ -2,26 +2,22 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-
 from envgraph import code
 from envgraph.env.compiled._body_code import CAPACITY
 from envgraph.env.compiled._containment_code import (
     class_set_word,
+    emit_clear_attribute,
     emit_delete,
     emit_is_inside,
     emit_leave_sets,
     ends_of,
-    holds_content,
-    single_attributes,
+    stored_attributes,
 )
 from envgraph.env.compiled._match_statements import MatchStatements
-from envgraph.env.compiled._member_data import emit_missing_value
-from envgraph.env.compiled._program_layout import NOBODY, TOP, ZERO, emit_call, emit_sum
-from envgraph.env.compiled._symbols import LinkColumn
+from envgraph.env.compiled._program_layout import TOP, ZERO, emit_call, emit_sum
 from envgraph.env.compiled._term_code import emit_literal
 from envgraph.metamodel import Attribute, Reference
-from envgraph.rewrite.plans import CreateObject, DeleteObject, RetypeObject
+from envgraph.rewrite.plans import CreateObject, DeleteObject, RetypeObject, contained_end
 
 
 class ObjectChangeEmitter:
@@ -42,7 +38,7 @@ class ObjectChangeEmitter:
         assert group is not None
         self._match.append(code.Assign(there, facts.emit_object_index(group, node, class_known=True)[0]))
         self._match.append(code.Assign(class_set_word(facts, group, new.cls, there), _emit_bit_at(there), "|="))
-        for attribute in single_attributes(facts.metamodel, [new.cls]).values():
+        for attribute in stored_attributes(facts, [new.cls]).values():
             self._emit_initial_value(attribute, node)
 
     def emit_retype(self, retype: RetypeObject) -> None:
@@ -68,20 +64,20 @@ class ObjectChangeEmitter:
         for reference, forward in ends_of(metamodel, [old]):
             if not metamodel.is_a(new, reference.owner if forward else reference.target):
                 self._emit_drop_or_refuse_links(reference, node, old, forward=forward, drops=self._match.plan.is_spo)
-        before, after = (single_attributes(metamodel, [cls]) for cls in (old, new))
+        before, after = (stored_attributes(self._facts, [cls]) for cls in (old, new))
         for index, attribute in before.items():
             if index not in after:
-                place = self._facts.attribute_cell(attribute, node, class_known=True)[0]
-                self._match.append(code.Assign(place, emit_missing_value(attribute.type)))
+                self._match.append(*emit_clear_attribute(self._facts, attribute, node, class_known=True))
         for index, attribute in after.items():
             if index not in before:
                 self._emit_initial_value(attribute, node)
 
     def _emit_initial_value(self, attribute: Attribute, node: code.Expression) -> None:
-        """Emit code that sets an attribute to its initial value."""
-        place, _ = self._facts.attribute_cell(attribute, node, class_known=True)
+        """Emit code that sets an attribute to its initial value; a multi-valued one has no values yet."""
         value = attribute.initial
-        assert not isinstance(value, tuple)
+        if isinstance(value, tuple):
+            return
+        place, _ = self._facts.attribute_cell(attribute, node, class_known=True)
         self._match.append(code.Assign(place, emit_literal(self._facts, value, attribute.type).number_code))
 
     def _emit_leave_sets(self, group: tuple[str, ...], slot: int) -> None:
@@ -104,13 +100,13 @@ class ObjectChangeEmitter:
             self._emit_delete_with_contents(concrete, delete.node)
             return
         for reference, forward in ends_of(metamodel, concrete):
-            is_content = holds_content(metamodel, reference, not forward)
+            is_content = contained_end(reference, True, False, metamodel) is forward
             self._emit_drop_or_refuse_links(
                 reference, node, cls, forward=forward, drops=is_content or self._match.plan.is_spo
             )
-        for attribute in single_attributes(metamodel, concrete).values():
-            place, guard = facts.attribute_cell(attribute, node, class_known=metamodel.is_a(cls, attribute.owner))
-            self._emit_clear_cell(place, emit_missing_value(attribute.type), guard)
+        for attribute in stored_attributes(facts, concrete).values():
+            sure = metamodel.is_a(cls, attribute.owner)
+            self._match.append(*emit_clear_attribute(facts, attribute, node, class_known=sure))
         group = facts.changes.group_of(concrete[0])
         assert group is not None
         self._emit_leave_sets(group, delete.node)
@@ -152,31 +148,14 @@ class ObjectChangeEmitter:
             forward: True for links of which the object is the source, False for links of which it is the target.
             drops: True to remove links; False to refuse the rule if links exist.
         """
-        facts = self._facts
-        kept, _ = facts.links.storage_of(reference)
-        sure = facts.metamodel.is_a(cls, reference.owner if forward else reference.target)
-        if isinstance(kept, LinkColumn) and kept.belongs_to_sources is forward:
-            place, guard = facts.links.column_cell(kept, node, class_known=sure)
-            if not drops:
-                free = code.Operation("<", (place, ZERO))
-                self._match.append_refuse_unless(
-                    code.ConditionalExpression(guard[0], free, code.TRUE) if guard else free
-                )
-            self._emit_clear_cell(place, NOBODY, guard)
-            return
+        sure = self._facts.metamodel.is_a(cls, reference.owner if forward else reference.target)
         block = code.BodyBuilder()
-        _, link = facts.links.loop_over_links(block, reference, node, forward=forward, class_known=sure)
+        _, link = self._facts.links.loop_over_links(block, reference, node, forward=forward, class_known=sure)
         if drops:
             block.add(code.Assign(link.place, link.unlinked_value))
         else:
             block.add(*self._match.failure_statements("REFUSED"))
         self._match.append(*block.finish_body())
-
-    def _emit_clear_cell(
-        self, place: code.Subscript, nothing: code.Expression, guard: Sequence[code.Expression]
-    ) -> None:
-        cleared = code.Assign(place, nothing)
-        self._match.append(code.If(code.emit_joined("and", guard, True), (cleared,)) if guard else cleared)
 
 
 def _emit_bit_at(place: code.Expression) -> code.Expression:

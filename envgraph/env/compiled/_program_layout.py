@@ -31,6 +31,7 @@ from envgraph.env.compiled._symbols import (
     ProgramTable,
     StateColumn,
     StaticRelation,
+    ValueDomain,
     ValueTable,
 )
 from envgraph.env.compiled._text_tables import TextTable, number_strings
@@ -103,7 +104,7 @@ class ProgramLayout:
         self.created_classes: frozenset[str] = frozenset()
         self.reuses_numbers = False
         self._numbers: dict[Symbol, int] = {Stride(): 0}
-        self._single: dict[tuple[str, ...], AtMostOneObject] = {}
+        self._single: dict[tuple[str, ...] | ValueDomain, AtMostOneObject] = {}
 
     def offset(self, symbol: Symbol) -> code.Expression:
         """Return code for the offset of a table or column, which is added to the layout if it is new.
@@ -121,7 +122,7 @@ class ProgramLayout:
         """Return code for the number of objects of the largest member."""
         return self.offset(Stride())
 
-    def assume_single(self, classes: tuple[str, ...]) -> bool:
+    def assume_single(self, classes: tuple[str, ...] | ValueDomain) -> bool:
         """Assume that every member has at most one object of some classes. Return False if it is known to be wrong."""
         assumed = AtMostOneObject(classes)
         if assumed in self.broken_assumptions:

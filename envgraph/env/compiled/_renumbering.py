@@ -79,7 +79,7 @@ def _emit_move_matrix(
         (matrix.sources, matrix.targets, width),
         (matrix.targets, matrix.sources, ONE),
     ):
-        if not facts.changes.created.isdisjoint(classes):
+        if isinstance(classes, tuple) and not facts.changes.created.isdisjoint(classes):
             place, number = (
                 emit_table_entry(emit_sum(layout.offset(ExtentTable(classes, "places")), first)),
                 facts.module.new_local("n"),

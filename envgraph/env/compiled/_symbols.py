@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Sequence
 from math import prod
-from typing import Final, Literal, TypeAlias
+from typing import Any, Final, Literal, TypeAlias
 
 import numpy as np
 from numpy.typing import NDArray
@@ -13,7 +14,7 @@ from envgraph.behaviour import bind_parameter
 from envgraph.code import dataclass
 from envgraph.env.compiled._member_data import NO_OBJECT, Cell, MemberData, Row, missing_value, value_count
 from envgraph.env.compiled._not_compiled import AssumptionViolated
-from envgraph.metamodel import Attribute, Reference, Scalar, Value
+from envgraph.metamodel import Attribute, AttributeType, Reference, Scalar, Value
 from envgraph.pattern import Library, ObjectType, Parameter, StaticType
 
 WORD_BITS: Final = 32
@@ -266,15 +267,46 @@ def _group_rows(
 
 
 @dataclass(frozen=True, slots=True)
-class ExtentTable(IntValued):
-    """A table about the objects of some classes, selected by `kind`.
+class ValueDomain:
+    """The values that a multi-valued attribute may have, as ascending numbers.
+
+    Attributes:
+        literals: values of the type, or of rules; None for all strings of the family.
+        sources: attributes whose values in the member's initial model are among them.
+    """
+
+    type: AttributeType
+    literals: tuple[Value, ...] | None
+    sources: tuple[Attribute, ...]
+
+    @property
+    def is_float(self) -> bool:
+        """Return True if the values are floats."""
+        return self.type is Scalar.FLOAT
+
+    def numbers(self, member: MemberData) -> list[Any]:
+        """Return the numbers that represent the values for a member."""
+        if self.literals is None:
+            return sorted(member.string_numbers.values())
+        found = {value for source in self.sources for _, value in member.rows(FeatureRows(source))}
+        return sorted(found.union(member.encode(literal, self.type) for literal in self.literals))
+
+
+@dataclass(frozen=True, slots=True)
+class ExtentTable:
+    """A table about the objects of some classes, or about the values of a domain, selected by `kind`.
 
     `objects`: their numbers, ascending; `count`: how many; `words`: the words of a bit set of them; `places`: the
     position of each object of the member among them, -1 for objects of other classes.
     """
 
-    classes: tuple[str, ...]
+    classes: tuple[str, ...] | ValueDomain
     kind: Literal["objects", "count", "words", "places"]
+
+    @property
+    def is_float(self) -> bool:
+        """Return True if the entries are floats."""
+        return self.kind == "objects" and isinstance(self.classes, ValueDomain) and self.classes.is_float
 
     def fill(self, member: MemberData, stride: int) -> Sequence[Cell]:
         """Return the entries of the table for a member; `stride` is the largest number of objects of a member."""
@@ -294,9 +326,9 @@ class ExtentTable(IntValued):
 
 @dataclass(frozen=True, slots=True)
 class AtMostOneObject:
-    """The assumption that each member has at most one object of some classes."""
+    """The assumption that each member has at most one object of some classes, or a domain at most one value."""
 
-    classes: tuple[str, ...]
+    classes: tuple[str, ...] | ValueDomain
 
     def check(self, member: MemberData) -> None:
         """Check that the member satisfies the assumption.
@@ -308,11 +340,13 @@ class AtMostOneObject:
             raise AssumptionViolated(self)
 
 
-def object_numbers(member: MemberData, classes: Sequence[str]) -> list[int]:
-    """Return the numbers of the objects of some concrete classes, ascending.
+def object_numbers(member: MemberData, classes: Sequence[str] | ValueDomain) -> list[int]:
+    """Return the numbers of the objects of some concrete classes, or of the values of a domain, ascending.
 
     If rules create objects of these classes, the numbers reserved for created objects follow.
     """
+    if isinstance(classes, ValueDomain):
+        return classes.numbers(member)
     found = sorted(number for cls in classes for number in member.extent(cls, exact=True))
     return found if member.created_classes.isdisjoint(classes) else [*found, *member.reserved_numbers]
 
@@ -364,17 +398,20 @@ class LinkColumn(IntValued):
 
 @dataclass(frozen=True, slots=True)
 class LinkMatrix(IntValued):
-    """A matrix [sources, targets] of a reference with many links at both ends: 1 if the two objects are linked."""
+    """A matrix [sources, targets] of a reference with many links at both ends: 1 if the two objects are linked.
 
-    reference: Reference
+    For a multi-valued attribute, a matrix [objects, values]: how many times an object has a value.
+    """
+
+    reference: Reference | Attribute
     sources: tuple[str, ...]
-    targets: tuple[str, ...]
+    targets: tuple[str, ...] | ValueDomain
 
     def initial_cells(self, member: MemberData) -> Sequence[Cell]:
         """Return the matrix in the member's initial state, row by row."""
-        links = {(int(source), int(target)) for source, target in member.rows(FeatureRows(self.reference))}
+        links = Counter(member.rows(FeatureRows(self.reference)))
         ends = object_numbers(member, self.sources), object_numbers(member, self.targets)
-        return [int((source, target) in links) for source in ends[0] for target in ends[1]]
+        return [links[source, target] for source in ends[0] for target in ends[1]]
 
 
 @dataclass(frozen=True, slots=True)

@@ -132,6 +132,14 @@ def put_back(S, F, ints, floats, RI, RF, top):
         F[number] = RF[top + number, 0]
 
 
+def place_of(V, first, count, value):
+    """Return the position of a value among `count` entries of a table from `first` on; -1 if it is not there."""
+    for number in range(count):
+        if V[first + number] == value:
+            return number
+    return -1
+
+
 def drop_row(RI, RF, row, end):
     """Remove a row, and move the rows after it, up to `end`, one position to the front."""
     for number in range(row + 1, end):

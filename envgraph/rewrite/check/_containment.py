@@ -1,4 +1,4 @@
-"""Helpers about containment: the contained end of a link, and retypings that take objects out of all containers."""
+"""Decisions about containment: which objects operations put into containers, and which leave their containers."""
 
 from __future__ import annotations
 
@@ -6,6 +6,15 @@ from collections.abc import Iterable, Iterator
 from typing import TypeVar
 
 from envgraph.metamodel import Metamodel, Reference
+from envgraph.rewrite._rule_plan import (
+    AddLink,
+    BlockPlan,
+    ChangeTargets,
+    CreateObject,
+    MoveToContainer,
+    Operation,
+    SetTargets,
+)
 
 End = TypeVar("End", int, str)
 
@@ -14,6 +23,41 @@ def contained_end(reference: Reference, source: End, target: End, metamodel: Met
     """Return the end of a link that is contained in the other end; None if the reference is no containment."""
     found = metamodel.containment_link(reference, source, target)
     return None if found is None else found[2]
+
+
+def container_entries(
+    operations: Iterable[Operation | CreateObject], metamodel: Metamodel
+) -> Iterator[tuple[int, int]]:
+    """Yield the slots of an object and its new container, for each object that operations put into a container."""
+    for operation in operations:
+        match operation:
+            case MoveToContainer(node, container, reference):
+                links = [(container, node)]
+            case AddLink(source, reference, target):
+                links = [(source, target)]
+            case SetTargets(node, reference, values) | ChangeTargets(node, reference, "+=", values):
+                links = [(node, value) for value in values]
+            case _:
+                continue
+        for held in (metamodel.containment_link(reference, *ends) for ends in links):
+            if held is not None:
+                yield held[2], held[1]
+
+
+def leaving_changes(plan: BlockPlan, metamodel: Metamodel, *, alone: bool) -> list[SetTargets | ChangeTargets]:
+    """Return the assignments of a block whose objects have to leave their containers before any object enters one.
+
+    There are none if the block is the `alone` of its rule and moves at most one object.
+    """
+    setting = [change for change in plan.sets if isinstance(change, SetTargets | ChangeTargets)]
+    housing = [change for change in setting if contained_end(change.reference, 0, 1, metamodel) is not None]
+    others = len([*container_entries((*plan.moves, *plan.links), metamodel)])
+    return [] if alone and len(housing) + others <= 1 else housing
+
+
+def containments_of(cls: str, metamodel: Metamodel) -> list[Reference]:
+    """Return the references by which objects of a class may be contained."""
+    return [one for one in metamodel.references if one.containment and metamodel.may_overlap(cls, one.target)]
 
 
 def loses_container(classes: Iterable[str], new_class: str, metamodel: Metamodel) -> bool:

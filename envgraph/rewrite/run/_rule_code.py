@@ -49,7 +49,7 @@ from envgraph.rewrite._rule_plan import (
     SetAttributeValues,
     SetTargets,
 )
-from envgraph.rewrite.check._containment import contained_end
+from envgraph.rewrite.check._containment import contained_end, container_entries, leaving_changes
 from envgraph.rewrite.run._rule_runtime import ON_MODEL, ON_VALUES, merge_objects
 
 _GRAPH_METHODS: Final = (
@@ -148,16 +148,9 @@ class RuleCodeEmitter:
         """Emit code that removes links, and takes objects out of old containers before any object is moved."""
         fresh = {new.node for new in plan.creates}
         leaving = [self._emit_leave(move, move.container in fresh) for move in plan.moves if move.node not in fresh]
-        setting = [change for change in plan.sets if isinstance(change, SetTargets | ChangeTargets)]
-        housing = [change for change in setting if self._is_containment(change.reference)]
-        others = len(plan.moves) + sum(self._is_containment(link.reference) for link in plan.links)
-        if not self.has_certain_classes or len(housing) + others > 1:
-            leaving += [statement for change in housing for statement in self._emit_release(change, fresh)]
+        for change in leaving_changes(plan, self.model.metamodel, alone=self.has_certain_classes):
+            leaving += self._emit_release(change, fresh)
         return [*map(self._emit_unlink, plan.unlinks), *leaving]
-
-    def _is_containment(self, reference: Reference) -> bool:
-        relation = self.model.graph.store.relations[reference.index]
-        return relation.containment or relation.is_contained
 
     def _emit_release(self, op: SetTargets | ChangeTargets, fresh: set[int]) -> list[code.Statement]:
         """Emit code that removes objects from containers which they leave because targets are set."""
@@ -221,8 +214,8 @@ class RuleCodeEmitter:
             for m in plan.moves
         ]
         fresh = {new.node for new in plan.creates}
-        housed = Counter(contained_end(op.reference, op.source, op.target, self.model.metamodel) for op in plan.links)
-        housed.update(op.node for op in plan.moves)
+        entries = container_entries((*plan.moves, *plan.links), self.model.metamodel)
+        housed = Counter(content for content, _ in entries)
         links = []
         for op in plan.links:
             content = contained_end(op.reference, op.source, op.target, self.model.metamodel)

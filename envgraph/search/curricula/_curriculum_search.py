@@ -437,9 +437,7 @@ class CurriculumSearch:
         try:
             return self.objective.scores(family, seeds)
         except (TooManyStates, NotCompiled) as error:  # a member other than the target failed
-            known = (
-                error.message if isinstance(error, TooManyStates) else f"a member cannot be compiled: it has {error}"
-            )
+            known = error.message if isinstance(error, TooManyStates) else f"a member cannot be compiled: {error}"
             self.levels.rejection_counts[known] += 1
             return np.full((1, len(seeds)), LOWEST_SCORE)
 

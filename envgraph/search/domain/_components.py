@@ -190,7 +190,7 @@ def _learning_objective_maker(
             return LearningObjective(settings, levels.target, steps, seed, workers)
         except NotCompiled as reason:
             name, note = levels.behaviour.name, Note("this construct cannot be compiled", reason.span)
-            message = f"`{name}` has too many states for tables, and cannot be compiled: it has {reason.construct}"
+            message = f"`{name}` has too many states for tables, and cannot be compiled: {reason}"
             hint = (
                 "remove this construct, or make the target smaller: a table has at most "
                 f"{LIMITS['searched states']:,} states"

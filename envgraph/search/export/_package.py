@@ -148,7 +148,7 @@ class _EnvironmentData:
             try:
                 self.program = family.program(family.members)
             except NotCompiled as refused:
-                message = f"{many.message}, and it cannot be compiled: it has {refused.construct}"
+                message = f"{many.message}, and it cannot be compiled: {refused}"
                 raise EvaluationError(message, refused.span, "remove this construct, or use smaller models") from None
 
     def template_values(self, episodes: bool) -> Mapping[str, Any]:

@@ -140,7 +140,7 @@ class LazyFamily:
         compile it.
         """
         assert self._refused is not None
-        message = f"environment `{self.family.behaviour.name}` cannot be compiled: it has {self._refused.construct}"
+        message = f"environment `{self.family.behaviour.name}` cannot be compiled: {self._refused}"
         hint = 'use `engine="live"`, or `engine="table"` if there are few states'
         return EvaluationError(message, self._refused.span, hint)
 

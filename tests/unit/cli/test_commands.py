@@ -397,7 +397,7 @@ def test_a_family_is_exported_as_a_package(envgraph: Envgraph, tmp_path: Path, m
 
     monkeypatch.setattr(Family, "program", program)
     refused = envgraph("export", "a", "--format", "compiled", "-o", "more")
-    assert refused.code == 1 and "cannot be compiled: it has units" in refused.err
+    assert refused.code == 1 and "cannot be compiled: compiled environments do not support units" in refused.err
 
 
 def test_a_family_is_exported_as_code_from_templates(envgraph: Envgraph, tmp_path: Path) -> None:

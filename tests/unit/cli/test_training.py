@@ -324,7 +324,8 @@ def test_environments_with_too_many_states_are_trained_in_compiled_programs(
 
     monkeypatch.setattr(Family, "program", uncompiled)
     code, _, messages = command("train", "forest", "--steps", "400")  # type: ignore[operator]
-    assert code == 1 and "has more than 1 states, and it cannot be compiled: it has a unit" in messages
+    assert code == 1 and "has more than 1 states, and it cannot be compiled: compiled environments" in messages
+    assert "do not support a unit" in messages
 
 
 def test_the_journal_syncs_each_added_agent_to_the_disk(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

@@ -306,6 +306,7 @@ def facts_of(model: Model) -> set[tuple[object, ...]]:
             if isinstance(feature, Reference):
                 found.update((number, feature.name, rank[target]) for target in model.graph.targets(node, feature))
             else:
-                values = model.graph.values(node, feature) if feature.many else model.graph.value(node, feature)
+                graph = model.graph  # the order of many values is no part of a state
+                values = sorted(graph.values(node, feature)) if feature.many else graph.value(node, feature)
                 found.add((number, feature.name, str(values)))
     return found

@@ -5,6 +5,97 @@ from __future__ import annotations
 from tests.unit.env.corners.yard import MODEL, Yard, wrong
 
 CORNERS = {
+    "attributes with many values": Yard(
+        """
+        rule mark(s : Spot) { lhs { s : Spot; } modify { set s.marks += s.tag; } }
+        rule wipe { lhs { s : Spot; t : Spot; Spot.marks(t, m); } modify { set s.marks -= m; } }
+        rule name { lhs { s : Spot; } modify { set s.marks = ["x", s.x > 1 ? "y" : "x", s.tag]; } }
+        rule clear { lhs { s : Spot; } modify { set s.marks = none; } }
+        rule count(m : Man) { lhs { m : Man; i : Item; } modify { set m.codes += i.id; } }
+        rule recount { lhs { m : Man; i : Item; Item.id(i, n); check n != 2; } modify { set m.codes = [n, 7]; } }
+        rule forget(m : Man) { lhs { m : Man; i : Item; } modify { set m.codes -= i.id; } }
+        rule see { lhs { m : Man; n : Man; } modify { set m.kinds += n.kind; set m.kind = ::zebra; } }
+        rule unsee { lhs { m : Man; n : Man; } modify { set m.kinds -= n.kind; } }
+        rule turn { lhs { m : Man; } modify { set m.ways += m.hunger > 2 ? Way::west : Way::east; } }
+        rule back { lhs { m : Man; Man.ways(m, w); } modify { set m.ways -= w; set m.hunger = 3; } }
+        rule face { lhs { m : Man; } modify { set m.ways = [::east, ::west, ::east]; set m.hunger = 1; } }
+        rule roll { lhs { m : Man; } modify { set m.rolls += m.hunger > 3 ? 2 : m.awake ? 1 : 0; set m.hunger += 1; } }
+        rule flip { lhs { m : Man; } modify { set m.flips += m.awake; set m.awake = !m.awake; } }
+        rule rest { lhs { m : Man; } modify { set m.flips = [true]; } }
+        rule add { lhs { m : Man; i : Item; } modify { set m.sums += i.weight; set m.sums -= 1; } }
+        rule one { lhs { m : Man; } modify { set m.sums += 1; } }
+        """,
+        """
+        action mark(s : Spot) = mark(s) reward 1
+        action wipe = wipe() reward 2
+        action name = 0.5: name() | 0.2: clear()
+        action count(m : Man) = count(m) reward 3 else reward -3
+        action recount = recount()
+        action forget(m : Man) = forget(m)
+        action see = see()
+        action unsee = unsee()
+        action turn = 0.5: turn() | 0.2: face() reward 4 else reward -4
+        action back = back()
+        action roll = roll()
+        action flip = 0.7: flip() | 0.3: rest()
+        action add = 0.5: add() | 0.5: one()
+        on find marked(_, t) reward t == "a" ? 0.1 : 0.2
+        on find same(_, _) reward 0.01
+        on find total(n) reward n
+        on find heavy(w) reward w
+        on find twice(m) reward m.power
+        observe count find marked(_, _) up to 9
+        observe find coded(adam, 1)
+        observe count find seen(_, ::ant) up to 3
+        """,
+        """
+        pattern marked(s : Spot, t : string) { Spot.marks(s, t); }
+        pattern same(s : Spot, t : Spot) { Spot.marks(s, m); Spot.marks(t, m); check s.x < t.x; }
+        pattern total(n : int) { n == sum Man.codes(_, #); }
+        pattern heavy(w : float) { w == sum Man.sums(_, #); }
+        pattern twice(m : Man) { Man.ways(m, ::east); Man.flips(m, true); neg Man.rolls(m, 2); }
+        pattern coded(m : Man, n : int) { Man.codes(m, n); }
+        pattern seen(m : Man, k : Kind) { Man.kinds(m, k); }
+        """,
+    ),
+    "attributes with many values, of objects that come and go": Yard(
+        """
+        rule mark { lhs { s : Spot; t : Spot; } modify { set s.marks += t.tag; } }
+        rule dig { lhs { y : Yard; s : Spot; most == max Spot.x(_, #); neg Spot.east(s, _); check most < 7; }
+            modify { create y -spots-> t : Spot { x = most + 1, west = s, tag = "d", marks = ["b"] }; } }
+        @semantics(spo) rule fill { lhs { s : Spot; Spot.marks(s, "b"); } modify { delete s; } }
+        rule harden { lhs { b : Box; } modify { retype b : Chest; set b.labels = ["x", "y"]; } }
+        @semantics(spo) rule soften { lhs { b : Chest; } modify { retype b : Box; } }
+        rule label { lhs { b : Chest; s : Spot; } modify { set b.labels += s.tag; } }
+        @semantics(spo) rule smash { lhs { b : Chest; Chest.labels(b, "a"); } modify { delete b; } }
+        rule pack { lhs { b : Box; c : Box; } modify { move c to b.inner; } }
+        @semantics(spo) rule kill { lhs { m : Man; } modify { delete m; } }
+        rule all { lhs { y : Yard; } forall { lhs { s : Spot; } modify { set s.marks += s.tag; } } modify { } }
+        """,
+        """
+        action mark = mark() reward 1
+        action dig = dig() reward 2
+        action fill = 0.3: fill() reward 3
+        action harden = harden()
+        action soften = 0.3: soften()
+        action label = label()
+        action smash = 0.3: smash()
+        action pack = pack() reward 5 else reward -5
+        action kill = 0.05: kill()
+        action all = 0.2: all()
+        on find marked(_, t) reward t == "b" ? 0.1 : 0.2
+        on find labelled(_, t) reward t == "x" ? 0.01 : 0.02
+        on find coded(_, n) reward n
+        observe count find marked(_, _) up to 9
+        observe count find labelled(_, _) up to 9
+        """,
+        """
+        pattern marked(s : Spot, t : string) { Spot.marks(s, t); }
+        pattern labelled(s : Chest, t : string) { Chest.labels(s, t); }
+        pattern coded(m : Man, n : int) { Man.codes(m, n); }
+        """,
+        head="",
+    ),
     "enums": Yard(
         """
         rule paint(s : Spot, k : Kind) { lhs { s : Spot; } modify { set s.kind = k; } }
@@ -354,7 +445,7 @@ REFUSED = {
     "a string made of a number": wrong("lhs { s : Spot; } modify { set s.tag = toString([[s.n]]); }"),
     "a rule that concatenates strings (`yard.wrong`)": wrong('lhs { s : Spot; } modify { [[set s.tag += "x";]] }'),
     "a rule that changes a key (`Spot.x`)": wrong("lhs { s : Spot; } modify { [[set s.x += 1;]] }"),
-    "a rule that sets a multi-valued attribute (`yard.wrong`)": wrong(
-        'lhs { s : Spot; } modify { [[set s.marks = ["x"];]] }'
+    "values of `Man.codes` that are not known before they are set": wrong(
+        "lhs { m : Man; n == eval(m.hunger + 1); } modify { [[set m.codes += n;]] }"
     ),
 }

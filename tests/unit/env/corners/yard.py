@@ -50,6 +50,12 @@ class Pit extends Spot
     refers Man[0..1] friend opposite friend
     refers Spot[*] visited
     refers Item[0..2] likes opposite fans
+    int[0..2] codes
+    Kind[*] kinds
+    @nonunique Way[0..3] ways
+    int[*] rolls
+    @nonunique bool[*] flips
+    float[*] sums
 }
 
 @key(id) class Item {
@@ -69,7 +75,7 @@ class Plain extends Crate { int size = 7 }
 class Box extends Crate { contains Item[0..1] item contains Box[0..3] inner opposite outer
     refers Box[0..1] outer opposite inner contains Box[0..1] lid opposite under refers Box[0..1] under opposite lid
     refers Spot[*] likes int size = 1 }
-class Chest extends Box { int depth = 0 refers Man[0..1] lock }
+class Chest extends Box { int depth = 0 refers Man[0..1] lock string[*] labels }
 """
 
 MODEL = """
@@ -78,7 +84,7 @@ import "yard.metamodel"
 model small : yard {
     yard : Yard {
         spots = [
-            s0 : Spot { x = 0 tag = "b" kind = ::zebra east = s1 maybe = 4 },
+            s0 : Spot { x = 0 tag = "b" kind = ::zebra east = s1 maybe = 4 marks = ["m", "a"] },
             s1 : Spot { x = 1 tag = "a" kind = ::ant east = s2 f = 0.1 },
             s2 : Pit { x = 2 tag = "c" kind = ::mole east = s3 n = 2 f = 0.7 },
             s3 : Spot { x = 3 tag = "a" kind = ::ant lit = true f = 0.3 },
@@ -86,7 +92,7 @@ model small : yard {
         boxes = [ b0 : Box { size = 2 }, b1 : Box { item = i3 : Item { id = 3 tag = "q" } } ]
         men = [
             adam : Man { name = "adam" at = s0 wants = i1 bag = [i4 : Item { id = 4 weight = 1.1 kind = ::ant }] },
-            eve : Man { name = "eve" at = s3 hunger = 1 kind = ::mole },
+            eve : Man { name = "eve" at = s3 hunger = 1 kind = ::mole codes = [7] ways = [::east, ::east] },
             seth : Man { name = "seth" },
         ]
         items = [
