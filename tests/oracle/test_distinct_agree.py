@@ -11,7 +11,7 @@ from hypothesis import HealthCheck, example, given, settings, strategies as st
 
 from envgraph.graph import Model
 from envgraph.match import FREE, CompiledMatcher
-from envgraph.match.generate import _sources, _translation
+from envgraph.match.generate import _duplicate_filter_code, _sources
 from envgraph.pattern import Constraint, Library, Pattern
 from tests.oracle.naive._naive import NaiveMatcher
 from tests.oracle.test_closures_on_demand import PLACES, places
@@ -111,7 +111,7 @@ def test_matchers_with_distinct_sets_give_the_same_rows_in_the_same_order(seed: 
             questions.append((each.name, arguments))
     with_sets = answers(model, library, questions)
     with pytest.MonkeyPatch.context() as patch:
-        for module in (_translation, _sources):
+        for module in (_duplicate_filter_code, _sources):
             patch.setattr(module, "place_duplicate_filters", lambda *_: {})
         assert answers(model, library, questions) == with_sets
 

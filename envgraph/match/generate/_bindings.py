@@ -2,9 +2,12 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
+
 from envgraph import code
-from envgraph.match.generate._source_builder import SourceBuilder, local_variable
-from envgraph.pattern import Conjunction
+from envgraph.match.generate._source_builder import local_variable
+from envgraph.metamodel import Value
+from envgraph.pattern import Conjunction, StaticType
 
 
 class VariableBindings:
@@ -12,7 +15,7 @@ class VariableBindings:
 
     Args:
         conjunction: the body.
-        module: receives constants.
+        literal: returns code for the value of a constant, given its type.
         renumbered: if True, local variables are numbered by first use, so that equal code has equal names.
 
     Attributes:
@@ -20,11 +23,16 @@ class VariableBindings:
         constants: the variables with a fixed value.
     """
 
-    def __init__(self, conjunction: Conjunction, module: SourceBuilder, renumbered: bool = False) -> None:
+    def __init__(
+        self,
+        conjunction: Conjunction,
+        literal: Callable[[Value, StaticType], code.Expression],
+        renumbered: bool = False,
+    ) -> None:
         self.expressions: dict[int, code.Expression] = {}
         self.constants = dict(conjunction.constants)
         self._types = conjunction.types
-        self._module = module
+        self._literal = literal
         self._numbers: dict[int, int] | None = {} if renumbered else None
 
     def has_value(self, variable: int) -> bool:
@@ -39,7 +47,7 @@ class VariableBindings:
     def expression_of(self, variable: int) -> code.Expression:
         """Return the expression for the value of a variable, which must have a value."""
         if variable not in self.expressions:
-            self.expressions[variable] = self._module.literal(self.constants[variable])
+            self.expressions[variable] = self._literal(self.constants[variable], self._types[variable])
         return self.expressions[variable]
 
     def local(self, variable: int, prefix: str = "v") -> code.Local:

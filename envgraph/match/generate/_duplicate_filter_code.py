@@ -2,15 +2,18 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
+from functools import partial
 from typing import Final
 
 from envgraph import code
 from envgraph.match.generate._bindings import VariableBindings
-from envgraph.match.generate._sinks import emit_empty_collection, value
+from envgraph.match.generate._sinks import SolutionSink, emit_empty_collection, value
 from envgraph.match.generate._source_builder import SourceBuilder
-from envgraph.match.plan._duplicate_filters import OUTER_LOOP, DuplicateFilter
+from envgraph.match.plan._duplicate_filters import OUTER_LOOP, DuplicateFilter, place_duplicate_filters
+from envgraph.match.plan._planner import determined_variables
 from envgraph.match.plan._search_plan import PlanStep
+from envgraph.match.plan._size_estimates import SizeEstimates
 
 PLAN_END: Final = 0
 """The key for the place after the last step, among identities of steps."""
@@ -44,12 +47,25 @@ class DuplicateFilterCode:
         """Return True if the places of the filters are known."""
         return self._places is not None
 
-    def set_filters(self, steps: Sequence[PlanStep], filters: Mapping[int, DuplicateFilter]) -> None:
-        """Store the filters, given by the number of the step that follows, and name the sets of an outer loop."""
+    def place(
+        self, steps: Sequence[PlanStep], sink: SolutionSink, sizes: SizeEstimates | None, around: Sequence[int]
+    ) -> None:
+        """Place the filters of a plan, and name the sets of a loop around it, which binds variables.
+
+        Without size estimates, there are no filters.
+        """
+        found: dict[int, DuplicateFilter] = {}
+        if sizes is not None:
+            of, known = (
+                partial(determined_variables, sizes=sizes),
+                {*self._bindings.expressions, *self._bindings.constants},
+            )
+            found = place_duplicate_filters(steps, sink.variables, known, of, around)
         places = {number: id(step) for number, step in enumerate(steps)}
         self._places = {
             places.get(number, PLAN_END): (places.get(each.first, OUTER_LOOP), each.key)
-            for number, each in filters.items()
+            for number, each in found.items()
+            if number < len(steps) or sink.unique
         }
         self.emit_new_sets(OUTER_LOOP)
 

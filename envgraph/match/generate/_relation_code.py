@@ -7,7 +7,7 @@ from dataclasses import replace
 
 from envgraph import code
 from envgraph.match.generate._bindings import VariableBindings
-from envgraph.match.generate._sinks import length
+from envgraph.match.generate._sinks import aggregate_function_name, length
 from envgraph.match.generate._source_builder import SourceBuilder
 from envgraph.match.generate._symbols import (
     Builtin,
@@ -25,7 +25,15 @@ from envgraph.match.plan._planner import Planner
 from envgraph.match.plan._shared_searches import ReachAggregate
 from envgraph.match.plan._step_candidates import query_of_call
 from envgraph.metamodel import Attribute, Reference
-from envgraph.pattern import CallAtom, ClosureAtom, InstanceAtom, LinkAtom, RelationAtom, relation_variables
+from envgraph.pattern import (
+    AggregateAtom,
+    CallAtom,
+    ClosureAtom,
+    InstanceAtom,
+    LinkAtom,
+    RelationAtom,
+    relation_variables,
+)
 
 
 class RelationCode:
@@ -140,6 +148,13 @@ class RelationCode:
         return self._emit_call(
             self._module.name_of(PatternFunction(replace(key, outputs=outputs), ResultMode.BAG)), relation
         )
+
+    def emit_aggregate(self, goal: AggregateAtom) -> code.Expression | None:
+        """Return code for an aggregate that one existing function or column answers; None if a loop is needed."""
+        if goal.column is None:
+            return self.emit_count(goal.relation)
+        values = self.emit_column(goal.relation, goal.column)
+        return None if values is None else code.emit_call(aggregate_function_name(self._module, goal), values)
 
     def _emit_call(self, function: code.Name, goal: CallAtom) -> code.Expression:
         """Return a call of a function with the bound arguments of a goal."""

@@ -89,26 +89,26 @@ class SuspendingTranslation(PlanTranslation):
     key: PatternQuery
     first: list[PlanStep]
 
-    def _new_translation(self, block: BodyBuilder, continuation: bool) -> PlanTranslation:
+    def _new_part(self, continuation: bool) -> PlanTranslation:
         if not continuation:
-            return super()._new_translation(block, continuation)
-        inner = SuspendingTranslation(self._planner, self._module, self._conjunction, block, {})
+            return super()._new_part(continuation)
+        inner = SuspendingTranslation(self._planner, self._module, self.conjunction, BodyBuilder(), {})
         inner.key, inner.first = self.key, self.first
         return inner
 
-    def _emit_steps(self, steps: Sequence[PlanStep], sink: SolutionSink) -> None:
+    def emit_steps(self, steps: Sequence[PlanStep], sink: SolutionSink) -> None:
         assert isinstance(self._planner, Planner)
         steps = _flatten_tests(steps, self._planner, self.key)
         number = next((n for n, s in enumerate(steps) if _is_component_call(s, self._planner, self.key)), None)
         if number is None:
-            super()._emit_steps(steps, sink)
+            super().emit_steps(steps, sink)
             return
         before, step, rest = steps[:number], steps[number], steps[number + 1 :]
         known = {
-            *self._bindings.expressions,
+            *self.bindings.expressions,
             *chain.from_iterable(s.binds for s in before),
-        } - self._bindings.constants.keys()
-        super()._emit_steps(before, self._suspension(step, rest, sink, known))
+        } - self.bindings.constants.keys()
+        super().emit_steps(before, self._suspension(step, rest, sink, known))
 
     def _suspension(
         self, step: PlanStep, rest: Sequence[PlanStep], sink: SolutionSink, known: set[int]
@@ -125,7 +125,7 @@ class SuspendingTranslation(PlanTranslation):
         """
         goal = step.goal
         assert isinstance(goal, CallAtom)
-        bound = tuple(p for p, v in enumerate(goal.arguments) if v in known or v in self._bindings.constants)
+        bound = tuple(p for p, v in enumerate(goal.arguments) if v in known or v in self.bindings.constants)
         given = tuple(goal.arguments[position] for position in bound)
         free = tuple(v for p, v in enumerate(goal.arguments) if p not in bound)
         calls = self._module.name_of(RecursiveFunction(goal.pattern, bound))
@@ -147,8 +147,8 @@ class SuspendingTranslation(PlanTranslation):
     def _is_own_call(self, step: PlanStep, bound: tuple[int, ...], given: tuple[int, ...]) -> bool:
         """Return True if a step is the first of its body and repeats the call that is evaluated, with its values."""
         assert isinstance(step.goal, CallAtom)
-        heads = tuple(self._conjunction.parameters[position] for position in self.key.bound)
-        are_distinct = len(set(heads)) == len(heads) and self._bindings.constants.keys().isdisjoint(heads)
+        heads = tuple(self.conjunction.parameters[position] for position in self.key.bound)
+        are_distinct = len(set(heads)) == len(heads) and self.bindings.constants.keys().isdisjoint(heads)
         same = step.goal.pattern == self.key.pattern and bound == self.key.bound and given == heads
         return are_distinct and same and any(each is step for each in self.first)
 
@@ -169,16 +169,15 @@ class SuspendingTranslation(PlanTranslation):
             rest: the steps after the call.
             sink: the sink of the whole plan.
         """
-        block = BodyBuilder()
-        inner = self._new_translation(block, continuation=True)
-        inner._bindings.expressions = {v: self._bindings.local(v) for v in inputs}
+        inner = self._new_part(continuation=True)
+        inner.bindings.expressions = {v: self.bindings.local(v) for v in inputs}
         inner._allows_joins = self._allows_joins
         parameters = [local_variable("w", number) for number in range(width)]
         for number, variable in enumerate(columns):
-            if variable in inner._bindings.expressions:
-                block.open_test(emit_equal(parameters[number], self._bindings.local(variable)))
+            if variable in inner.bindings.expressions:
+                inner.block.open_test(emit_equal(parameters[number], self.bindings.local(variable)))
             else:
-                inner._bindings.expressions[variable] = parameters[number] = self._bindings.local(variable)
-        inner._emit_steps(rest, sink)
-        known = [_TABLE, *(self._bindings.local(v) for v in inputs)]
-        return self._module.add_function(self._module.fresh_name("h"), [*known, *parameters], block.finish_body())
+                inner.bindings.expressions[variable] = parameters[number] = self.bindings.local(variable)
+        inner.emit_steps(rest, sink)
+        known = [_TABLE, *(self.bindings.local(v) for v in inputs)]
+        return self._module.add_function(self._module.fresh_name("h"), [*known, *parameters], inner.block.finish_body())

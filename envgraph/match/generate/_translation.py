@@ -7,14 +7,13 @@ allows. It contains no text of the user: variables are numbered, constants and c
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import replace
 from functools import partial
 
 from envgraph import code
 from envgraph.code import dataclass
 from envgraph.match.generate._bindings import VariableBindings
 from envgraph.match.generate._duplicate_filter_code import PLAN_END, DuplicateFilterCode
-from envgraph.match.generate._link_tests import link_tests
+from envgraph.match.generate._link_tests import emit_common_ends, link_tests
 from envgraph.match.generate._relation_code import RelationCode, emit_shared_aggregate
 from envgraph.match.generate._sinks import (
     COUNT,
@@ -24,14 +23,12 @@ from envgraph.match.generate._sinks import (
     N,
     SolutionSink,
     VariableCode,
-    aggregate_function_name,
     aggregate_sink,
     emit_empty_collection,
     row,
 )
 from envgraph.match.generate._source_builder import SourceBuilder, local_variable
 from envgraph.match.generate._symbols import (
-    Builtin,
     ClosureQuestion,
     MatchLimitCheck,
     ResultMode,
@@ -39,9 +36,9 @@ from envgraph.match.generate._symbols import (
     Valued,
     closure_function,
 )
-from envgraph.match.generate._value_joins import ComparisonSide, ValueJoin, value_join
-from envgraph.match.plan._duplicate_filters import DuplicateFilter, place_duplicate_filters
-from envgraph.match.plan._planner import Planner, determined_variables
+from envgraph.match.generate._translator import PlanTranslator
+from envgraph.match.generate._value_joins import ValueJoin, value_join
+from envgraph.match.plan._planner import Planner
 from envgraph.match.plan._search_plan import PlanStep, SearchPlan, StepKind
 from envgraph.match.plan._shared_searches import (
     join_of,
@@ -50,7 +47,6 @@ from envgraph.match.plan._shared_searches import (
     variables_used_by,
 )
 from envgraph.pattern import (
-    AbsenceAtom,
     AggregateAtom,
     AttributeAtom,
     CallAtom,
@@ -60,7 +56,6 @@ from envgraph.pattern import (
     Expression as Term,
     InstanceAtom,
     LinkAtom,
-    UnequalAtom,
     ValuationAtom,
     relation_variables,
     visible_variables,
@@ -80,8 +75,8 @@ class StepOrigin:
     known: Mapping[int, code.Expression]
 
 
-class PlanTranslation:
-    """A translation of the plan of one conjunction into code.
+class PlanTranslation(PlanTranslator):
+    """A translation of the plan of one conjunction into code that asks the columns of the store.
 
     Args:
         planner: plans called patterns.
@@ -109,14 +104,14 @@ class PlanTranslation:
         given: Mapping[int, code.Expression],
         relations: RelationCode | None = None,
     ) -> None:
+        bindings = VariableBindings(conjunction, lambda value, _: module.literal(value))
+        self._relations = relations or RelationCode(planner, module, bindings)
+        super().__init__(conjunction, block, self._relations.bindings)
         self._planner = planner
         self._module = module
-        self._conjunction = conjunction
-        self._block = block
         self._given = given
-        self._relations = relations or RelationCode(planner, module, VariableBindings(conjunction, module))
-        self._bindings = self._relations.bindings
-        self.duplicate_filters = DuplicateFilterCode(module, block, self._bindings)
+        self.duplicate_filters = DuplicateFilterCode(module, block, self.bindings)
+        self._searches: dict[int | None, list[PlanStep]] = {}
         self._seen: dict[int, code.Local] = {}
 
     limit_check: MatchLimitCheck | None = None
@@ -129,139 +124,118 @@ class PlanTranslation:
     """True if closure searches share their work."""
     _allows_joins = True
     """True if an existence test may become a `Join`. Not inside a `Join`, since that would never end."""
+    _is_inline = False
+    """True if the code must be one expression."""
 
     def emit_plan(self, plan: SearchPlan, sink: SolutionSink) -> None:
         """Emit code that executes a plan, with the statements of the sink for each solution."""
-        block = self._block
+        block = self.block
         place = block.position
-        for position, given in self._given.items():
-            variable = self._conjunction.parameters[position]
-            if variable in self._bindings.expressions or variable in self._bindings.constants:
-                block.open_test(code.emit_equal(self._bindings.expression_of(variable), given))
-            else:
-                self._bindings.expressions[variable] = given
+        self.bind_parameters(self._given)
         joined = self._emit_join(plan) if sink is EXISTENCE else None
         if joined is None:
-            self._emit_steps(plan.steps, sink)
+            self.emit_steps(plan.steps, sink)
         else:
             block.open_test(joined)
-            block.add(*sink.emit_each(self._bindings.expression_of))
+            super().emit_solution(sink)
         block.close_to(place)
 
     # --- steps
 
-    def _emit_steps(self, steps: Sequence[PlanStep], sink: SolutionSink) -> None:
-        """Emit code for the steps, then the sink. If the loops get too deep, the rest becomes a continuation."""
-        shared = shared_searches(steps, sink) if self._shares_searches else {}
-        self._emit_seen_sets(-1, steps, shared)
-        self._place_filters(steps, sink)
-        found: set[int] = set()
-        for number, step in enumerate(steps):
-            if id(step) in found:
-                continue
-            self.duplicate_filters.emit_filter(id(step))
-            if self._block.is_full and step.kind in (StepKind.LOOP, StepKind.BIND):
-                self._emit_continuation_call(steps[number:], sink)
-                return
-            self.duplicate_filters.emit_new_sets(id(step))
-            following = [each for each in steps[number + 1 :] if id(each) not in found]
-            types, known = self._conjunction.types, self._bindings.bound_variables
-            join = value_join(step, following, known, self._bindings.constants, types)
-            self._emit_limit_check(step, sink, join)
-            indexed = step.kind is StepKind.LOOP and self.uses_indexes
-            if join is not None and indexed and join.is_usable(not self._shares_searches):
-                self._emit_index_loop(step, join, sink)
-                found.update(map(id, join.tests))
-                if join.is_whole_rest and sink is COUNT:
-                    return
-            elif indexed and self._shares_searches and (links := link_tests(step, following, self._bindings)):
-                self._emit_intersection_loop(step, links)
-            elif step.kind is StepKind.LOOP:
-                self._emit_loop(step)
-            elif step.kind is StepKind.BIND:
-                self._emit_binding(step, inline=False)
-            else:
-                self._block.open_test(self._emit_test(step))
-            self._block.set_origin(StepOrigin(step, dict(self._bindings.expressions)))
-            self._emit_seen_sets(number, steps, shared)
+    def emit_steps(self, steps: Sequence[PlanStep], sink: SolutionSink) -> None:
+        for search, last in (shared_searches(steps, sink) if self._shares_searches else {}).items():
+            self._searches.setdefault(id(steps[last]) if last >= 0 else None, []).append(steps[search])
+        self._emit_seen_sets(None)
+        if not self.duplicate_filters.is_placed:  # as they are in a continuation
+            sizes = self._planner.sizes if self._shares_searches and sink.repeatable else None
+            self.duplicate_filters.place(steps, sink, sizes, self.outer_variables)
+        super().emit_steps(steps, sink)
+
+    def emit_first(self, steps: Sequence[PlanStep], sink: SolutionSink) -> Sequence[PlanStep] | None:
+        """Emit code for the first step. If the loops get too deep, all steps become a continuation."""
+        step, *following = steps
+        self.duplicate_filters.emit_filter(id(step))
+        if self.block.is_full and step.kind in (StepKind.LOOP, StepKind.BIND):
+            self._emit_continuation_call(steps, sink)
+            return None
+        self.duplicate_filters.emit_new_sets(id(step))
+        left: Sequence[PlanStep] | None = following
+        types, known = self.conjunction.types, self.bindings.bound_variables
+        join = value_join(step, following, known, self.bindings.constants, types)
+        self._emit_limit_check(step, sink, join)
+        indexed = step.kind is StepKind.LOOP and self.uses_indexes
+        if join is not None and indexed and join.is_usable(not self._shares_searches):
+            left = self._emit_index_loop(step, following, join, sink)
+        elif indexed and self._shares_searches and (links := link_tests(step, following, self.bindings)):
+            assert isinstance(step.goal, LinkAtom)
+            self.emit_loop_over(step.binds, emit_common_ends(self._module, self._relations, step.goal, links))
+        else:
+            self.solve(step)
+        self._emit_exclusion(step)
+        self.block.set_origin(StepOrigin(step, dict(self.bindings.expressions)))
+        self._emit_seen_sets(id(step))
+        return left
+
+    def emit_solution(self, sink: SolutionSink) -> None:
         self.duplicate_filters.emit_filter(PLAN_END)
-        self._block.add(*sink.emit_each(self._bindings.expression_of))
+        super().emit_solution(sink)
+
+    def _emit_exclusion(self, step: PlanStep) -> None:
+        """Emit a test that skips tuples that the goal of a step must not see; overridden in views."""
 
     def _emit_limit_check(self, step: PlanStep, sink: SolutionSink, join: ValueJoin | None) -> None:
         """Emit a check for too many matches before a loop that no constraint connects with the outer loops."""
         if (
             self.limit_check is None
             or step.kind is not StepKind.LOOP
-            or not (self._block.loop_count or self._is_continuation)
+            or not (self.block.loop_count or self._is_continuation)
         ):
             return
-        if join is None and not any(map(self._bindings.has_value, visible_variables(step.goal))):
-            name = dict(enumerate(self._conjunction.names)).get(next(iter(step.binds), -1), "")
+        if join is None and not any(map(self.is_bound, visible_variables(step.goal))):
+            name = dict(enumerate(self.conjunction.names)).get(next(iter(step.binds), -1), "")
             check = code.emit_call(
                 self._module.name_of(self.limit_check), self._emit_size(sink), self._module.literal(name)
             )
-            self._block.add(code.ExpressionStatement(check))
+            self.block.add(code.ExpressionStatement(check))
 
     def _emit_size(self, sink: SolutionSink) -> code.Expression:
         """Return code for the number of matches so far; overridden in views."""
         return sink.size
 
-    def _place_filters(self, steps: Sequence[PlanStep], sink: SolutionSink) -> None:
-        """Place the duplicate filters of a plan. Do nothing in a continuation: its filters are already placed."""
-        if self.duplicate_filters.is_placed:
-            return
-        found: dict[int, DuplicateFilter] = {}
-        if self._shares_searches and sink.repeatable:
-            of = partial(determined_variables, sizes=self._planner.sizes)
-            found = place_duplicate_filters(
-                steps,
-                sink.variables,
-                {*self._bindings.expressions, *self._bindings.constants},
-                of,
-                self.outer_variables,
-            )
-        self.duplicate_filters.set_filters(
-            steps,
-            {number: each for number, each in found.items() if number < len(steps) or sink.unique},
-        )
-
-    def _emit_seen_sets(self, number: int, steps: Sequence[PlanStep], shared: Mapping[int, int]) -> None:
-        """Emit code after step `number` that creates an empty set of seen nodes for each closure search that begins
-        anew whenever this step binds new values.
+    def _emit_seen_sets(self, place: int | None) -> None:
+        """Emit code after a step, given by its identity, that creates an empty set of seen nodes for each closure
+        search that begins anew whenever this step binds new values; None: before all steps.
         """
-        for search, last in shared.items():
-            if last == number:
-                seen = self._seen[id(steps[search])] = code.Local(self._module.fresh_name("s"))
-                self._block.add(code.Assign(seen, emit_empty_collection("set")))
+        for search in self._searches.get(place, ()):
+            seen = self._seen[id(search)] = code.Local(self._module.fresh_name("s"))
+            self.block.add(code.Assign(seen, emit_empty_collection("set")))
 
-    def _new_translation(self, block: code.BodyBuilder, continuation: bool) -> PlanTranslation:
+    def _new_part(self, continuation: bool) -> PlanTranslation:
         """Return a new translation of the same body, without values, for an inner function or a continuation."""
-        return PlanTranslation(self._planner, self._module, self._conjunction, block, {})
+        return PlanTranslation(self._planner, self._module, self.conjunction, code.BodyBuilder(), {})
 
     def _emit_continuation_call(self, steps: Sequence[PlanStep], sink: SolutionSink) -> None:
         """Emit a continuation function for the remaining steps, and code that calls it and relays its result."""
-        rest = self._emit_function_call("h", steps, sink, continuation=True)
+        name, arguments_ = self._emit_function("h", steps, sink, continuation=True)
+        rest = code.emit_call(name, *arguments_)
         match sink.relay:
             case "flag":
-                self._block.open_test(rest)
-                self._block.add(code.Return(code.Constant(True)))
+                self.block.open_test(rest)
+                self.block.add(code.Return(code.Constant(True)))
             case "found":
-                self._block.open_test(
+                self.block.open_test(
                     code.Operation("is not", (code.AssignmentExpression(FOUND, rest), code.Constant(None)))
                 )
-                self._block.add(code.Return(FOUND))
+                self.block.add(code.Return(FOUND))
             case "sum":
-                self._block.add(code.Assign(N, rest, "+="))
+                self.block.add(code.Assign(N, rest, "+="))
             case "each":
-                self._block.add(code.Yield(rest, is_from=True))
+                self.block.add(code.Yield(rest, is_from=True))
             case _:
-                self._block.add(code.ExpressionStatement(rest))
+                self.block.add(code.ExpressionStatement(rest))
 
-    def _emit_function_call(
-        self, prefix: str, steps: Sequence[PlanStep], sink: SolutionSink, continuation: bool = False
-    ) -> code.Expression:
-        """Emit an inner function that executes some steps with a sink, and return a call of the function."""
-        name, arguments_ = self._emit_function(prefix, steps, sink, continuation)
+    def emit_function_call(self, steps: Sequence[PlanStep], sink: SolutionSink) -> code.Expression:
+        name, arguments_ = self._emit_function("g", steps, sink)
         return code.emit_call(name, *arguments_)
 
     def _emit_function(
@@ -270,55 +244,78 @@ class PlanTranslation:
         """Emit an inner function that executes some steps with a sink. Return its name and the call's arguments."""
         shared: list[code.Local] = list(sink.shared) if continuation else []
         inputs = self._read_variables(steps, sink)
-        inner = self._new_translation(code.BodyBuilder(), continuation)
-        inner._bindings.expressions.update((v, inner._bindings.local(v)) for v in inputs)
+        inner = self._new_part(continuation)
+        inner.bindings.expressions.update((v, inner.bindings.local(v)) for v in inputs)
         inner._allows_joins, inner.uses_indexes = self._allows_joins, self.uses_indexes
         inner._is_continuation = continuation
         inner.limit_check = self.limit_check if continuation else None
         head = () if shared else sink.head
         tail = () if shared and not sink.relay else sink.tail
         if continuation:
-            inner.duplicate_filters = self.duplicate_filters.filters_for_rest(inner._block, inner._bindings)
+            inner.duplicate_filters = self.duplicate_filters.filters_for_rest(inner.block, inner.bindings)
             shared += self.duplicate_filters.passed.values()
         shared += self._extra_parameters
-        inner._emit_steps(steps, sink)
-        body = (*head, *inner._block.finish_body(), *tail)
-        parameters = [*shared, *(inner._bindings.local(v) for v in inputs)]
+        inner.emit_steps(steps, sink)
+        body = (*head, *inner.block.finish_body(), *tail)
+        parameters = [*shared, *(inner.bindings.local(v) for v in inputs)]
         name = self._module.add_function(self._module.fresh_name(prefix), parameters, body)
-        return name, [*shared, *(self._bindings.expression_of(v) for v in inputs)]
+        return name, [*shared, *(self.value_of(v) for v in inputs)]
 
     def _read_variables(self, steps: Sequence[PlanStep], sink: SolutionSink) -> list[int]:
         """Return the variables with values, constants excepted, that the steps and the sink read."""
         read = {*sink.variables, *(v for step in steps for v in variables_used_by(step))}
-        return sorted(v for v in read if v in self._bindings.expressions and v not in self._bindings.constants)
+        return sorted(v for v in read if v in self.bindings.expressions and v not in self.bindings.constants)
 
-    # --- loops
+    # --- relations
 
-    def _emit_loop(self, step: PlanStep) -> None:
-        """Emit the loop of a step over an extent, link ends, a closure or the matches of a called pattern."""
-        goal = step.goal
-        match goal:
-            case InstanceAtom(cls, variable, exact):
-                self._emit_loop_over([variable], self._relations.emit_extent(cls, exact))
-            case LinkAtom():
-                self._emit_loop_over(step.binds, self._relations.emit_ends(goal))
-            case ClosureAtom(_, _, source, target):
-                ends = [v for v in (source, target) if not self._bindings.has_value(v)]
-                seen = self._seen.get(id(step))
-                self._emit_loop_over(
-                    ends,
-                    self._relations.emit_closure(goal) if seen is None else self._relations.emit_new_nodes(goal, seen),
-                )
-            case CallAtom() if self._planner.calls.is_recursive(goal.pattern):
-                columns = [None if self._bindings.has_value(v) else v for v in goal.arguments]
-                self._emit_loop_over(columns, self._relations.emit_recursive_call(goal), tuples=True)
-            case CallAtom():
-                wanted = [v for v in goal.arguments if v in step.binds]
-                self._emit_loop_over(wanted, self._relations.emit_pattern_call(goal, step.binds, ResultMode.VALUES))
-            case _:
-                raise AssertionError(goal)
+    def solve_instance(self, goal: InstanceAtom, step: PlanStep) -> None:
+        if step.kind is StepKind.LOOP:
+            self.emit_loop_over([goal.variable], self._relations.emit_extent(goal.cls, goal.exact))
+        else:
+            self.block.open_test(self._relations.emit_class_test(goal))
 
-    def _emit_loop_over(self, targets: Sequence[int | None], iterable: code.Expression, tuples: bool = False) -> None:
+    def solve_attribute(self, goal: AttributeAtom, step: PlanStep) -> None:
+        values = self._module.name_of(StoreColumn("values", goal.attribute.index))
+        self.bind_or_test(goal.value, code.Subscript(values, self.value_of(goal.object)), step)
+
+    def solve_link(self, goal: LinkAtom, step: PlanStep) -> None:
+        if step.kind is StepKind.LOOP:
+            self.emit_loop_over(step.binds, self._relations.emit_ends(goal))
+            return
+        if step.kind is not StepKind.BIND:
+            self.block.open_test(self._relations.emit_link_test(goal))
+            return
+        (variable,) = step.binds
+        ends, found = self.bindings.local(variable, "t"), self.bindings.local(variable)
+        self.block.open_test(code.AssignmentExpression(ends, self._relations.emit_ends(goal)))
+        self.bindings.expressions[variable] = code.Subscript(ends, code.Constant(0)) if self._is_inline else found
+        if not self._is_inline:
+            self.block.add(code.Assign(code.Tuple((found,)), ends))
+
+    def solve_call(self, goal: CallAtom, step: PlanStep) -> None:
+        recursive = self._planner.calls.is_recursive(goal.pattern)
+        if step.kind is not StepKind.LOOP:
+            exists = partial(self._relations.emit_pattern_call, goal, (), ResultMode.EXISTS)
+            self.block.open_test(self._relations.emit_recursive_call(goal) if recursive else exists())
+        elif recursive:
+            columns = [None if self.is_bound(v) else v for v in goal.arguments]
+            self.emit_loop_over(columns, self._relations.emit_recursive_call(goal), tuples=True)
+        else:
+            wanted = [v for v in goal.arguments if v in step.binds]
+            self.emit_loop_over(wanted, self._relations.emit_pattern_call(goal, step.binds, ResultMode.VALUES))
+
+    def solve_closure(self, goal: ClosureAtom, step: PlanStep) -> None:
+        ends = [v for v in (goal.source, goal.target) if not self.is_bound(v)]
+        if step.kind is StepKind.LOOP:
+            seen, relations = self._seen.get(id(step)), self._relations
+            found = relations.emit_closure(goal) if seen is None else relations.emit_new_nodes(goal, seen)
+            self.emit_loop_over(ends, found)
+        elif ends:  # some node is reached exactly if there is a first step
+            self.solve_call(CallAtom(goal.step, (goal.source, goal.target)), step)
+        else:
+            self.block.open_test(self._relations.emit_closure(goal))
+
+    def emit_loop_over(self, targets: Sequence[int | None], iterable: code.Expression, tuples: bool = False) -> None:
         """Emit a loop that binds target variables to the items of an iterable. A target None marks an unused value.
 
         The items are tuples. For a single target they are bare values, unless `tuples` is True.
@@ -326,18 +323,23 @@ class PlanTranslation:
         names: list[code.Local] = []
         again: list[code.Expression] = []
         for variable in targets:
-            name = code.Local("_") if variable is None else self._bindings.local(variable)
+            name = code.Local("_") if variable is None else self.bindings.local(variable)
             if name in names and variable is not None:
                 first, name = name, local_variable("w", len(names))
                 again.append(code.emit_equal(name, first))
             names.append(name)
-        self._block.open_loop(names[0] if len(names) == 1 and not tuples else code.Tuple(tuple(names)), iterable)
+        self.block.open_loop(names[0] if len(names) == 1 and not tuples else code.Tuple(tuple(names)), iterable)
         for test in again:
-            self._block.open_test(test)
-        self._bindings.expressions.update((v, self._bindings.local(v)) for v in targets if v is not None)
+            self.block.open_test(test)
+        self.bindings.expressions.update((v, self.bindings.local(v)) for v in targets if v is not None)
 
-    def _emit_index_loop(self, step: PlanStep, join: ValueJoin, sink: SolutionSink) -> None:
-        """Emit a loop over the objects that a value index finds. If only their number matters, emit a count."""
+    def _emit_index_loop(
+        self, step: PlanStep, following: Sequence[PlanStep], join: ValueJoin, sink: SolutionSink
+    ) -> Sequence[PlanStep] | None:
+        """Emit a loop over the objects that a value index finds, or a count if only their number matters.
+
+        Returns the steps left; None after a count.
+        """
         goal = step.goal
         assert isinstance(goal, InstanceAtom)
         classes = tuple(self._relations.concrete_class_indices(goal.cls, goal.exact))
@@ -345,180 +347,110 @@ class PlanTranslation:
             goals = (test.goal for test in join.tests)
             pairs = sorted((one.attribute.index, one.value) for one in goals if isinstance(one, AttributeAtom))
             index = self._module.name_of(Valued(classes, tuple(attribute for attribute, _ in pairs)))
-            self._emit_loop_over(
-                step.binds,
-                code.emit_call(index, *(self._bindings.expression_of(value) for _, value in pairs)),
-            )
-            return
+            values = (self.value_of(value) for _, value in pairs)
+            self.emit_loop_over(step.binds, code.emit_call(index, *values))
+            return [each for each in following if all(each is not test for test in join.tests)]
         number = self._module.fresh_name("c")
         index = self._module.name_of(Valued(classes, (), tuple(join.operators), join.is_local, number))
         asked: list[code.Local] = []
         for side in join.known_sides:
             asked.append(code.Local(self._module.fresh_name("u")))
-            found = self._emit_side(side, self._bindings.expression_of)
-            self._block.open_test(
-                code.emit_is_not_none(code.AssignmentExpression(asked[-1], found))
-            )  # None: the expression has no value
+            found = self._emit_expression(side.expression, side.reads, self.value_of, part=True)
+            has_value = code.emit_is_not_none(code.AssignmentExpression(asked[-1], found))
+            self.block.open_test(has_value)
         equal = len(asked) - len(join.operators)
         entries, key = self._emit_entries_function(step, join, number), code.emit_tuple(*asked[:equal])
         parts: list[code.Expression] = [entries, key, *asked[equal:]]
         if join.is_whole_rest and sink is COUNT:
-            self._block.add(code.Assign(N, code.emit_method_call(index, "count", *parts), "+="))
-            return
-        self._emit_loop_over(step.binds, code.emit_method_call(index, "some" if sink is EXISTENCE else "rows", *parts))
+            self.block.add(code.Assign(N, code.emit_method_call(index, "count", *parts), "+="))
+            return None
+        rows = code.emit_method_call(index, "some" if sink is EXISTENCE else "rows", *parts)
+        self.emit_loop_over(step.binds, rows)
+        return following
 
     def _emit_entries_function(self, step: PlanStep, join: ValueJoin, name: str) -> code.Name:
         """Emit a function that yields an index entry (key, bounded value, object) per given object; return its name."""
-        inner = PlanTranslation(self._planner, self._module, self._conjunction, code.BodyBuilder(), {})
+        inner = PlanTranslation(self._planner, self._module, self.conjunction, code.BodyBuilder(), {})
 
         def each(names: VariableCode) -> code.Body:
-            *keys, bound = (inner._emit_side(side, names) for side in join.own_sides)
+            *keys, bound = (
+                self._emit_expression(side.expression, side.reads, names, part=True) for side in join.own_sides
+            )
             return (code.Yield(code.emit_tuple(code.emit_tuple(*keys), bound, names(step.binds[0]))),)
 
         nodes = code.Local("nodes")
-        inner._emit_loop_over(step.binds, nodes)
+        inner.emit_loop_over(step.binds, nodes)
         read = (*step.binds, *(v for side in join.own_sides for v in side.variables))
-        inner._emit_steps(join.steps, SolutionSink(read, (), each, (), relay="each"))
-        return self._module.add_function(name, [nodes], inner._block.finish_body())
-
-    def _emit_side(self, side: ComparisonSide, names: VariableCode) -> code.Expression:
-        """Return code for one side of a comparison. `names` returns code for the values of variables."""
-        found = {name: names(variable) for name, variable in side.reads}
-        types = {name: self._conjunction.types[variable] for name, variable in side.reads}
-        return self._module.emit_expression(side.expression, found, types, part=True)
-
-    def _emit_intersection_loop(self, step: PlanStep, tests: Sequence[PlanStep]) -> None:
-        """Emit a loop over link ends. If there are many, intersect them with the ends that later tests require."""
-        goal = step.goal
-        assert isinstance(goal, LinkAtom)
-        others = [self._relations.emit_ends(test.goal) for test in tests if isinstance(test.goal, LinkAtom)]
-        ends = code.Local(self._module.fresh_name("e"))
-        kind = code.AttributeAccess(code.AssignmentExpression(ends, self._relations.emit_ends(goal)), "__class__")
-        short = code.Operation("is", (kind, code.Name("tuple")))  # otherwise a crowded `IndexedSet`
-        common = code.emit_call(self._module.name_of(Builtin("common")), ends, *others)
-        self._emit_loop_over(step.binds, code.ConditionalExpression(short, ends, common))
+        inner.emit_steps(join.steps, SolutionSink(read, (), each, (), relay="each"))
+        return self._module.add_function(name, [nodes], inner.block.finish_body())
 
     # --- values
 
-    def _emit_binding(self, step: PlanStep, inline: bool) -> None:
-        """Emit code that binds a variable, or skips a match without value. If `inline`, the code is one expression."""
-        (variable,) = step.binds
-        found: code.Expression = self._bindings.local(variable)
-        assert isinstance(found, code.Local)
-        if isinstance(step.goal, LinkAtom):
-            ends = self._bindings.local(variable, "t")
-            self._block.open_test(code.AssignmentExpression(ends, self._relations.emit_ends(step.goal)))
-            if inline:
-                found = code.Subscript(ends, code.Constant(0))
-            else:
-                self._block.add(code.Assign(code.Tuple((found,)), ends))
-        else:
-            self._block.open_test(code.emit_is_not_none(code.AssignmentExpression(found, self._emit_value(step))))
-        self._bindings.expressions[variable] = found
+    def bind_or_test(self, variable: int, value: code.Expression, step: PlanStep) -> None:
+        """Emit code that binds a variable to a value unless it is None, or compares the value that it has already."""
+        if step.kind is not StepKind.BIND:
+            self.block.open_test(code.emit_equal(value, self.value_of(variable)))
+            return
+        found = self.bindings.local(variable)
+        self.block.open_test(code.emit_is_not_none(code.AssignmentExpression(found, value)))
+        self.bindings.expressions[variable] = found
 
-    def _emit_value(self, step: PlanStep) -> code.Expression:
-        """Return code for the value that a goal computes; at run time None means that there is no value."""
-        goal = step.goal
-        match goal:
-            case AttributeAtom(attribute, owner, _):
-                return code.Subscript(
-                    self._module.name_of(StoreColumn("values", attribute.index)),
-                    self._bindings.expression_of(owner),
-                )
-            case ValuationAtom(expression, reads, _):
-                return self._emit_expression(expression, reads)
-            case AggregateAtom():
-                return self._emit_aggregate(goal, step.inner[0])
-        raise AssertionError(goal)
+    def solve_condition(self, goal: ConditionAtom) -> None:
+        self.block.open_test(self._emit_expression(goal.expression, goal.reads, self.value_of))
 
-    def _emit_expression(self, expression: Term, reads: tuple[tuple[str, int], ...]) -> code.Expression:
-        """Return code for an expression over bound variables."""
-        names = {name: self._bindings.expression_of(variable) for name, variable in reads}
-        types = {name: self._conjunction.types[variable] for name, variable in reads}
-        return self._module.emit_expression(expression, names, types)
+    def solve_valuation(self, goal: ValuationAtom, step: PlanStep) -> None:
+        self.bind_or_test(goal.result, self._emit_expression(goal.expression, goal.reads, self.value_of), step)
 
-    def _emit_aggregate(self, goal: AggregateAtom, plan: SearchPlan) -> code.Expression:
-        """Return code for an aggregate: a value shared by several starts if possible, else one call, else loops."""
-        return (
-            self._emit_shared_aggregate(goal, plan)
-            or self._emit_direct_aggregate(goal)
-            or self._emit_function_call("g", plan.steps, aggregate_sink(self._module, goal))
-        )
+    def solve_aggregate(self, goal: AggregateAtom, step: PlanStep) -> None:
+        """Emit a value shared by several starts if possible, else one call, else loops."""
+        plan = step.inner[0]
+        found = self._emit_shared_aggregate(goal, plan) or self._relations.emit_aggregate(goal)
+        found = found or self.emit_function_call(plan.steps, aggregate_sink(self._module, goal))
+        self.bind_or_test(goal.result, found, step)
 
-    def _emit_direct_aggregate(self, goal: AggregateAtom) -> code.Expression | None:
-        """Return code for an aggregate that one existing function or column answers; None if a loop is needed."""
-        if goal.column is None:
-            return self._relations.emit_count(goal.relation)
-        values = self._relations.emit_column(goal.relation, goal.column)
-        return None if values is None else code.emit_call(aggregate_function_name(self._module, goal), values)
+    def _emit_expression(
+        self, expression: Term, reads: Sequence[tuple[str, int]], values: VariableCode, part: bool = False
+    ) -> code.Expression:
+        """Return code for an expression. `values` returns code for the variables that its names stand for."""
+        names = {name: values(variable) for name, variable in reads}
+        types = {name: self.conjunction.types[variable] for name, variable in reads}
+        return self._module.emit_expression(expression, names, types, part=part)
 
     def _emit_shared_aggregate(self, goal: AggregateAtom, plan: SearchPlan) -> code.Expression | None:
         """Return code for an aggregate that is the same for all starts that reach the same nodes; None if it is not."""
         if not self._shares_searches:
             return None
         assert isinstance(self._planner, Planner)
-        found = reach_aggregate_of(self._planner, goal, self._bindings.bound_variables)
+        found = reach_aggregate_of(self._planner, goal, self.bindings.bound_variables)
         if found is None:
             return None
         name, given = self._emit_function("g", plan.steps, aggregate_sink(self._module, goal))
         called = relation_variables(goal.relation)
         column = None if goal.column is None else called.index(goal.column)
         places = found.ends.given if found.ends else ()
-        outside = row([called[place] for place in places], self._bindings.expression_of)
-        start = self._bindings.expression_of(found.start)
+        outside = row([called[place] for place in places], self.value_of)
+        start = self.value_of(found.start)
         return emit_shared_aggregate(self._module, found, start, name, given, outside, goal.function, column)
 
-    # --- tests
+    # --- existence
 
-    def _emit_test(self, step: PlanStep) -> code.Expression:
-        """Return code for the test of a step."""
-        goal = step.goal
-        match goal:
-            case _ if step.kind is StepKind.EXISTS:
-                return self._emit_existence(step.inner[0])
-            case AbsenceAtom():
-                return code.emit_joined("and", [code.emit_not(self._emit_existence(plan)) for plan in step.inner], True)
-            case InstanceAtom():
-                return self._relations.emit_class_test(goal)
-            case AttributeAtom() | ValuationAtom() | AggregateAtom():
-                result = goal.value if isinstance(goal, AttributeAtom) else goal.result
-                return code.emit_equal(self._emit_value(step), self._bindings.expression_of(result))
-            case LinkAtom():
-                return self._relations.emit_link_test(goal)
-            case CallAtom(pattern) if self._planner.calls.is_recursive(pattern):
-                return self._relations.emit_recursive_call(goal)
-            case CallAtom():
-                return self._relations.emit_pattern_call(goal, (), ResultMode.EXISTS)
-            case ClosureAtom(relation, _, source, target):
-                if self._bindings.has_value(source) and self._bindings.has_value(target):
-                    return self._relations.emit_closure(goal)
-                return self._emit_test(replace(step, goal=CallAtom(relation, (source, target))))
-            case UnequalAtom(left, right):
-                return code.Operation("!=", (self._bindings.expression_of(left), self._bindings.expression_of(right)))
-            case ConditionAtom(expression, reads):
-                return self._emit_expression(expression, reads)
-        raise AssertionError(goal)
-
-    def _emit_existence(self, plan: SearchPlan) -> code.Expression:
+    def emit_existence(self, plan: SearchPlan) -> code.Expression:
         """Return code that tests if a plan has a solution: an expression, or with loops a call of a new function."""
         if any(step.kind is StepKind.LOOP for step in plan.steps):
-            return self._emit_join(plan) or self._emit_function_call("g", plan.steps, EXISTENCE)
-        inner = PlanTranslation(self._planner, self._module, self._conjunction, code.BodyBuilder(), {})
-        inner._bindings.expressions = dict(self._bindings.expressions)
+            return self._emit_join(plan) or super().emit_existence(plan)
+        inner = PlanTranslation(self._planner, self._module, self.conjunction, code.BodyBuilder(), {})
+        inner.bindings.expressions, inner._is_inline = dict(self.bindings.expressions), True
         for step in plan.steps:
-            if step.kind is StepKind.BIND:
-                inner._emit_binding(step, inline=True)
-            else:
-                inner._block.open_test(inner._emit_test(step))
-        return code.emit_joined("and", [test for test, _ in inner._block.pending_tests], True)
+            inner.solve(step)
+        return code.emit_joined("and", [test for test, _ in inner.block.pending_tests], True)
 
     def _emit_join(self, plan: SearchPlan) -> code.Expression | None:
         """Return code for an existence test that one closure search decides; None if the plan has no such form."""
         if not (self._shares_searches and self._allows_joins):
             return None
         assert isinstance(self._planner, Planner)
-        known = self._bindings.bound_variables
-        join = join_of(self._planner, self._conjunction, plan, known)
+        known = self.bindings.bound_variables
+        join = join_of(self._planner, self.conjunction, plan, known)
         if join is None:
             return None
         from_source = join.bound_end == join.closure.source
@@ -536,7 +468,7 @@ class PlanTranslation:
         direct = self._emit_function("g", plan.steps, EXISTENCE)
         self._allows_joins = True
         holds = self._module.name_of(closure_function(join.closure, ClosureQuestion.REACHES_ANY, from_source))
-        parts = [self._bindings.expression_of(join.bound_end)]
+        parts = [self.value_of(join.bound_end)]
         for name, given in (whole, direct):
             parts += [name, code.Tuple(tuple(given))]
         return code.emit_call(holds, *parts)

@@ -20,7 +20,6 @@ from envgraph.match.generate._sinks import EXISTENCE, OUT, SolutionSink, length,
 from envgraph.match.generate._source_builder import SourceBuilder, local_variable
 from envgraph.match.generate._symbols import GeneratedSource, MatchLimitCheck, OperatorSymbol, StoreColumn
 from envgraph.match.generate._translation import PlanTranslation
-from envgraph.match.generate._value_joins import ValueJoin
 from envgraph.match.plan._search_plan import PlanStep, SearchPlan, StepKind
 from envgraph.match.views.delta._occurrences import (
     RelationOccurrence,
@@ -37,7 +36,6 @@ from envgraph.pattern import (
     CallAtom,
     ClosureAtom,
     Conjunction,
-    Goal,
     InstanceAtom,
     LinkAtom,
     RelationAtom,
@@ -286,7 +284,8 @@ class DeltaTranslation(PlanTranslation):
         delta: Delta,
         tuple_: Sequence[code.Local],
     ) -> None:
-        relations = ViewRelationCode(planner, module, VariableBindings(delta.conjunction, module, renumbered=True))
+        bindings = VariableBindings(delta.conjunction, lambda value, _: module.literal(value), renumbered=True)
+        relations = ViewRelationCode(planner, module, bindings)
         super().__init__(planner, module, delta.conjunction, block, {}, relations)  # type: ignore[arg-type]
         self._views = relations
         self._delta = delta
@@ -302,20 +301,20 @@ class DeltaTranslation(PlanTranslation):
             sink: the code for each derivation.
             given: code for the values of further variables.
         """
-        block = self._block
+        block = self.block
         place = block.position
         named = list(zip(self._delta.occurrence.columns, self._tuple, strict=True))
         for variable, each in [*named, *given.items()]:
             if variable is None:
                 continue
-            if self._bindings.has_value(variable):
-                block.open_test(code.emit_equal(self._bindings.expression_of(variable), each))
+            if self.is_bound(variable):
+                block.open_test(code.emit_equal(self.value_of(variable), each))
             elif isinstance(each, code.Local):
-                self._bindings.expressions[variable] = each
+                self.bindings.expressions[variable] = each
             else:
-                self._bindings.expressions[variable] = kept = self._bindings.local(variable)
+                self.bindings.expressions[variable] = kept = self.bindings.local(variable)
                 block.add(code.Assign(kept, each))
-        self._emit_steps(plan.steps, sink)
+        self.emit_steps(plan.steps, sink)
         block.close_to(place)
 
     def _emit_size(self, sink: SolutionSink) -> code.Expression:
@@ -326,7 +325,8 @@ class DeltaTranslation(PlanTranslation):
             else sink.size
         )
 
-    def _new_translation(self, block: code.BodyBuilder, continuation: bool) -> PlanTranslation:
+    def _new_part(self, continuation: bool) -> PlanTranslation:
+        block = code.BodyBuilder()
         return DeltaTranslation(self._planner, self._module, block, self._delta, self._tuple)  # type: ignore[arg-type]
 
     # --- the relation without the tuple
@@ -344,58 +344,56 @@ class DeltaTranslation(PlanTranslation):
 
     def _emit_column_tests(self, columns: Sequence[int | None], tuple_: Sequence[code.Local]) -> code.Expression:
         """Return a test that a tuple agrees with the bound variables in an occurrence's columns, in one direction."""
-        asked = (
-            (self._bindings.expression_of(v), each) for v, each in zip(columns, tuple_, strict=True) if v is not None
-        )
+        asked = ((self.value_of(v), each) for v, each in zip(columns, tuple_, strict=True) if v is not None)
         return code.emit_joined("and", [code.emit_equal(own, each) for own, each in asked if own != each], True)
 
-    def _emit_loop(self, step: PlanStep) -> None:
-        goal = step.goal
-        if isinstance(goal, CallAtom):
+    def _emit_exclusion(self, step: PlanStep) -> None:
+        place = self._later.get(id(step.goal))
+        if step.kind is StepKind.TEST or place is None:
+            return
+        if place.role is TupleEffect.EACH or (
+            place.role is TupleEffect.EXISTS and isinstance(step.goal, AttributeAtom)
+        ):
+            self.block.open_test(code.emit_not(self._emit_agreement(place.columns)))
+
+    def solve(self, step: PlanStep) -> None:
+        """Emit code that solves the goal of a step; a test fails for the changed tuple if it must not see it."""
+        super().solve(step)
+        goal, place = step.goal, self._later.get(id(step.goal))
+        if step.kind is not StepKind.TEST or place is None or place.role is TupleEffect.COUNT:
+            return
+        if isinstance(goal, AbsenceAtom) or (isinstance(goal, LinkAtom) and self._has_free_end(goal)):
+            return  # solved without the tuple
+        found, _ = self.block.pending_tests.pop()
+        here = self._emit_agreement(place.columns)
+        alone = code.FALSE if here == code.TRUE else code.Operation("and", (found, code.emit_not(here)))
+        self.block.open_test(alone)
+
+    def _has_free_end(self, goal: LinkAtom) -> bool:
+        """Return True if an end of a link has no value."""
+        return not (self.is_bound(goal.source) and self.is_bound(goal.target))
+
+    def solve_absence(self, goal: AbsenceAtom, step: PlanStep) -> None:
+        self.block.open_test(self._emit_negation(goal, self._later.get(id(goal))))
+
+    def solve_link(self, goal: LinkAtom, step: PlanStep) -> None:
+        place = self._later.get(id(goal))
+        if step.kind is StepKind.TEST and self._has_free_end(goal) and place is not None:
+            self.block.open_test(_emit_is_positive(self._emit_count_without(goal, place)))
+        else:
+            super().solve_link(goal, step)
+
+    def solve_attribute(self, goal: AttributeAtom, step: PlanStep) -> None:
+        if step.kind is StepKind.TEST and not self.is_bound(goal.value):
+            self.block.open_test(self._emit_holds(goal))
+        else:
+            super().solve_attribute(goal, step)
+
+    def solve_call(self, goal: CallAtom, step: PlanStep) -> None:
+        if step.kind is StepKind.LOOP:
             self._emit_view_loop(goal)
         else:
-            super()._emit_loop(step)
-        self._emit_exclusion(goal)
-
-    def _emit_index_loop(self, step: PlanStep, join: ValueJoin, sink: SolutionSink) -> None:
-        super()._emit_index_loop(step, join, sink)
-        self._emit_exclusion(step.goal)
-
-    def _emit_binding(self, step: PlanStep, inline: bool) -> None:
-        super()._emit_binding(step, inline)
-        self._emit_exclusion(step.goal)
-
-    def _emit_exclusion(self, goal: Goal) -> None:
-        """Emit a test that skips the changed tuple if the occurrence of the goal must not see it; else nothing."""
-        place = self._later.get(id(goal))
-        if place is None:
-            return
-        if place.role is TupleEffect.EACH or (place.role is TupleEffect.EXISTS and isinstance(goal, AttributeAtom)):
-            self._block.open_test(code.emit_not(self._emit_agreement(place.columns)))
-
-    def _emit_test(self, step: PlanStep) -> code.Expression:
-        goal = step.goal
-        assert step.kind is StepKind.TEST
-        place = self._later.get(id(goal))
-        match goal:
-            case AbsenceAtom():
-                return self._emit_negation(goal, place)
-            case LinkAtom() if not (self._bindings.has_value(goal.source) and self._bindings.has_value(goal.target)):
-                return (
-                    self._relations.emit_ends(goal)
-                    if place is None
-                    else _emit_is_positive(self._emit_count_without(goal, place))
-                )
-            case CallAtom():
-                found = self._views.emit_row_test(goal)
-            case AttributeAtom() if not self._bindings.has_value(goal.value):
-                found = code.emit_is_not_none(self._emit_value(step))
-            case _:
-                found = super()._emit_test(step)
-        if place is None or place.role is TupleEffect.COUNT:
-            return found
-        here = self._emit_agreement(place.columns)
-        return code.FALSE if here == code.TRUE else code.Operation("and", (found, code.emit_not(here)))
+            self.block.open_test(self._views.emit_row_test(goal))
 
     def _emit_count_without(self, goal: LinkAtom, place: RelationOccurrence) -> code.Expression:
         """Return code for the number of links at the bound end of a goal, without the changed tuple."""
@@ -425,12 +423,10 @@ class DeltaTranslation(PlanTranslation):
             case AttributeAtom(attribute, owner, held):
                 found = code.Subscript(
                     self._module.name_of(StoreColumn("values", attribute.index)),
-                    self._bindings.expression_of(owner),
+                    self.value_of(owner),
                 )
                 return (
-                    code.emit_equal(found, self._bindings.expression_of(held))
-                    if self._bindings.has_value(held)
-                    else code.emit_is_not_none(found)
+                    code.emit_equal(found, self.value_of(held)) if self.is_bound(held) else code.emit_is_not_none(found)
                 )
             case LinkAtom():
                 return self._relations.emit_link_test(relation)
@@ -442,7 +438,7 @@ class DeltaTranslation(PlanTranslation):
     def emit_only_link_test(self, occurrence: RelationOccurrence, names: Sequence[code.Local]) -> None:
         """If a link's other end only needs to exist, emit a test that the tuple is the only link at its bound end."""
         if isinstance(occurrence.relation, LinkAtom) and None in occurrence.columns:
-            self._block.open_test(code.emit_equal(self.emit_group_size(occurrence, names, 0), code.Constant(1)))
+            self.block.open_test(code.emit_equal(self.emit_group_size(occurrence, names, 0), code.Constant(1)))
 
     def emit_group_size(
         self, occurrence: RelationOccurrence, names: Sequence[code.Local], subtracted: int
@@ -465,31 +461,30 @@ class DeltaTranslation(PlanTranslation):
 
     def _emit_view_loop(self, goal: CallAtom) -> None:
         """Emit a loop over the rows of a view that agree with the bound arguments."""
-        given = tuple(p for p, v in enumerate(goal.arguments) if self._bindings.has_value(v))
+        given = tuple(p for p, v in enumerate(goal.arguments) if self.is_bound(v))
         iterable: code.Expression
         if given:
             table = self._module.name_of(OperatorSymbol("group", goal.pattern, given))
             iterable = code.emit_call(
                 table,
-                value([goal.arguments[p] for p in given], self._bindings.expression_of),
+                value([goal.arguments[p] for p in given], self.value_of),
                 code.emit_tuple(),
             )
         else:
             iterable = self._module.name_of(OperatorSymbol("rows", goal.pattern))
         columns = [None if p in given else v for p, v in enumerate(goal.arguments)]
-        self._emit_loop_over(columns, iterable, tuples=True)
+        self.emit_loop_over(columns, iterable, tuples=True)
 
-    def _emit_value(self, step: PlanStep) -> code.Expression:
-        goal = step.goal
-        if not isinstance(goal, AggregateAtom):
-            return super()._emit_value(step)
-        if isinstance(goal.relation, LinkAtom):
-            place = self._later.get(id(goal))
-            if place is None:
-                return length(self._relations.emit_ends(goal.relation))
-            return self._emit_count_without(goal.relation, place)
-        table = self._module.name_of(OperatorSymbol("fold", aggregate_operator_of(goal)))
-        return code.emit_call(table, row(group_variables_of(goal), self._bindings.expression_of))
+    def solve_aggregate(self, goal: AggregateAtom, step: PlanStep) -> None:
+        found: code.Expression
+        if not isinstance(goal.relation, LinkAtom):
+            table = self._module.name_of(OperatorSymbol("fold", aggregate_operator_of(goal)))
+            found = code.emit_call(table, row(group_variables_of(goal), self.value_of))
+        elif (place := self._later.get(id(goal))) is None:
+            found = length(self._relations.emit_ends(goal.relation))
+        else:
+            found = self._emit_count_without(goal.relation, place)
+        self.bind_or_test(goal.result, found, step)
 
 
 def _emit_is_positive(number: code.Expression) -> code.Operation:
