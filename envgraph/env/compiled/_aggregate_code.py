@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 
 from envgraph import code
 from envgraph.env.compiled._program_layout import ONE, RF, ZERO, S, emit_error
+from envgraph.match.generate import COUNT as COUNT_SINK, SolutionSink, VariableCode
 from envgraph.match.plan import PlanStep, StepKind, query_of_call
 from envgraph.metamodel import Scalar
 from envgraph.pattern import AggregateAtom, CallAtom
@@ -21,18 +22,12 @@ PARTS, SPACE = code.Local("parts", "int"), code.Local("space", "int")
 a sum of ints, how often it has left the range of 64 bits upwards minus downwards."""
 
 
-def emit_count(body: BodyEmitter, number: code.Local) -> None:
-    """Emit code that adds 1 to `number`, or if `body` finds solutions as bits of a word, the number of 1 bits."""
-    one = ONE if body.word is None else code.emit_call("count_bits", body.word.word)
-    body.block.add(code.Assign(number, one, "+="))
-
-
 def emit_aggregate(body: BodyEmitter, goal: AggregateAtom, step: PlanStep) -> None:
     """Emit code that computes an aggregate and binds the goal's result variable, or compares it if already bound."""
     relation = goal.relation
     if goal.function == "count" and isinstance(relation, CallAtom) and not body.is_static(relation):
-        unknown = [v for v in relation.arguments if not body.is_bound(v)]
-        key = query_of_call(relation, {v for v in relation.arguments if body.is_bound(v)}, unknown)
+        known = {v for v in relation.arguments if body.is_bound(v)}
+        key = query_of_call(relation, known, body.unbound_variables(relation))
         values = [body.value_of(relation.arguments[position]) for position in key.bound]
         counter = body.matching.emit_count(key, body.arguments_fit(relation, key))
         body.bind_or_test(goal.result, body.emit_call(counter, values))
@@ -40,12 +35,10 @@ def emit_aggregate(body: BodyEmitter, goal: AggregateAtom, step: PlanStep) -> No
     steps = step.inner[0].steps
     if len(steps) == 1 and steps[0].kind is StepKind.TEST:
         steps = (replace(steps[0], kind=StepKind.LOOP, binds=tuple(body.unbound_variables(relation))),)
-    if goal.column is not None:
+    if goal.column is None:
+        body.bind_or_test(goal.result, body.emit_function_call(steps, COUNT_SINK))
+    else:
         _emit_fold(body, goal, goal.column, steps)
-        return
-    head = (code.Assign(COUNT, ZERO),)
-    counted = body.emit_function(lambda part: part.emit_steps(steps, lambda one: emit_count(one, COUNT)), COUNT, head)
-    body.bind_or_test(goal.result, counted)
 
 
 def _emit_fold(body: BodyEmitter, goal: AggregateAtom, variable: int, steps: Sequence[PlanStep]) -> None:
@@ -59,33 +52,28 @@ def _emit_fold(body: BodyEmitter, goal: AggregateAtom, variable: int, steps: Seq
     of_ints = type_ is Scalar.INT and goal.function == "sum"
     folded, beyond = code.Local("folded", "float" if type_ is Scalar.FLOAT else "int"), code.Local("beyond")
 
-    def emit_accumulate(part: BodyEmitter) -> None:
-        value = part.value_of(variable)
+    def emit_each(names: VariableCode) -> code.Body:
+        value, counted = names(variable), code.Assign(COUNT, ONE, "+=")
         if exact:
-            is_float = part.conjunction.types[variable] is Scalar.FLOAT
+            is_float = body.conjunction.types[variable] is Scalar.FLOAT
             added = value if is_float else code.emit_call("float", value)
-            part.block.add(code.Assign(PARTS, code.emit_call("add_exactly", RF, SPACE, PARTS, added)))
-        elif of_ints:
-            part.block.add(code.Assign(code.emit_tuple(folded, beyond), code.emit_call("add_checked", folded, value)))
+            return code.Assign(PARTS, code.emit_call("add_exactly", RF, SPACE, PARTS, added)), counted
+        if of_ints:
+            sum_ = code.Assign(code.emit_tuple(folded, beyond), code.emit_call("add_checked", folded, value))
             way = code.ConditionalExpression(code.Operation(">", (value, ZERO)), ONE, code.Constant(-1))
-            part.block.add(code.If(beyond, (code.Assign(PARTS, way, "+="),)))
-        else:
-            operator = "<" if goal.function == "min" else ">"
-            better = code.Operation(operator, (value, folded))
-            first = code.Operation("or", (code.emit_equal(COUNT, ZERO), better))
-            part.block.add(code.If(first, (code.Assign(folded, value),)))
-        emit_count(part, COUNT)
-
-    def emit_loop(part: BodyEmitter) -> None:
-        if exact:
-            part.reserve_rows(SPACE)
-        part.emit_steps(steps, emit_accumulate)
+            return sum_, code.If(beyond, (code.Assign(PARTS, way, "+="),)), counted
+        better = code.Operation("<" if goal.function == "min" else ">", (value, folded))
+        first = code.Operation("or", (code.emit_equal(COUNT, ZERO), better))
+        return code.If(first, (code.Assign(folded, value),)), counted
 
     nothing: code.Expression = code.Constant(0.0 if type_ is Scalar.FLOAT else 0)
     parts = [code.Assign(PARTS, ZERO)] if exact or of_ints else []
     head = (code.Assign(COUNT, ZERO), *parts, *([] if exact else [code.Assign(folded, nothing)]))
     last = code.emit_call("sum_exactly", RF, SPACE, PARTS) if exact else folded
-    whole = body.emit_function(emit_loop, code.emit_tuple(PARTS if of_ints else COUNT, last), head)
+    sink = SolutionSink(
+        (variable,), head, emit_each, (code.Return(code.emit_tuple(PARTS if of_ints else COUNT, last)),)
+    )
+    whole = body.emit_function_call(steps, sink, SPACE if exact else None)
     number, result = body.matching.module.new_local("n"), body.facts.new_local_for(type_)
     body.block.add(code.Assign(code.Tuple((number, result)), whole))
     if exact:  # the live engine knows sums that are beyond all floats on the way only

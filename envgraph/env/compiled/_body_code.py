@@ -4,32 +4,20 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import replace
+from functools import partial
 from typing import TYPE_CHECKING
 
 from envgraph import code
-from envgraph.env.compiled._aggregate_code import emit_aggregate
-from envgraph.env.compiled._inlining import local_names
+from envgraph.env.compiled._aggregate_code import COUNT, emit_aggregate
+from envgraph.env.compiled._inlining import inlined_test, local_names
 from envgraph.env.compiled._model_reading import SetWord
-from envgraph.env.compiled._not_compiled import NotCompiled
-from envgraph.env.compiled._program_layout import ONE, RI, TOP, emit_call, emit_entry, emit_sum
-from envgraph.env.compiled._symbols import (
-    ClosurePairs,
-    FeatureRows,
-    KeyColumns,
-    PatternMatches,
-    StaticRelation,
-)
-from envgraph.env.compiled._term_code import (
-    CodeTerm,
-    ExpressionEmitter,
-    emit_as_float,
-    emit_literal,
-    variable_term,
-)
+from envgraph.env.compiled._program_layout import ONE, RI, TOP, ZERO, emit_call, emit_entry, emit_sum
+from envgraph.env.compiled._symbols import ClosurePairs, FeatureRows, KeyColumns, PatternMatches, StaticRelation
+from envgraph.env.compiled._term_code import CodeTerm, ExpressionEmitter, emit_as_float, emit_literal, variable_term
+from envgraph.match.generate import EXISTENCE, PlanTranslator, SolutionSink, VariableBindings, VariableCode
 from envgraph.match.plan import PatternQuery, PlanStep, SearchPlan, StepKind, query_of_call
 from envgraph.metamodel import Attribute, Reference, Scalar
 from envgraph.pattern import (
-    AbsenceAtom,
     AggregateAtom,
     AttributeAtom,
     CallAtom,
@@ -42,8 +30,8 @@ from envgraph.pattern import (
     InstanceAtom,
     LinkAtom,
     ObjectType,
+    RelationAtom,
     StaticType,
-    UnequalAtom,
     ValuationAtom,
     relation_variables,
 )
@@ -53,18 +41,14 @@ if TYPE_CHECKING:
 
 CAPACITY = code.Name("CAPACITY")
 
-OnSolution = Callable[["BodyEmitter"], None]
-"""Emits the code that runs for a solution."""
 
-
-class BodyEmitter:
-    """An emitter of the steps of one search plan.
+class BodyEmitter(PlanTranslator):
+    """An emitter of the steps of one search plan, which asks arrays.
 
     Attributes:
-        block: receives the statements.
         loop_variables: the variables bound by loops, from the outermost; -1 for a loop that binds no variable, and
             before the variables of a loop that does not yield ascending values.
-        word: the bit set word that holds many solutions at once, or None. Its objects are values of the last variable.
+        words: emits loops over bit sets; if `words`, the last loop is only over words.
     """
 
     def __init__(
@@ -75,16 +59,14 @@ class BodyEmitter:
         *,
         words: bool = False,
     ) -> None:
+        literals = partial(emit_literal, matching.facts)
+        bindings = VariableBindings(conjunction, lambda held, type_: literals(held, type_).number_code)
+        super().__init__(conjunction, block, bindings)
         self.matching = matching
         self.facts = matching.facts
-        self.conjunction = conjunction
-        self.block = block
-        self._constants = dict(conjunction.constants)
-        self._names: dict[int, code.Expression] = {}
         self._known_classes: dict[int, set[str]] = {}
         self.loop_variables: list[int] = []
-        self.word: SetWord | None = None
-        self._words = words
+        self.words = WordLoops(self, words)
         self._depth: dict[int, int] = {}
         self._top: code.Expression = TOP
         self._levels = 0
@@ -118,152 +100,111 @@ class BodyEmitter:
     def bind_inputs(self, key: PatternQuery, given: Sequence[code.Expression], classes_known: bool) -> None:
         """Bind the parameters of a pattern to `given` values at the bound positions of a view key.
 
-        Two values of the same variable are compared. With `classes_known`, objects are known to be of the parameters'
-        classes.
+        With `classes_known`, objects are known to be of the parameters' classes.
         """
+        self.bind_parameters(dict(zip(key.bound, given, strict=True)))
         types = self.facts.library.parameter_types(key.pattern)
-        for position, value in zip(key.bound, given, strict=True):
-            variable = self.conjunction.parameters[position]
-            if self.is_bound(variable):
-                self.block.open_test(code.emit_equal(self.value_of(variable), value))
-            else:
-                self._names[variable] = value
+        for position in key.bound if classes_known else ():
             type_ = types[position]
-            if classes_known and isinstance(type_, ObjectType) and self.facts.changes.is_fixed_class(type_.cls):
-                self._record_class(variable, type_)
-
-    def value_of(self, variable: int) -> code.Expression:
-        """Return the expression for the number that represents the value of a bound or constant variable."""
-        if variable not in self._names:
-            value = self._constants[variable]
-            self._names[variable] = emit_literal(self.facts, value, self.conjunction.types[variable]).number_code
-        return self._names[variable]
-
-    def is_bound(self, variable: int) -> bool:
-        """Return True if a variable is bound or has a constant value."""
-        return variable in self._names or variable in self._constants
+            if isinstance(type_, ObjectType) and self.facts.changes.is_fixed_class(type_.cls):
+                self.record_class(self.conjunction.parameters[position], type_)
 
     def _is_known_instance(self, variable: int, cls: str) -> bool:
         """Return True if a variable's object is known to be of a class, from earlier goals or from the caller."""
         is_a = self.facts.metamodel.is_a
         return any(is_a(known, cls) for known in self._known_classes.get(variable, ()))
 
-    def _record_class(self, variable: int, type_: StaticType) -> None:
+    def record_class(self, variable: int, type_: StaticType) -> None:
         if isinstance(type_, ObjectType):
             self._known_classes.setdefault(variable, set()).add(type_.cls)
 
-    def emit_steps(self, steps: Sequence[PlanStep], on_solution: OnSolution) -> None:
-        """Emit the steps of a plan. `on_solution` emits the code that runs for each solution.
+    def emit_first(self, steps: Sequence[PlanStep], sink: SolutionSink) -> Sequence[PlanStep] | None:
+        loops, known, is_full = self.block.loop_count, {*self.bindings.expressions}, self.block.is_full
+        left = self._emit_rest(steps, sink) if is_full else self.words.emit_loop(steps)
+        if left is None:
+            left = super().emit_first(steps, sink)
+        new = [v for v in self.bindings.expressions if v not in known and v not in self.bindings.constants]
+        if self.block.loop_count > loops:
+            goal = steps[0].goal
+            searched = isinstance(goal, ClosureAtom) and not self.is_static(goal)
+            self.loop_variables += [-1, *new] if is_full or searched or not new else new
+        self._depth.update((variable, len(self.loop_variables)) for variable in new)
+        return left
 
-        Raises:
-            NotCompiled: the steps have too many nested loops.
-        """
-        todo = list(steps)
-        while todo:
-            if self.block.is_full:
-                raise NotCompiled("a pattern or condition with too many nested loops")
-            loops, known = self.block.loop_count, {*self._names}
-            step = todo.pop(0)
-            goal = step.goal
-            within = _related_set(self, step, todo[0]) if todo else None
-            if within is not None:
-                self._record_classes(goal)
-                goal = todo.pop(0).goal
-            if within is not None or (self._words and not todo and _is_set_loop(self, step)):
-                assert isinstance(goal, InstanceAtom)
-                _emit_set_loop(self, goal, within, last=not todo)
-            else:
-                self._emit_step(step)
-            new = [v for v in self._names if v not in known and v not in self._constants]
-            if self.block.loop_count > loops:
-                searched = isinstance(step.goal, ClosureAtom) and not self.is_static(step.goal)
-                self.loop_variables += [-1, *new] if searched or not new else new
-            self._depth.update((variable, len(self.loop_variables)) for variable in new)
-        on_solution(self)
+    def _emit_rest(self, steps: Sequence[PlanStep], sink: SolutionSink) -> Sequence[PlanStep]:
+        """Emit a function for all steps, which would be nested too deep, and a loop over the rows that it stores."""
+        outputs = [v for v in dict.fromkeys(sink.variables) if not self.is_bound(v)]
+        types = [self.conjunction.types[v] for v in outputs]
 
-    def _emit_step(self, step: PlanStep) -> None:
-        goal = step.goal
-        match step.kind:
-            case StepKind.ABSENT:
-                for plan in step.inner:
-                    self.block.open_test(code.emit_not(self._emit_existence(plan)))
-            case StepKind.EXISTS:
-                self.block.open_test(self._emit_existence(step.inner[0]))
-            case _:
-                if step.kind is StepKind.TEST and (free := self.unbound_variables(goal)):
-                    whole = SearchPlan((replace(step, kind=StepKind.LOOP, binds=tuple(free)),), step.rows, step.cost)
-                    if not self.is_static(goal):
-                        self.block.open_test(self._emit_existence(whole))
-                        return
-                self._emit_goal(goal, step)
+        def emit_append(names: VariableCode) -> code.Body:
+            return self.matching.append_row(types, [names(v) for v in outputs], COUNT)
+
+        rows = SolutionSink(tuple(outputs), (code.Assign(COUNT, ZERO),), emit_append, (code.Return(COUNT),))
+        self._emit_row_loop(lambda: self.emit_function_call(steps, rows), types, outputs)
+        return ()
+
+    def solve(self, step: PlanStep) -> None:
+        free = self.unbound_variables(step.goal) if step.kind is StepKind.TEST else []
+        if free and not self.is_static(step.goal):
+            whole = replace(step, kind=StepKind.LOOP, binds=tuple(free))
+            self.block.open_test(self.emit_existence(SearchPlan((whole,), step.rows, step.cost)))
+        else:
+            super().solve(step)
 
     def unbound_variables(self, goal: Goal) -> list[int]:
         """Return the variables of a goal that have no value yet; none for goals that only test or compute."""
-        if isinstance(goal, ConditionAtom | ValuationAtom | UnequalAtom | AbsenceAtom | AggregateAtom):
-            return []
-        return [v for v in dict.fromkeys(relation_variables(goal)) if not self.is_bound(v)]
+        variables = relation_variables(goal) if isinstance(goal, RelationAtom) else ()
+        return [v for v in dict.fromkeys(variables) if not self.is_bound(v)]
 
-    def _emit_existence(self, plan: SearchPlan) -> code.Expression:
-        """Emit a function that tests if a plan has a solution, and return the call of the function."""
+    def emit_existence(self, plan: SearchPlan) -> code.Expression:
+        """Return code that tests if a plan has a solution: an expression, or a call of a new function if that loops."""
         if not plan.steps:
             return code.TRUE
         *first, last = plan.steps
         if isinstance(last.goal, CallAtom) and len(set(last.goal.arguments)) == len(last.goal.arguments):
             last = replace(last, binds=())  # Existence does not depend on the values found.
-        return self.emit_function(lambda body: body.emit_steps([*first, last], emit_return_true), code.FALSE)
+        call, functions = self.emit_function_call([*first, last], EXISTENCE), self.matching.module.functions
+        test = inlined_test(functions[-1], call)
+        if test is None:
+            return call
+        functions.pop()
+        return test
 
-    def emit_function(
-        self, write: Callable[[BodyEmitter], None], last: code.Expression, head: code.Body = ()
+    def emit_function_call(
+        self, steps: Sequence[PlanStep], sink: SolutionSink, space: code.Local | None = None
     ) -> code.Call:
-        """Emit a separate function for a part of this body, and return the call of the function.
-
-        Args:
-            write: emits the statements of the part.
-            last: the expression that the function returns at its end.
-            head: statements before the part.
-        """
+        """Emit an inner function, which reserves rows from `space` on if this is given, and return a call of it."""
         body = BodyEmitter(self.matching, self.conjunction, code.BodyBuilder())
         body._known_classes = {variable: {*classes} for variable, classes in self._known_classes.items()}
-        known = [v for v, value in self._names.items() if isinstance(value, code.Local)]
+        known = [v for v, value in self.bindings.expressions.items() if isinstance(value, code.Local)]
         parameters = {v: self.facts.new_local_for(self.conjunction.types[v]) for v in known}
-        body._names = {**self._names, **parameters}
+        body.bindings.expressions = {**self.bindings.expressions, **parameters}
         with self.matching.module.emitting_function():
-            write(body)
-            whole = (*head, *body.block.finish_body(), code.Return(last))
+            if space is not None:
+                body.reserve_rows(space)
+            body.emit_steps(steps, sink)
+            whole = (*sink.head, *body.block.finish_body(), *sink.tail)
             read = local_names(whole)
             used = [v for v in parameters if parameters[v].name in read]
             name = self.matching.module.add_function("some", [parameters[v] for v in used], whole)
-        return self.emit_call(name, [self._names[v] for v in used])
+        return self.emit_call(name, [self.bindings.expressions[v] for v in used])
 
     # --- goals
 
-    def _emit_goal(self, goal: Goal, step: PlanStep) -> None:
-        match goal:
-            case UnequalAtom(left, right):
-                self.block.open_test(code.Operation("!=", (self.value_of(left), self.value_of(right))))
-            case ConditionAtom(expression, reads):
-                term = self._emit_term(expression, reads, Scalar.BOOL)
-                for test in (*term.tests, term.value):
-                    self.block.open_test(test)
-            case ValuationAtom(expression, reads, result):
-                term = self._emit_term(expression, reads, self.conjunction.types[result])
-                for test in term.tests:
-                    self.block.open_test(test)
-                is_float = self.conjunction.types[result] is Scalar.FLOAT
-                number = emit_as_float(term) if is_float else term.number_code
-                self.bind_or_test(result, number)
-            case AggregateAtom():
-                emit_aggregate(self, goal, step)
-            case InstanceAtom():
-                self._emit_instance(goal)
-            case AttributeAtom(attribute, owner, value):
-                self._emit_attribute(attribute, owner, value)
-            case LinkAtom():
-                self._emit_link(goal, step)
-            case CallAtom() | ClosureAtom():
-                self._emit_relation_call(goal, step)
-            case _:
-                raise AssertionError(goal)
+    def solve_condition(self, goal: ConditionAtom) -> None:
+        term = self._emit_term(goal.expression, goal.reads, Scalar.BOOL)
+        for test in (*term.tests, term.value):
+            self.block.open_test(test)
+
+    def solve_valuation(self, goal: ValuationAtom, step: PlanStep) -> None:
+        type_ = self.conjunction.types[goal.result]
+        term = self._emit_term(goal.expression, goal.reads, type_)
+        for test in term.tests:
+            self.block.open_test(test)
+        self.bind_or_test(goal.result, emit_as_float(term) if type_ is Scalar.FLOAT else term.number_code)
+
+    def solve_aggregate(self, goal: AggregateAtom, step: PlanStep) -> None:
+        emit_aggregate(self, goal, step)
 
     def _emit_term(self, expression: Expression, reads: Sequence[tuple[str, int]], expected: StaticType) -> CodeTerm:
         names = {name: variable_term(self.value_of(v), self.conjunction.types[v]) for name, v in reads}
@@ -278,11 +219,11 @@ class BodyEmitter:
         if self.is_bound(variable):
             self.block.open_test(code.emit_equal(self.value_of(variable), value))
         elif isinstance(value, code.Local):
-            self._names[variable] = value
+            self.bindings.expressions[variable] = value
         else:
             local = self.facts.new_local_for(self.conjunction.types[variable])
             self.block.add(code.Assign(local, value))
-            self._names[variable] = local
+            self.bindings.expressions[variable] = local
 
     def is_static(self, goal: Goal) -> bool:
         """Return True if rules cannot change the relation that a goal asks for. It is then stored as a table."""
@@ -292,9 +233,9 @@ class BodyEmitter:
             case _:
                 return self.matching.static.is_static_goal(goal)
 
-    def _emit_table_rows(self, goal: Goal, step: PlanStep) -> None:
+    def _emit_table_rows(self, goal: RelationAtom, step: PlanStep) -> None:
         """Emit code that finds the rows of a static table that agree with the bound variables, and binds the others."""
-        relation, variables = _static_relation(goal), _goal_arguments(goal)
+        relation, variables = static_relation(goal), relation_variables(goal)
         bound = {p: self.value_of(v) for p, v in enumerate(variables) if self.is_bound(v)}
         wanted: dict[int, int] = {}
         for position, variable in enumerate(variables):
@@ -304,25 +245,25 @@ class BodyEmitter:
         found = self.facts.emit_row_loop(self.block, relation, bound, list(wanted))
         for position, variable in wanted.items():
             self.bind_or_test(variable, found[position])
-        self._record_classes(goal)
+        self.record_classes(goal)
 
-    def _record_classes(self, goal: Goal) -> None:
+    def record_classes(self, goal: RelationAtom) -> None:
         """Record that the objects of a static goal are of the classes that its relation implies."""
-        for variable, type_ in zip(
-            _goal_arguments(goal), _static_relation(goal).column_types(self.facts.library), strict=True
-        ):
-            self._record_class(variable, type_)
+        types = static_relation(goal).column_types(self.facts.library)
+        for variable, type_ in zip(relation_variables(goal), types, strict=True):
+            self.record_class(variable, type_)
 
-    def _emit_instance(self, goal: InstanceAtom) -> None:
+    def solve_instance(self, goal: InstanceAtom, step: PlanStep) -> None:
         cls, variable = goal.cls, goal.variable
         if self.is_bound(variable):
             if not self._is_known_instance(variable, cls) or goal.exact:
                 self.block.open_test(self.facts.emit_is_instance(self.value_of(variable), cls, goal.exact))
         else:
-            self._names[variable] = self.facts.emit_instance_loop(self.block, cls, goal.exact)
-        self._record_class(variable, ObjectType(cls))
+            self.bindings.expressions[variable] = self.facts.emit_instance_loop(self.block, cls, goal.exact)
+        self.record_class(variable, ObjectType(cls))
 
-    def _emit_attribute(self, attribute: Attribute, owner: int, value: int) -> None:
+    def solve_attribute(self, goal: AttributeAtom, step: PlanStep) -> None:
+        attribute, owner, value = goal.attribute, goal.object, goal.value
         sure = self._is_known_instance(owner, attribute.owner)
         found = self.facts.emit_attribute_value(attribute, self.value_of(owner), class_known=sure)
         if self.is_bound(value):
@@ -331,12 +272,12 @@ class BodyEmitter:
             local = self.facts.new_local_for(attribute.type)
             self.block.add(code.Assign(local, found))
             self.block.open_test(self.facts.emit_is_present(local, attribute.type))
-            self._names[value] = local
-        self._record_class(owner, ObjectType(attribute.owner))
+            self.bindings.expressions[value] = local
+        self.record_class(owner, ObjectType(attribute.owner))
 
     # --- links
 
-    def _emit_link(self, goal: LinkAtom, step: PlanStep) -> None:
+    def solve_link(self, goal: LinkAtom, step: PlanStep) -> None:
         reference, source, target = goal.reference, goal.source, goal.target
         fixed, held = self.facts.changes.is_fixed_feature(reference), self._is_known_instance(source, reference.owner)
         if fixed or (isinstance(reference, Attribute) and reference.index not in self.facts.changes.domains):
@@ -346,7 +287,7 @@ class BodyEmitter:
             return
         links, forward = self.facts.links, self.is_bound(source)
         if isinstance(reference, Attribute) and not forward and not self.is_bound(target):
-            self._names[source] = self.facts.emit_instance_loop(self.block, reference.owner)
+            self.bindings.expressions[source] = self.facts.emit_instance_loop(self.block, reference.owner)
             forward = held = True
         sure = held, isinstance(reference, Reference) and self._is_known_instance(target, reference.target)
         if forward and self.is_bound(target):
@@ -358,18 +299,15 @@ class BodyEmitter:
             own = sure[not forward]
             found = links.emit_follow(self.block, reference, self.value_of(near), forward=forward, class_known=own)
             self.bind_or_test(far, found)
-        self._record_class(source, ObjectType(reference.owner))
+        self.record_class(source, ObjectType(reference.owner))
         if isinstance(reference, Reference):
-            self._record_class(target, ObjectType(reference.target))
+            self.record_class(target, ObjectType(reference.target))
 
     # --- calls
 
-    def _emit_relation_call(self, goal: CallAtom | ClosureAtom, step: PlanStep) -> None:
+    def solve_call(self, goal: CallAtom, step: PlanStep) -> None:
         if self.is_static(goal):
             self._emit_table_rows(goal, step)
-            return
-        if isinstance(goal, ClosureAtom):
-            self._emit_closure(goal)
             return
         bound = {v for v in goal.arguments if self.is_bound(v)}
         key = query_of_call(goal, bound, step.binds)
@@ -378,51 +316,55 @@ class BodyEmitter:
         if not key.outputs:
             self.block.open_test(self.emit_call(self.matching.emit_exists(key, self.arguments_fit(goal, key)), values))
         else:
-            self._emit_row_loop(goal, key, values)
+            rows = partial(self.matching.emit_rows, key, self.arguments_fit(goal, key))
+            found = [goal.arguments[position] for position in key.outputs]
+            self._emit_row_loop(lambda: self.emit_call(rows(), values), self.matching.column_types(key), found)
         for variable, type_ in zip(goal.arguments, types, strict=True):
             if self.is_bound(variable):
-                self._record_class(variable, type_)
+                self.record_class(variable, type_)
 
-    def _emit_closure(self, goal: ClosureAtom) -> None:
+    def solve_closure(self, goal: ClosureAtom, step: PlanStep) -> None:
         """Emit a search along a closure's steps from its source (from its target if only this has a value).
 
         It binds or tests the other end. If neither end has a value, the code first loops over all possible sources.
         """
+        if self.is_static(goal):
+            self._emit_table_rows(goal, step)
+            return
         types = self.facts.library.parameter_types(goal.step)
         assert isinstance(types[0], ObjectType)
         if not self.is_bound(goal.source) and not self.is_bound(goal.target):
-            self._names[goal.source] = self.facts.emit_instance_loop(self.block, types[0].cls)
+            self.bindings.expressions[goal.source] = self.facts.emit_instance_loop(self.block, types[0].cls)
         forward = self.is_bound(goal.source)
         start, end = (goal.source, goal.target) if forward else (goal.target, goal.source)
         name = self.matching.emit_search(goal.step, goal.closure is Closure.STAR, forward)
+        if self.is_bound(end):
+            _, top = self._emit_rows(lambda: self.emit_call(name, [self.value_of(start)]))
+            reached = emit_entry(RI, emit_sum(top, self.value_of(end)), 1)
+            self.block.open_test(code.emit_equal(reached, ONE))
+        else:
+            self._emit_row_loop(lambda: self.emit_call(name, [self.value_of(start)]), [types[forward]], [end])
+        for variable, type_ in zip((goal.source, goal.target), types, strict=True):
+            self.record_class(variable, type_)
+
+    def _emit_rows(self, call: Callable[[], code.Expression]) -> tuple[code.Local, code.Local]:
+        """Emit a call that stores rows. Return the variables for the number of rows and the first of them."""
         number, top = self.matching.module.new_local("n"), self.matching.module.new_local("t")
         self.reserve_rows(top)
-        self.block.add(code.Assign(number, self.emit_call(name, [self.value_of(start)])))
-        if self.is_bound(end):
-            self.block.open_test(
-                code.emit_equal(emit_entry(RI, emit_sum(top, self.value_of(end)), 1), ONE)
-            )  # nonzero if the search reached the object
-        else:
-            place, found = self.matching.module.new_local("i"), self.facts.new_local_for(types[forward])
-            self.block.open_loop(place, code.emit_call("range", number))
-            self.block.add(code.Assign(found, emit_entry(RI, emit_sum(top, place), 0)))
-            self.bind_or_test(end, found)
-        for variable, type_ in zip((goal.source, goal.target), types, strict=True):
-            self._record_class(variable, type_)
+        self.block.add(code.Assign(number, call()))
+        return number, top
 
-    def _emit_row_loop(self, goal: CallAtom, key: PatternQuery, values: Sequence[code.Expression]) -> None:
-        """Emit a call that stores the rows of a called pattern, and a loop that binds the variables to each row."""
-        fresh = self.matching.module.new_local
-        number, row, top = fresh("n"), fresh("i"), fresh("t")
-        self.reserve_rows(top)
-        self.block.add(
-            code.Assign(number, self.emit_call(self.matching.emit_rows(key, self.arguments_fit(goal, key)), values))
-        )
+    def _emit_row_loop(
+        self, call: Callable[[], code.Expression], types: Sequence[StaticType], variables: Sequence[int]
+    ) -> None:
+        """Emit a call that stores rows of values of some types, and a loop that binds variables to each row."""
+        number, top = self._emit_rows(call)
+        row = self.matching.module.new_local("i")
         self.block.open_loop(row, code.emit_call("range", number))
-        loads, values = self.matching.load_row(key, emit_sum(top, row))
+        loads, values = self.matching.load_values(types, emit_sum(top, row))
         self.block.add(*loads)
-        for position, value in zip(key.outputs, values, strict=True):
-            self.bind_or_test(goal.arguments[position], value)
+        for variable, value in zip(variables, values, strict=True):
+            self.bind_or_test(variable, value)
 
     def arguments_fit(self, goal: CallAtom, key: PatternQuery) -> bool:
         """Return True if the bound objects of a call are known to be of the classes of its parameters."""
@@ -431,83 +373,113 @@ class BodyEmitter:
         return all(self._is_known_instance(v, type_.cls) for v, type_ in given if isinstance(type_, ObjectType))
 
 
-def _is_set_loop(body: BodyEmitter, step: PlanStep) -> bool:
-    """Return True if a step loops over all objects of a class whose objects are stored as bit sets."""
-    goal = step.goal
-    return (
-        step.kind is StepKind.LOOP
-        and isinstance(goal, InstanceAtom)
-        and not body.is_bound(goal.variable)
-        and body.facts.class_sets(goal.cls, goal.exact) is not None
-    )
-
-
-def _related_set(
-    body: BodyEmitter, step: PlanStep, following: PlanStep
-) -> tuple[KeyColumns, int, code.Expression] | None:
-    """Return the bit set of the objects that a table relates, if the next step tests them with bit sets of their class.
-
-    The two steps then become one loop over the bits of both sets. Returns None if this is not possible.
-    """
-    goal, test = step.goal, following.goal
-    if not (
-        step.kind is StepKind.LOOP
-        and following.kind is StepKind.TEST
-        and isinstance(goal, LinkAtom | CallAtom | ClosureAtom)
-        and isinstance(test, InstanceAtom)
-        and step.binds == (test.variable,)
-        and body.is_static(goal)
-        and body.facts.class_sets(test.cls, test.exact) is not None
-    ):
-        return None
-    variables = _goal_arguments(goal)
-    if variables.count(test.variable) > 1:
-        return None
-    bound = {p: body.value_of(v) for p, v in enumerate(variables) if body.is_bound(v)}
-    return body.facts.related_set(_static_relation(goal), bound, variables.index(test.variable))
-
-
-def _emit_set_loop(
-    body: BodyEmitter,
-    goal: InstanceAtom,
-    within: tuple[KeyColumns, int, code.Expression] | None,
-    *,
-    last: bool,
-) -> None:
-    """Emit a loop over the objects of a class that is stored as bit sets, restricted to the bit set `within` if given.
-
-    If this is the last step and `body` finds solutions a word at a time, the loop is only over words.
-    """
-    sets = body.facts.class_sets(goal.cls, goal.exact)
-    assert sets is not None
-    word = body.facts.emit_word_loop(body.block, sets, within)
-    body._record_class(goal.variable, ObjectType(goal.cls))
-    if last and body._words:
-        body.word = word
-        body._names[goal.variable] = body.facts.new_local_for(ObjectType(goal.cls))
-    else:
-        body._names[goal.variable] = body.facts.emit_bit_loop(body.block, word)
-
-
-def emit_for_nth(body: BodyEmitter, number: code.Local, then: Callable[[], code.Body]) -> None:
-    """Emit code that runs statements for the solution with an index; the statements must end with a return.
+class WordLoops:
+    """An emitter of loops over the objects of a class that is stored as bit sets.
 
     Args:
-        body: finds solutions a word at a time.
-        number: variable with the index, from 0. The code subtracts the number of solutions of each word that it passes.
-        then: returns the statements.
+        body: receives the loops.
+        keeps_words: True if the loop of the last step is only over words.
+
+    Attributes:
+        word: the word that holds many solutions at once, or None. Its objects are values of the last variable.
     """
-    assert body.word is not None
-    here = body.matching.module.new_local("n")
-    body.block.add(code.Assign(here, code.emit_call("count_bits", body.word.word)))
-    node = body._names[body.loop_variables[-1]]
-    assert isinstance(node, code.Local)
-    chosen = code.Assign(node, body.facts.emit_nth_object(body.word, number))
-    body.block.add(code.If(code.Operation("<", (number, here)), (chosen, *then())))
-    body.block.add(code.Assign(number, here, "-="))
+
+    def __init__(self, body: BodyEmitter, keeps_words: bool) -> None:
+        self._body = body
+        self._facts = body.facts
+        self._keeps_words = keeps_words
+        self.word: SetWord | None = None
+
+    def emit_loop(self, steps: Sequence[PlanStep]) -> Sequence[PlanStep] | None:
+        """Emit a loop over bit sets for the first step, and for the next if this tests the class of a related object.
+
+        Returns the steps left; None if the first step needs another loop.
+        """
+        step, *following = steps
+        within = self._related_set(step, following[0]) if following else None
+        if within is not None:
+            assert isinstance(step.goal, RelationAtom)
+            self._body.record_classes(step.goal)
+            step, *following = following
+        elif following or not (self._keeps_words and self._is_set_loop(step)):
+            return None
+        goal = step.goal
+        assert isinstance(goal, InstanceAtom)
+        sets = self._facts.class_sets(goal.cls, goal.exact)
+        assert sets is not None
+        self.word = self._facts.emit_word_loop(self._body.block, sets, within)
+        self._variable = goal.variable
+        self._body.record_class(goal.variable, ObjectType(goal.cls))
+        if following or not self._keeps_words:
+            self.emit_bits()
+        else:
+            self._body.bindings.expressions[goal.variable] = self._facts.new_local_for(ObjectType(goal.cls))
+        return following
+
+    def emit_bits(self) -> None:
+        """Emit a loop over the objects of the word, if there is one."""
+        if self.word is not None:
+            self._body.bindings.expressions[self._variable] = self._facts.emit_bit_loop(self._body.block, self.word)
+            self.word = None
+
+    def emit_count(self, number: code.Local) -> code.Statement:
+        """Return a statement that adds 1 to `number`; if the body finds solutions as bits of a word, their number."""
+        one = ONE if self.word is None else code.emit_call("count_bits", self.word.word)
+        return code.Assign(number, one, "+=")
+
+    def emit_for_nth(self, number: code.Local, then: Callable[[], code.Body]) -> code.Body:
+        """Return code that runs statements for the solution with an index; the statements must end with a return.
+
+        Args:
+            number: variable with the index, from 0. The code subtracts the number of solutions of each word that it
+                passes.
+            then: returns the statements.
+        """
+        assert self.word is not None
+        here = self._facts.module.new_local("n")
+        node = self._body.bindings.expressions[self._variable]
+        assert isinstance(node, code.Local)
+        chosen = code.Assign(node, self._facts.emit_nth_object(self.word, number))
+        return (
+            code.Assign(here, code.emit_call("count_bits", self.word.word)),
+            code.If(code.Operation("<", (number, here)), (chosen, *then())),
+            code.Assign(number, here, "-="),
+        )
+
+    def _is_set_loop(self, step: PlanStep) -> bool:
+        """Return True if a step loops over all objects of a class whose objects are stored as bit sets."""
+        goal = step.goal
+        return (
+            step.kind is StepKind.LOOP
+            and isinstance(goal, InstanceAtom)
+            and not self._body.is_bound(goal.variable)
+            and self._facts.class_sets(goal.cls, goal.exact) is not None
+        )
+
+    def _related_set(self, step: PlanStep, following: PlanStep) -> tuple[KeyColumns, int, code.Expression] | None:
+        """Return the bit set of the objects that a table relates, if the next step tests them with sets of their class.
+
+        The two steps then become one loop over the bits of both sets. Returns None if this is not possible.
+        """
+        goal, test = step.goal, following.goal
+        if not (
+            step.kind is StepKind.LOOP
+            and following.kind is StepKind.TEST
+            and isinstance(goal, LinkAtom | CallAtom | ClosureAtom)
+            and isinstance(test, InstanceAtom)
+            and step.binds == (test.variable,)
+            and self._body.is_static(goal)
+            and self._facts.class_sets(test.cls, test.exact) is not None
+        ):
+            return None
+        variables, body = relation_variables(goal), self._body
+        if variables.count(test.variable) > 1:
+            return None
+        bound = {p: body.value_of(v) for p, v in enumerate(variables) if body.is_bound(v)}
+        return self._facts.related_set(static_relation(goal), bound, variables.index(test.variable))
 
 
-def _static_relation(goal: Goal) -> StaticRelation:
+def static_relation(goal: Goal) -> StaticRelation:
     """Return the table to read for a link, call or closure that never changes."""
     match goal:
         case LinkAtom(reference):
@@ -517,14 +489,3 @@ def _static_relation(goal: Goal) -> StaticRelation:
         case ClosureAtom():
             return ClosurePairs(goal.step, goal.closure is Closure.STAR)
     raise AssertionError(goal)
-
-
-def _goal_arguments(goal: Goal) -> tuple[int, ...]:
-    match goal:
-        case InstanceAtom() | LinkAtom() | CallAtom() | ClosureAtom():
-            return relation_variables(goal)
-    raise AssertionError(goal)
-
-
-def emit_return_true(body: BodyEmitter) -> None:
-    body.block.add(code.Return(code.TRUE))

@@ -5,9 +5,12 @@ from __future__ import annotations
 from collections import Counter
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import replace
-from typing import Any
+from typing import Any, Final
 
 from envgraph import code
+
+MAX_LOOP_DEPTH: Final = 20
+"""Maximal nesting of loops in one function of CPython."""
 
 NewLocal = Callable[[str], code.Local]
 
@@ -29,10 +32,24 @@ def inline_functions(
     left: dict[str, code.Function] = {}
     for function in functions:
         body, used = _inline_calls(function.body, {name: left[name] for name in once if name in left}, fresh)
+        if _loop_depth(body) > MAX_LOOP_DEPTH:
+            body, used = function.body, []
         left[function.name] = code.Function(function.name, function.parameters, body)
         for name in used:
             del left[name]
     return tuple(left.values())
+
+
+def _loop_depth(body: code.Body) -> int:
+    """Return the number of loops around the innermost statement of a body."""
+    depths = [0]
+    for one in body:
+        match one:
+            case code.For(_, _, inside) | code.While(_, inside):
+                depths.append(1 + _loop_depth(inside))
+            case code.If(_, then, otherwise):
+                depths += [_loop_depth(then), _loop_depth(otherwise)]
+    return max(depths)
 
 
 def _called_names(body: code.Body) -> Iterator[str]:
@@ -81,6 +98,23 @@ def _inline_calls(body: code.Body, known: Mapping[str, code.Function], fresh: Ne
     return tuple(found), used
 
 
+def inlined_test(function: code.Function, call: code.Call) -> code.Expression | None:
+    """Return the test whose result a call of a function returns; None if the function does more than a test."""
+    tests: list[code.Expression] = []
+    body = function.body
+    while True:
+        match body:
+            case (code.If(test, inner, ()), *_):
+                tests.append(test)
+                body = inner
+            case (code.Return(code.TRUE), *_):
+                values = dict(zip(function.parameters, call.arguments, strict=True))
+                whole: code.Expression = _rename_locals(code.emit_joined("and", tests, True), values)
+                return whole
+            case _:
+                return None
+
+
 def _returns_at_end(function: code.Function) -> bool:
     returns = sum(isinstance(node, code.Return) for node in code.walk_parts(function.body))
     return returns == 1 and isinstance(function.body[-1], code.Return)
@@ -109,7 +143,7 @@ def _assigned_locals(body: code.Body) -> Iterator[code.Local]:
             yield from (target for target in targets if isinstance(target, code.Local))
 
 
-def _rename_locals(node: Any, names: Mapping[code.Local, code.Local]) -> Any:
+def _rename_locals(node: Any, names: Mapping[Any, code.Expression]) -> Any:
     if isinstance(node, code.Local):
         return names.get(node, node)
     if isinstance(node, tuple):

@@ -6,43 +6,31 @@ from collections.abc import Callable, Sequence
 from enum import Enum, auto
 
 from envgraph import code
-from envgraph.env.compiled._aggregate_code import COUNT, emit_count
-from envgraph.env.compiled._body_code import (
-    CAPACITY,
-    BodyEmitter,
-    OnSolution,
-    emit_for_nth,
-    emit_return_true,
-)
+from envgraph.env.compiled._aggregate_code import COUNT
+from envgraph.env.compiled._body_code import CAPACITY, BodyEmitter
 from envgraph.env.compiled._changes import StaticPatterns
 from envgraph.env.compiled._model_reading import ModelReader
 from envgraph.env.compiled._not_compiled import NotCompiled, add_missing_span
-from envgraph.env.compiled._program_layout import (
-    ONE,
-    RF,
-    RI,
-    TOP,
-    ZERO,
-    D,
-    emit_call,
-    emit_entry,
-    emit_error,
-    emit_sum,
-)
-from envgraph.match.plan import CallGraph, PatternPlan, PatternQuery, Planner, Unplannable
+from envgraph.env.compiled._program_layout import ONE, RF, RI, TOP, ZERO, D, emit_call, emit_entry, emit_error, emit_sum
+from envgraph.match.generate import SolutionSink
+from envgraph.match.plan import CallGraph, PatternPlan, PatternQuery, Planner
 from envgraph.metamodel import Scalar
-from envgraph.pattern import (
-    ObjectType,
-    StaticType,
-)
+from envgraph.pattern import ObjectType, StaticType
 
 
 class RowSource(Enum):
-    """The way in which rows are found: without a loop, so at most ONE; as bits of WORDS, in order; or sorted ROWS."""
+    """The way in which emitted code finds rows: without a loop, so at most ONE; each once and in order, as bits of
+    WORDS or one by one (ORDERED); or in ANY other way.
+    """
 
     ONE = auto()
     WORDS = auto()
-    ROWS = auto()
+    ORDERED = auto()
+    ANY = auto()
+
+
+WriteSolution = Callable[[BodyEmitter, RowSource], code.Body]
+"""Returns the statements for a solution of a body, inside its loops, given how these find the rows."""
 
 
 class MatchEmitter:
@@ -64,7 +52,6 @@ class MatchEmitter:
         self.planner = planner
         self.static = static
         self.calls = calls
-        self._shapes: dict[tuple[PatternQuery, bool], RowSource] = {}
 
     def emit_rows(self, key: PatternQuery, classes_known: bool = True) -> str:
         """Emit a function that stores the distinct rows in sorted order, and returns their number. Return its name."""
@@ -93,43 +80,43 @@ class MatchEmitter:
             then: returns the statements for a row's values; they end with a return.
             nothing: the return statement if there is no row.
         """
-        shape = self._row_source(key, True)
         number, row = self.module.new_local("n"), self.module.new_local("k")
-        if shape is RowSource.ONE:
-            found = self._emit_bodies(key, given, True, lambda body: body.block.add(*then(body.output_values(key))))
+
+        def write(body: BodyEmitter, source: RowSource) -> code.Body:
+            if source is RowSource.ONE:
+                return then(body.output_values(key))
+            words = source is RowSource.WORDS
+            return (body.words.emit_count(number),) if words else self._append_output(body, key, number)
+
+        def write_nth(body: BodyEmitter, _: RowSource) -> code.Body:
+            return body.words.emit_for_nth(row, lambda: then(body.output_values(key)))
+
+        found, source = self._emit_bodies(key, given, True, write)
+        if source is RowSource.ONE:
             return (*found, nothing)
-        if shape is RowSource.WORDS:
-            return (
-                *self._emit_counting(key, given, True, number),
-                code.If(code.emit_equal(number, ZERO), (nothing,)),
-                code.Assign(row, code.emit_call("pick", D, number)),
-                *self._emit_bodies(
-                    key,
-                    given,
-                    True,
-                    lambda body: emit_for_nth(body, row, lambda: then(body.output_values(key))),
-                    words=True,
-                ),
-                nothing,
-            )
+        sampled = code.emit_call("pick", D, number)
+        check = code.If(code.emit_equal(number, ZERO), (nothing,))
+        if source is RowSource.WORDS:
+            nth, _ = self._emit_bodies(key, given, True, write_nth)
+            return (code.Assign(number, ZERO), *found, check, code.Assign(row, sampled), *nth, nothing)
         loads, values = self.load_row(key, row)
-        return (
-            *self._emit_sorted_rows(key, given, True, number),
-            code.If(code.emit_equal(number, ZERO), (nothing,)),
-            code.Assign(row, emit_sum(TOP, code.emit_call("pick", D, number))),
-            *loads,
-            *then(values),
-        )
+        chosen = code.Assign(row, emit_sum(TOP, sampled))
+        return (*self._emit_sorting(key, found, source, number), check, chosen, *loads, *then(values))
 
     def load_row(self, key: PatternQuery, row: code.Expression, first: int = 0) -> tuple[code.Body, list[code.Local]]:
         """Return statements that read a row, which begins at a column, into variables, and the variables."""
-        found = [self.facts.new_local_for(type_) for type_ in self.column_types(key)]
-        places = self.row_cells(key, row, first)
+        return self.load_values(self.column_types(key), row, first)
+
+    def load_values(
+        self, types: Sequence[StaticType], row: code.Expression, first: int = 0
+    ) -> tuple[code.Body, list[code.Local]]:
+        """Return statements that read a row with values of some types into variables, and the variables."""
+        found = [self.facts.new_local_for(type_) for type_ in types]
+        places = self.row_cells(types, row, first)
         return tuple(code.Assign(local, place) for local, place in zip(found, places, strict=True)), found
 
-    def row_cells(self, key: PatternQuery, row: code.Expression, first: int = 0) -> list[code.Subscript]:
+    def row_cells(self, types: Sequence[StaticType], row: code.Expression, first: int = 0) -> list[code.Subscript]:
         """Return the cells that store the values of a row, from a column on; make the row buffers wide enough."""
-        types = self.column_types(key)
         self.module.width = max(self.module.width, first + len(types))
         spaces = [RF if type_ is Scalar.FLOAT else RI for type_ in types]
         return [emit_entry(space, row, column) for column, space in enumerate(spaces, first)]
@@ -159,88 +146,60 @@ class MatchEmitter:
         key: PatternQuery,
         given: Sequence[code.Local],
         sure: bool,
-        found: OnSolution,
-        *,
-        words: bool = False,
-    ) -> code.Body:
-        block = code.BodyBuilder()
-        for each in self._view_plan(key).bodies:
-            body = BodyEmitter(self, each.conjunction, block, words=words)
+        write: WriteSolution,
+    ) -> tuple[code.Body, RowSource]:
+        """Return code that finds the solutions of all bodies, and how it finds them."""
+        block, view, source = code.BodyBuilder(), self.planner.plan_pattern(key), RowSource.ONE
+        for each in view.bodies:
+            body = BodyEmitter(self, each.conjunction, block, words=True)
             place = block.position
             body.bind_inputs(key, given, sure)
-            body.emit_steps(each.plan.steps, found)
+            body.emit_steps(each.plan.steps, _output_sink(view, body, write))
             block.close_to(place)
-        return block.finish_body()
+            source = _row_source(view, body)
+        return block.finish_body(), source
 
     def _check_recursion(self, pattern: str) -> None:
         if self.calls.is_recursive(pattern):
             raise NotCompiled(f"a recursive pattern whose matches change (`{pattern}`)")
 
-    def _view_plan(self, key: PatternQuery) -> PatternPlan:
-        try:
-            return self.planner.plan_pattern(key)
-        except Unplannable:
-            raise NotCompiled(f"a call of `{key.pattern}` before its inputs have values") from None
-
-    def _row_source(self, key: PatternQuery, sure: bool) -> RowSource:
-        """Return how the rows of a view are found, by emitting its bodies on trial."""
-        if (key, sure) not in self._shapes:
-            bodies: list[BodyEmitter] = []
-            with self.module.discarding_functions():
-                given = [self.facts.new_local_for(type_) for type_ in self._input_types(key)]
-                self._emit_bodies(key, given, sure, bodies.append, words=True)
-            shape, first = RowSource.ROWS, bodies[0] if bodies else None
-            if first is None or (len(bodies) == 1 and not first.loop_variables):
-                shape = RowSource.ONE  # or no row at all: the goals of a body may be impossible
-            elif (
-                len(bodies) == 1 and first.word is not None and first.is_ascending(key) and self._has_distinct_rows(key)
-            ):
-                shape = RowSource.WORDS
-            self._shapes[key, sure] = shape
-        return self._shapes[key, sure]
-
-    def _has_distinct_rows(self, key: PatternQuery) -> bool:
-        """Return True if no row is found twice. Return False without output positions, since rows are then equal."""
-        return bool(key.outputs) and self._view_plan(key).is_distinct
-
-    def _emit_counting(
-        self, key: PatternQuery, given: Sequence[code.Local], sure: bool, number: code.Local
-    ) -> code.Body:
-        """Emit code that sets `number` to the number of rows. Call only if no row is found twice."""
-        counted = self._emit_bodies(key, given, sure, lambda body: emit_count(body, number), words=True)
-        return (code.Assign(number, ZERO), *counted)
-
     def _input_types(self, key: PatternQuery) -> list[StaticType]:
         types = self.facts.library.parameter_types(key.pattern)
         return [types[position] for position in key.bound]
 
-    def _emit_store(self, body: BodyEmitter, key: PatternQuery, row: code.Expression) -> code.Body:
-        """Return statements that store the output values of a solution in a row."""
-        places = zip(self.row_cells(key, row), body.output_values(key), strict=True)
-        return tuple(code.Assign(place, value) for place, value in places)
-
-    def _emit_sorted_rows(
-        self, key: PatternQuery, given: Sequence[code.Local], sure: bool, number: code.Local
+    def _store_row(
+        self, types: Sequence[StaticType], values: Sequence[code.Expression], row: code.Expression
     ) -> code.Body:
-        """Emit code that stores the distinct rows in sorted order, and sets `number` to their count.
+        """Return statements that store values in a row."""
+        cells = self.row_cells(types, row)
+        return tuple(code.Assign(cell, value) for cell, value in zip(cells, values, strict=True))
 
-        If the row buffers are too small, the code sets the error OVERFLOW.
+    def append_row(
+        self, types: Sequence[StaticType], values: Sequence[code.Expression], number: code.Local
+    ) -> code.Body:
+        """Return statements that append a row to the first `number` rows; if all are used, they set OVERFLOW."""
+        more = (*self._store_row(types, values, emit_sum(TOP, number)), code.Assign(number, ONE, "+="))
+        return (code.If(code.Operation("<", (number, CAPACITY)), more, (emit_error("OVERFLOW"),)),)
+
+    def _append_output(self, body: BodyEmitter, key: PatternQuery, number: code.Local) -> code.Body:
+        """Return statements that append a row with the output values of a solution to `number` rows."""
+        body.words.emit_bits()
+        return self.append_row(self.column_types(key), body.output_values(key), number)
+
+    def _emit_sorting(self, key: PatternQuery, found: code.Body, source: RowSource, number: code.Local) -> code.Body:
+        """Return code that stores the distinct rows in sorted order, and sets `number` to their count.
+
+        Args:
+            key: the view of the rows.
+            found: appends a row for each solution.
+            source: how `found` finds the rows.
+            number: the number of rows.
         """
-        view, types = self._view_plan(key), self.column_types(key)
-        ordered = view.is_distinct and len(view.bodies) == 1
-
-        def write(body: BodyEmitter) -> None:
-            nonlocal ordered
-            ordered = ordered and body.is_ascending(key)
-            room = code.Operation("<", (number, CAPACITY))
-            stores = self._emit_store(body, key, emit_sum(TOP, number))
-            more = (*stores, code.Assign(number, ONE, "+="))
-            body.block.add(code.If(room, more, (emit_error("OVERFLOW"),)))
-
-        whole = (code.Assign(number, ZERO), *self._emit_bodies(key, given, sure, write))
+        view, types = self.planner.plan_pattern(key), self.column_types(key)
+        whole = (code.Assign(number, ZERO), *found)
         if not types:
             return (*whole, code.Assign(number, code.emit_call("min", number, ONE)))
-        if ordered:
+        if source is RowSource.ORDERED:
             return whole
         kinds = sum(1 << column for column, type_ in enumerate(types) if type_ is Scalar.FLOAT)
         numbers = (len(types), kinds, 0 if view.is_distinct else 1)
@@ -248,13 +207,15 @@ class MatchEmitter:
         return (*whole, code.Assign(number, in_order))
 
     def _emit_rows_body(self, key: PatternQuery, given: Sequence[code.Local], sure: bool) -> code.Body:
-        if self._row_source(key, sure) is not RowSource.ONE:
-            return (*self._emit_sorted_rows(key, given, sure, COUNT), code.Return(COUNT))
+        def write(body: BodyEmitter, source: RowSource) -> code.Body:
+            if source is RowSource.ONE:
+                return (*self._store_row(self.column_types(key), body.output_values(key), TOP), code.Return(ONE))
+            return self._append_output(body, key, COUNT)
 
-        def write(body: BodyEmitter) -> None:
-            body.block.add(*self._emit_store(body, key, TOP), code.Return(ONE))
-
-        return (*self._emit_bodies(key, given, sure, write), code.Return(ZERO))
+        found, source = self._emit_bodies(key, given, sure, write)
+        if source is RowSource.ONE:
+            return (*found, code.Return(ZERO))
+        return (*self._emit_sorting(key, found, source, COUNT), code.Return(COUNT))
 
     def emit_search(self, step: str, star: bool, forward: bool) -> str:
         """Emit a breadth-first search along a binary pattern that returns the number of objects found. Return its name.
@@ -317,12 +278,38 @@ class MatchEmitter:
         return [start], (*whole, code.Return(COUNT))
 
     def _emit_exists_body(self, key: PatternQuery, given: Sequence[code.Local], sure: bool) -> code.Body:
-        found = self._emit_bodies(key, given, sure, emit_return_true)
-        return (*found, code.Return(code.FALSE))
+        def write(body: BodyEmitter, _: RowSource) -> code.Body:
+            body.words.emit_bits()
+            return (code.Return(code.TRUE),)
+
+        return (*self._emit_bodies(key, given, sure, write)[0], code.Return(code.FALSE))
 
     def _emit_count_body(self, key: PatternQuery, given: Sequence[code.Local], sure: bool) -> code.Body:
-        if not (self._has_distinct_rows(key) or self._row_source(key, sure) is RowSource.ONE):
-            name = self.emit_rows(key, sure)
-            self.module.record_call(name, 1)
-            return (code.Return(emit_call(name, *given, top=emit_sum(TOP, CAPACITY))),)
-        return (*self._emit_counting(key, given, sure, COUNT), code.Return(COUNT))
+        """Return code that counts distinct rows; it stores them if some may be equal."""
+        is_distinct = bool(key.outputs) and self.planner.plan_pattern(key).is_distinct
+
+        def write(body: BodyEmitter, source: RowSource) -> code.Body:
+            counts = is_distinct or source is RowSource.ONE
+            return (body.words.emit_count(COUNT),) if counts else self._append_output(body, key, COUNT)
+
+        found, source = self._emit_bodies(key, given, sure, write)
+        if is_distinct or source is RowSource.ONE:
+            return (code.Assign(COUNT, ZERO), *found, code.Return(COUNT))
+        return (*self._emit_sorting(key, found, source, COUNT), code.Return(COUNT))
+
+
+def _output_sink(view: PatternPlan, body: BodyEmitter, write: WriteSolution) -> SolutionSink:
+    """Return a sink with the statements that `write` returns, which read the output values of a body."""
+    outputs = tuple(body.conjunction.parameters[position] for position in view.key.outputs)
+    return SolutionSink(outputs, (), lambda _: write(body, _row_source(view, body)), ())
+
+
+def _row_source(view: PatternPlan, body: BodyEmitter) -> RowSource:
+    """Return how the loops of a body find the rows of its view."""
+    if len(view.bodies) > 1:
+        return RowSource.ANY
+    if not body.loop_variables:
+        return RowSource.ONE
+    if not (view.key.outputs and view.is_distinct and body.is_ascending(view.key)):
+        return RowSource.ANY
+    return RowSource.ORDERED if body.words.word is None else RowSource.WORDS

@@ -86,14 +86,6 @@ class ProgramModule:
         yield
         self._open.pop()
 
-    @contextmanager
-    def discarding_functions(self) -> Iterator[None]:
-        """Return a context at whose end all functions that were added within it are discarded."""
-        functions, levels, names = [*self.functions], {**self.levels}, {**self._names}
-        with self.emitting_function():
-            yield
-        self.functions[:], self.levels, self._names = functions, levels, names
-
     def record_call(self, name: str, above: int) -> None:
         """Record that the current function calls another, whose rows begin `above` regions behind its own rows."""
         self.record_levels(above + self.levels[name])

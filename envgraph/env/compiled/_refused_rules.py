@@ -91,7 +91,7 @@ class RuleAttempts:
             tests, value = narrow(names)
             self._column = 0 if value is None else 1
             row = emit_sum(first, kept)
-            cells = writer.matching.row_cells(self._key, row, self._column)
+            cells = writer.matching.row_cells(writer.matching.column_types(self._key), row, self._column)
             stores = [
                 code.Assign(cell, self._slots[position])
                 for cell, position in zip(cells, self._key.outputs, strict=True)

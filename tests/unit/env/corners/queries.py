@@ -4,6 +4,11 @@ from __future__ import annotations
 
 from tests.unit.env.corners.yard import Yard
 
+LOOPS = "".join(f"Man.at(m{n}, s); Man.hunger(m{n}, h{n}); " for n in range(13))
+ORDERED = "".join(f"check(h{n} <= h{n + 1}); " for n in range(12))
+MARKS = "".join(f"Spot.mark(s{n}, s{n + 1}); " for n in range(40))
+"""More loops, and more bindings, than one function may have inside each other."""
+
 CORNERS = {
     "sums, means and extremes": Yard(
         """
@@ -107,6 +112,25 @@ CORNERS = {
         pattern two(s : Spot) { Spot(s); 2 == count Item.at(_, s); }
         or { Spot(s); Spot.n(s, n); n == count find most(s, _); }
         pattern none() { 0 == count find most(_, _); } or { neg find two(_); }
+        """,
+    ),
+    "loops nested too deep for one function": Yard(
+        """
+        rule go(m : Man, s : Spot) { lhs { m : Man; s : Spot; } modify { set m.at = s; } }
+        rule feed(m : Man) { lhs { m : Man; check m.hunger < 6; } modify { set m.hunger += 1; } }
+        rule mark(s : Spot, t : Spot) { lhs { s : Spot; t : Spot; } modify { set s.mark = t; } }
+        rule light { lhs { find far(s, t); } modify { set s.lit = !t.lit; } }
+        """,
+        """
+        action go(m : Man, s : Spot) = go(m, s)
+        action feed(m : Man) = feed(m)
+        action mark(s : Spot, t : Spot) = mark(s, t)
+        action light = light() else reward -3
+        on find queue(_, n, _, h) reward n.hunger + 0.01 * h
+        """,
+        f"""
+        pattern queue(m0 : Man, m12 : Man, s : Spot, h7 : int) {{ {LOOPS}{ORDERED}}}
+        pattern far(s0 : Spot, s40 : Spot) {{ {MARKS}}}
         """,
     ),
     "conditions on rules": Yard(
