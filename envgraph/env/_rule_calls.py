@@ -103,8 +103,6 @@ def _can_succeed_function(perform: PerformCall, model: Model) -> CanPerform:
 class _StepChoices(Branches):
     """The random choices of a unit, made by the `ChoiceSource` of a step."""
 
-    is_ordered = True
-
     def __init__(self, choices: ChoiceSource) -> None:
         super().__init__()
         self._choices = choices

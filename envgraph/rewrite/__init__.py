@@ -55,7 +55,9 @@ if TYPE_CHECKING:
     from envgraph.rewrite.events._agenda import Agenda as Agenda
     from envgraph.rewrite.events._event_rules import EventRule as EventRule
     from envgraph.rewrite.explore._exploration import (
+        Ending as Ending,
         Exploration as Exploration,
+        ExplorationRecord as ExplorationRecord,
         State as State,
         Statistics as Statistics,
         Transition as Transition,

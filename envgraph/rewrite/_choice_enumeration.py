@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import ClassVar
 
 
 class Branches:
@@ -18,12 +17,9 @@ class Branches:
     >>> found
     [(0, None), (1, 0), (1, 1), (1, 2)]
 
-    Attributes:
-        is_ordered: if True, units take matches in an order given by the matched objects and values. If False, the
-            matcher gives the order, which may depend on how a state was reached.
+    Units take matches in the order of their objects and values, because the order of a matcher may depend on how a
+    state was reached.
     """
-
-    is_ordered: ClassVar[bool] = False
 
     def __init__(self) -> None:
         self._chosen: list[int] = []

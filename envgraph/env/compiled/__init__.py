@@ -29,6 +29,7 @@ if TYPE_CHECKING:
         StreamMode as StreamMode,
     )
     from envgraph.env.compiled._explanation import explain_compilation as explain_compilation
+    from envgraph.env.compiled._exploration import explore_compiled as explore_compiled
     from envgraph.env.compiled._export_package import (
         check_package_name as check_package_name,
         export_package as export_package,

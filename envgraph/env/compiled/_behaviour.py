@@ -14,6 +14,7 @@ from envgraph.env.compiled._inlining import inline_functions
 from envgraph.env.compiled._joint_actions import JointStepEmitter
 from envgraph.env.compiled._matching import MatchEmitter
 from envgraph.env.compiled._model_reading import ModelReader, ProgramModule
+from envgraph.env.compiled._move_code import MoveEmitter, RuleSet
 from envgraph.env.compiled._not_compiled import NotCompiled
 from envgraph.env.compiled._observation_code import COMPONENTS
 from envgraph.env.compiled._program_layout import STATE, ZERO, L, ProgramLayout, emit_call
@@ -97,7 +98,13 @@ class _ProgramWriter:
         self._facts = ModelReader(self._module, layout, self._changes, library, sizes)
         matching = MatchEmitter(self._facts, Planner(library, calls, sizes, static), static, calls)
         self._clauses = ClauseEmitter(engine, behaviour, keys, matching)
-        self._step = JointStepEmitter(self._clauses, seats) if behaviour.together else TurnStepEmitter(self._clauses)
+        self._step: JointStepEmitter | MoveEmitter | TurnStepEmitter
+        if isinstance(behaviour, RuleSet):
+            self._step = MoveEmitter(self._clauses, behaviour)
+        elif behaviour.together:
+            self._step = JointStepEmitter(self._clauses, seats)
+        else:
+            self._step = TurnStepEmitter(self._clauses)
 
     def _check_keys(self) -> None:
         """Raise `NotCompiled` if a rule changes the key of an object that may have an index."""

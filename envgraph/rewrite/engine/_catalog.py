@@ -60,6 +60,7 @@ class Catalog:
         members: qualified names of the rules of each group.
         added_definitions: rules, units and derivations as they were added, by qualified name.
         notices: warnings that applications have reported.
+        compiled_explorations: a cache of programs for each exploration with many transitions, by its rules and tests.
         caches: caches by name; they are cleared when a definition is added or removed.
     """
 
@@ -73,8 +74,9 @@ class Catalog:
         self.members: dict[str, tuple[str, ...]] = {}
         self.added_definitions: dict[str, Rule | Unit | Derivation] = {}
         self.notices = Notices()
+        self.compiled_explorations: dict[Any, dict[Any, Any]] = {}
         self._query_targets: dict[str, QueryTarget] = {}
-        self.caches: list[dict[Any, Any]] = [self._query_targets]
+        self.caches: list[dict[Any, Any]] = [self._query_targets, self.compiled_explorations]
 
     def clear_caches(self) -> None:
         """Clear all caches that depend on names. Call this after a definition was added, removed or replaced."""

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import field
 from functools import cached_property
 from typing import TYPE_CHECKING, Literal, NamedTuple
@@ -112,30 +112,38 @@ class Exploration:
     """The states that `Engine.explore` found, and the transitions between them.
 
     Attributes:
-        states: all states, in the order of discovery.
         predicates: names of the predicates that were evaluated in every state.
         ending: the reason why the exploration ended.
-        goal: number of the goal state, or None if no goal was found.
+        not_compiled: None if a compiled program explored the states, else the reason why the engine did.
     """
 
     def __init__(
         self,
-        record: ExplorationRecord,
+        record: ExplorationRecord | Callable[[], ExplorationRecord],
         model: Model,
         shapes: Mapping[str, Shape],
         predicates: tuple[str, ...],
         ending: Ending,
+        not_compiled: str | None,
     ) -> None:
-        self._record = record
+        self._given = record
         self._model = model
         self._shapes = shapes
-        self.states: tuple[State, ...] = tuple(record.states)
+        self.not_compiled = not_compiled
         self.predicates = predicates
         self.ending: Ending = ending
-        self.goal = record.goal
+
+    @cached_property
+    def _record(self) -> ExplorationRecord:
+        return self._given if isinstance(self._given, ExplorationRecord) else self._given()
+
+    @property
+    def goal(self) -> int | None:
+        """Return the number of the goal state, or None if no goal was found."""
+        return self._record.goal
 
     def __len__(self) -> int:
-        return len(self.states)
+        return len(self._record.found_by)
 
     def __repr__(self) -> str:
         count = f"{len(self)} states, {len(self._record.sources)} transitions"
@@ -158,6 +166,11 @@ class Exploration:
             depth=max(state.depth for state in self.states),
             merged=record.merged,
         )
+
+    @cached_property
+    def states(self) -> tuple[State, ...]:
+        """Return all states, in the order of discovery."""
+        return tuple(self._record.states)
 
     @cached_property
     def transitions(self) -> tuple[Transition, ...]:

@@ -10,7 +10,10 @@ from collections import deque
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import field
 from functools import partial
-from typing import TYPE_CHECKING, Any, Literal
+from importlib import import_module
+from importlib.util import find_spec
+from math import inf
+from typing import TYPE_CHECKING, Any, Final, Literal
 
 from envgraph.code import dataclass
 from envgraph.errors import InvalidArgument, RuleError
@@ -23,6 +26,9 @@ from envgraph.rewrite.run._rule_runner import REFUSALS, RuleRunner
 
 if TYPE_CHECKING:
     from envgraph.rewrite.engine._engine import Engine
+
+COMPILE_AFTER: Final = 50_000
+"""Moves of an engine in the time that it takes to compile a program; `python -m benchmarks philosophers`."""
 
 Strategy = Literal["breadth", "depth"]
 Sameness = Literal["identity", "isomorphism"]
@@ -59,7 +65,7 @@ def _rule_mover(rule: RuleRunner) -> Mover:
         rule.fire(row)
         return row
 
-    return Mover(rule.name, rule.shape, lambda: iter(rule.all_rows()), make)
+    return Mover(rule.name, rule.shape, lambda: iter(sorted(rule.all_rows())), make)
 
 
 def _random_branches() -> Iterator[Branches]:
@@ -107,6 +113,10 @@ class RunningExploration:
         goal: the test that ends the search, or None.
         limit: maximal number of states, and maximal number of runs of one unit in one state.
         depth: maximal number of moves from the first state; None for no maximum.
+        explore_compiled: explores from the first state with a compiled program, and returns the result, or the reason
+            why this is not possible.
+        compile_after: number of transitions and repeated moves after which `explore_compiled` is called.
+        not_compiled: see `Exploration`.
 
     Raises:
         InvalidArgument: the limit is below 1, the strategy or `up_to` is unknown, or the depth is negative or used
@@ -122,6 +132,9 @@ class RunningExploration:
     strategy: Strategy
     up_to: Sameness
     keep: bool
+    explore_compiled: Callable[[Callable[[], None]], Exploration | str] | None = None
+    compile_after: float = inf
+    not_compiled: str = f"it makes fewer than {COMPILE_AFTER:,} moves"
     _record: ExplorationRecord = field(default_factory=ExplorationRecord)
     _numbers_by_hash: dict[int, int] = field(default_factory=dict)
     _by_shape: dict[int, int] = field(default_factory=dict)
@@ -148,19 +161,26 @@ class RunningExploration:
         with defer_interrupts() as check, walking(self.model) as walk:
             self._state_number(0)
             ending = self._record_state(0, self.model.version if self.keep else None)
-            if ending is None:
-                ending = self._run_search(walk, check)
+            found = ending or self._run_search(walk, check)
+            if isinstance(found, Exploration):
+                return found
         shapes = {mover.name: mover.shape for mover in self.movers if mover.shape is not None}
-        ending = ending or ("limit" if self._is_truncated else "exhausted")
-        return Exploration(self._record, self.model, shapes, tuple(self.predicates), ending)
+        ending = found or ("limit" if self._is_truncated else "exhausted")
+        return Exploration(self._record, self.model, shapes, tuple(self.predicates), ending, self.not_compiled)
 
-    def _run_search(self, walk: StateWalk, check: Callable[[], None]) -> Ending | None:
+    def _run_search(self, walk: StateWalk, check: Callable[[], None]) -> Exploration | Ending | None:
         record, deep = self._record, self.strategy == "depth"
         opened = deque([(record.states[0], self._moves())])
         while opened:
             state, moves = opened[-1 if deep else 0]
             if state.depth == self.depth:
                 return "depth"
+            if len(record.sources) + walk.repeated >= self.compile_after and self.explore_compiled is not None:
+                walk.restore_state(0)
+                result = self.explore_compiled(check)
+                if isinstance(result, Exploration):
+                    return result
+                self.not_compiled, self.explore_compiled = result, None
             walk.restore_state(state.number)
             for mover, choice in moves:
                 check()
@@ -263,10 +283,14 @@ def explore(
 ) -> Exploration:
     """Find the states that rules, groups and units can reach from the current state, and the transitions between them.
 
-    From each state every rule is applied at every match, and a unit runs with every sequence of random choices. Weights
-    and priorities of rules are ignored, and event rules do not fire. Two states are equal if they have the same objects
-    with the same values and links. At the end, or after an exception or Ctrl-C, the engine is in the state in which it
-    was. The result depends only on the state and the arguments.
+    From each state every rule is applied at every match, in the order of the matched objects and values, and a unit
+    runs with every sequence of random choices. Weights and priorities of rules are ignored, and event rules do not
+    fire. Two states are equal if they have the same objects with the same values and links. At the end, or after an
+    exception or Ctrl-C, the engine is in the state in which it was. The result depends only on the state and the
+    arguments.
+
+    An exploration with many transitions is continued by a program that numba compiles, if numba is installed and there
+    are only rules, which environments can compile, and named goals. This does not change the result.
 
     Args:
         rules: names of rules, groups and units.
@@ -290,19 +314,39 @@ def explore(
     if not isinstance(predicates, Iterable):
         raise InvalidArgument(f"expected names of predicates, not {predicates!r}")
     asked = predicates if isinstance(predicates, Mapping) else {name: name for name in predicates}
-    search = RunningExploration(
-        engine.model,
-        _movers(engine, [rules] if isinstance(rules, str) else rules),
-        {name: _state_test(engine, predicate) for name, predicate in asked.items()},
-        None if goal is None else _state_test(engine, goal),
-        limit,
-        depth,
-        strategy,
-        up_to,
-        keep,
-    )
+    movers = _movers(engine, [rules] if isinstance(rules, str) else rules)
+    tests = {name: _state_test(engine, predicate) for name, predicate in asked.items()}
+    wanted = None if goal is None else _state_test(engine, goal)
+    search = RunningExploration(engine.model, movers, tests, wanted, limit, depth, strategy, up_to, keep)
+    obstacles = {
+        '`strategy` is "depth"': strategy == "depth",
+        '`up_to` is "isomorphism"': up_to == "isomorphism",
+        "`keep` is true": keep,
+        "a goal or predicate is a function": any(map(callable, [goal, *asked.values()])),
+        "it runs units": not all(mover.shape for mover in movers),
+        "numba is not installed": find_spec("numba") is None,
+    }
+    search.not_compiled = next((reason for reason, holds in obstacles.items() if holds), search.not_compiled)
+    if not any(obstacles.values()):
+        _prepare_compiled(engine, search, asked, goal)
     with engine.runs.unnoticed():
         return search.explore()
+
+
+def _prepare_compiled(engine: Engine, search: RunningExploration, predicates: Mapping[str, Any], goal: Any) -> None:
+    """Set how a compiled program explores, and when: at once if an earlier exploration has compiled it."""
+    shapes = {mover.name: mover.shape for mover in search.movers}
+    tests = {name: engine.queries.resolve_query(predicate)[1] for name, predicate in predicates.items()}
+    wanted = goal and engine.queries.resolve_query(goal)[1]
+    cache, key = engine.catalog.compiled_explorations, (*shapes, None, *tests.values(), None, wanted)
+
+    def explore_compiled(check: Callable[[], None]) -> Exploration | str:
+        # By name, because `env` is built on this package; it is imported when it is worth its time.
+        function: Any = import_module("envgraph.env.compiled").explore_compiled
+        programs = cache.setdefault(key, {})
+        return function(engine, shapes, tests, wanted, search.limit, search.depth, programs, check)  # type: ignore[no-any-return]
+
+    search.explore_compiled, search.compile_after = explore_compiled, 0 if cache.get(key) else COMPILE_AFTER
 
 
 def _state_test(engine: Engine, predicate: Predicate) -> Callable[[], bool]:

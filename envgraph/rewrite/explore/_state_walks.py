@@ -12,7 +12,12 @@ class StateWalk(ABC):
     """A position in the tree of the states found so far; state 0 is the first.
 
     The caller calls `begin_move`, makes a move, and calls either `undo_move`, or `accept_move` and then `store_state`.
+
+    Attributes:
+        repeated: number of moves that `restore_state` has undone or made again.
     """
+
+    repeated = 0
 
     @abstractmethod
     def begin_move(self) -> None:
@@ -72,6 +77,7 @@ class SavepointWalk(StateWalk):
             down.append((state, shelf))
             state = parent
             parent, depth, shelf = self._stored[state]
+        self.repeated += max(len(path) - depth - 1, 0) + len(down)
         while len(path) > depth + 1:
             path.pop()
             self._model.graph.history.rollback(self._savepoints.pop())

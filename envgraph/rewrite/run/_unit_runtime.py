@@ -60,7 +60,7 @@ class UnitRun:
     ordered: bool = field(init=False)
 
     def __post_init__(self) -> None:
-        self.ordered = isinstance(self.rng, Branches) and self.rng.is_ordered
+        self.ordered = isinstance(self.rng, Branches)
         self.record = self.trace.append
         self.pick = _index_drawer(self.rng)
 

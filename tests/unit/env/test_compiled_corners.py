@@ -24,6 +24,7 @@ from envgraph.env.compiled import (
     export_package,
     program_of,
 )
+from envgraph.env.compiled._changes import calls_of
 from envgraph.env.compiled._compiled_costs import CompiledCosts
 from envgraph.errors import LIMITS, EnvgraphError, EvaluationError, RuleError
 from tests.profile import NIGHTLY
@@ -41,6 +42,7 @@ from tests.unit.env.corners import (
     values,
 )
 from tests.unit.env.side_by_side import Family, assert_equal_tables, compare_random_steps, family_of
+from tests.unit.rewrite.explorations import explore_twice
 
 CORNERS = (
     domains.CORNERS
@@ -122,6 +124,17 @@ def threads(family: Family, *, native: bool = False) -> None:
             env.close()
 
 
+def exploration(family: Family) -> None:
+    """Compare what the engine explores, with a program and without it: with the rules that the behaviour calls."""
+    for engine in family.copies() if NIGHTLY else [family.engines[0].copy()]:
+        called = dict.fromkeys(call.rule for call in calls_of(family.behaviour) if call.rule is not None)
+        runners = [engine.prepare(name) for name in called if engine.signature(name).kind == "rule"]
+        names = [runner.name for runner in runners if not runner.inputs]
+        known = [pattern for pattern in engine.patterns if not engine.library.inputs(pattern)]
+        if names:
+            explore_twice(engine, names, limit=LIMIT, predicates=known)
+
+
 def threads_by_numba(family: Family) -> None:
     """Compare the same where threads run at the same time."""
     threads(family, native=True)
@@ -190,6 +203,7 @@ WAYS: dict[str, Callable[..., None]] = {
     "steps": steps,
     "table": table,
     "threads": threads,
+    "exploration": exploration,
     "package": package,
     "steps by numba": steps_by_numba,
     "table by numba": table_by_numba,
@@ -209,6 +223,7 @@ BY_DAY: dict[str, Collection[str]] = {
     "steps": [name for name in CORNERS if name not in ("keydoor", "burning_forest")],
     "table": SMALL,
     "threads": ("warehouse", "arrivals by chance, and each that waits may leave"),
+    "exploration": CORNERS,
     "package": ("warehouse", "floats", "blocks in blocks", "probabilities that the state has"),
     "steps by numba": ("floats",),
     "table by numba": ("division by zero in rewards",),
