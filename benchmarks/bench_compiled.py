@@ -19,6 +19,7 @@ from pathlib import Path
 from statistics import median
 from tempfile import TemporaryDirectory
 from time import perf_counter, process_time
+from types import FrameType
 from typing import Any, NamedTuple
 
 import gymnasium
@@ -26,7 +27,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from benchmarks._peers import peer
-from envgraph.behaviour import Behaviour
+from envgraph import code
+from envgraph.behaviour import Behaviour, KeyIndex, indexed_classes
 from envgraph.env import EnvgraphLiveEnv, Simulator, can_end, explore
 from envgraph.env.compiled import (
     ActionPlan,
@@ -38,6 +40,8 @@ from envgraph.env.compiled import (
     program_of,
     with_guide_counts,
 )
+from envgraph.env.compiled._behaviour import emit_program
+from envgraph.env.compiled._program_layout import ProgramLayout
 from envgraph.lang import load_workspace
 from envgraph.learn import TrainingSettings, play_program, train_program
 from envgraph.rewrite import Engine
@@ -135,6 +139,7 @@ def main(sizes: Sizes) -> None:
     _learning(sizes)
     _networks(sizes)
     _compiling(sizes)
+    _writing(sizes)
 
 
 def opened(name: str) -> tuple[Engine, Behaviour]:
@@ -395,6 +400,33 @@ def _compiling(sizes: Sizes) -> None:
             ]
         (text, cold), (_, cached) = runs
         print(f"{name:25} {text:16.2f} {cold:16.2f} {cached:14.2f}", flush=True)
+
+
+def _writing(sizes: Sizes) -> None:
+    """How many calls of functions of envgraph lead from a behaviour that is loaded to its program's text."""
+    most = {"keydoor": 23_000, "warehouse": 21_000}
+    for name in sizes.domains:
+        needed = f" (<= {most[name]:,})" if name in most else ""
+        print(f"{name:25} {calls_to_text(name):16,} calls to write the text{needed}", flush=True)
+
+
+def calls_to_text(name: str) -> int:
+    """Count the calls; those of a first program in a process do not count, since it imports modules."""
+    found = 0
+
+    def see(frame: FrameType, event: str, _: object) -> None:
+        nonlocal found
+        found += event == "call" and frame.f_code.co_filename.startswith(str(ROOT / "envgraph"))
+
+    for _ in range(2):
+        engine, behaviour = opened(name)
+        found = 0
+        sys.setprofile(see)
+        behaviour = engine.library.with_functions_resolved(behaviour)
+        keys = KeyIndex.of_model(engine.model, indexed_classes(behaviour, engine.model.metamodel))
+        code.print_source(emit_program(engine, behaviour, keys, ProgramLayout()).functions)
+        sys.setprofile(None)
+    return found
 
 
 def _compile(name: str) -> None:

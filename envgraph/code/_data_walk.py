@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Hashable, Iterator
+from collections.abc import Hashable
 from dataclasses import fields, is_dataclass
 from functools import cache
 from typing import Any
@@ -20,13 +20,15 @@ def differing_fields(one: Any, other: Any) -> list[str]:
     return [name for name in names if getattr(one, name) != getattr(other, name, None)]
 
 
-def walk_parts(data: Any) -> Iterator[Any]:
-    """Yield `data` and, recursively, the items of tuples and the compared fields of data classes, parents first."""
-    waiting = [data]
+def walk_parts(data: Any) -> list[Any]:
+    """Return `data` and, recursively, the items of tuples and the compared fields of data classes, parents first."""
+    found, waiting = [], [data]
     while waiting:
         one = waiting.pop()
-        yield one
+        found.append(one)
         if isinstance(one, tuple):
             waiting += reversed(one)
         else:
-            waiting += [getattr(one, name) for name in reversed(compared_fields(one.__class__))]
+            for name in reversed(compared_fields(one.__class__)):
+                waiting.append(getattr(one, name))
+    return found

@@ -158,11 +158,11 @@ class _SourcePrinter:
 def _target_text(node: Local | Name | Subscript | AttributeAccess | Tuple) -> str:
     if isinstance(node, Tuple):
         return f"{_comma_separated(node.items)}{',' * (len(node.items) == 1)}"
-    return expression_text(node)
+    return node.name if isinstance(node, Local) else expression_text(node)
 
 
 def _comma_separated(nodes: tuple[Expression, ...]) -> str:
-    return ", ".join([expression_text(node) for node in nodes])
+    return ", ".join([node.name if isinstance(node, Local | Name) else expression_text(node) for node in nodes])
 
 
 def expression_text(node: Expression, precedence: int = _CHOICE) -> str:
@@ -175,8 +175,14 @@ def expression_text(node: Expression, precedence: int = _CHOICE) -> str:
     match node:
         case Local(name) | Name(name):
             return name
+        case Call(Name(name), arguments):
+            return f"{name}({_comma_separated(arguments)})"
         case Call(function, arguments):
             return f"{expression_text(function, ATOM)}({_comma_separated(arguments)})"
+        case Subscript(Local(name), Local(key)):
+            return f"{name}[{key}]"
+        case Subscript(Local(name), key):
+            return f"{name}[{expression_text(key)}]"
         case Subscript(collection, key):
             return f"{expression_text(collection, ATOM)}[{expression_text(key)}]"
         case Operation():
@@ -218,5 +224,7 @@ def _operation_text(node: Operation) -> tuple[str, int]:
     first, *others = operands
     left = own + (own == _COMPARISON)
     right = own + (own >= _COMPARISON)
-    texts = [expression_text(first, left), *(expression_text(other, right) for other in others)]
-    return f" {operator} ".join(texts), own
+    text = expression_text(first, left)
+    for other in others:
+        text += f" {operator} {expression_text(other, right)}"
+    return text, own

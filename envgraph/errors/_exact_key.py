@@ -19,7 +19,7 @@ def exact_key(item: object) -> tuple[object, ...]:
         one = waiting.pop()
         if is_dataclass(one) and not isinstance(one, type):
             found.append(type(one).__qualname__)
-            waiting.extend(getattr(one, field.name) for field in fields(one) if field.repr)
+            waiting.extend([getattr(one, field.name) for field in fields(one) if field.repr])
         elif isinstance(one, tuple):
             found.append(len(one))
             waiting.extend(one)

@@ -206,7 +206,7 @@ class LibraryEntry:
     @property
     def known_types(self) -> tuple[StaticType, ...]:
         """Return `types`, for a pattern without errors. Then all types are known."""
-        types = tuple(type_ for type_ in self.types if type_ is not None)
+        types = tuple([type_ for type_ in self.types if type_ is not None])
         assert len(types) == len(self.types)
         return types
 

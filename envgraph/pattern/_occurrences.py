@@ -90,12 +90,14 @@ def constraint_terms(constraint: Constraint) -> tuple[Term, ...]:
             return terms_of(constraint)
 
 
-def subterms(terms: Sequence[Term]) -> Iterator[Term]:
-    """Yield the given terms, and after each aggregate the terms inside it."""
+def subterms(terms: Sequence[Term]) -> list[Term]:
+    """Return the given terms, and after each aggregate the terms inside it."""
+    found: list[Term] = []
     for term in terms:
-        yield term
+        found.append(term)
         if isinstance(term, Aggregate):
-            yield from subterms(terms_of(term.over))
+            found += subterms(terms_of(term.over))
+    return found
 
 
 def grouped_relations(body: Body) -> list[tuple[Relation, Aggregate | None]]:

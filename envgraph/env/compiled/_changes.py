@@ -138,12 +138,16 @@ class ModelChanges:
 
     def group_of(self, cls: str) -> tuple[str, ...] | None:
         """Return the group of classes that contains a concrete class, or None if no group does."""
-        return next((group for group in self.groups if cls in group), None)
+        for group in self.groups:
+            if cls in group:
+                return group
+        return None
 
     def possible_classes(self, cls: str) -> tuple[str, ...]:
         """Return the concrete classes of the objects that are of a class, or may be retyped so that they are."""
         own = self.metamodel.concrete_classes(cls)
-        return tuple(dict.fromkeys(each for one in own for each in self.group_of(one) or (one,)))
+        grouped = [each for one in own for each in self.group_of(one) or (one,)] if self.groups else own
+        return tuple(dict.fromkeys(grouped))
 
     @property
     def created_group(self) -> tuple[str, ...] | None:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 from typing import Any, Final
 
@@ -27,16 +27,20 @@ def inline_functions(
         entry_points: names of functions that are called from outside.
         fresh: returns a variable that no function uses.
     """
-    calls = Counter(name for function in functions for name in _called_names(function.body))
-    once = {name for name, number in calls.items() if number == 1 and name not in entry_points}
+    nodes = {function.name: code.walk_parts(function) for function in functions}
+    called = {name: _called_names(found) for name, found in nodes.items()}
+    numbers = Counter([callee for names in called.values() for callee in names])
     left: dict[str, code.Function] = {}
     for function in functions:
-        body, used = _inline_calls(function.body, {name: left[name] for name in once if name in left}, fresh)
-        if _loop_depth(body) > MAX_LOOP_DEPTH:
-            body, used = function.body, []
-        left[function.name] = code.Function(function.name, function.parameters, body)
-        for name in used:
-            del left[name]
+        once = [name for name in called[function.name] if numbers[name] == 1 and name not in entry_points]
+        known = {name: left[name] for name in once if name in left}
+        left[function.name] = function
+        if known:
+            body, used = _inline_calls(function.body, known, _local_names(nodes[function.name]), fresh)
+            if _loop_depth(body) <= MAX_LOOP_DEPTH:
+                left[function.name] = code.Function(function.name, function.parameters, body)
+                for name in used:
+                    del left[name]
     return tuple(left.values())
 
 
@@ -52,45 +56,53 @@ def _loop_depth(body: code.Body) -> int:
     return max(depths)
 
 
-def _called_names(body: code.Body) -> Iterator[str]:
-    """Yield the names of the functions that a body calls, once for each call."""
-    for node in code.walk_parts(body):
-        if isinstance(node, code.Call) and isinstance(node.function, code.Name):
-            yield node.function.name
+def _called_names(nodes: Sequence[object]) -> list[str]:
+    """Return the names of the functions that code calls, once for each call."""
+    calls = [node.function for node in nodes if isinstance(node, code.Call)]
+    return [function.name for function in calls if isinstance(function, code.Name)]
 
 
 def local_names(node: object) -> set[str]:
     """Return the names of the local variables in a code tree."""
-    return {one.name for one in code.walk_parts(node) if isinstance(one, code.Local)}
+    return _local_names(code.walk_parts(node))
 
 
-def _inline_calls(body: code.Body, known: Mapping[str, code.Function], fresh: NewLocal) -> tuple[code.Body, list[str]]:
-    """Return a body with calls of `known` functions inlined, and the names of the inlined functions."""
+def _local_names(nodes: Sequence[object]) -> set[str]:
+    return {one.name for one in nodes if isinstance(one, code.Local)}
+
+
+def _inline_calls(
+    body: code.Body, known: Mapping[str, code.Function], taken: set[str], fresh: NewLocal
+) -> tuple[code.Body, list[str]]:
+    """Return a body with calls of `known` functions inlined, and the names of the inlined functions.
+
+    Variables of these functions whose names are `taken` are renamed; the names of all others are added to `taken`.
+    """
     found: list[code.Statement] = []
     used: list[str] = []
     for statement in body:
         match statement:
             case code.Return(code.Call(code.Name(name), arguments)) if name in known:
-                found += _inlined_statements(known[name], arguments, fresh)
+                found += _inlined_statements(known[name], arguments, taken, fresh)
                 used.append(name)
             case code.Assign(target, code.Call(code.Name(name), arguments), "=") if name in known and _returns_at_end(
                 known[name]
             ):
-                *before, last = _inlined_statements(known[name], arguments, fresh)
+                *before, last = _inlined_statements(known[name], arguments, taken, fresh)
                 assert isinstance(last, code.Return) and last.value is not None
                 found += [*before, code.Assign(target, last.value)]
                 used.append(name)
             case code.If(test, then, otherwise):
-                then, more = _inline_calls(then, known, fresh)
-                otherwise, most = _inline_calls(otherwise, known, fresh)
+                then, more = _inline_calls(then, known, taken, fresh)
+                otherwise, most = _inline_calls(otherwise, known, taken, fresh)
                 found.append(code.If(test, then, otherwise))
                 used += more + most
             case code.For(target, iterable, inside):
-                inside, more = _inline_calls(inside, known, fresh)
+                inside, more = _inline_calls(inside, known, taken, fresh)
                 found.append(code.For(target, iterable, inside))
                 used += more
             case code.While(test, inside):
-                inside, more = _inline_calls(inside, known, fresh)
+                inside, more = _inline_calls(inside, known, taken, fresh)
                 found.append(code.While(test, inside))
                 used += more
             case _:
@@ -108,7 +120,8 @@ def inlined_test(function: code.Function, call: code.Call) -> code.Expression | 
                 tests.append(test)
                 body = inner
             case (code.Return(code.TRUE), *_):
-                values = dict(zip(function.parameters, call.arguments, strict=True))
+                parameters = [parameter.name for parameter in function.parameters]
+                values = dict(zip(parameters, call.arguments, strict=True))
                 whole: code.Expression = _rename_locals(code.emit_joined("and", tests, True), values)
                 return whole
             case _:
@@ -116,37 +129,33 @@ def inlined_test(function: code.Function, call: code.Call) -> code.Expression | 
 
 
 def _returns_at_end(function: code.Function) -> bool:
-    returns = sum(isinstance(node, code.Return) for node in code.walk_parts(function.body))
-    return returns == 1 and isinstance(function.body[-1], code.Return)
+    returns = [node for node in code.walk_parts(function.body) if isinstance(node, code.Return)]
+    return len(returns) == 1 and isinstance(function.body[-1], code.Return)
 
 
 def _inlined_statements(
-    function: code.Function, arguments: Sequence[code.Expression], fresh: NewLocal
-) -> Iterator[code.Statement]:
-    """Yield the statements of a function with renamed variables, after assignments of the arguments."""
-    names: dict[code.Local, code.Local] = {}
-    for parameter, argument in zip(function.parameters, arguments, strict=True):
-        assert isinstance(parameter, code.Local)
-        if parameter != argument:
-            names[parameter] = fresh(parameter.name)
-            yield code.Assign(names[parameter], argument)
-    for local in dict.fromkeys(_assigned_locals(function.body)):
-        names[local] = fresh(local.name)
-    yield from _rename_locals(function.body, names)
+    function: code.Function, arguments: Sequence[code.Expression], taken: set[str], fresh: NewLocal
+) -> list[code.Statement]:
+    """Return assignments of the arguments, and the statements of a function; see `_inline_calls` for its variables."""
+    nodes = code.walk_parts(function)
+    assigned = [node.target for node in nodes if isinstance(node, code.Assign | code.For)]
+    written = _local_names([part for one in assigned for part in (one.items if isinstance(one, code.Tuple) else [one])])
+    pairs = [
+        (parameter, argument)
+        for parameter, argument in zip(function.parameters, arguments, strict=True)
+        if parameter != argument or parameter.name in written
+    ]
+    own = {*written, *[parameter.name for parameter, _ in pairs]}
+    names = {name: fresh(name) for name in sorted(own & taken)}
+    taken |= _local_names(nodes)
+    body = _rename_locals(function.body, names) if names else function.body
+    return [*[code.Assign(_rename_locals(parameter, names), argument) for parameter, argument in pairs], *body]
 
 
-def _assigned_locals(body: code.Body) -> Iterator[code.Local]:
-    """Yield the local variables that a body assigns."""
-    for node in code.walk_parts(body):
-        if isinstance(node, code.Assign | code.For):
-            targets = node.target.items if isinstance(node.target, code.Tuple) else (node.target,)
-            yield from (target for target in targets if isinstance(target, code.Local))
-
-
-def _rename_locals(node: Any, names: Mapping[Any, code.Expression]) -> Any:
+def _rename_locals(node: Any, names: Mapping[str, code.Expression]) -> Any:
     if isinstance(node, code.Local):
-        return names.get(node, node)
+        return names.get(node.name, node)
     if isinstance(node, tuple):
-        return tuple(_rename_locals(part, names) for part in node)
-    parts = {part: _rename_locals(getattr(node, part), names) for part in code.compared_fields(node.__class__)}
-    return replace(node, **parts) if parts else node
+        return tuple([_rename_locals(part, names) for part in node])
+    parts = code.compared_fields(node.__class__)
+    return replace(node, **{part: _rename_locals(getattr(node, part), names) for part in parts}) if parts else node

@@ -253,7 +253,9 @@ def emit_result(first: code.Expression, others: Sequence[code.Expression]) -> co
 
 def emit_entry(array: code.Expression, *places: code.Expression | int) -> code.Subscript:
     """Return code for the entry of an array at one or more indices."""
-    keys = [code.Constant(place) if isinstance(place, int) else place for place in places]
+    keys: list[code.Expression] = []
+    for place in places:
+        keys.append(code.Constant(place) if isinstance(place, int) else place)
     return code.Subscript(array, code.emit_tuple(*keys) if len(keys) > 1 else keys[0])
 
 

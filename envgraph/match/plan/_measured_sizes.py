@@ -67,7 +67,7 @@ class LiveSizes(SizeEstimates):
                 columns = store.distinct
             elif not forward:
                 columns, nodes = store.backward, self._sample(reference.target)
-            links = sum(len(columns[reference.index][node]) for node in nodes)
+            links = sum([len(columns[reference.index][node]) for node in nodes])
             self._degrees[key] = max(links / len(nodes), 0.01) if nodes else 0.5
         return self._degrees[key]
 
