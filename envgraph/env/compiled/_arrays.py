@@ -147,6 +147,30 @@ def emit_store(context, builder, sig, args):
     builder.store(context.data_model_manager[sig.args[2]].as_data(builder, args[2]), address)
 
 
+# --- operators of numbers
+
+
+def declare_operator(symbol, result=None):
+    """Declare the typing of an operator of two ints or two floats, as numba's own, which it finds after dozens."""
+
+    @infer_global(symbol)
+    class OperatorTyping(AbstractTemplate):
+        metadata = FIRST
+
+        def generic(self, args, kws):
+            given = {types.unliteral(each) for each in args}
+            if len(args) == 2 and given in ({types.int64}, {types.float64}):
+                (type_,) = given
+                return signature(result or type_, type_, type_)
+            return None
+
+
+for name in ("add", "sub", "mul", "iadd", "isub"):
+    declare_operator(getattr(operator, name))
+for name in ("eq", "ne", "lt", "le", "gt", "ge"):
+    declare_operator(getattr(operator, name), types.boolean)
+
+
 # --- arrays
 
 

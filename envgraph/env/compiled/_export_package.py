@@ -30,10 +30,8 @@ _ERRORS: Final = {
 }
 
 _TAIL: Final = """
-from inspect import isfunction
-
 try:
-    from numba import config, njit
+    from numba import config
 except ImportError:
     NATIVE = False
 else:
@@ -46,13 +44,8 @@ if NATIVE:
     from . import arrays, cache_files, machine_code
     from .arrays import *
 
-    options = {"error_model": "numpy", "_nrt": False, "no_cfunc_wrapper": True}
-    inner = njit(forceinline=True, no_cpython_wrapper=True, **options)
-    for name, value in list(globals().items()):
-        if isfunction(value) and value.__module__ == __name__ and name != "advance":
-            globals()[name] = inner(value)
-    advance = njit(nogil=True, **options)(advance)
-    machine_code.keep_machine_code(advance, getsource(arrays) + getsource(modules[__name__]), cache_files)
+    text = getsource(arrays) + getsource(modules[__name__])
+    machine_code.compile_functions(globals(), ("advance",), text, cache_files)
 else:
     from .python_kernels import *
 

@@ -54,8 +54,6 @@ def _load_interpreted(source: str) -> dict[str, Any]:
 
 def _load_native(source: str, called: Sequence[str]) -> dict[str, Any]:
     """Return the namespace of a program's text compiled by numba; the machine code of `called` is cached on disk."""
-    import numba
-
     from envgraph.env.compiled import _arrays, _machine_code
 
     text = "\n".join([inspect.getsource(_arrays), source])
@@ -65,12 +63,5 @@ def _load_native(source: str, called: Sequence[str]) -> dict[str, Any]:
     namespace = vars(module)
     namespace.update({name: getattr(_arrays, name) for name in _arrays.__all__})
     code.execute_text(source, str(path), namespace)
-    options: Any = {"error_model": "numpy", "_nrt": False, "no_cfunc_wrapper": True}
-    inside: Any = {**options, "forceinline": True, "no_cpython_wrapper": True}
-    inner, outer = numba.njit(**inside), numba.njit(nogil=True, **options)
-    for name, value in list(namespace.items()):
-        if inspect.isfunction(value) and value.__module__ == path.stem:
-            made = namespace[name] = (outer if name in called else inner)(value)
-            if name in called:
-                _machine_code.keep_machine_code(made, text, _cache)
+    _machine_code.compile_functions(namespace, called, text, _cache)
     return namespace

@@ -1,37 +1,122 @@
-"""Cache the machine code of programs. Needs numba; exported packages contain a copy of this module.
+"""Compile programs with numba, and cache their machine code. Exported packages contain a copy of this module.
+
+A program is optimised as a whole: numba itself would optimise each function together with all functions below it, and
+make machine code of it. Passes that programs do not need are left out.
 
 Numba's own cache unpickles any file in its directory, and fails if a file is damaged or cannot be written.
 """
+
+# mypy: disable-error-code="no-untyped-call"
 
 from __future__ import annotations
 
 import pickle
 import sys
+from collections.abc import Sequence
 from hashlib import sha256
+from inspect import isfunction
 from pathlib import Path
 from typing import Any
 
 import numba
-from numba.core import compiler, config, serialize
+from llvmlite.binding import Linkage
+from numba.core import compiler, config, serialize, typed_passes as typed, untyped_passes as untyped
 from numba.core.caching import NullCache
+from numba.core.codegen import JITCodeLibrary
+from numba.core.compiler_machinery import PassManager, register_pass
 
 _Result: Any = compiler.CompileResult
 _dumps: Any = serialize.dumps
 _config: Any = config
 
 
-def keep_machine_code(function: Any, source: str, cache: Any) -> None:
-    """Make a function that numba compiles load and save its machine code, if there is a cache directory.
+def compile_functions(namespace: dict[str, Any], called: Sequence[str], source: str, cache: Any) -> None:
+    """Replace the functions that a program's module defines by functions that numba compiles when they are called.
 
     Args:
-        function: compiled by `numba.njit`.
-        source: the whole text that the function was compiled from.
+        namespace: the names of the module.
+        called: the functions that Python calls. Their machine code is loaded and saved, if there is a cache directory.
+        source: the whole text that the functions are compiled from.
         cache: the module that reads and writes cache files. `NUMBA_CACHE_DIR` names another directory for them.
     """
+    options: Any = {"error_model": "numpy", "_nrt": False, "no_cfunc_wrapper": True, "pipeline_class": _ProgramCompiler}
+    njit: Any = numba.njit
+    inner, outer = njit(no_cpython_wrapper=True, **options), njit(nogil=True, **options)
     folder = cache.cache_directory()
-    if folder is not None:
-        folder = Path(_config.CACHE_DIR or folder / "programs")
-        function._cache = _MachineCodeCache(folder, f"{function.__name__}\0{source}", cache)
+    for name, value in list(namespace.items()):
+        if isfunction(value) and value.__module__ == namespace["__name__"]:
+            made = namespace[name] = (outer if name in called else inner)(value)
+            if name in called and folder is not None:
+                place = Path(_config.CACHE_DIR or folder / "programs")
+                made._cache = _MachineCodeCache(place, f"{name}\0{source}", cache)
+
+
+class _ProgramLibrary(JITCodeLibrary):
+    """The code of a function that Python calls, and of all functions below it."""
+
+    def add_linking_library(self, library: Any) -> None:
+        """Add the code of a function that is called, after all code below it."""
+        library._ensure_finalized()
+        known = (*self._linking_libraries, *library._linking_libraries, library)
+        self._linking_libraries = list(dict.fromkeys(known))
+
+    def finalize(self) -> None:
+        """Link callers first, since LLVM only adds functions that are called; then make machine code."""
+        self._linking_libraries.reverse()
+        super().finalize()
+
+    def _optimize_functions(self, ll_module: Any) -> None:
+        """Do not optimise a function alone."""
+        ll_module.data_layout = self._codegen._data_layout
+
+    def _optimize_final_module(self) -> None:
+        """Optimise everything at once. LLVM knows all calls of a function that is internal, and decides on inlining."""
+        for function in self._final_module.functions:
+            if function.linkage == Linkage.linkonce_odr and not function.is_declaration:
+                function.linkage = Linkage.internal
+        manager, builder = self._codegen._module_pass_manager()
+        manager.run(self._final_module, builder)
+
+
+class _InnerLibrary(_ProgramLibrary):
+    """The code of a function that only other functions of the program call. No machine code is made of it alone."""
+
+    codegen = property(lambda self: self)
+
+    def finalize(self) -> None:
+        self._finalized = True
+
+    def get_pointer_to_function(self, name: str) -> int:
+        """Return 0: Python cannot call the function."""
+        return 0
+
+    def set_env(self, name: str, environment: object) -> None:
+        """Do nothing: the function has no machine code that could use its environment."""
+
+
+@register_pass(mutates_CFG=True, analysis_only=False)
+class _ProgramLowering(typed.NativeLowering):
+    """Lowering of functions into the libraries of this module."""
+
+    _name = "program_lowering"
+
+    def run_pass(self, state: Any) -> bool:
+        library = _InnerLibrary if state.flags.no_cpython_wrapper else _ProgramLibrary
+        state.library = library(state.targetctx.codegen(), state.func_id.func_qualname)
+        state.library.enable_object_caching()
+        return bool(super().run_pass(state))
+
+
+class _ProgramCompiler(compiler.CompilerBase):
+    """A compiler with the passes that programs need. Each variable has one type, so that there is no need for SSA."""
+
+    def define_pipelines(self) -> list[Any]:
+        manager: Any = PassManager("program")
+        before = (untyped.TranslateByteCode, untyped.FixupArgs, untyped.IRProcessing, untyped.GenericRewrites)
+        for step in (*before, typed.NopythonTypeInference, _ProgramLowering, typed.NoPythonBackend):
+            manager.add_pass(step, step.__name__)
+        manager.finalize()
+        return [manager]
 
 
 class _MachineCodeCache(NullCache):
