@@ -108,12 +108,19 @@ class _ProgramLowering(typed.NativeLowering):
 
 
 class _ProgramCompiler(compiler.CompilerBase):
-    """A compiler with the passes that programs need. Each variable has one type, so that there is no need for SSA."""
+    """A compiler with the passes that programs need."""
 
     def define_pipelines(self) -> list[Any]:
         manager: Any = PassManager("program")
-        before = (untyped.TranslateByteCode, untyped.FixupArgs, untyped.IRProcessing, untyped.GenericRewrites)
-        for step in (*before, typed.NopythonTypeInference, _ProgramLowering, typed.NoPythonBackend):
+        before = (
+            untyped.TranslateByteCode,
+            untyped.FixupArgs,
+            untyped.IRProcessing,
+            untyped.GenericRewrites,
+            untyped.ReconstructSSA,
+        )
+        after = (typed.NopythonTypeInference, typed.PreLowerStripPhis, _ProgramLowering, typed.NoPythonBackend)
+        for step in (*before, *after):
             manager.add_pass(step, step.__name__)
         manager.finalize()
         return [manager]
