@@ -169,29 +169,29 @@ def test_behaviour_that_is_not_compiled_is_reported_and_runs_on_the_live_engine(
         if file.suffix == ".environment":
             text = text.replace("action take            = take(hero)", "action take = grab(hero)")
         if file.suffix == ".rules":
-            text += "\nunit grab(hero : Hero) { alap { take(hero); } }\n"
+            text += "\nunit grab(hero : Hero) { try { take(hero); grab(hero); } }\n"
         (tmp_path / file.name).write_text(text, "utf-8")
     files = [str(next(tmp_path.glob("*.model"))), str(tmp_path / "keydoor.environment")]
     monkeypatch.setattr("sys.argv", ["envgraph", "explain", *files, "KeyDoor"])
     assert main() == 0
     said = capsys.readouterr().out
-    unsupported = "compiled environments do not support `alap` in a unit (`grab`)"
+    unsupported = "compiled environments do not support the unit `grab`, which calls itself"
     assert said.startswith(f"environment KeyDoor steps on the live engine: {unsupported}\n")
-    assert "unit grab(hero : Hero) { alap { take(hero); } }\n" in said and said.endswith("^^^^^^^^^^\n")
+    assert "unit grab(hero : Hero) { try { take(hero); grab(hero); } }\n" in said and said.endswith("^^^^^^^^^^\n")
     with pytest.raises(
         EvaluationError,
-        match=r"cannot be compiled: compiled environments do not support `alap` in a unit \(`grab`\)[\s\S]*unit grab",
+        match=r"cannot be compiled: compiled environments do not support the unit `grab`, which calls itself[\s\S]*unit grab",
     ):
         make_environment(str(tmp_path), engine="compiled")
     monkeypatch.setattr("envgraph.env.compiled.explore_fast", partial(limited, limit=5))
     with pytest.warns(
         UserWarning,
-        match=r"compiled environments do not support `alap` in a unit \(`grab`\); the live engine is used instead",
+        match=r"compiled environments do not support the unit `grab`, which calls itself; the live engine is used instead",
     ):
         assert isinstance(make_environment(str(tmp_path)), EnvgraphLiveEnv)
     with pytest.raises(
         EvaluationError,
-        match=r"compiled environments do not support `alap` in a unit \(`grab`\)[\s\S]*`engine=\"live\"`",
+        match=r"compiled environments do not support the unit `grab`, which calls itself[\s\S]*`engine=\"live\"`",
     ):
         make_vector_environment(2, str(tmp_path))  # and no warning that it steps
 

@@ -203,8 +203,8 @@ def test_family_of_network_models_teaches_more_than_the_target_alone(tmp_path: P
         ("chain_transfer", "", "more than 50 states", 'write `kind = "learning"`'),
         (
             "learning",
-            " | 0.01: age()",
-            "a step of a unit that may fail after other steps (`age`)",
+            " | 0.01: again()",
+            "the unit `again`, which calls itself",
             "a table has at most 50 states",
         ),
     ],
@@ -217,6 +217,8 @@ def test_unusable_target_is_reported_before_the_run_is_created(
     copytree(data_path("rules", "network"), folder)
     behaviour = folder / "network.environment"
     behaviour.write_text(behaviour.read_text().replace(": recover()", f": recover(){step}"))
+    with (folder / "network.rules").open("a") as rules:
+        rules.write("unit again { try { recover; again; } }\n")
     with pytest.raises(LoadError) as failure:
         generate(
             str(folder / "diverse.toml"),
