@@ -27,7 +27,7 @@ from envgraph.env._observation_components import component_names
 from envgraph.env._prepared_behaviour import PreparedBehaviour
 from envgraph.env._prepared_clauses import ChoiceSource, PreparedOnFind, run_pending
 from envgraph.env._random_choices import UniformDraw, all_choice_sequences
-from envgraph.env._size_errors import TooManyOutcomes
+from envgraph.env._size_errors import TooManyStates
 from envgraph.env._tabular import nonempty_masks
 from envgraph.env.scene._scene import DRAW_HINT, Painter
 from envgraph.errors import LIMITS, InvalidArgument, ResolutionError, Severity
@@ -307,12 +307,18 @@ class Simulator:
         The caller must undo each outcome before the next: roll back to the savepoint, or shelve it.
 
         Raises:
-            TooManyOutcomes: the action has more than 10,000 outcomes.
+            TooManyStates: the action has more than 10,000 outcomes.
         """
         turn = self.turn
         for number, choices in enumerate(all_choice_sequences()):
             if action is not None and number >= LIMITS["outcomes"]:
-                raise TooManyOutcomes(self.behaviour, self.action_names[action], LIMITS["outcomes"])
+                name = self.action_names[action]
+                raise TooManyStates.from_message(
+                    self.behaviour,
+                    f"action `{name}` has more than {LIMITS['outcomes']} outcomes in one state",
+                    'use `engine="compiled"` or "live", which need no table; '
+                    "in a unit, write `all r;` to avoid a choice",
+                )
             self.turn = turn
             savepoint = self._model.graph.history.savepoint()
             try:
