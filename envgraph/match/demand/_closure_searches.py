@@ -8,56 +8,23 @@ ends that are queried repeatedly are cached. If the searches have visited twice 
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Iterator
-from typing import Any, Protocol
+from typing import TYPE_CHECKING, Any
 
 from envgraph.graph import Model
 from envgraph.match._match_costs import DEMAND
 from envgraph.match.demand._closure_aggregates import ClosureAggregate, ClosureAggregation
 from envgraph.match.demand._condensation import Condensation, CondensationTooLarge
+from envgraph.match.generate._symbols import ClosureQuestion
+
+if TYPE_CHECKING:
+    from envgraph.match.demand._compiled_functions import StepSearches
 
 SearchFunction = Callable[[Any], list[Any]]
-Meeting = Callable[[Any, Any, list[Any]], bool]
 Spreading = Callable[[Any, set[Any]], list[Any]]
 CallWithArguments = tuple[Callable[..., Any], tuple[Any, ...]]
 """A function and its arguments."""
 ReachedSets = dict[Any, set[Any] | None]
 """The nodes reached from each end; None for an end that has been queried once."""
-
-
-class StepSearches(Protocol):
-    """The interface to the searches along a step pattern, the binary pattern that a closure repeats.
-
-    Each search function is created when it is first needed.
-    """
-
-    @property
-    def backward_is_better(self) -> bool:
-        """Return True if a question about two known ends is cheaper from the target."""
-
-    @property
-    def is_cheap_both_ways(self) -> bool:
-        """Return True if the more expensive direction is at most `MOST_WORSE` times as expensive as the other."""
-
-    def search(self, forward: bool) -> SearchFunction:
-        """Return a function that lists the nodes reached from a node by one or more steps, nearest first."""
-
-    def meeting_function(self, forward: bool) -> Meeting:
-        """Return a function that takes (start, goal, visited) and returns True if the start reaches the goal.
-
-        The function appends the nodes that it visits to `visited`, which must be `[start]`.
-        """
-
-    def spread_function(self, forward: bool) -> Spreading:
-        """Return a function that takes (start, seen), lists reached nodes not in `seen`, and adds them to `seen`."""
-
-    def successor_function(self, forward: bool) -> Callable[[Any], Iterable[Any]]:
-        """Return a function that returns the nodes one step from a node, in a direction."""
-
-    def sources(self) -> Iterable[Any]:
-        """Return all nodes that may be the source of a pair."""
-
-    def nodes(self) -> int:
-        """Return the approximate number of nodes that a search may visit; 0 if unknown."""
 
 
 class DemandClosure:
@@ -67,7 +34,7 @@ class DemandClosure:
 
     Args:
         model: its revision shows when cached answers are out of date.
-        steps: see `StepSearches`.
+        steps: the searches along the step pattern.
         reflexive: returns True for values related to themselves without a step; None for the closure `+`.
     """
 
@@ -104,10 +71,10 @@ class DemandClosure:
 
     def search(self, forward: bool) -> SearchFunction:
         """Return a function that lists the nodes reached from a node in a direction, nearest first."""
-        search, reflexive, store = self._steps.search(forward), self._reflexive, self._store
+        search, reflexive, store = self._steps.search(forward, ClosureQuestion.ALL), self._reflexive, self._store
 
         def counted_search(start: Any) -> list[Any]:
-            reached = search(start)
+            reached: list[Any] = search(start)
             if self._revision != store.revision:
                 self._discard_all()
             self._visited += len(reached) + 1
@@ -143,7 +110,8 @@ class DemandClosure:
 
     def spread_function(self, forward: bool) -> Spreading:
         """Return a function that takes (start, seen), lists reached nodes not in `seen`, and adds them to `seen`."""
-        spread, reflexive = self._steps.spread_function(forward), self._reflexive
+        spread: Spreading = self._steps.search(forward, ClosureQuestion.NEW_NODES)
+        reflexive = self._reflexive
         if reflexive is None:
             return spread
 
@@ -168,7 +136,7 @@ class DemandClosure:
 
     def size(self, forward: bool) -> Callable[[Any], int]:
         """Return a function that returns the number of nodes reached from a node in a direction."""
-        search, reflexive, store = self._steps.search(forward), self._reflexive, self._store
+        search, reflexive, store = self._steps.search(forward, ClosureQuestion.ALL), self._reflexive, self._store
 
         def size(start: Any) -> int:
             if self._revision != store.revision:
@@ -276,7 +244,7 @@ class DemandClosure:
 
         It uses a condensation if that pays off, and caches the nodes reached from an end that is queried again.
         """
-        meets, both_ways = self._steps.meeting_function(forward), self._steps.is_cheap_both_ways
+        meets, both_ways = self._steps.search(forward, ClosureQuestion.REACHES), self._steps.is_cheap_both_ways
         nears, fars = self._ends(forward), self._ends(not forward)
 
         def find(near: Any, far: Any) -> bool:
@@ -294,7 +262,7 @@ class DemandClosure:
                 return far in self._reached_set(near, forward)
             nears[near] = fars[far] = None
             visited = [near]
-            found = meets(near, far, visited)
+            found: bool = meets(near, far, visited)
             self._visited += len(visited)
             return found
 
@@ -306,7 +274,7 @@ class DemandClosure:
 
     def _reached_set(self, start: Any, forward: bool) -> set[Any]:
         """Return the set of nodes that a start reaches, and cache it."""
-        found = set(self._steps.search(forward)(start))
+        found = set(self._steps.search(forward, ClosureQuestion.ALL)(start))
         self._visited += len(found) + 1
         self._count_cached(len(found) + 1)
         self._ends(forward)[start] = found

@@ -15,7 +15,7 @@ from envgraph.match._match_costs import DEMAND, PLAN
 from envgraph.match._match_limit import make_match_limit_check
 from envgraph.match._matcher import Row
 from envgraph.match.demand._closure_aggregates import ClosureAggregation
-from envgraph.match.demand._closure_searches import DemandClosure, Meeting, SearchFunction, Spreading
+from envgraph.match.demand._closure_searches import DemandClosure
 from envgraph.match.demand._intersections import intersect_ends
 from envgraph.match.demand._tabling import RecursionEvaluator
 from envgraph.match.demand._value_index import ValueIndex, attribute_lookup
@@ -255,7 +255,7 @@ class CompiledProgram:
         """Return the function that answers a question about a closure."""
         place = (asked.step, asked.reflexive)
         if place not in self._closures:
-            steps = _CompiledStepSearches(self, *place)
+            steps = StepSearches(self, *place)
             self._closures[place] = DemandClosure(self.model, steps, steps.is_reflexive_at if asked.reflexive else None)
         view = self._closures[place]
         match asked.question:
@@ -277,7 +277,7 @@ class CompiledProgram:
                 return view.size(asked.forward)
 
 
-class _CompiledStepSearches:
+class StepSearches:
     """The searches along a step pattern (the binary pattern that a closure repeats), compiled at first use."""
 
     def __init__(self, program: CompiledProgram, step: str, reflexive: bool) -> None:
@@ -292,10 +292,12 @@ class _CompiledStepSearches:
 
     @cached_property
     def backward_is_better(self) -> bool:
+        """Return True if a question about two known ends is cheaper from the target."""
         return self._cost((1,), (0,)) < self._cost((0,), (1,))
 
     @cached_property
     def is_cheap_both_ways(self) -> bool:
+        """Return True if the more expensive direction is at most `most_worse` times as expensive as the other."""
         one, other = sorted((self._cost((1,), (0,)), self._cost((0,), (1,))))
         return other <= DEMAND.most_worse * (one + 1)
 
@@ -308,23 +310,21 @@ class _CompiledStepSearches:
         except Unplannable:
             return inf
 
-    def search(self, forward: bool) -> SearchFunction:
-        return self._search(forward, ClosureQuestion.ALL)
+    def search(self, forward: bool, question: ClosureQuestion) -> CompiledFunction:
+        """Return the search function for a direction and a question.
 
-    def meeting_function(self, forward: bool) -> Meeting:
-        return self._search(forward, ClosureQuestion.REACHES)
-
-    def spread_function(self, forward: bool) -> Spreading:
-        return self._search(forward, ClosureQuestion.NEW_NODES)
-
-    def _search(self, forward: bool, question: ClosureQuestion) -> CompiledFunction:
-        """Return the compiled search function for a direction and question."""
+        - "ALL": takes a start, and lists the nodes reached by one or more steps, nearest first;
+        - "NEW_NODES": takes a start and a set, lists the reached nodes that are not in the set, and adds them to it;
+        - "REACHES": takes a start, a goal and `[start]`, returns True if the start reaches the goal, and appends the
+          nodes that it visits to the list.
+        """
         if (forward, question) not in self._built:
             source = search_source(self._planner, self._step, forward, question)
             self._built[forward, question] = self._program.build(source)
         return self._built[forward, question]
 
     def successor_function(self, forward: bool) -> Callable[[Any], Iterable[Any]]:
+        """Return a function that returns the nodes one step from a node, in a direction."""
         near, far = (0, 1) if forward else (1, 0)
         if self._planner.calls.is_recursive(self._step):
             rows = self._program.recursive_function(self._step, (near,))
@@ -332,6 +332,7 @@ class _CompiledStepSearches:
         return self._program.pattern_function(PatternQuery(self._step, (near,), (far,)), ResultMode.VALUES)
 
     def nodes(self) -> int:
+        """Return the approximate number of nodes that a search may visit; 0 if unknown."""
         return len(self._program.model.graph.extent(self._source_class)) if self._source_class else 0
 
     def is_reflexive_at(self, value: Any) -> bool:
@@ -339,6 +340,7 @@ class _CompiledStepSearches:
         return self._source_class is None or self._table[self._program.model.graph.store.classes[value]]
 
     def sources(self) -> Iterable[Any]:
+        """Return all nodes that may be the source of a pair."""
         if self._reflexive and self._source_class:
             return self._program.model.graph.extent(self._source_class)
         if self._planner.calls.is_recursive(self._step):

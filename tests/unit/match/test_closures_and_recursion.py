@@ -114,9 +114,9 @@ SHARED = {
 def counted_searches(monkeypatch: pytest.MonkeyPatch) -> list[tuple[object, ...]]:
     """The arguments of every search along the steps of a closure from now on."""
     searches: list[tuple[object, ...]] = []
-    original = compiled._CompiledStepSearches._search
+    original = compiled.StepSearches.search
 
-    def search(steps: compiled._CompiledStepSearches, forward: bool, question: object) -> object:
+    def search(steps: compiled.StepSearches, forward: bool, question: object) -> object:
         found = original(steps, forward, question)
 
         def counted(*arguments: object) -> object:
@@ -125,7 +125,7 @@ def counted_searches(monkeypatch: pytest.MonkeyPatch) -> list[tuple[object, ...]
 
         return counted
 
-    monkeypatch.setattr(compiled._CompiledStepSearches, "_search", search)
+    monkeypatch.setattr(compiled.StepSearches, "search", search)
     return searches
 
 
