@@ -63,6 +63,7 @@ if TYPE_CHECKING:
         OVERWRITTEN as OVERWRITTEN,
         REMOVED as REMOVED,
         IndexedSet as IndexedSet,
+        state_before_overwriting as state_before_overwriting,
     )
 
 export_lazily(globals())

@@ -106,16 +106,12 @@ class IndexedSet(list[Item]):
             self.position.update(zip(self, range(len(self)), strict=True))
         return self.position[item]
 
-    def inverse_state(self, state: SequenceState[Item]) -> SequenceState[Item]:
-        """Return the state with which a second `exchange` would undo `exchange` with the given state."""
-        return _state_before_overwriting(self, *state)
-
     def exchange(self, _: None, state: SequenceState[Item]) -> SequenceState[Item]:
         """Set the length (first item of `state`) and the elements at some indexes (second item).
 
         Return the old length and the old elements, with which a second call undoes this one. The key `_` is ignored.
         """
-        before = self.inverse_state(state)
+        before = state_before_overwriting(self, *state)
         for item in before[1].values():
             self.position.pop(item, None)
         self[:] = _overwritten_copy(self, *state)
@@ -191,16 +187,12 @@ class Extent(list[int]):
         """Return the index of a member."""
         return self.place[node]
 
-    def inverse_state(self, state: SequenceState[int]) -> SequenceState[int]:
-        """Return the state with which a second `exchange` would undo `exchange` with the given state."""
-        return _state_before_overwriting(self, *state)
-
     def exchange(self, _: None, state: SequenceState[int]) -> SequenceState[int]:
         """Set the length and the members at some indexes, as `state` says, and record the classes of these objects.
 
         Return the old length and the old members, with which a second call undoes this one. The key `_` is ignored.
         """
-        before = self.inverse_state(state)
+        before = state_before_overwriting(self, *state)
         for node in before[1].values():
             if self.classes[node] == self.number:  # otherwise the object is already in another extent
                 self.classes[node] = -1
@@ -253,7 +245,8 @@ class OrderedValues(list[Any]):
         return len(self) == key[2]
 
 
-def _state_before_overwriting(sequence: list[Item], length: int, items: Iterable[int]) -> SequenceState[Item]:
+def state_before_overwriting(sequence: list[Item], length: int, items: Iterable[int]) -> SequenceState[Item]:
+    """Return the state with which a second `exchange` undoes `exchange` with the given length and indexes."""
     now = len(sequence)
     before = {index: sequence[index] for index in items if index < now}
     before.update((index, sequence[index]) for index in range(length, now))
@@ -343,7 +336,7 @@ def undo_and_invert(backwards: Iterator[Any], inverse: Journal) -> None:
             inverse.extend((container, key, container.where(key), MOVED))
             container.move(key, old)
         elif isinstance(container, IndexedSet | Extent):
-            inverse.extend((container, key, container.inverse_state(old), OVERWRITTEN))
+            inverse.extend((container, key, state_before_overwriting(container, *old), OVERWRITTEN))
             container.exchange(key, old)
         else:
             inverse.extend((container, key, container.exchange(key, old), OVERWRITTEN))

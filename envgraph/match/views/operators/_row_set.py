@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from typing import Any
 
-from envgraph.graph import ADDED, ASSIGNED, OVERWRITTEN, REMOVED, IndexedSet, Store
+from envgraph.graph import ADDED, ASSIGNED, OVERWRITTEN, REMOVED, IndexedSet, Store, state_before_overwriting
 from envgraph.match._match_costs import VIEWS
 
 Row = tuple[Any, ...]
@@ -152,7 +152,7 @@ class MatchSet(IndexedSet[Row]):
         """
         if self.log is None and not self.indexes:
             return super().exchange(key, state)
-        before = self.inverse_state(state)
+        before = state_before_overwriting(self, *state)
         rows: list[Row] = list(self)
         rows.extend([()] * (state[0] - len(rows)))
         del rows[state[0] :]
