@@ -7,7 +7,7 @@ from envgraph.code import export_lazily
 if TYPE_CHECKING:
     from envgraph.errors import LARGEST_INT as LARGEST_INT
     from envgraph.metamodel._class_check import check_classes as check_classes
-    from envgraph.metamodel._class_diagram import class_colours as class_colours
+    from envgraph.metamodel._class_diagram import class_colours as class_colours, gives_direction as gives_direction
     from envgraph.metamodel._ecore_writer import (
         escape_xml as escape_xml,
         format_xml_value as format_xml_value,

@@ -32,10 +32,16 @@ def class_diagram(
         references: the references of all classes, each with its opposite (None if it has none).
     """
     colours = class_colours(classes)
+    # The superclass is the source, because layered layouts put it on top.
+    supertypes = (
+        PictureEdge(escape_unprintable(above), escape_unprintable(cls.name), tail="triangle", head="none")
+        for cls in classes
+        for above in cls.supertypes
+    )
     return Picture(
         escape_unprintable(name),
         (*(_class_node(cls, colours[cls.name]) for cls in classes), *map(_enum_node, enums)),
-        (*_supertype_edges(classes), *_reference_edges(references)),
+        (*supertypes, *_reference_edges(references)),
     )
 
 
@@ -78,16 +84,9 @@ def _enum_node(enum: EnumType) -> PictureNode:
     )
 
 
-def _supertype_edges(classes: Iterable[Class]) -> Iterator[PictureEdge]:
-    for cls in classes:
-        for above in cls.supertypes:
-            # The superclass is the source, because layered layouts put it on top.
-            yield PictureEdge(escape_unprintable(above), escape_unprintable(cls.name), tail="triangle", head="none")
-
-
 def _reference_edges(references: Iterable[tuple[Reference, Reference | None]]) -> Iterator[PictureEdge]:
     for reference, opposite in references:
-        if opposite is not None and not _gives_direction(reference, opposite):
+        if opposite is not None and not gives_direction(reference, opposite):
             continue
         label = _end_label(reference)
         if opposite is not None and opposite.index != reference.index:
@@ -102,7 +101,7 @@ def _reference_edges(references: Iterable[tuple[Reference, Reference | None]]) -
         )
 
 
-def _gives_direction(reference: Reference, opposite: Reference) -> bool:
+def gives_direction(reference: Reference, opposite: Reference) -> bool:
     """Return True if a reference, not its opposite, determines the direction of the line that is drawn for both.
 
     The containment of the two determines the direction. If neither is one, the reference that was declared first does.

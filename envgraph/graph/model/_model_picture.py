@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections import Counter
 from collections.abc import Iterable, Iterator, Mapping, Sequence
+from itertools import chain
 from typing import TYPE_CHECKING, TypedDict, Unpack
 
 from envgraph.draw import (
@@ -17,8 +18,15 @@ from envgraph.draw import (
 )
 from envgraph.errors import SHOWN, InvalidArgument, did_you_mean, escape_unprintable
 from envgraph.graph.model._handles import Node
-from envgraph.graph.store._relation import ReferenceStorage
-from envgraph.metamodel import Attribute, EnumType, Feature, Metamodel, Reference, Scalar, class_colours
+from envgraph.metamodel import (
+    Attribute,
+    EnumType,
+    Feature,
+    Metamodel,
+    Scalar,
+    class_colours,
+    gives_direction,
+)
 
 if TYPE_CHECKING:
     from envgraph.graph.model._model import Model
@@ -106,7 +114,8 @@ def picture(
     )
     edges = tuple(view.drawn_edges(shown, labels))
     if layout is None:
-        layout = "dot" if position is None and _widest_fan(edges) <= _MAX_LAYERED_FAN else "neato"
+        fans = Counter(end for edge in edges for end in (edge.source, edge.target))
+        layout = "dot" if position is None and max(fans.values(), default=0) <= _MAX_LAYERED_FAN else "neato"
     return Picture(
         escape_unprintable(model.name),
         tuple(drawing.box_of(model, id) for id in shown),
@@ -129,11 +138,6 @@ def to_svg(model: Model, **options: Unpack[PictureOptions]) -> str:
 def notebook_svg(model: Model) -> str | None:
     """Return the picture as SVG for notebooks, or None if it cannot be drawn, so that notebooks show the `repr`."""
     return model.picture()._repr_svg_()
-
-
-def _widest_fan(edges: Iterable[PictureEdge]) -> int:
-    """Return the largest number of lines that end at one object, 0 without lines."""
-    return max(Counter(end for edge in edges for end in (edge.source, edge.target)).values(), default=0)
 
 
 def _highlighted_names(model: Model, marked: Highlight) -> dict[int, list[str]]:
@@ -246,7 +250,7 @@ class _DrawnPart:
                 return
             following: list[int] = []
             for node in level:
-                for other in self._neighbours(node):
+                for other in chain.from_iterable((*r.forward[node], *r.backward[node]) for r in self.relations):
                     if other not in seen and self._is_drawn(other):
                         seen[other] = None
                         following.append(other)
@@ -258,11 +262,6 @@ class _DrawnPart:
                 following = [alone]
             level, depth = following, depth + 1
 
-    def _neighbours(self, node: int) -> Iterator[int]:
-        for relation in self.relations:
-            yield from relation.forward[node]
-            yield from relation.backward[node]
-
     def drawn_edges(self, shown: Sequence[int], labels: bool) -> Iterator[PictureEdge]:
         """Yield a line for each link between drawn objects. Opposite references share a line if both are drawn."""
         inside = set(shown)
@@ -270,7 +269,7 @@ class _DrawnPart:
             opposite = relation.opposite
             if opposite is not None and opposite.index not in self.references:
                 opposite = None
-            if opposite is not None and not _is_drawn_direction(relation, opposite):
+            if opposite is not None and not gives_direction(relation.reference, opposite):
                 continue
             label = escape_unprintable(relation.reference.name) if labels else ""
             if labels and opposite is not None and not relation.is_symmetric:
@@ -281,16 +280,6 @@ class _DrawnPart:
                 for target in relation.forward[source]:
                     if target in inside and not (relation.is_symmetric and source > target):
                         yield PictureEdge(f"n{source}", f"n{target}", label, tail, head)
-
-
-def _is_drawn_direction(relation: ReferenceStorage, opposite: Reference) -> bool:
-    """Return True if the line of an opposite pair is drawn in the direction of `relation`.
-
-    A containment determines the direction of the pair. Otherwise the reference that is declared first does.
-    """
-    if relation.containment or relation.is_contained:
-        return relation.containment
-    return relation.reference.index <= opposite.index
 
 
 class _ObjectStyle:
