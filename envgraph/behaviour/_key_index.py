@@ -104,7 +104,8 @@ class KeyIndex:
         def index(node: int) -> int:
             found = rank.get(key_of(node))
             if found is None:
-                raise _missing_key_error(model, cls, node)
+                missing = "no initial model of the family has an object with its key"
+                raise EvaluationError(f"{model.node(node)!r} has no index among `{cls}`: {missing}")
             return found
 
         return index
@@ -253,12 +254,8 @@ def _sort_function(metamodel: Metamodel, cls: str) -> Callable[[Key], tuple[Any,
     attributes = key_attributes(metamodel, cls)
     if not attributes:
         return lambda key: key
-    ranks = [a.type.literals.index if isinstance(a.type, EnumType) else _identity for a in attributes]
+    ranks = [a.type.literals.index if isinstance(a.type, EnumType) else lambda value: value for a in attributes]
     return lambda key: tuple(rank(value) for rank, value in zip(ranks, key, strict=True))
-
-
-def _identity(value: Any) -> Any:
-    return value
 
 
 def _is_valid_key(metamodel: Metamodel, cls: str, key: Any) -> bool:
@@ -269,10 +266,4 @@ def _is_valid_key(metamodel: Metamodel, cls: str, key: Any) -> bool:
         return len(key) == 1 and type(key[0]) is int
     return len(key) == len(attributes) and all(
         accepts(attribute.type, value) for attribute, value in zip(attributes, key, strict=True)
-    )
-
-
-def _missing_key_error(model: Model, cls: str, node: int) -> EvaluationError:
-    return EvaluationError(
-        f"{model.node(node)!r} has no index among `{cls}`: no initial model of the family has an object with its key"
     )

@@ -20,7 +20,7 @@ from envgraph.behaviour._behaviour import (
     RuleCall,
 )
 from envgraph.behaviour._helper_patterns import mentioned_names
-from envgraph.behaviour._rule_signatures import signature_of
+from envgraph.behaviour._rule_call_checks import signature_of
 from envgraph.code import dataclass
 from envgraph.errors import SHOWN, Diagnostic, EvaluationError, Note, Severity, Span, list_names
 from envgraph.graph import Model
@@ -234,7 +234,8 @@ def loss_warnings(behaviour: Behaviour, engine: Engine) -> Iterator[Diagnostic]:
         if not found:
             continue
         reported.add(key)
-        rules = _rule_names(found)
+        names = list(dict.fromkeys(loss.rule.rpartition(".")[2] for loss in found))
+        rules = f"rule{'s' if len(names) > 1 else ''} {list_names(names)}"
         message = f"{rules} may delete, merge or retype `{reading.name}`, which this {reading.what} reads"
         yield Diagnostic(
             "lost-object",
@@ -263,11 +264,6 @@ def _losses(
         }
         found |= dict.fromkeys(engine.catalog.losses(call.rule, cls, known))
     return tuple(found)
-
-
-def _rule_names(found: Iterable[Loss]) -> str:
-    names = list(dict.fromkeys(loss.rule.rpartition(".")[2] for loss in found))
-    return f"rule{'s' if len(names) > 1 else ''} {list_names(names)}"
 
 
 def _loss_note(loss: Loss) -> str:

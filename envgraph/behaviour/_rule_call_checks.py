@@ -7,8 +7,16 @@ from math import isfinite
 
 from envgraph.behaviour._behaviour import Action, Branch, RuleCall
 from envgraph.behaviour._clause_checks import CheckBase, Scope
-from envgraph.behaviour._rule_signatures import callable_names, format_call, signature_of
-from envgraph.errors import Note, Severity, Span, count_with_noun, list_names, name_hint, quote_with_article
+from envgraph.errors import (
+    InvalidArgument,
+    Note,
+    Severity,
+    Span,
+    count_with_noun,
+    list_names,
+    name_hint,
+    quote_with_article,
+)
 from envgraph.metamodel import Attribute, Scalar
 from envgraph.pattern import (
     Constant,
@@ -22,7 +30,7 @@ from envgraph.pattern import (
     value_hint,
     variables_in,
 )
-from envgraph.rewrite import Signature
+from envgraph.rewrite import Engine, Signature
 
 
 class CallChecks(CheckBase):
@@ -34,7 +42,9 @@ class CallChecks(CheckBase):
         if all(0.0 <= one <= 1.0 for one in fixed) and sum(fixed) > 1.0 + 1e-9:
             message = f"the probabilities add up to {sum(fixed):.6g}, which is above 1"
             last = next(branch for branch, one in zip(reversed(branches), reversed(fixed), strict=True) if one)
-            self.report("bad-probability", message, last.probability_span or last.span, _remaining_share_hint(fixed))
+            rest = 1.0 - sum(fixed[:-1])
+            hint = f"write at most {rest:.6g} for the last one" if rest > 0.0 and len(fixed) > 1 else None
+            self.report("bad-probability", message, last.probability_span or last.span, hint)
         return [self.check_call(branch.call, scope) for branch in branches]
 
     def _check_probability(self, branch: Branch, scope: Scope) -> float:
@@ -126,7 +136,8 @@ class CallChecks(CheckBase):
         if len(call.arguments) != len(signature.parameters):
             count = count_with_noun(len(signature.parameters), "argument")
             message = f"{signature.kind} `{call.rule}` takes {count}, not {len(call.arguments)}"
-            self.report("wrong-arity", message, call.span, f"write `{format_call(signature)}`")
+            wanted = ", ".join(parameter.name for parameter in signature.parameters)
+            self.report("wrong-arity", message, call.span, f"write `{signature.simple_name}({wanted})`")
             return _supposed_outputs(call, scope)
         return self._check_arguments(call, signature, scope)
 
@@ -152,7 +163,8 @@ class CallChecks(CheckBase):
             message = f"`{call.rule}` is a pattern, not a rule"
             self.report("unknown-rule", message, span, "use patterns in `on find` or `observe find`")
             return
-        names = callable_names(self.engine)
+        qualified = [*self.engine.rules, *self.engine.units, *self.engine.groups]
+        names = list(dict.fromkeys([*qualified, *(self.engine.signature(name).simple_name for name in qualified)]))
         several = [name for name in names if name.endswith(f".{call.rule}")]
         if len(several) > 1:
             message = f"`{call.rule}` may mean several rules"
@@ -201,6 +213,9 @@ def _supposed_outputs(call: RuleCall, scope: Scope) -> Scope:
     return {argument.name: None for argument in arguments if argument.name not in scope}
 
 
-def _remaining_share_hint(probabilities: Sequence[float]) -> str | None:
-    rest = 1.0 - sum(probabilities[:-1])
-    return f"write at most {rest:.6g} for the last one" if rest > 0.0 and len(probabilities) > 1 else None
+def signature_of(engine: Engine, name: str) -> Signature | None:
+    """Return the signature of a rule, unit or group; None if the name is unknown or ambiguous."""
+    try:
+        return engine.signature(name)
+    except InvalidArgument:
+        return None

@@ -27,7 +27,6 @@ if TYPE_CHECKING:
         DrawGraph as DrawGraph,
         DrawGrid as DrawGrid,
         DrawnLink as DrawnLink,
-        DuplicateKeyError as DuplicateKeyError,
         EachStep as EachStep,
         Effect as Effect,
         KeyIndex as KeyIndex,
