@@ -68,7 +68,8 @@ def _all_problems(
         yield from _check_features(cls, above)
         yield from _check_types(cls, declared)
         yield from _check_key(cls, above)
-        yield from _check_glyph(cls)
+        if cls.glyph is not None:
+            yield from _check_glyph_parts(cls.glyph, cls.name, part_span(cls, "letter"), part_span(cls, "colour"))
         for attribute in (one for one in cls.features if isinstance(one, Attribute)):
             yield from _check_display_annotations(attribute)
             yield from _check_range(attribute)
@@ -345,12 +346,6 @@ def _check_key(cls: Class, above: Inheritance) -> Iterator[Diagnostic]:
                 part_span(cls, f"key {name}"),
                 did_you_mean(name, attributes) or (f"use one of {quote_names(attributes)}" if attributes else hint),
             )
-
-
-def _check_glyph(cls: Class) -> Iterator[Diagnostic]:
-    if cls.glyph is None:
-        return
-    yield from _check_glyph_parts(cls.glyph, cls.name, part_span(cls, "letter"), part_span(cls, "colour"))
 
 
 def _check_glyph_parts(glyph: Glyph, name: str, letter: Span | None, colour: Span | None) -> Iterator[Diagnostic]:

@@ -52,7 +52,9 @@ class Inheritance:
                 for feature in table[name].features:
                     if counts[feature.name] > 1:
                         found.setdefault(feature.name, (name, feature))
-            inherited = self._supertype_tables(members)
+            supertypes = dict.fromkeys(above for name in members for above in table[name].supertypes)
+            shared_tables = {id(each): each for name in supertypes if (each := self._shared.get(name))}
+            inherited = list(shared_tables.values())
             if not found and len(inherited) == 1:
                 shared: _Shared = inherited[0]  # All classes of a long chain share one table.
             else:
@@ -61,12 +63,6 @@ class Inheritance:
                         found.setdefault(name, item)
                 shared = found
             self._shared.update(dict.fromkeys(members, shared))
-
-    def _supertype_tables(self, members: Sequence[str]) -> list[_Shared]:
-        """Return the tables that `shared` gives for the direct supertypes of `members`, each once, if not empty."""
-        names = dict.fromkeys(above for name in members for above in self.table[name].supertypes)
-        tables = {id(self._shared[name]): self._shared[name] for name in names if name in self._shared}
-        return [one for one in tables.values() if one]
 
     def cycle_number(self, name: str, above: str) -> int | None:
         """Return the number of the inheritance cycle that contains a class and its supertype; None if there is none."""

@@ -85,7 +85,11 @@ class Metamodel:
         self.classes: Mapping[str, Class] = {cls.name: cls for cls in declared}
         self.enums: Mapping[str, EnumType] = {enum.name: enum for enum in self.enum_types}
         self._order = {cls.name: place for place, cls in enumerate(declared)}
-        self._kinds = self._subclass_masks()
+        # The positions of each class and its subclasses, as a bit set.
+        self._kinds = {name: 1 << place for name, place in self._order.items()}
+        for (below,) in reversed(supertypes_first(self.classes)):
+            for above in self.classes[below].supertypes:
+                self._kinds[above] |= self._kinds[below]
         self._instantiable = sum(1 << place for place, cls in enumerate(declared) if not cls.abstract)
         # These are computed on demand, because all together may grow with the square of the number of classes.
         self._supers: dict[str, tuple[str, ...]] = {}
@@ -98,14 +102,6 @@ class Metamodel:
         self.references: tuple[Reference, ...] = tuple(
             f for cls in declared for f in cls.features if isinstance(f, Reference)
         )
-
-    def _subclass_masks(self) -> dict[str, int]:
-        """Return for each class the positions of itself and its subclasses as a bit set."""
-        found = {name: 1 << place for name, place in self._order.items()}
-        for (name,) in reversed(supertypes_first(self.classes)):
-            for above in self.classes[name].supertypes:
-                found[above] |= found[name]
-        return found
 
     def full_names(self, simple: str) -> Mapping[str, str]:
         """Return the full names of all classes and enums with a simple name, by the path of their package.

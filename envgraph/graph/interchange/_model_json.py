@@ -150,17 +150,12 @@ def _decode(text: str, file: str) -> Any:
 
 
 _ID_HINT = 'write the id of an object in "objects"'
-_LITERAL_HINT = "write a literal of the enum as a text"
-_VALUE_HINTS = {
+_VALUE_HINTS: Mapping[Scalar | EnumType, str] = {
     Scalar.INT: "write a whole number",
     Scalar.FLOAT: "write a number",
     Scalar.BOOL: "write `true` or `false`",
     Scalar.STRING: 'write a text, `"..."`',
 }
-
-
-def _value_hint(attribute: Attribute) -> str:
-    return _LITERAL_HINT if isinstance(attribute.type, EnumType) else _VALUE_HINTS[attribute.type]
 
 
 class _TooManyProblems(Exception):
@@ -293,7 +288,8 @@ class _JsonModelReader:
             self._report(path, "wrong-type", f"`{attribute}` takes an int of 64 bits", hint)
         else:
             wrong = wrong_value_error(attribute, value)
-            self._report(path, "wrong-type", wrong.message, wrong.hint or _value_hint(attribute))
+            hint = wrong.hint or _VALUE_HINTS.get(attribute.type, "write a literal of the enum as a text")
+            self._report(path, "wrong-type", wrong.message, hint)
         return None
 
     def _read_link(self, path: JsonPath, source: int, reference: Reference, target: Any) -> None:

@@ -88,10 +88,19 @@ class _XmiModelWriter:
             if node < 0:
                 yield f"{indent}</{tag}>"
                 continue
-            inside = list(self._contained_objects(node))
-            empty = [one for one in self._attributes(node) if self._is_nil(node, one)]
+            graph = self.model.graph
+            attributes = [one for one in self._features[graph.class_of(node)] if isinstance(one, Attribute)]
+            references = [one for one in self._features[graph.class_of(node)] if isinstance(one, Reference)]
+            inside = [(one, inner) for one in references if one.containment for inner in graph.targets(node, one)]
+            # An omitted attribute would have its default.
+            empty = [one for one in attributes if not graph.values(node, one) and ecore_default(one) is not None]
             parts = f" {extra}" * bool(extra) + self._tag_attributes(node)
-            lists = list(self._value_elements(node))
+            lists = [
+                (one.name, escape_xml(self._check_text(self._format_value(node, one, value), node)))
+                for one in attributes
+                if one.many
+                for value in graph.values(node, one)
+            ]
             if not inside and not empty and not lists:
                 yield f"{indent}<{tag}{parts}/>"
                 continue
@@ -105,19 +114,6 @@ class _XmiModelWriter:
                 cls = self.model.graph.class_of(target)
                 exact = "" if cls == reference.target else f'xsi:type="{self._qualified_tag(cls)}"'
                 waiting.append((target, reference.name, exact, level + 1))
-
-    def _value_elements(self, node: int) -> Iterator[tuple[str, str]]:
-        """Yield the tag name and the text of each value of the multi-valued attributes of an object."""
-        for attribute in self._attributes(node):
-            for value in self.model.graph.values(node, attribute) if attribute.many else ():
-                text = self._check_text(self._format_value(node, attribute, value), node)
-                yield attribute.name, escape_xml(text)
-
-    def _contained_objects(self, node: int) -> Iterator[tuple[Reference, int]]:
-        for feature in self._features[self.model.graph.class_of(node)]:
-            if isinstance(feature, Reference) and feature.containment:
-                for target in self.model.graph.targets(node, feature):
-                    yield feature, target
 
     def _tag_attributes(self, node: int) -> str:
         """Return the XML attributes of an object's tag, as one text with a space before each."""
@@ -138,13 +134,6 @@ class _XmiModelWriter:
 
     def _format_value(self, node: int, attribute: Attribute, value: Value) -> str:
         return self.model.graph.decimal_texts.get((node, attribute.index, value)) or format_xml_value(attribute, value)
-
-    def _attributes(self, node: int) -> Iterator[Attribute]:
-        return (one for one in self._features[self.model.graph.class_of(node)] if isinstance(one, Attribute))
-
-    def _is_nil(self, node: int, attribute: Attribute) -> bool:
-        """Return True if the tag must say that an attribute is unset, because omission would mean the default."""
-        return not self.model.graph.values(node, attribute) and ecore_default(attribute) is not None
 
     def _is_implied_by_nesting(self, feature: Feature) -> bool:
         """Return True if the nesting of tags implies the feature, because the feature is the link to the container."""

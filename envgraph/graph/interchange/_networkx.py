@@ -73,19 +73,14 @@ def from_networkx(graph: nx.MultiDiGraph, metamodel: Metamodel) -> Model:
     if not (isinstance(graph, nx.Graph) and graph.is_directed() and graph.is_multigraph()):
         raise InvalidArgument(f"a model is made from a networkx.MultiDiGraph, not from {graph!r}")
     model = Model(metamodel, str(graph.graph.get("name") or "model"))
-    ids = _node_ids(graph)
+    are_ids = all(type(label) is int and label >= 0 for label in graph.nodes)
+    ids = {label: label if are_ids else index for index, label in enumerate(graph.nodes)}
     with model.loading():
         for label, attributes in graph.nodes(data=True):
             _add_node(model, label, ids[label], attributes)
         for source, target, key in graph.edges(keys=True):
             _add_edge(model, source, ids[source], ids[target], key)
     return model
-
-
-def _node_ids(graph: nx.MultiDiGraph) -> dict[Hashable, int]:
-    if all(type(label) is int and label >= 0 for label in graph.nodes):
-        return {label: label for label in graph.nodes}
-    return {label: index for index, label in enumerate(graph.nodes)}
 
 
 def _add_node(model: Model, label: Hashable, node: int, attributes: dict[str, object]) -> None:

@@ -9,7 +9,7 @@ from typing import Any
 from envgraph.graph.store._relation import ReferenceStorage
 from envgraph.graph.store._state_hash import recompute_hash_sum
 from envgraph.graph.store._store import Store
-from envgraph.graph.store._undo_log import Extent, IndexedSet, OrderedValues
+from envgraph.graph.store._undo_log import IndexedSet, OrderedValues
 from envgraph.metamodel import accepts
 
 
@@ -21,7 +21,10 @@ def check_store(store: Store) -> None:
     """
     _check_sizes(store)
     for extent in store.extents:
-        _check_extent(store, extent)
+        assert not (store.metamodel.class_list[extent.number].abstract and extent)
+        for place, node in enumerate(extent):
+            assert store.classes[node] == extent.number
+            assert store.place[node] == place
     members = sum(map(len, store.extents))
     assert members == sum(1 for cls in store.classes if cls >= 0)
     assert all(cls < 0 for cls in store.classes[store.next_id :])
@@ -47,14 +50,6 @@ def _check_sizes(store: Store) -> None:
         *store.backward,
     ]
     assert all(len(column) == size for column in columns)
-
-
-def _check_extent(store: Store, extent: Extent) -> None:
-    cls = store.metamodel.class_list[extent.number]
-    assert not (cls.abstract and extent)
-    for place, node in enumerate(extent):
-        assert store.classes[node] == extent.number
-        assert store.place[node] == place
 
 
 def _check_relation(store: Store, relation: ReferenceStorage) -> None:

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from sys import maxsize
 
-from envgraph.graph.store._state_hash import reference_hash
+from envgraph.graph.store._state_hash import text_hash
 from envgraph.graph.store._undo_log import IndexedSet
 from envgraph.metamodel import Metamodel, Reference
 
@@ -75,20 +75,11 @@ class ReferenceStorage:
         self.is_set_directly = (
             self.upper == 1 and not (self.containment or self.is_contained) and self.opposite_upper in (1, maxsize)
         )
-        self.code = reference_hash(self.fact)
+        self.code = text_hash(f"reference {self.fact}")
         self.added: Callable[[int, int], object] | None = None
         self.removing: Callable[[int, int], object] | None = None
         self.connect: Callable[[int, int], object]
         self.disconnect: Callable[[int, int], object]
-
-    def fact_ends(self, source: int, target: int) -> tuple[int, int]:
-        """Return the ends of a link in the order that the fact about the link uses.
-
-        They are swapped if `is_flipped` is True. For a symmetric reference the smaller id is first.
-        """
-        if self.is_flipped or (self.is_symmetric and source > target):
-            return target, source
-        return source, target
 
 
 def make_columns(metamodel: Metamodel) -> tuple[tuple[AdjacencyColumn, ...], tuple[AdjacencyColumn, ...]]:

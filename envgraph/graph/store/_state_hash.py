@@ -17,7 +17,7 @@ import struct
 from hashlib import blake2b, shake_128
 from typing import TYPE_CHECKING
 
-from envgraph.metamodel import Attribute, Class, Reference, Value, Values
+from envgraph.metamodel import Attribute, Class, Value, Values
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -52,11 +52,6 @@ def text_hash(text: str) -> int:
 def class_hash(cls: Class) -> int:
     """Return the 64-bit number of a class in the state hash."""
     return text_hash(f"class {cls.name}")
-
-
-def reference_hash(reference: Reference) -> int:
-    """Return the 64-bit number of a reference in the state hash."""
-    return text_hash(f"reference {reference}")
 
 
 def value_hash(attribute: Attribute, value: Value | Values) -> int:
