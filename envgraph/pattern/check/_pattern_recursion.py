@@ -53,7 +53,8 @@ def check_recursion(patterns: Sequence[Pattern], entries: Mapping[str, LibraryEn
             if None not in entries[edge.caller].types:  # otherwise an error about the type has the same cause
                 yield _no_base_warning(edge, cycle)
             continue
-        if edge.is_monotone and any(_is_declared_safe(entries[link.caller].pattern) for link in cycle):
+        annotations = (each for link in cycle for each in entries[link.caller].pattern.annotations)
+        if edge.is_monotone and any(annotation.name == "SafeRecursion" for annotation in annotations):
             continue
         yield replace(_recursion_diagnostic(edge, cycle), subject=tuple(link.caller for link in cycle))
 
@@ -115,10 +116,6 @@ def _shortest_call_path(
     way = [] if start == goal else shortest_path(start, goal, inside) or []
     steps = pairwise((start, *way))
     return [next(edge for edge in onward[one] if edge.callee == other) for one, other in steps]
-
-
-def _is_declared_safe(pattern: Pattern) -> bool:
-    return any(annotation.name == "SafeRecursion" for annotation in pattern.annotations)
 
 
 def _no_base_warning(edge: _CallEdge, cycle: Sequence[_CallEdge]) -> Diagnostic:

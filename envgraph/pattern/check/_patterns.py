@@ -132,17 +132,13 @@ class _PatternCheck:
         found.extend(_merge_unreferenced(inside, len(self._pattern.bodies)))
         if not has_errors(found):
             found.extend(_check_definition(self._pattern, self._analysis))
-            found.extend(self._check_undefined_reads())
+            defined = defined_features(self._analysis.entries)
+            reads = self._analysis.entries[self._pattern.qualified_name].reads
+            found.extend(derived_feature_warning(r.feature, r.span) for r in reads if r.feature not in defined)
         if not has_errors(found) and not self._pattern.mended:
             for parameter in self._pattern.parameters:
                 found.extend(self._check_parameter_type(parameter, bodies))
         return found
-
-    def _check_undefined_reads(self) -> Iterator[Diagnostic]:
-        defined = defined_features(self._analysis.entries)
-        for read in self._analysis.entries[self._pattern.qualified_name].reads:
-            if read.feature not in defined:
-                yield derived_feature_warning(read.feature, read.span)
 
     def _check_parameter_type(self, parameter: Parameter, bodies: Sequence[_BodyCheck]) -> Iterator[Diagnostic]:
         span = parameter.span or self._pattern.span
@@ -305,7 +301,9 @@ class _BodyCheck:
     def _check_relations(self, found: list[Diagnostic]) -> list[RelationPlace]:
         check = RelationCheck(self._pattern, self.types, self._analysis.names)
         sound: list[RelationPlace] = []
-        places = self._relation_places()
+        places = [RelationPlace(relation) for relation in positive_relations(self._body)]
+        for number, (relation, aggregate) in enumerate(grouped_relations(self._body)):
+            places.append(RelationPlace(relation, number, aggregate))
         for place in places:
             if isinstance(place.relation, PatternCall) and self.types.callee(place.relation.pattern) is None:
                 self._taint(place.relation)
@@ -328,12 +326,6 @@ class _BodyCheck:
             case PatternCall(name):
                 return self.types.callee(name) is None and name in self._analysis.unknown
         return False
-
-    def _relation_places(self) -> list[RelationPlace]:
-        places = [RelationPlace(relation) for relation in positive_relations(self._body)]
-        for number, (relation, aggregate) in enumerate(grouped_relations(self._body)):
-            places.append(RelationPlace(relation, number, aggregate))
-        return places
 
     def _taint(self, relation: Relation) -> None:
         for term in terms_of(relation):

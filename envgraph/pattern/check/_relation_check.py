@@ -267,7 +267,8 @@ class RelationCheck:
             yield from self._check_column(aggregate)
         if isinstance(aggregate.over, PathConstraint) and aggregate.function in _ONCE_VERBS:
             path = self._types.resolved_path(aggregate.over)
-            between = _branching_classes(path) if path else []
+            many = (step for step in path.steps[:-1] if isinstance(step, Reference) and step.many) if path else ()
+            between = list(dict.fromkeys(step.target for step in many))
             if path and between:
                 message = _counted_once_message(path, aggregate.function)
                 names = " and ".join(f"the `{name}`" for name in between)
@@ -292,12 +293,6 @@ class RelationCheck:
     def _marked_column_type(self, aggregate: Aggregate) -> StaticType | None:
         columns = zip(terms_of(aggregate.over), self._types.column_types(aggregate.over), strict=True)
         return next((type_ for term, type_ in columns if isinstance(term, ColumnMark)), None)
-
-
-def _branching_classes(path: ResolvedPath) -> list[str]:
-    """Return the target classes of the many-valued steps of a path, without the last step, each once."""
-    steps = (step for step in path.steps[:-1] if isinstance(step, Reference) and step.many)
-    return list(dict.fromkeys(step.target for step in steps))
 
 
 def _counted_once_message(path: ResolvedPath, function: str) -> str:

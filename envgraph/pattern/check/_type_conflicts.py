@@ -113,7 +113,8 @@ class TypeCheck:
         if isinstance(one, Variable) and one.name != other.name:
             for constraint in self._reading.body.constraints:
                 if isinstance(constraint, Comparison) and constraint.operator == "==":
-                    names = _variable_names(constraint)
+                    sides = (constraint.left, constraint.right)
+                    names = {side.name for side in sides if isinstance(side, Variable)}
                     if other.name in names and len(names) == 2:
                         return constraint
         return None
@@ -209,8 +210,9 @@ class TypeCheck:
             yield from self._check_constants(left, right, comparison)
         for term, other in ((left, right), (right, left)):
             if isinstance(term, Constant | EnumLiteral):
-                if isinstance(other, Constant | EnumLiteral):
-                    yield from self._check_literal_pair(term, other)
+                if isinstance(other, Constant | EnumLiteral):  # the comparison itself gets another warning
+                    if isinstance(term, EnumLiteral):
+                        yield from self.check_literal(term, self._types.type_of_term(other), term.span)
                 elif not self._is_tainted(other):
                     yield from self._check_compared_literal(term, other, comparison)
                 else:
@@ -235,11 +237,6 @@ class TypeCheck:
             return
         yield from self.check_literal(term, type_, term.span or comparison.span)
 
-    def _check_literal_pair(self, term: Constant | EnumLiteral, other: Constant | EnumLiteral) -> Iterator[Diagnostic]:
-        """Report a wrong enum literal in a comparison of two literals. The comparison itself gets another warning."""
-        if isinstance(term, EnumLiteral):
-            yield from self.check_literal(term, self._types.type_of_term(other), term.span)
-
     def _check_values(self, comparison: Comparison) -> Iterator[Diagnostic]:
         left, right = comparison.left, comparison.right
         one, other = self._types.type_of_term(left), self._types.type_of_term(right)
@@ -260,11 +257,6 @@ class TypeCheck:
 
     def _is_tainted(self, term: Term) -> bool:
         return isinstance(term, Variable) and self._reading.representative(term.name) in self._tainted
-
-
-def _variable_names(comparison: Comparison) -> set[str]:
-    """Return the names of the variables on both sides of a comparison."""
-    return {side.name for side in (comparison.left, comparison.right) if isinstance(side, Variable)}
 
 
 def shared_classes(types: list[StaticType], body_types: BodyTypes) -> list[str]:

@@ -275,12 +275,12 @@ class UsageCheck:
         relation = place.relation
         for position in inputs_of(relation, self._types):
             term = terms_of(relation)[position]
-            if self._is_unbound_input(term, place):
+            if self._is_unbound_input(term):
                 message = f"{relation_text(relation)} needs a value here: the parameter is `in`"
                 hint = "write a value, or a variable that another constraint finds"
                 yield Diagnostic("unbound-input", message, term.span or relation.span, hint)
 
-    def _is_unbound_input(self, term: Term, place: RelationPlace) -> bool:
+    def _is_unbound_input(self, term: Term) -> bool:
         if isinstance(term, Variable):
             if not term.is_anonymous and self._tainted.intersection(self._reading.united_names(term.name)):
                 return False

@@ -116,8 +116,11 @@ class ExpressionChecker:
                 return self.literal_type(node, expected)
             case Navigation():
                 return self._navigation_type(node)
-            case Unary():
-                return self._unary_type(node)
+            case Unary("!", operand):
+                self.operand_type(operand, "!", "bool")
+                return Scalar.BOOL
+            case Unary(operator, operand):
+                return self.operand_type(operand, operator, "number")
             case Binary():
                 return self._binary_type(node)
             case Conditional():
@@ -139,18 +142,16 @@ class ExpressionChecker:
         type_ = self.scope[node.name]
         if isinstance(type_, ObjectType) and not self.bare_objects:
             message = f"`{node.name}` is an object, {quote_with_article(type_.cls)}, but a data value is required here"
-            self.report("bare-object", message, node, self._bare_object_hint(node.name, type_))
+            feature = next(iter(self.metamodel.features(type_.cls)), None)
+            instead = f"a feature such as `{node.name}.{feature}`" if feature else "a feature of it"
+            hint = f"use {instead}; objects are compared by `==` and `!=` outside of check and eval"
+            self.report("bare-object", message, node, hint)
             return None
         return type_
 
     def is_object(self, node: Expression) -> bool:
         """Return True if the expression is a variable whose type is a class."""
         return isinstance(node, Variable) and isinstance(self.scope.get(node.name), ObjectType)
-
-    def _bare_object_hint(self, name: str, type_: ObjectType) -> str:
-        feature = next(iter(self.metamodel.features(type_.cls)), None)
-        attribute = f"a feature such as `{name}.{feature}`" if feature else "a feature of it"
-        return f"use {attribute}; objects are compared by `==` and `!=` outside of check and eval"
 
     def literal_type(self, node: EnumLiteral, expected: StaticType | None) -> StaticType | None:
         """Return the enum of a literal, or None after reporting an error. `::literal` belongs to the expected enum."""
@@ -222,11 +223,6 @@ class ExpressionChecker:
             self.report_at("many-valued", f"`{feature}` leads to more than one {what}", span, hint)
             return None
         return ObjectType(feature.target) if isinstance(feature, Reference) else feature.type
-
-    def _unary_type(self, node: Unary) -> StaticType | None:
-        wanted = "bool" if node.operator == "!" else "number"
-        type_ = self.operand_type(node.operand, node.operator, wanted)
-        return Scalar.BOOL if node.operator == "!" else type_
 
     def operand_type(
         self, node: Expression, operator_name: str, kind: str, expected: StaticType | None = None

@@ -111,7 +111,8 @@ class BodyLowering:
             case Comparison():
                 self._lower_comparison(constraint)
             case Negation():
-                self._lower_negation(constraint.relation)
+                if grouped := self._grouped_atom(constraint.relation):
+                    self._current_goals.append(_absence_of(*grouped[:2]))
             case TypeConstraint() | PathConstraint() | PatternCall():
                 self._lower_relation(constraint)
 
@@ -232,12 +233,6 @@ class BodyLowering:
         return LinkAtom(feature, source, target)
 
     # --- negations and aggregates
-
-    def _lower_negation(self, relation: Relation) -> None:
-        grouped = self._grouped_atom(relation)
-        if grouped is not None:
-            atom, local, _ = grouped
-            self._current_goals.append(_absence_of(atom, local))
 
     def _lower_aggregate(self, aggregate: Aggregate, result: int) -> None:
         grouped = self._grouped_atom(aggregate.over)

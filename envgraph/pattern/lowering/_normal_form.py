@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import replace
 
 from envgraph.errors import Span, exact_key
@@ -63,7 +63,8 @@ class _Normaliser:
         goals = [goal for goal, _ in written]
         known = implied_classes(goals, self._metamodel, self._types_of)
         written = [(goal, span) for goal, span in written if not is_implied(goal, goals, known, self._metamodel)]
-        order = self._final_order(goal for goal, _ in written)
+        count = len(self._parameters)
+        order = [*range(count), *sorted({v for goal, _ in written for v in all_variables(goal) if v >= count})]
         numbers = {slot: number for number, slot in enumerate(order)}
         names = tuple(self._slots.name_of(slot) or f"#{number}" for slot, number in numbers.items())
         return Conjunction(
@@ -105,12 +106,6 @@ class _Normaliser:
             if one is not None and other is not None:
                 return
         yield _with_names(renumber_goal(goal, self._roots), {root: str(root) for root in self._roots.values()})
-
-    def _final_order(self, goals: Iterable[Goal]) -> list[int]:
-        """Return the slots in their final order: the parameters, then the other variables of goals by number."""
-        count = len(self._parameters)
-        slots = {slot for goal in goals for slot in all_variables(goal)}
-        return [*range(count), *sorted(slot for slot in slots if slot >= count)]
 
 
 def _with_names(goal: Goal, names: Sequence[str] | Mapping[int, str]) -> Goal:
