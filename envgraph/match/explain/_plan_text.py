@@ -25,7 +25,6 @@ from envgraph.pattern import (
     ConditionAtom,
     Conjunction,
     Expression,
-    Goal,
     InstanceAtom,
     Library,
     LinkAtom,
@@ -138,7 +137,8 @@ def steps_text(
     for number, step in enumerate(plan.steps):
         join = value_join(step, plan.steps[number + 1 :], found, names.constants, names.types)
         how = ", looked up by value" if join and join.is_usable(is_view) else ""
-        actual = f", actually {_format_count(counts[number])}" if counts else ""
+        count = counts[number] if counts else None
+        actual = f", actually {count:.3g}" if isinstance(count, float) else f", actually {count}" if counts else ""
         yield (
             f"{indent}{_VERBS[step.kind]:7} {goal_text(step, names)}{how}  (rows {_format_estimate(step.rows)}{actual})"
         )
@@ -164,7 +164,8 @@ def goal_text(step: PlanStep, names: VariableNames) -> str:
         return "of"
     match goal:
         case AbsenceAtom(alternatives) if all(len(each) == 1 for each in alternatives):
-            return " and ".join(_format_negation(each[0], step, names) for each in alternatives)
+            negated = (replace(step, goal=goal, kind=StepKind.TEST) for (goal,) in alternatives)
+            return " and ".join(f"neg {goal_text(test, names)}" for test in negated)
         case AbsenceAtom(alternatives, outer):
             return f"neg any of {len(alternatives)} for {names.format_all(outer) or 'nothing'}"
         case ConditionAtom(expression, reads):
@@ -187,11 +188,6 @@ def _expression_text(expression: Expression, reads: Sequence[tuple[str, int]], n
     return names.format_all(tuple(variable for _, variable in reads))
 
 
-def _format_negation(goal: Goal, step: PlanStep, names: VariableNames) -> str:
-    """Return a negated goal as text."""
-    return f"neg {goal_text(replace(step, goal=goal, kind=StepKind.TEST), names)}"
-
-
 def relation_text(relation: RelationAtom, names: VariableNames, inside: Mapping[int, str] | None = None) -> str:
     """Return a relation with its variables as text. `inside` gives the text of variables local to an aggregate."""
     listed = ", ".join((inside or {}).get(v) or names(v) for v in relation_variables(relation))
@@ -207,11 +203,6 @@ def relation_text(relation: RelationAtom, names: VariableNames, inside: Mapping[
             sign = "*" if closure is Closure.STAR else "+"
             package, _, path = step.partition(".")
             return f"{path}{sign}({listed})" if package == PATHS else f"find {step}{sign}({listed})"
-
-
-def _format_count(value: float) -> str:
-    """Return a measured number of rows as text; a float has three significant digits."""
-    return f"{value:.3g}" if isinstance(value, float) else str(value)
 
 
 def _format_estimate(value: float) -> str:

@@ -237,7 +237,7 @@ class FailureSearch:
         inner = witness = None
         if isinstance(goal, AbsenceAtom):
             witness = self._witness(names, conjunction, goal, values)
-        elif isinstance(goal, CallAtom) and _is_user_written(goal.pattern) and len(asked) <= _MOST_CALLS:
+        elif isinstance(goal, CallAtom) and not goal.pattern.startswith(f"{VALUES}.") and len(asked) <= _MOST_CALLS:
             known = {p: values[v] for p, v in enumerate(goal.arguments) if v in values}
             if (goal.pattern, known) not in asked:
                 inner = self.why_not(goal.pattern, known, asked)
@@ -317,11 +317,6 @@ def _block_of_pattern(pattern: str) -> str | None:
     """Return the rule block that a pattern was made from ("the `not` block" for `drive#not1`); None for others."""
     kind = re.search(r"#(not|require|forall|optional)\d+$", pattern)
     return f"the `{kind[1]}` block" if kind else None
-
-
-def _is_user_written(pattern: str) -> bool:
-    """Return True if a called pattern was written by the user; False for the generated patterns of enum values."""
-    return not pattern.startswith(f"{VALUES}.")
 
 
 def _is_contradictory(conjunction: Conjunction, given: Mapping[int, Value]) -> bool:

@@ -8,7 +8,7 @@ from typing import Final
 
 from envgraph import code
 from envgraph.match.generate._bindings import VariableBindings
-from envgraph.match.generate._sinks import SolutionSink, emit_empty_collection, value
+from envgraph.match.generate._sinks import SolutionSink, value
 from envgraph.match.generate._source_builder import SourceBuilder
 from envgraph.match.plan._duplicate_filters import OUTER_LOOP, DuplicateFilter, place_duplicate_filters
 from envgraph.match.plan._planner import determined_variables
@@ -77,7 +77,7 @@ class DuplicateFilterCode:
                 if place == OUTER_LOOP:
                     self.outside.append(seen)
                 else:
-                    self._block.add(code.Assign(seen, emit_empty_collection("set")))
+                    self._block.add(code.Assign(seen, code.emit_call("set")))
 
     def emit_filter(self, place: int) -> None:
         """Emit the filter at a place, if any: skip a partial match whose key has been seen; otherwise add the key."""

@@ -61,11 +61,6 @@ def length(collection: code.Expression) -> code.Call:
     return code.emit_call("len", collection)
 
 
-def emit_empty_collection(what: str) -> code.Call:
-    """Return code for a new empty `set`, `dict` or `list`."""
-    return code.emit_call(what)
-
-
 def view_sink(mode: ResultMode, is_distinct: bool, variables: tuple[int, ...]) -> SolutionSink:
     """Return the sink that collects the results of a mode. If `is_distinct`, no two solutions give the same values."""
     shape = value if mode is ResultMode.VALUES else row
@@ -142,7 +137,7 @@ def _generator_sink(variables: tuple[int, ...], is_distinct: bool) -> SolutionSi
 
     return SolutionSink(
         variables,
-        (code.Assign(OUT, emit_empty_collection("set")),),
+        (code.Assign(OUT, code.emit_call("set")),),
         each,
         tail,
         (OUT,),
@@ -206,7 +201,7 @@ def search_sink(variable: int, question: ClosureQuestion) -> SolutionSink:
         code.Assign(push, code.AttributeAccess(todo, "append")),
     ]
     if question is not ClosureQuestion.NEW_NODES:
-        head.insert(0, code.Assign(seen, emit_empty_collection("set")))
+        head.insert(0, code.Assign(seen, code.emit_call("set")))
     if not meets:
         head.insert(0, code.Assign(todo, code.PythonText("[start]", reads=(start,))))
     shared = (seen, ADD, push, goal) if meets else (seen, ADD, push)

@@ -10,7 +10,6 @@ from envgraph.match.generate._relation_code import emit_shared_aggregate
 from envgraph.match.generate._sinks import (
     OUT,
     distinct_items_sink,
-    emit_empty_collection,
     filtered_sink,
     row,
     search_sink,
@@ -137,9 +136,7 @@ def search_source(planner: Planner, step: str, forward: bool, question: ClosureQ
             translation = PlanTranslation(planner, module, conjunction, block, {near: node})
             translation.outer_variables = (conjunction.parameters[near],)
             translation.emit_plan(body.plan, sink)
-            outside[:0] = [
-                code.Assign(name, emit_empty_collection("set")) for name in translation.duplicate_filters.outside
-            ]
+            outside[:0] = [code.Assign(name, code.emit_call("set")) for name in translation.duplicate_filters.outside]
     more = {ClosureQuestion.NEW_NODES: ["seen"], ClosureQuestion.REACHES: ["goal", "todo"]}.get(question, [])
     whole = (*frame.head, *outside, *block.finish_body(), *frame.tail)
     return module.finish(module.add_function("search", list(map(code.Local, ["start", *more])), whole))

@@ -24,7 +24,6 @@ from envgraph.match.generate._sinks import (
     SolutionSink,
     VariableCode,
     aggregate_sink,
-    emit_empty_collection,
     row,
 )
 from envgraph.match.generate._source_builder import SourceBuilder, local_variable
@@ -208,7 +207,7 @@ class PlanTranslation(PlanTranslator):
         """
         for search in self._searches.get(place, ()):
             seen = self._seen[id(search)] = code.Local(self._module.fresh_name("s"))
-            self.block.add(code.Assign(seen, emit_empty_collection("set")))
+            self.block.add(code.Assign(seen, code.emit_call("set")))
 
     def _new_part(self, continuation: bool) -> PlanTranslation:
         """Return a new translation of the same body, without values, for an inner function or a continuation."""
@@ -243,7 +242,8 @@ class PlanTranslation(PlanTranslator):
     ) -> tuple[code.Name, list[code.Expression]]:
         """Emit an inner function that executes some steps with a sink. Return its name and the call's arguments."""
         shared: list[code.Local] = list(sink.shared) if continuation else []
-        inputs = self._read_variables(steps, sink)
+        read = {*sink.variables, *(v for step in steps for v in variables_used_by(step))}
+        inputs = sorted(read & self.bindings.expressions.keys() - self.bindings.constants.keys())
         inner = self._new_part(continuation)
         inner.bindings.expressions.update((v, inner.bindings.local(v)) for v in inputs)
         inner._allows_joins, inner.uses_indexes = self._allows_joins, self.uses_indexes
@@ -260,11 +260,6 @@ class PlanTranslation(PlanTranslator):
         parameters = [*shared, *(inner.bindings.local(v) for v in inputs)]
         name = self._module.add_function(self._module.fresh_name(prefix), parameters, body)
         return name, [*shared, *(self.value_of(v) for v in inputs)]
-
-    def _read_variables(self, steps: Sequence[PlanStep], sink: SolutionSink) -> list[int]:
-        """Return the variables with values, constants excepted, that the steps and the sink read."""
-        read = {*sink.variables, *(v for step in steps for v in variables_used_by(step))}
-        return sorted(v for v in read if v in self.bindings.expressions and v not in self.bindings.constants)
 
     # --- relations
 
@@ -457,7 +452,7 @@ class PlanTranslation(PlanTranslator):
         spread = self._module.name_of(closure_function(join.closure, ClosureQuestion.NEW_NODES, not from_source))
         all_ = SolutionSink(
             (join.free_end,),
-            (code.Assign(OUT, emit_empty_collection("set")),),
+            (code.Assign(OUT, code.emit_call("set")),),
             lambda names: (code.ExpressionStatement(code.emit_call(spread, names(join.free_end), OUT)),),
             (code.Return(OUT),),
             (OUT,),

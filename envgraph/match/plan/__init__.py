@@ -9,7 +9,6 @@ if TYPE_CHECKING:
     from envgraph.match.plan._measured_sizes import LiveSizes as LiveSizes
     from envgraph.match.plan._planner import Planner as Planner
     from envgraph.match.plan._search_plan import (
-        BodyPlan as BodyPlan,
         PatternPlan as PatternPlan,
         PatternQuery as PatternQuery,
         PlanStep as PlanStep,
@@ -17,7 +16,6 @@ if TYPE_CHECKING:
         StepKind as StepKind,
     )
     from envgraph.match.plan._step_candidates import (
-        Unplannable as Unplannable,
         query_of_call as query_of_call,
     )
 

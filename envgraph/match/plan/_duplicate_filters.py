@@ -64,7 +64,10 @@ def place_duplicate_filters(
     """The variables in which partial matches may differ since the last filter."""
     found: dict[int, DuplicateFilter] = {}
     for number in range(len(steps) + 1):
-        if fresh - needed[number] and (number == len(steps) or _is_expensive(steps[number])):
+        # A filter is worthwhile before a loop, or before a step that costs as much as a function call.
+        if fresh - needed[number] and (
+            number == len(steps) or steps[number].kind is StepKind.LOOP or steps[number].cost >= PLAN.call
+        ):
             goals = [step.goal for step in steps[:number] if step.kind is not StepKind.EXISTS]
             live = needed[number].intersection(place)
             fixed = determined(goals, known | live)
@@ -72,7 +75,9 @@ def place_duplicate_filters(
                 first = min(place[v] for v in looped if v not in fixed)
                 outer = known.union(v for v in live if place[v] < first)
                 key = _key(sorted(v for v in live if place[v] >= first), goals, outer, determined)
-                if key and (number == len(steps) or (len(key) <= PLAN.widest and _has_many_rows(steps, first, number))):
+                before = steps[first - 1].rows if first > 0 else 1.0
+                grows = first == OUTER_LOOP or steps[number - 1].rows >= PLAN.few_rows * before
+                if key and (number == len(steps) or (len(key) <= PLAN.widest and grows)):
                     found[number] = DuplicateFilter(first, key)
                     fresh = set(key)
         if number < len(steps):
@@ -89,17 +94,6 @@ def _variables_used_from(steps: Sequence[PlanStep], results: Iterable[int]) -> l
     for step in reversed(steps):
         needed.append(needed[-1].union(variables_used_by(step)))
     return needed[::-1]
-
-
-def _is_expensive(step: PlanStep) -> bool:
-    """Return True if a step is worth a duplicate filter before it: a loop, or as costly as a function call."""
-    return step.kind is StepKind.LOOP or step.cost >= PLAN.call
-
-
-def _has_many_rows(steps: Sequence[PlanStep], first: int, number: int) -> bool:
-    """Return True if `first` is `OUTER_LOOP`, or if estimates grow many times from step `first` to `number`."""
-    before = steps[first - 1].rows if first > 0 else 1.0
-    return first == OUTER_LOOP or steps[number - 1].rows >= PLAN.few_rows * before
 
 
 def _key(

@@ -102,12 +102,9 @@ class Planner:
         missing = wanted - bound - {number for step in plan.steps for number in step.binds}
         if missing:
             raise Unplannable(missing)
-        return BodyPlan(conjunction, plan, self._repeats(conjunction, plan, bound | wanted))
-
-    def _repeats(self, conjunction: Conjunction, plan: SearchPlan, known: frozenset[int]) -> bool:
-        """Return True if a loop of a plan binds a variable that `known` does not determine, so results may repeat."""
         looped = {number for step in plan.steps if step.kind is StepKind.LOOP for number in step.binds}
-        return not looped <= determined_variables(conjunction.goals, known, self.sizes)
+        repeats = not looped <= determined_variables(conjunction.goals, bound | wanted, self.sizes)
+        return BodyPlan(conjunction, plan, repeats)
 
 
 def determined_variables(goals: Sequence[Goal], known: Iterable[int], sizes: SizeEstimates) -> set[int]:

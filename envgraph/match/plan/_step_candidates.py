@@ -107,7 +107,8 @@ class StepCandidates:
         """Return a goal as a candidate with at most one row for each row before; None if more variables need values."""
         match goal:
             case InstanceAtom():
-                return self._instance(goal, bound, uses)
+                has_value = goal.variable in bound or uses[goal.variable] == 1  # or it is used nowhere else
+                return StepCandidate(StepKind.TEST, goal, (), PLAN.access, 0.3) if has_value else None
             case AttributeAtom(_, owner, value):
                 if owner not in bound:
                     return None
@@ -165,12 +166,6 @@ class StepCandidates:
                 )
             self._inner[id(goal)] = tuple(self._plan_inside(goals, known, wanted) for goals in alternatives)
         return self._inner[id(goal)]
-
-    def _instance(self, goal: InstanceAtom, bound: Bound, uses: Counter[int]) -> StepCandidate | None:
-        """Return a class test as a candidate; None if its variable has no value and is used elsewhere."""
-        if goal.variable in bound or uses[goal.variable] == 1:
-            return StepCandidate(StepKind.TEST, goal, (), PLAN.access, 0.3)
-        return None
 
     def _link(self, goal: LinkAtom, bound: Bound, uses: Counter[int]) -> StepCandidate | None:
         """Return a link as a test, or as a binding if its other end is at most one object; None if it needs a loop."""

@@ -379,7 +379,7 @@ class DeltaTranslation(PlanTranslation):
     def solve_link(self, goal: LinkAtom, step: PlanStep) -> None:
         place = self._later.get(id(goal))
         if step.kind is StepKind.TEST and self._has_free_end(goal) and place is not None:
-            self.block.open_test(_emit_is_positive(self._emit_count_without(goal, place)))
+            self.block.open_test(code.Operation(">", (self._emit_count_without(goal, place), code.Constant(0))))
         else:
             super().solve_link(goal, step)
 
@@ -485,8 +485,3 @@ class DeltaTranslation(PlanTranslation):
         else:
             found = self._emit_count_without(goal.relation, place)
         self.bind_or_test(goal.result, found, step)
-
-
-def _emit_is_positive(number: code.Expression) -> code.Operation:
-    """Return the test `number > 0`."""
-    return code.Operation(">", (number, code.Constant(0)))

@@ -178,7 +178,7 @@ class NetworkBuilder:
             ]
         except Unplannable:
             raise NotIncremental from None
-        view.list_derivations = _concatenate(lists)
+        view.list_derivations = lists[0] if len(lists) == 1 else lambda: [row for each in lists for row in each()]
         self.definitions[name] = Definition(view, tuple(prepared))
         return self._add_operator(view)
 
@@ -621,10 +621,3 @@ class NetworkBuilder:
 def called_operator(place: RelationOccurrence) -> str | None:
     """Return the name of the operator that an occurrence calls; None if the occurrence is no call."""
     return place.relation.pattern if isinstance(place.relation, CallAtom) else None
-
-
-def _concatenate(lists: Sequence[Callable[[], list[Any]]]) -> Callable[[], list[Any]]:
-    """Return a function that concatenates the lists of some functions."""
-    if len(lists) == 1:
-        return lists[0]
-    return lambda: [row for each in lists for row in each()]

@@ -83,8 +83,8 @@ class NetworkSubscriptions:
             )
         for operator in queued:  # after all readers are known
             if isinstance(operator, MaterializedView):
-                if self._is_only_followed(operator):
-                    operator.drop_rows()
+                if operator.groups and not operator.is_read and all(item is not None for _, item in operator.groups):
+                    operator.drop_rows()  # only closures read it, so it needs to store only its groups
                 self._make(operator)
         self.scheduled = [
             operator
@@ -97,10 +97,6 @@ class NetworkSubscriptions:
         """Generate the update functions of a view. Do nothing for other operators."""
         if isinstance(operator, MaterializedView):
             operator.build_functions(self._arity(operator))
-
-    def _is_only_followed(self, view: MaterializedView) -> bool:
-        """Return True if only closures read a view, so that it needs to store only its groups."""
-        return bool(view.groups) and not view.is_read and all(item is not None for _, item in view.groups)
 
     def _arity(self, operator: Operator) -> int:
         """Return the number of values in a tuple of an operator."""

@@ -157,7 +157,7 @@ class ClosureOperator(Operator):
         patches: list[Patch] = []
         changes: list[tuple[Any, ReachedNodes]] = []
         share = len(self.present_starts) > VIEWS.few_starts
-        first, common = None, NOTHING
+        first, common, successors = None, NOTHING, self._steps.successors
         for start in self._affected_starts(deleted, inserted):
             old = self.reached[start]
             loss = self._deletion_effect(start, old, deleted)
@@ -170,7 +170,8 @@ class ClosureOperator(Operator):
                 changes.append((start, common))
                 continue
             come = self._insertion_effect(start, old, cut, inserted) if inserted else NOTHING
-            if share and (type(old) is not ReachTree or self._closes_cycle(start, come)):
+            # In a tree an edge from a new node back to the start closes a cycle.
+            if share and (type(old) is not ReachTree or any(start in successors(node) for node in come)):
                 if cut or come:
                     new = dict.fromkeys(old if not cut else filterfalse(cut.__contains__, old))
                     new.update(dict.fromkeys(come))
@@ -266,11 +267,6 @@ class ClosureOperator(Operator):
                                 come[other] = node
                                 todo.append(other)
         return come
-
-    def _closes_cycle(self, start: Any, added: ReachedNodes) -> bool:
-        """Return True if an edge leads from one of the newly reached nodes (`added`) back to the start."""
-        following = self._steps.successors
-        return any(start in following(node) for node in added)
 
     def _apply(self, start: Any, cut: ReachedNodes, reattached: ReachedNodes, added: ReachedNodes) -> None:
         """Remove `cut` from the tree of a start, add `reattached` and `added` with their parents; call the consumers.

@@ -87,15 +87,6 @@ def _add_changes(sums: Sums, changes: Sequence[Change]) -> Sums:
     return number, floats, odd, whole, parts
 
 
-class Counts(dict[Number, int]):
-    """The number of occurrences of each value; 0 for a missing value."""
-
-    __slots__ = ()
-
-    def __missing__(self, value: Number) -> int:
-        return 0
-
-
 class RunningExtreme:
     """A running minimum or maximum of values.
 
@@ -113,7 +104,7 @@ class RunningExtreme:
     def __init__(self, store: Store, function: str, values: Sequence[Number]) -> None:
         self._store = store
         self._sign = 1 if function == "min" else -1
-        self._counts = Counts(Counter(values))
+        self._counts = Counter(values)
         self._heap = [self._sign * value for value in self._counts]
         heapify(self._heap)
         self._held = set(self._heap)

@@ -115,7 +115,9 @@ class LoopViews:
         seen = self._listed[pattern] = self._listed.get(pattern, 0) + rows
         if seen > VIEWS.long_loop:
             self._listed[pattern] = -inf  # so that this is decided only once
-            if self._should_watch(pattern):
+            free = (FREE,) * len(self._demand.library.parameter_types(pattern))
+            most = VIEWS.spread * len(self._kept.model)
+            if self._may_watch(pattern) and self._demand.count(pattern, free) <= most:
                 self._wanted[pattern] = None
                 self.due = True
 
@@ -123,12 +125,6 @@ class LoopViews:
         """Count a search for a first match as if it had listed all objects; not if it needs recursion or a closure."""
         if not self._demand.call_graph.summary_of(pattern).has_closure_or_recursion:
             self.count_listed(pattern, len(self._kept.model))
-
-    def _should_watch(self, pattern: str) -> bool:
-        """Return True if loops may watch a pattern and it has few enough matches."""
-        free = (FREE,) * len(self._demand.library.parameter_types(pattern))
-        most = VIEWS.spread * len(self._kept.model)
-        return self._may_watch(pattern) and self._demand.count(pattern, free) <= most
 
     def _may_watch(self, pattern: str) -> bool:
         """Return True if loops may watch a pattern: it is no `search` pattern, has no inputs, and no recursion."""
