@@ -43,14 +43,12 @@ if TYPE_CHECKING:
         emit_is_none as emit_is_none,
         emit_is_not_none as emit_is_not_none,
         emit_joined as emit_joined,
-        emit_left_chain as emit_left_chain,
         emit_method_call as emit_method_call,
         emit_not as emit_not,
         emit_tuple as emit_tuple,
     )
     from envgraph.code._printer import (
         ATOM as ATOM,
-        PrintedSource as PrintedSource,
         expression_text as expression_text,
         print_source as print_source,
     )

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from functools import reduce
 from typing import Final
 
 from envgraph.code._syntax_tree import AttributeAccess, Call, Constant, Expression, Name, Operation, Tuple
@@ -59,8 +58,3 @@ def emit_joined(operator: str, operands: Sequence[Expression], empty: int) -> Ex
 def emit_is_none(value: Expression) -> Operation:
     """Return the expression `value is None`."""
     return Operation("is", (value, NONE))
-
-
-def emit_left_chain(operator: str, operands: Sequence[Expression]) -> Expression:
-    """Return nested binary operations, grouped from the left: `((a op b) op c)`."""
-    return reduce(lambda left, right: Operation(operator, (left, right)), operands)

@@ -72,13 +72,13 @@ class SignatureTable:
                 return [qualified]
         return self._by_simple_name.get(name, [])
 
-    def suggest_name(self, name: str, others: Iterable[str] = ()) -> str | None:
-        """Return a hint for an unknown name: the most similar name of the table or of `others`.
+    def suggest_name(self, name: str) -> str | None:
+        """Return a hint for an unknown name: the most similar name of the table.
 
         If no name is similar, the hint lists the names of the table. It is None if the table is empty.
         """
         known = [simple if len(names) == 1 else names[0] for simple, names in self._by_simple_name.items()]
-        near = did_you_mean(name, [*known, *self.signatures, *others])
+        near = did_you_mean(name, [*known, *self.signatures])
         return near or name_hint(name, known)
 
     def resolve(self, name: str, noun: str = "rule, unit or group") -> str:

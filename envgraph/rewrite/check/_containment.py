@@ -66,7 +66,7 @@ def loses_container(classes: Iterable[str], new_class: str, metamodel: Metamodel
     `classes` are the exact classes before the retyping. Return False if `classes` is empty, if one of them can have no
     container, or if one of its containments also accepts `new_class`.
     """
-    containments = list(_containments(metamodel))
+    containments = [one for one in metamodel.references if one.containment]
     found = False
     for cls in classes:
         holding = [one for one in containments if metamodel.is_a(cls, one.target)]
@@ -74,10 +74,3 @@ def loses_container(classes: Iterable[str], new_class: str, metamodel: Metamodel
             return False
         found = True
     return found
-
-
-def _containments(metamodel: Metamodel) -> Iterator[Reference]:
-    for cls in metamodel.classes.values():
-        for feature in cls.features:
-            if isinstance(feature, Reference) and feature.containment:
-                yield feature

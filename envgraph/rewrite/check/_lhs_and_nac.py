@@ -173,7 +173,7 @@ class LhsLowering:
     def _lower_body(
         self, left: LeftSide, blocks: Sequence[RuleBlock], types: VariableTypes, enclosing: Sequence[str]
     ) -> tuple[list[Constraint], tuple[LoweredBlock, ...]]:
-        self._check_isolated_nodes(left, types, enclosing)
+        self._check_isolated_nodes(left, enclosing)
         constraints = [*self._type_constraints(left), *self._edge_constraints(left, types), *left.constraints]
         own = [name for name in types if name not in enclosing]
         constraints += self._injectivity_constraints(own, enclosing, types, left)
@@ -188,7 +188,7 @@ class LhsLowering:
                     constraints.append(_block_call(lowered, span_of=block))
         return constraints, tuple(nested)
 
-    def _check_isolated_nodes(self, left: LeftSide, types: VariableTypes, enclosing: Sequence[str]) -> None:
+    def _check_isolated_nodes(self, left: LeftSide, enclosing: Sequence[str]) -> None:
         """Report nodes without edges and constraints that have no class, or that are data values without a binding."""
         explained = {end for edge in left.edges for end in (edge.source, edge.target)}
         explained |= all_names(LeftSide(constraints=left.constraints))
@@ -229,13 +229,10 @@ class LhsLowering:
             if isinstance(source, ObjectType) and source.cls in self.metamodel.classes:
                 feature = self.metamodel.feature(source.cls, edge.reference)
                 if isinstance(feature, Attribute):
-                    self._report_attribute_edge(edge, feature)
+                    hint = f"write `{feature.owner}.{feature.name}({edge.source}, {edge.target});`"
+                    message = f"`{feature}` is an attribute, but an edge needs a reference"
+                    self._report_error("not-a-reference", message, edge.reference_span or edge.span, hint)
             yield _edge_path(edge)
-
-    def _report_attribute_edge(self, edge: RuleEdge, feature: Attribute) -> None:
-        hint = f"write `{feature.owner}.{feature.name}({edge.source}, {edge.target});`"
-        message = f"`{feature}` is an attribute, but an edge needs a reference"
-        self._report_error("not-a-reference", message, edge.reference_span or edge.span, hint)
 
     def _injectivity_constraints(
         self, own: Sequence[str], enclosing: Sequence[str], types: VariableTypes, left: LeftSide

@@ -368,13 +368,16 @@ class _UnitChecker:
         if isinstance(argument, Variable) and argument.name not in scope and parameter.is_output and not every:
             scope[argument.name] = parameter.type
             return
-        if parameter.is_output and callee.kind == "rule" and self._is_created(parameter, callee):
+        is_object = isinstance(parameter.type, ObjectType)
+        is_matched = any(variable.name == parameter.name for variable in callee.variables)
+        if parameter.is_output and callee.kind == "rule" and is_object and not is_matched:
             message = (
                 f"`{parameter.name}` of `{callee.simple_name}` is a new object, so no existing value can be passed"
             )
             self._report_error("bound-output", message, argument.span, "write a new name, or `_`")
             return
-        type_, problems = check_expression(argument, scope, self.metamodel, expected=_data_type(parameter.type))
+        expected = None if is_object else parameter.type  # the classes of objects are compared below
+        type_, problems = check_expression(argument, scope, self.metamodel, expected=expected)
         self.result.problems.extend(problems)
         if not problems and type_ and parameter.type and not may_be_assignable(type_, parameter.type, self.metamodel):
             message = f"`{parameter.name}` of `{callee.simple_name}` is {quote_with_article(type_text(parameter.type))}"
@@ -386,11 +389,6 @@ class _UnitChecker:
             hint = f"write {list_names(fitting)}" if fitting else value_hint(parameter.type, type_)
             message = f"{message}, not {quote_with_article(type_text(type_))}"
             self._report_error("wrong-type", message, argument.span, hint)
-
-    def _is_created(self, parameter: CallParameter, callee: Signature) -> bool:
-        return all(variable.name != parameter.name for variable in callee.variables) and (
-            isinstance(parameter.type, ObjectType)
-        )
 
     # --- conditions
 
@@ -476,8 +474,3 @@ class _UnitChecker:
             span=span,
         )
         return ConditionPattern(pattern, used, negated)
-
-
-def _data_type(type_: StaticType | None) -> StaticType | None:
-    """Return the type that an argument must have, or None for objects, whose classes are compared separately."""
-    return None if isinstance(type_, ObjectType) else type_

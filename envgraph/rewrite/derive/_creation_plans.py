@@ -72,10 +72,6 @@ class CreationPlan:
         removed = [LinkChange(-1, end, one, far) for one in donor]
         return replace(self, links=(*self.links, *removed, LinkChange(1, end, node, far)))
 
-    def with_new(self, cls: str) -> tuple[CreationPlan, int]:
-        """Return the plan with another new object, and the number of this object."""
-        return replace(self, new=(*self.new, cls)), len(self.new)
-
     def with_old(self, cls: str) -> tuple[CreationPlan, int]:
         """Return the plan with another existing object, and the number of this object."""
         return replace(self, old=(*self.old, cls)), ~len(self.old)
@@ -186,8 +182,9 @@ def _extended_plans(schema: Schema, plan: CreationPlan, node: int, end: Referenc
     if not end.is_container:
         yield from _link_to_existing(plan, node, end)
         yield from _link_to_donated(schema, plan, node, end)
-    if not end.is_contained:
-        yield from _link_to_created(schema, plan, node, end)
+    for cls in () if end.is_contained else schema.metamodel.concrete_classes(end.far_class):
+        if not schema.frozen(cls) and (end.is_container or schema.need_each_other(plan.new[node], cls)):
+            yield replace(plan, new=(*plan.new, cls)).with_link(node, end, len(plan.new))
 
 
 def _has_room(plan: CreationPlan, node: int, end: ReferenceEnd) -> bool:
@@ -253,11 +250,3 @@ def _link_to_donated(schema: Schema, plan: CreationPlan, node: int, end: Referen
     both = schema.is_a(plan.new[node], end.near_class) and schema.is_a(plan.new[node], end.far_class)
     if both and not (end.is_symmetric or plan.kept_ends) and _has_room(plan, node, end.opposite_end):
         yield larger.with_link(node, end.opposite_end, donor)
-
-
-def _link_to_created(schema: Schema, plan: CreationPlan, node: int, end: ReferenceEnd) -> Iterator[CreationPlan]:
-    """Yield plans that create another object and link to it: one that this object contains, or both need each other."""
-    for cls in schema.metamodel.concrete_classes(end.far_class):
-        if not schema.frozen(cls) and (end.is_container or schema.need_each_other(plan.new[node], cls)):
-            larger, far = plan.with_new(cls)
-            yield larger.with_link(node, end, far)

@@ -146,7 +146,7 @@ def value_operators(schema: Schema, group: str, cls: str) -> Iterator[RuleBuilde
         if (
             not isinstance(feature, Attribute)
             or schema.is_left_unchanged(feature)
-            or _is_key_attribute(schema, cls, feature)
+            or any(feature.name in schema.metamodel.key(sub) for sub in schema.metamodel.concrete_classes(cls))
         ):
             continue
         holder = schema.holder(cls, feature)
@@ -157,11 +157,6 @@ def value_operators(schema: Schema, group: str, cls: str) -> Iterator[RuleBuilde
             builder.add_constraints(asked)
             builder.add_actions(SetAction(_OBJECT, feature.name, "=", value))
             yield builder
-
-
-def _is_key_attribute(schema: Schema, cls: str, attribute: Attribute) -> bool:
-    """Return True if an attribute is part of the key of a class or of one of its subclasses."""
-    return any(attribute.name in schema.metamodel.key(sub) for sub in schema.metamodel.concrete_classes(cls))
 
 
 def _attribute_settings(attribute: Attribute) -> Iterator[Setting]:

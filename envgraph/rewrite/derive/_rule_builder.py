@@ -314,7 +314,8 @@ class RuleBuilder:
                 self.add_edge(end, near, far)
             elif {near, far} <= self.preserved_objects:
                 if end.is_container:
-                    self._forbid_inside(far, near)
+                    self.require_different(far, near)
+                    self.add_constraints(map(Negation, self.inside_calls(self.types[far], far, near, self.types[near])))
                 else:
                     self.forbid_link(end, near, far)
         for (end, name), more in self.balances.items():
@@ -322,10 +323,6 @@ class RuleBuilder:
         for one, two in combinations(self.changes, 2):
             if one.sign == two.sign and one.end.reference == two.end.reference:
                 self._require_different_links(one, two)
-
-    def _forbid_inside(self, part: str, container: str) -> None:
-        self.require_different(part, container)
-        self.add_constraints(map(Negation, self.inside_calls(self.types[part], part, container, self.types[container])))
 
     def _require_different_links(self, one: LinkChange[str], two: LinkChange[str]) -> None:
         """Require different objects for two added, or two removed, links, as each condition is about one link."""

@@ -110,7 +110,7 @@ class Trace(list[Firing]):
                 f"the recorded run began in state {format_state(known)}, but the model is in {format_state(state)}"
             )
             hint = "replay it on the model that it was recorded on"
-        raise TraceError([Diagnostic("other-state", message, self.state_span(count), hint)])
+        raise TraceError([Diagnostic("other-state", message, self.spans[count] if self.spans else None, hint)])
 
     def refused_error(self, count: int, error: RuleError | EvaluationError) -> TraceError:
         """Return the error for an application, numbered from 1, that cannot be made. The trace must have spans."""
@@ -120,10 +120,6 @@ class Trace(list[Firing]):
         hint = error.hint or _CHANGED_HINT
         found = Diagnostic("not-applicable", message, self.matches[count - 1], hint, notes=notes)
         return TraceError([found])
-
-    def state_span(self, count: int) -> Span | None:
-        """Return the span of the state after `count` applications, or None."""
-        return self.spans[count] if self.spans else None
 
 
 def trace_to_text(engine: Engine, trace: Trace) -> str:

@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
+from inspect import signature as inspect_signature
 from typing import TYPE_CHECKING, TypeVar, cast, overload
 
 from envgraph.pattern import Pattern
 from envgraph.rewrite._matches import Shape
 from envgraph.rewrite._signatures import CallParameter, Signature
-from envgraph.rewrite.engine._described_units import describe_unit, describes_unit
+from envgraph.rewrite.engine._described_units import STEPS_PARAMETER, describe_unit
 from envgraph.rewrite.engine._python_functions import register_function
 from envgraph.rewrite.engine._python_units import PythonUnit, python_unit_signature
 from envgraph.rewrite.run._rule_runner import PythonRule
@@ -111,7 +112,7 @@ def unit(
 
     def register(given: Function) -> Function:
         own = engine.catalog.check_free_name(given, name, weight)
-        if describes_unit(given):
+        if STEPS_PARAMETER in inspect_signature(given).parameters:
             engine.add(describe_unit(given, own, float(weight), priority))
             return given
         signature = python_unit_signature(given, own, engine, float(weight), priority)

@@ -217,11 +217,6 @@ def _argument_expression(given: CallArgument) -> Expression:
 # --- functions
 
 
-def describes_unit(function: Callable[..., object]) -> bool:
-    """Return True if a function describes a unit, because it has a parameter `steps`."""
-    return STEPS_PARAMETER in signature(function).parameters
-
-
 def describe_unit(function: Callable[..., object], name: str, weight: float, priority: int) -> Unit:
     """Call the function and return the unit that it describes.
 

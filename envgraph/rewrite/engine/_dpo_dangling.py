@@ -71,8 +71,12 @@ def losses(plan: RulePlan, metamodel: Metamodel, cls: str | None, known: Mapping
             return fits and not (given and not block.may_coincide)
 
         def may_contain(slot: int, block: BlockPlan = block) -> bool:
+            """Return True if a slot may contain the object, at any depth."""
             kind = block.classes[slot]
-            return cls is None or kind is None or _may_contain(metamodel, kind, cls)
+            if cls is None or kind is None:
+                return True
+            inside = metamodel.all_content_classes(metamodel.concrete_classes(kind))
+            return not set(inside).isdisjoint(metamodel.concrete_classes(cls))
 
         for delete in block.deletes:
             if may_be(delete.node) or may_contain(delete.node):
@@ -124,10 +128,3 @@ def _mentioned_references(goals: Iterable[Goal]) -> Iterator[Reference | Attribu
             yield from _mentioned_references([goal.relation])
         elif isinstance(goal, LinkAtom):
             yield goal.reference
-
-
-def _may_contain(metamodel: Metamodel, outer: str, inner: str) -> bool:
-    """Return True if an object of the class `outer` may contain an object of the class `inner`, at any depth."""
-    return not {*metamodel.all_content_classes(metamodel.concrete_classes(outer))}.isdisjoint(
-        metamodel.concrete_classes(inner)
-    )

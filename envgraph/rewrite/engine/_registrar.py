@@ -15,7 +15,7 @@ from envgraph.rewrite.check._field_types import type_error_message
 from envgraph.rewrite.engine._catalog import Catalog
 from envgraph.rewrite.engine._notification import EngineEvents
 from envgraph.rewrite.engine._registration import Definition, Registration
-from envgraph.rewrite.run._rule_runner import PythonRule, graph_rule
+from envgraph.rewrite.run._rule_runner import ExactClassRule, GraphRule, PythonRule
 from envgraph.rewrite.run._unit_programs import unit_program
 
 
@@ -58,8 +58,8 @@ class Registrar:
         catalog.directory = SignatureTable(sound.directory.signatures.values())
         catalog.clear_caches()
         for plan in sound.plans:
-            runner = graph_rule(plan, model, library, matcher, catalog.notices.existing_link)
-            catalog.runners[plan.name] = runner
+            runner = GraphRule if plan.exact_class is None else ExactClassRule
+            catalog.runners[plan.name] = runner(plan, model, library, matcher, catalog.notices.existing_link)
         for definition in sound.definitions:
             if not isinstance(definition, Pattern | FunctionDeclaration):
                 catalog.added_definitions[definition.qualified_name] = definition
@@ -99,7 +99,8 @@ class Registrar:
         users = [
             user for user, used in self._catalog.used_definitions().items() if user not in gone and used & gone.keys()
         ]
-        texts = [f"{self._definition_kind(user)} `{user}`" for user in users]
+        signatures = self._catalog.directory.signatures
+        texts = [f"{signatures[user].kind if user in signatures else 'pattern'} `{user}`" for user in users]
         self._check_unused(gone, [*texts, *self._events.describe_users(gone)])
         self._remove_unused(gone)
 
@@ -214,10 +215,6 @@ class Registrar:
                 raise InvalidArgument(f"{mistake}; use `envgraph.Rule` and similar classes to pass texts")
 
     # --- uses of definitions
-
-    def _definition_kind(self, name: str) -> str:
-        signature = self._catalog.directory.signatures.get(name)
-        return "pattern" if signature is None else signature.kind
 
     def _with_users(self, names: Collection[str]) -> dict[str, None]:
         """Return definitions and all definitions that use them, directly or indirectly."""

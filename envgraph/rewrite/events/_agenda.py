@@ -140,7 +140,7 @@ class ConflictSet:
 
     def _fire(self, activation: Activation) -> None:
         rule = activation.rule
-        rule.on_firing(activation)
+        rule.drop_activation(activation)
         try:
             with self.engine.transaction():
                 rule.jobs[activation.event](activation.match, activation.old)

@@ -124,20 +124,17 @@ class EventRule:
 
     def on_change(self, appeared: Sequence[Row], disappeared: Sequence[Row]) -> None:
         """Add activations for a net change of the matches, and drop pending ones whose reason no longer exists."""
-        pairs, new, old = self._pair_updates(appeared, disappeared)
+        pairs, new, old = (
+            pair_updates(appeared, disappeared, self._key) if "update" in self.jobs else ([], appeared, disappeared)
+        )
         for row in old:
-            self._on_disappear(row)
+            known = self._last_notified(row)
+            if known is not None:
+                self._add_disappear(known)
         for before, after in pairs:
             self._on_update(before, after)
         for row in new:
             self.on_appear(row)
-
-    def _pair_updates(
-        self, appeared: Sequence[Row], disappeared: Sequence[Row]
-    ) -> tuple[list[tuple[Row, Row]], Sequence[Row], Sequence[Row]]:
-        if "update" not in self.jobs:
-            return [], appeared, disappeared
-        return pair_updates(appeared, disappeared, self._key)
 
     def on_appear(self, row: Row) -> None:
         """Add an `appear` activation for a match. If it has a pending `disappear`, only drop this activation.
@@ -151,15 +148,10 @@ class EventRule:
             return
         update = self._updates_by_old.get(row)
         if update is not None:
-            self._drop_activation(update)
+            self.drop_activation(update)
             self.on_appear(update.match.row)
         elif "appear" in self.jobs:
             self._appear_or_update[row] = self._activate("appear", row, None)
-
-    def _on_disappear(self, row: Row) -> None:
-        known = self._last_notified(row)
-        if known is not None:
-            self._add_disappear(known)
 
     def _on_update(self, before: Row, after: Row) -> None:
         known = self._last_notified(before)
@@ -182,7 +174,7 @@ class EventRule:
         pending = self._appear_or_update.get(row)
         if pending is None:
             return row
-        self._drop_activation(pending)
+        self.drop_activation(pending)
         return None if pending.old is None else pending.old.row
 
     def _add_disappear(self, row: Row) -> None:
@@ -196,7 +188,8 @@ class EventRule:
         self._conflicts.add_activation(activation)
         return activation
 
-    def _drop_activation(self, activation: Activation) -> None:
+    def drop_activation(self, activation: Activation) -> None:
+        """Remove an activation. Its match counts as handled from now on."""
         activation.live = False
         row, old = activation.match.row, activation.old
         del (self._disappears if activation.event == "disappear" else self._appear_or_update)[row]
@@ -204,10 +197,6 @@ class EventRule:
             del self._updates_by_old[old.row]
 
     # --- firing
-
-    def on_firing(self, activation: Activation) -> None:
-        """Remove an activation that is about to fire. Its match counts as handled from now on."""
-        self._drop_activation(activation)
 
     def on_failure(self, activation: Activation) -> None:
         """Record the match of an `appear` job that has raised an exception. Do nothing for other jobs."""

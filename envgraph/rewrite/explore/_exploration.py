@@ -175,11 +175,9 @@ class Exploration:
     @cached_property
     def transitions(self) -> tuple[Transition, ...]:
         """Return all transitions, in the order in which the moves were made."""
-        return tuple(map(self._transition, range(len(self._record.sources))))
-
-    def _transition(self, place: int) -> Transition:
         record = self._record
-        return Transition(record.sources[place], record.targets[place], record.names[place], self._firings(place))
+        moves = enumerate(zip(record.sources, record.targets, record.names, strict=True))
+        return tuple(Transition(*ends_and_name, self._firings(place)) for place, ends_and_name in moves)
 
     def _firings(self, place: int) -> Firings:
         name, done = self._record.names[place], self._record.applied[place]

@@ -402,12 +402,6 @@ class ExtentRows(Sequence[Row]):
         return (found,) if isinstance(found, int) else [(node,) for node in found]
 
 
-def graph_rule(plan: RulePlan, model: Model, library: Library, matcher: Matcher, report: ReportLink) -> GraphRule:
-    """Return the runner for a plan, an `ExactClassRule` if the plan has an exact class."""
-    kind = GraphRule if plan.exact_class is None else ExactClassRule
-    return kind(plan, model, library, matcher, report)
-
-
 class PythonRule(RuleRunner):
     """The runner of a rule whose LHS is a pattern and whose RHS is a Python function.
 

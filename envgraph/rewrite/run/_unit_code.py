@@ -8,6 +8,7 @@ source contains only generated names, operators and numbers; values from texts a
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping as Named, Sequence
+from functools import reduce
 from typing import Any, Final
 
 from envgraph import code
@@ -216,7 +217,8 @@ class UnitSource:
                     self._functions.add_constant(f" rounds succeeded{format_span(step.span)}: "),
                     code.Subscript(FAILURE, code.Constant(0)),
                 ]
-                reported = code.emit_tuple(code.emit_left_chain("+", parts), code.Subscript(FAILURE, code.Constant(1)))
+                joined = reduce(lambda left, right: code.Operation("+", (left, right)), parts)
+                reported = code.emit_tuple(joined, code.Subscript(FAILURE, code.Constant(1)))
                 function.add(
                     code.If(
                         code.Operation("<", (done, lower)),
