@@ -13,7 +13,7 @@ import gymnasium
 import numpy as np
 
 from envgraph.code import dataclass, shorten_repr
-from envgraph.env._minigrid import MiniGridLevel, is_minigrid
+from envgraph.env._minigrid import MiniGridLevel, minigrid_class
 from envgraph.env._tabular import MAX_REWARD, Tabular
 from envgraph.errors import LIMITS, TOLERANCE, EnvgraphError, InvalidArgument
 
@@ -142,7 +142,7 @@ def adopt(id: str, seed: int = 0, **options: Any) -> tuple[AdoptedTransitions | 
         hint = "pip install minigrid" if known != id else None
         raise InvalidArgument(f"Gymnasium cannot make `{id}`: {error}", hint) from None
     try:
-        if is_minigrid(made.unwrapped):
+        if minigrid_class(made.unwrapped):
             level = MiniGridLevel.from_reset(made.unwrapped, seed)
             return level, level.limit
         adopted = _read_transitions(made.unwrapped)
@@ -251,11 +251,9 @@ def _read_map(inner: Any, states: int) -> tuple[str, ...]:
     desc = np.asarray(getattr(inner, "desc", ()), dtype=object)
     if desc.ndim != 2 or desc.size != states:
         return ()
-    return tuple("".join(map(_decode_letter, row)) for row in desc)
-
-
-def _decode_letter(given: object) -> str:
-    return given.decode("utf-8", "replace") if isinstance(given, bytes) else str(given)
+    return tuple(
+        "".join(one.decode("utf-8", "replace") if isinstance(one, bytes) else str(one) for one in row) for row in desc
+    )
 
 
 def _find_final_states(

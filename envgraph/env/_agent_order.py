@@ -166,9 +166,5 @@ def _agents_of_block(model: Model, agent: Agent, keys: KeyIndex) -> list[tuple[s
 
 def _fill_actions(actions: Sequence[PreparedAction], names: Sequence[str]) -> tuple[PreparedAction, ...]:
     found = {action.name: action for action in actions}
-    return tuple(found.get(name) or _idle_action(name) for name in names)
-
-
-def _idle_action(name: str) -> PreparedAction:
-    """Return an action that does nothing, for an agent that lacks the action."""
-    return PreparedAction(name, (), PreparedBranches(lambda _: (), ()), None, None, 0)
+    does_nothing = PreparedBranches(lambda _: (), ())
+    return tuple(found.get(name) or PreparedAction(name, (), does_nothing, None, None, 0) for name in names)

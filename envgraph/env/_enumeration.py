@@ -155,7 +155,10 @@ class _StateEnumeration:
             if found >= self.limit:
                 raise TooManyStates(self.simulator.behaviour, self.limit)
             self.outcomes.append(None if over else [[] for _ in self.simulator.action_names])
-            self.has_effect.append(self._initial_mask(over))
+            # The mask of simultaneous agents is final; others are completed by the outcomes of the actions.
+            is_masked = self.simulator.joint_stepper is not None and not over
+            mask = self.simulator.action_mask() if is_masked else np.zeros(len(self.simulator.action_names), np.bool_)
+            self.has_effect.append(bytearray(mask))
             self.observations.append(self.simulator.observe())
             self.turns.append(self.simulator.turn)
             if self.painter is not None:
@@ -167,14 +170,6 @@ class _StateEnumeration:
                 return found
         self.simulator.engine.model.graph.history.rollback(savepoint)
         return found
-
-    def _initial_mask(self, is_final: bool) -> bytearray:
-        """Return the initial action mask of a state: all 0; for simultaneous agents, if not `is_final`, the final
-        mask.
-        """
-        if self.simulator.joint_stepper is not None and not is_final:
-            return bytearray(self.simulator.action_mask())
-        return bytearray(len(self.simulator.action_names))
 
     def _count_outcome(self) -> None:
         """Count an outcome, call `progress` after every 100; raise TooManyStates if there are too many outcomes."""

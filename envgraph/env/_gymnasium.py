@@ -31,7 +31,7 @@ from envgraph.env._tabular import Tabular
 from envgraph.env.scene._pixels import scene_rgb
 from envgraph.env.scene._scene import DRAW_HINT, Scene
 from envgraph.env.scene._text import scene_text
-from envgraph.env.scene._window import Window, check_window, has_window
+from envgraph.env.scene._window import Window, has_window
 from envgraph.errors import InvalidArgument, list_names
 from envgraph.graph import Model
 
@@ -85,8 +85,8 @@ def check_render_mode(render_mode: str | None, modes: Sequence[str] = RENDER_MOD
         raise InvalidArgument(f"unknown render mode {render_mode!r}; the render modes are {list_names(modes)}")
     if render_mode is not None and not drawn:
         raise InvalidArgument(f"this environment has no pictures: its behaviour has no `draw`; {DRAW_HINT}")
-    if render_mode == "human":
-        check_window()
+    if render_mode == "human" and not has_window():
+        raise InvalidArgument("render mode `human` needs pygame: pip install 'envgraph[human]'")
 
 
 def check_options(options: dict[str, Any] | None, known_names: Sequence[str] = ()) -> dict[str, Any]:

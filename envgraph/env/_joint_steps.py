@@ -10,7 +10,7 @@ from math import prod
 from envgraph.behaviour import Behaviour, Effect, KeyIndex
 from envgraph.env._agent_order import AgentOrder, PreparedAgent
 from envgraph.env._observation_components import combined_component_names
-from envgraph.env._prepared_behaviour import PreparedBehaviour, dominant_end
+from envgraph.env._prepared_behaviour import PreparedBehaviour
 from envgraph.env._prepared_clauses import (
     ChoiceSource,
     NameValues,
@@ -120,7 +120,8 @@ class AgentStepper:
                     for account in accounts:
                         sums[account] += gain
                 if effect is not None:
-                    end = dominant_end(end, effect.end)
+                    # Failure takes precedence over success, success over truncation, and truncation over no end.
+                    end = max(end, effect.end) or min(end, effect.end)
                     if effect.apply is not None:
                         pending.append((scope, effect, row))
         if pending:

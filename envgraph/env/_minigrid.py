@@ -92,7 +92,7 @@ class MiniGridLevel:
         Raises:
             InvalidArgument: its steps or rewards are not MiniGrid's own, or it contains unsupported objects.
         """
-        base = _minigrid_class(inner)
+        base = minigrid_class(inner)
         inner.reset(seed=seed)
         inner.gen_obs = dict  # skips the observation, which takes most of the time of a step
         ends: tuple[SuccessKind, ...] = ("goal",) if type(inner).step is base.step else _success_kinds(inner)
@@ -268,12 +268,7 @@ class MiniGridLevel:
         return tuple(inner.grid.grid), place, int(inner.agent_dir), inner.carrying, locks
 
 
-def is_minigrid(inner: Any) -> bool:
-    """Return True if the environment is one of MiniGrid."""
-    return _minigrid_class(inner) is not None
-
-
-def _minigrid_class(inner: Any) -> Any:
+def minigrid_class(inner: Any) -> Any:
     """Return the class `MiniGridEnv` if the environment is derived from it, else None, without importing MiniGrid."""
     named = (cls for cls in type(inner).__mro__ if cls.__name__ == "MiniGridEnv")
     return next((cls for cls in named if cls.__module__.startswith("minigrid.")), None)

@@ -82,11 +82,6 @@ END_NUMBERS = {None: 0, "success": 1, "failure": 2, "truncation": -1}
 """The numbers of ends: positive if the episode is terminated, negative if it is truncated, 0 if it continues."""
 
 
-def dominant_end(first: int, second: int) -> int:
-    """Return the end that takes precedence: failure before success before truncation before no end."""
-    return max(first, second) or min(first, second)
-
-
 class PreparedBehaviour:
     """A behaviour on one engine, prepared for one agent.
 
@@ -170,7 +165,7 @@ class PreparedBehaviour:
         return (
             partial(_object_getter, self._keyed_objects(type_.cls))
             if isinstance(type_, ObjectType)
-            else _constant_getter
+            else lambda value: lambda: value
         )
 
     def _keyed_objects(self, cls: str) -> KeyedObjects:
@@ -268,7 +263,8 @@ class PreparedBehaviour:
             return None
         read = self._read
         if not any(True for _ in variables_in(reward)):
-            return _constant_reward(_evaluate_number(reward, {}, read))
+            fixed = _evaluate_number(reward, {}, read)
+            return lambda _: fixed
 
         def value(scope: NameValues) -> float:
             try:
@@ -492,14 +488,6 @@ def add_helper_pattern(engine: Engine, behaviour: str, make_question: Callable[[
 
 def _object_getter(objects: KeyedObjects, position: int) -> Callable[[], Value | None]:
     return lambda: objects.get(position)
-
-
-def _constant_getter(value: Value) -> Callable[[], Value | None]:
-    return lambda: value
-
-
-def _constant_reward(value: float) -> Reward:
-    return lambda _: value
 
 
 def _evaluate_number(expression: Expression, scope: NameValues, read: FeatureReader, what: str = "a reward") -> float:

@@ -208,7 +208,8 @@ class VectorEnvironmentBase(VectorEnv[Any, Any, Any]):
         over, observed = self._is_done.copy(), self._observations()
         seen = np.full(self.num_envs, None, dtype=object)
         for place in np.flatnonzero(over).tolist():
-            seen[place] = _observation_at(observed, place)
+            is_dict = isinstance(observed, dict)
+            seen[place] = {name: one[place] for name, one in observed.items()} if is_dict else observed[place]
         return {
             "final_obs": seen,
             "_final_obs": over,
@@ -332,7 +333,8 @@ class EnvgraphVectorEnv(VectorEnvironmentBase):
         self._sums = sums.reshape(-1, outcomes)
         self._observation = np.concatenate([table.observation for table in tables]).astype(np.int64)
         self._allowed = np.concatenate([table.action_masks for table in tables])
-        self._agent = np.concatenate([_acting_agents(table) for table in tables]) if tables[0].agent_names else None
+        acting = [np.array(table.agent_names, dtype=object)[table.turn] for table in tables if table.agent_names]
+        self._agent = np.concatenate(acting) if acting else None
         width = max(len(table.start_states) for table in tables)
         self._starts = np.zeros((len(tables), width), dtype=np.int64)
         chances = np.zeros((len(tables), width))
@@ -366,14 +368,11 @@ class EnvgraphVectorEnv(VectorEnvironmentBase):
         if again.any():
             reward[again], ended[again] = 0.0, 0
             self._reset_environments(again)
-        truncated = (ended < 0) | self._is_over_limit() & ~again
+        truncated = ended < 0
+        if self.max_episode_steps is not None:
+            truncated |= (self._steps >= self.max_episode_steps) & ~again
         self._is_done = (ended > 0) | truncated
         return reward, ended, truncated
-
-    def _is_over_limit(self) -> Bools:
-        if self.max_episode_steps is None:
-            return np.zeros(self.num_envs, dtype=np.bool_)
-        return np.asarray(self._steps >= self.max_episode_steps)
 
     def _observations(self) -> Any:
         index = self._observation[self._state]
@@ -393,13 +392,6 @@ class EnvgraphVectorEnv(VectorEnvironmentBase):
         states = self._state - self._first[self._member_numbers]
         places = zip(self._member_numbers.tolist(), states.tolist(), strict=True)
         return tuple(scene_rgb(self._pictures[table][state]) for table, state in places)
-
-
-def _observation_at(observed: Any, place: int) -> Any:
-    """Return the observation of one environment from a batch."""
-    if isinstance(observed, dict):
-        return {name: values[place] for name, values in observed.items()}
-    return observed[place]
 
 
 def parse_autoreset_mode(wanted_mode: AutoresetMode | str) -> AutoresetMode:
@@ -426,11 +418,6 @@ def _check_tables(tables: Sequence[Tabular]) -> None:
             raise InvalidArgument("all tables must have the same observation shape")
         if bool(table.agent_names) != bool(first.agent_names):
             raise InvalidArgument("some tables have agents that take turns, and others have none")
-
-
-def _acting_agents(table: Tabular) -> NDArray[Any]:
-    """Return the name of the agent that acts in each state."""
-    return np.array(table.agent_names, dtype=object)[table.turn]
 
 
 def _pad_outcomes(array: NDArray[Any], outcomes: int) -> NDArray[Any]:

@@ -60,7 +60,7 @@ class Appearances:
         """Return the appearance of an object, whose glyph is `default` if no attribute changes it."""
         model = self._model
         letter, colour, states, unusual = default.letter, default.colour, list[str](), False
-        for attribute, letters in self._annotated_of(model.graph.class_of(node)):
+        for attribute, letters in self.annotated_of(model.graph.class_of(node)):
             value = model.graph.value(node, attribute)
             if value is None:
                 continue
@@ -68,10 +68,11 @@ class Appearances:
                 if letters:
                     letter = letters[attribute.type.literals.index(str(value))]
                 else:
-                    colour = _literal_colour(attribute.type, str(value))
+                    position = attribute.type.literals.index(str(value))
+                    colour = _NAMED.get(str(value).lower()) or token_colour(position)
                 states.append(str(value))
             elif attribute.type is Scalar.INT:
-                letter = _int_letter(int(value))
+                letter = str(value) if 0 <= int(value) <= 9 else "-" if int(value) < 0 else "+"
                 states.append(f"{attribute.name} {value}")
             elif letters and value != attribute.initial:
                 letter, unusual = letters[0], True
@@ -79,11 +80,8 @@ class Appearances:
                 states.append(attribute.name if value else f"not {attribute.name}")
         return Appearance(Glyph(letter, colour), tuple(dict.fromkeys(states)), unusual)
 
-    def can_vary(self, cls: str) -> bool:
-        """Return True if attributes can change the appearance of objects of a class."""
-        return bool(self._annotated_of(cls))
-
-    def _annotated_of(self, cls: str) -> tuple[_Marked, ...]:
+    def annotated_of(self, cls: str) -> tuple[_Marked, ...]:
+        """Return the attributes that can change the appearance of objects of a class, with their annotations."""
         if cls not in self._marked:
             self._marked[cls] = tuple(_annotated_attributes(self._model.metamodel, cls))
         return self._marked[cls]
@@ -107,13 +105,3 @@ def _annotated_attributes(metamodel: Metamodel, cls: str) -> Iterator[_Marked]:
             for mark in one.annotations:
                 if mark.name == wanted:
                     yield one, tuple(map(str, mark.arguments))
-
-
-def _int_letter(value: int) -> str:
-    """Return an int as one letter: its digit, "-" if it is negative, "+" if it is above 9."""
-    return str(value) if 0 <= value <= 9 else "-" if value < 0 else "+"
-
-
-def _literal_colour(enum: EnumType, literal: str) -> str:
-    """Return the colour that an enum literal names, or else a colour by the literal's position."""
-    return _NAMED.get(literal.lower()) or token_colour(enum.literals.index(literal))

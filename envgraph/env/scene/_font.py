@@ -89,7 +89,7 @@ _UNKNOWN = ("#####", "#...#", "#...#", "#...#", "#...#", "#...#", "#####")
 def _glyphs() -> dict[str, NDArray[np.bool_]]:
     """Return the pixels [7, 5] of every character, parsed from the drawing of the font."""
     lines = _SHAPES.strip("\n").splitlines()
-    found = {}
+    found = {" ": np.zeros((HEIGHT, WIDTH), dtype=np.bool_)}
     for band in range(0, len(lines), HEIGHT + 1):
         for column in range(0, len(lines[band]), ADVANCE):
             rows = [line[column : column + WIDTH] for line in lines[band + 1 : band + 1 + HEIGHT]]
@@ -119,10 +119,6 @@ def text_pixels(text: str, scale: int = 1) -> NDArray[np.bool_]:
     gap = np.zeros((HEIGHT, 1), dtype=np.bool_)
     parts: list[NDArray[np.bool_]] = []
     for character in text:
-        parts += [gap, glyphs[character] if character in glyphs else _missing_glyph(character)]
+        parts += [gap, glyphs[character] if character in glyphs else _bitmap(_UNKNOWN)]
     line = np.concatenate(parts[1:], axis=1) if parts else gap[:, :0]
     return line.repeat(scale, axis=0).repeat(scale, axis=1)
-
-
-def _missing_glyph(character: str) -> NDArray[np.bool_]:
-    return np.zeros((HEIGHT, WIDTH), dtype=np.bool_) if character == " " else _bitmap(_UNKNOWN)

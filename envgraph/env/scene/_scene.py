@@ -229,7 +229,7 @@ class Painter:
     def _cell_marks(self, place_of: Mapping[int, tuple[int, int]]) -> Iterator[Mark]:
         """Yield a token for each cell whose appearance differs from its class, for example a spot with a box."""
         model = self._model
-        varying = {cls for cls in self._grid.kinds if self._looks.can_vary(cls)}
+        varying = {cls for cls in self._grid.kinds if self._looks.annotated_of(cls)}
         for node in ordered_objects(model, self._grid.cls) if varying else ():
             cls = model.graph.class_of(node)
             if node in place_of and cls in varying:

@@ -14,7 +14,7 @@ from envgraph.env.scene._graph_layout import (
     placeless_token_positions,
     token_positions,
 )
-from envgraph.env.scene._scene import EMPTY, Edge, GraphScene, GridScene, Mark, Scene
+from envgraph.env.scene._scene import EMPTY, GraphScene, GridScene, Mark, Scene
 from envgraph.env.scene._text import scene_title
 
 _HALO = ' stroke="#ffffff" stroke-width="0.12" stroke-linejoin="round" aria-hidden="true"'
@@ -90,9 +90,11 @@ def _draw_graph(scene: GraphScene) -> Iterator[str]:
     for edge, line in layout.edges:
         broken = ' stroke-dasharray="0.18 0.14"' if edge.kind else ""
         one, other = arrow_head_corners(line[-2], line[-1], 0.22)
+        ends = f"{scene.labels[edge.source]} to {scene.labels[edge.target]}"
+        title = ", ".join(text for text in (ends, edge.label, edge.kind) if text)
         yield (
             f'<g fill="none" stroke="{escape_markup(edge.colour)}" stroke-width="0.05" stroke-linecap="round">'
-            f"<title>{escape_markup(_edge_title(scene, edge))}</title>"
+            f"<title>{escape_markup(title)}</title>"
             f'<path d="{_path_data(line)}"{broken}/><path d="{_path_data((one, line[-1], other))}"/></g>'
         )
     for edge, line in layout.edges:
@@ -119,9 +121,3 @@ def _draw_graph(scene: GraphScene) -> Iterator[str]:
 
 def _path_data(points: Sequence[Point]) -> str:
     return "M" + " L".join(f"{_format_number(x)} {_format_number(y)}" for x, y in points)
-
-
-def _edge_title(scene: GraphScene, edge: Edge) -> str:
-    """Return the tooltip of an edge: its ends, label and kind."""
-    ends = f"{scene.labels[edge.source]} to {scene.labels[edge.target]}"
-    return ", ".join(text for text in (ends, edge.label, edge.kind) if text)

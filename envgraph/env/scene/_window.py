@@ -8,22 +8,10 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from envgraph.errors import InvalidArgument
-
 
 def has_window() -> bool:
     """Return True if pygame is installed."""
     return find_spec("pygame") is not None
-
-
-def check_window() -> None:
-    """Raise an error if no window can be opened.
-
-    Raises:
-        InvalidArgument: pygame is not installed.
-    """
-    if not has_window():
-        raise InvalidArgument("render mode `human` needs pygame: pip install 'envgraph[human]'")
 
 
 class Window:
