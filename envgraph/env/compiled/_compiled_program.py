@@ -18,7 +18,6 @@ from envgraph.env._joint_steps import check_all_agents_exist
 from envgraph.env._simulator import Simulator
 from envgraph.env.compiled import (
     _episodes,
-    _exploration_kernels,
     _learning_kernels,
     _mask_kernels,
     _policy_network,
@@ -38,16 +37,12 @@ from envgraph.env.compiled._program_layout import ProgramLayout
 from envgraph.errors import ResolutionError
 from envgraph.rewrite import Engine
 
-Purpose = Literal["step", "mask", "list", "explore", "learn", "play"]
+Purpose = Literal["step", "mask", "list", "learn", "play"]
 
 PURPOSE_FUNCTIONS: Final[Mapping[Purpose, tuple[tuple[ModuleType, ...], tuple[str, ...]]]] = {
     "step": ((kernels,), ("advance",)),
     "mask": ((kernels, _scripted_choices, _mask_kernels), ("masks",)),
-    "list": (
-        (kernels, _scripted_choices, _visit_kernels),
-        ("visit_starts", "visit", "expand", "forget_last", "hash_all"),
-    ),
-    "explore": ((kernels, _exploration_kernels), ("explore", "hash_all")),
+    "list": ((kernels, _scripted_choices, _visit_kernels), ("visit_starts", "visit", "forget_last", "hash_all")),
     "learn": ((kernels, values, _learning_kernels, _episodes), ("learn", "follow", "hash_all")),
     "play": ((kernels, values, _policy_network, _episodes), ("follow",)),
 }

@@ -3,32 +3,25 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Mapping
+from contextlib import suppress
 from functools import partial
 from itertools import compress, repeat
-from typing import Any, Final
+from sys import maxsize
+from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from envgraph.behaviour import Action, Branch, KeyIndex, RuleCall
-from envgraph.env.compiled._batch import padded_to
-from envgraph.env.compiled._batch_arrays import zero_row_buffers
-from envgraph.env.compiled._compiled_costs import COSTS
 from envgraph.env.compiled._compiled_program import CompiledProgram, compile_for_model
-from envgraph.env.compiled._exploration_kernels import DEEP, DONE, FOUND, MANY, PAUSED, SPACE
 from envgraph.env.compiled._growth import with_more_space
 from envgraph.env.compiled._loading import has_numba
 from envgraph.env.compiled._move_code import RuleSet
 from envgraph.env.compiled._not_compiled import NotCompiled
-from envgraph.env.compiled._program_layout import ERROR
-from envgraph.env.compiled.kernels import FULL
-from envgraph.errors import LIMITS
+from envgraph.env.compiled._state_visit import Array, NeedsSpace, StateVisit
+from envgraph.env.compiled._visit_kernels import DONE, FOUND
 from envgraph.metamodel import Scalar
 from envgraph.pattern import ObjectType, StaticType
 from envgraph.rewrite import Ending, Engine, Exploration, ExplorationRecord, Shape, State
-
-ENDINGS: Final[Mapping[int, Ending]] = {DONE: "exhausted", FOUND: "goal", MANY: "limit", DEEP: "depth"}
-Numbers = NDArray[Any]
 
 
 def explore_compiled(
@@ -56,109 +49,112 @@ def explore_compiled(
     actions = tuple(Action(rule, (Branch(1.0, RuleCall(rule)),)) for rule in shapes)
     rules = RuleSet("rules", actions=actions, tests=(*predicates.values(), *([] if goal is None else [goal])))
     try:
-        program: CompiledProgram | None = compile_for_model(known, engine, rules, KeyIndex.of_model(engine.model, ()))
+        first_id = engine.model.graph.store.next_id
+        program = compile_for_model(known, engine, rules, KeyIndex.of_model(engine.model, ()))
         if program and program.layout.reuses_numbers:
             raise NotCompiled("explorations of rules that delete objects of classes that they create")
-        while program:
-            found = _Found(program, tuple(shapes.values()), tuple(predicates), engine.model.graph.store.next_id)
-            numbers = limit, -1 if depth is None else depth, 0 if goal is None else len(rules.tests)
-            ending, program = found.explore(numbers, check)
+        while True:
+            with suppress(NeedsSpace):
+                found = _RuleVisit(
+                    program, tuple(shapes.values()), tuple(predicates), first_id, limit, goal is not None, check
+                )
+                ending = found.explore(depth)
+                return Exploration(found.record, engine.model, shapes, tuple(predicates), ending, None)
+            program = with_more_space(program)
     except NotCompiled as refused:
         return f"compiled environments do not support {refused.construct}"
-    return Exploration(found.record, engine.model, shapes, tuple(predicates), ending, None)
 
 
-class _Found:
-    """The states and transitions found so far by a program, in growing arrays; see `explore` of the program.
+class _RuleVisit(StateVisit):
+    """A visit of the states that rules can reach.
 
     Args:
         shapes: the shapes of the matches of the rules, in the order of the program.
         predicates: the names of the predicates.
         first_id: the id of the first object that a rule creates.
+        limit, check: see `explore_compiled`.
+        has_goal: True if the last test of a state is whether it is a goal.
     """
 
     def __init__(
-        self, program: CompiledProgram, shapes: tuple[Shape, ...], predicates: tuple[str, ...], first_id: int
+        self,
+        program: CompiledProgram,
+        shapes: tuple[Shape, ...],
+        predicates: tuple[str, ...],
+        first_id: int,
+        limit: int,
+        has_goal: bool,
+        check: Callable[[], None],
     ) -> None:
-        self._program, self._shapes, self._predicates = program, shapes, predicates
+        width = max(len(shape.names) for shape in shapes)
+        floats = width * any(Scalar.FLOAT in shape.types for shape in shapes)
+        goal = len(predicates) if has_goal else -1
+        super().__init__(program, 0, limit, goal=goal, match=(width, floats))
+        self._shapes, self._predicates, self._check_time = shapes, predicates, check
         self._ids = [*program.members[0].object_ids, *range(first_id, first_id + program.spare)]
-        width, kinds = max(len(shape.names) for shape in shapes), {type_ for shape in shapes for type_ in shape.types}
-        ints, floats, rows = program.arrays.ints, program.arrays.floats, COSTS.first
-        self._states = [padded_to(ints, rows), padded_to(floats, rows)]
-        self._states.append(np.zeros((rows, len(program.observation_shape)), dtype=np.int64))
-        self._moves = [np.zeros((rows, 3 + width), dtype=np.int64), np.zeros((rows, width * (Scalar.FLOAT in kinds)))]
-        self._counts: tuple[int, ...] = 0, 0, 0, 0
         self._goal: int | None = None
+        self._tried = 0  # rules in the states that are expanded
 
-    def explore(
-        self, numbers: tuple[int, int, int], check: Callable[[], None]
-    ) -> tuple[Ending, CompiledProgram | None]:
-        """Explore, and return how the exploration ended. Return another program if created objects need more space.
-
-        Args:
-            numbers: limit, maximal depth, and column of the goal.
-            check: called from time to time.
+    def explore(self, depth: int | None) -> Ending:
+        """Explore all states, or those of less than a depth. Return how the exploration ended.
 
         Raises:
-            NotCompiled: a state exceeds a bound of the program, or a rule has an error.
+            NeedsSpace, NotCompiled: a state exceeds a bound of the program, or a rule has an error.
         """
-        program, functions, hashed = self._program, self._program.functions_for("explore"), np.zeros(0)
-        fixed = program.tables, program.arrays.reals, program.arrays.offsets
-        space, rules = (*zero_row_buffers(program.row_buffer_shape), np.zeros(1)), len(self._shapes)
-        while True:
-            states, floats, components = self._states
-            bits = floats.view(np.int64)
-            if len(hashed) != 4 * len(states):
-                hashed = np.full(4 * len(states), -1, dtype=np.int64)
-                functions["hash_all"](states, bits, hashed, 0, self._counts[1])
-            known = *fixed, states, floats, *space, bits, hashed, components, *self._moves
-            wanted = self._counts[2] + COSTS.progress_interval
-            how, *counts = functions["explore"](*known, *self._counts, rules, *numbers, wanted)
-            self._counts = tuple(counts)
-            check()
-            if how in ENDINGS:
-                self._goal = counts[1] - 1 if how == FOUND else None
-                return ENDINGS[how], None
-            if how == SPACE:
-                grown = self._states if counts[1] + 1 >= len(states) else self._moves
-                grown[:] = [padded_to(array, 4 * len(array)) for array in grown]
-            elif how != PAUSED:
-                if states[counts[1], ERROR] == FULL and program.spare < LIMITS["created objects"]:
-                    return "limit", with_more_space(program)
-                raise NotCompiled("states with errors, or that exceed one of the limits")
+        self.visit_starts()
+        for _ in range(1 if depth is None else depth):
+            how, place = self.run(maxsize if depth is None else self.counts[1])
+            head, states, _, _ = self.counts
+            self._tried = head * len(self._shapes)
+            if how != DONE:
+                self._tried += place + 1
+                self._goal = states - 1 if how == FOUND else None
+                return "goal" if how == FOUND else "limit"
+            if head == states:
+                return "exhausted"
+        return "depth"
+
+    def _check(self, how: int) -> None:
+        self._check_time()
+
+    def _raise_error(self, state: int, action: int) -> None:
+        self._raise_not_compiled()
 
     def record(self) -> ExplorationRecord:
         """Return the states and transitions as objects."""
-        expanded, states, transitions, refused = self._counts
-        components, (moves, reals) = self._states[2][:states], [array[:transitions] for array in self._moves]
-        found_by, applied = np.full(states, -1), list[Any](repeat((), transitions))
-        targets, firsts = np.unique(moves[:, 1], return_index=True)
-        found_by[targets] = firsts
-        found_by[0] = -1
+        expanded, states, used, made = self.counts
+        starts, did = (array.ravel()[: self._tried] for array in (self.rows.starts, self.rows.did))
+        sources, rules = np.divmod(np.repeat(np.arange(self._tried), np.diff(starts, append=used)), len(self._shapes))
+        applied, depths = list[Any](repeat((), used)), [0]
+        for source in self.rows.sources[1:states].tolist():
+            depths.append(depths[source] + 1)
         for number, shape in enumerate(self._shapes):
-            places = np.flatnonzero(moves[:, 2] == number)
+            places = np.flatnonzero(rules == number)
             columns = [
-                self._decoded((reals[:, column] if type_ is Scalar.FLOAT else moves[:, 3 + column])[places], type_)
+                self._decoded(cells[places, column], type_)
                 for column, type_ in enumerate(shape.types)
+                for cells in [self.outcomes.match_floats if type_ is Scalar.FLOAT else self.outcomes.match]
             ]
             for place, row in zip(places.tolist(), zip(*columns, strict=True), strict=False):
                 applied[place] = row
         return ExplorationRecord(
             [
                 State(number, depth, tuple(compress(self._predicates, tests)), None)
-                for number, (depth, *tests) in enumerate(components.tolist())
+                for number, (depth, tests) in enumerate(
+                    zip(depths, self.rows.components[:states].tolist(), strict=True)
+                )
             ],
-            found_by.tolist(),
-            moves[:, 0].tolist(),
-            moves[:, 1].tolist(),
-            [self._shapes[rule].definition for rule in moves[:, 2].tolist()],
+            self.rows.found_by[:states].tolist(),
+            sources.tolist(),
+            self.outcomes.to[:used].tolist(),
+            [self._shapes[rule].definition for rule in rules.tolist()],
             applied,
             list(range(expanded)),
-            refused,
+            made - used - int((did == 0).sum()),
             goal=self._goal,
         )
 
-    def _decoded(self, cells: Numbers, type_: StaticType) -> Iterable[Any]:
+    def _decoded(self, cells: Array, type_: StaticType) -> Iterable[Any]:
         """Yield the ids or values of a column of matches."""
         different, places = np.unique(cells, return_inverse=True)
         member = self._program.members[0]

@@ -17,11 +17,10 @@ from envgraph.env._enumeration import Progress
 from envgraph.env._prepared_clauses import never_acts
 from envgraph.env._simulator import Simulator
 from envgraph.env._size_errors import TooManyStates
-from envgraph.env.compiled._batch import padded_to
 from envgraph.env.compiled._compiled_costs import COSTS
 from envgraph.env.compiled._compiled_program import CompiledProgram, compile_for_model
-from envgraph.env.compiled._enumeration import StateVisit
-from envgraph.env.compiled._visit_kernels import DONE, FOUND, PAUSED, SPACE
+from envgraph.env.compiled._state_visit import StateVisit
+from envgraph.env.compiled._visit_kernels import FOUND, PAUSED
 from envgraph.errors import LIMITS
 from envgraph.pattern import Negation, PatternCall, Variable
 from envgraph.rewrite import Engine
@@ -233,8 +232,6 @@ class PlanSearch(StateVisit):
         progress: a callback that gets the number of states from time to time.
 
     Attributes:
-        predecessors, actions_before: the predecessor of each state, and the action that led from there; -1 for
-            initial states.
         max_outcomes: the maximum number of outcomes before the search is aborted; None: no maximum.
     """
 
@@ -249,13 +246,8 @@ class PlanSearch(StateVisit):
         max_states: int | None = None,
         progress: Progress | None = None,
     ) -> None:
-        super().__init__(program, 0, limit, progress)
-        self._outcome, self._width, self._max_states = outcome, width, max_states
-        self._distinct_actions = distinct_actions(program)
-        self.predecessors, self.actions_before = (
-            np.zeros(COSTS.first, np.int64),
-            np.zeros(COSTS.first, np.int64),
-        )
+        super().__init__(program, 0, limit, distinct_actions(program), sought=outcome)
+        self._outcome, self._width, self._max_states, self._progress = outcome, width, max_states, progress
 
     def plan(self, guides: int) -> ActionPlan:
         """Search breadth-first for a shortest plan to the wanted end of an episode.
@@ -273,27 +265,27 @@ class PlanSearch(StateVisit):
             start = int(len(behaviour.agents) > 1)  # after the component of the block number
         guide = slice(start, start + guides)
         lot = np.random.default_rng(0)
-        first, (last, _, _) = 0, self.visit_starts()
-        self.predecessors[:last] = -1
-        met, depth, cut = last, 0, False
-        left, self._outcome_count = _CutStates(0, ()), 0
+        self.visit_starts()
+        first, last, *_ = self.counts
+        met, depth, cut, left = last, 0, False, _CutStates(0, ())
         horizon = self._program.behaviour.limit or COSTS.horizon
         while first < last and (depth < horizon or not cut):
             if last > self._limit and last - first > self._width:
-                score = self.components[first:last, guide].sum(axis=1)
+                score = self.rows.components[first:last, guide].sum(axis=1)
                 order = first + np.lexsort((lot.random(last - first), score))
                 left, cut = (
                     _CutStates(depth, tuple(array[order[self._width :]] for array in self._state_arrays())),
                     True,
                 )
                 last = self._cut_layer(first, last, np.sort(order[: self._width]))
-            found, count = self._expand_layer(first, last)
+            how, place = self.run(last)
+            head, count, *_ = self.counts
             met += count - last
             depth += 1
-            if found is not None:
+            if how == FOUND:
                 names = self._program.action_names
-                self._final_state_and_action = found
-                actions = tuple(names[action] for action in self._actions_to(*found))
+                self._final_state_and_action = head, int(self._actions[place])
+                actions = tuple(names[action] for action in self._actions_to(*self._final_state_and_action))
                 return ActionPlan(float(depth), actions, met, self._limit, self._width if cut else None)
             if self._max_states is not None and met > self._max_states:
                 return ActionPlan(inf, (), met, self._limit, self._width)
@@ -302,84 +294,47 @@ class PlanSearch(StateVisit):
                 depth, last = left.depth, self._append_states(first, left.pop_best(self._width))
         return ActionPlan(inf, (), met, self._limit, self._width if cut else None)
 
-    def _expand_layer(self, first: int, last: int) -> tuple[tuple[int, int] | None, int]:
-        """Visit the successors of the states from `first` to `last - 1`, until one of them ends the episode as wanted.
+    def _check(self, how: int) -> None:
+        if self._progress is not None:
+            self._progress(self.counts[1], 0)
+        if how == PAUSED and self.max_outcomes is not None:
+            raise TooManyStates(self._program.behaviour, self._limit, outcomes=self.max_outcomes)
 
-        Returns the state and action that lead to this end, or None; and the number of stored states.
-        """
-        head, states = first, last
-        while True:
-            how, head, states, self._outcome_count, action = self._kernels["expand"](
-                *self._common_arrays(),
-                self._member,
-                self.floats.view(np.int64),
-                self.hashed,
-                self.components,
-                self.observations,
-                head,
-                last,
-                states,
-                self._outcome_count,
-                self._distinct_actions,
-                LIMITS["outcomes"],
-                self._outcome_count + COSTS.progress_interval if self.max_outcomes is None else self.max_outcomes,
-                self._outcome,
-                self.predecessors,
-                self.actions_before,
-            )
-            if self._progress is not None:
-                self._progress(states, 0)
-            if how == PAUSED and self.max_outcomes is not None:
-                raise TooManyStates(self._program.behaviour, self._limit, outcomes=self.max_outcomes)
-            if how in {DONE, FOUND}:
-                return ((head, action) if how == FOUND else None), states
-            if how == SPACE:
-                self._grow(states, 0)
-            elif how != PAUSED:
-                self._raise_error(head, action, states)
+    def _pause_after(self, made: int) -> int:
+        return super()._pause_after(made) if self.max_outcomes is None else self.max_outcomes
 
     def _cut_layer(self, first: int, last: int, kept: np.ndarray[tuple[int], np.dtype[np.int64]]) -> int:
         """Remove the states from `first` to `last - 1` except for those in `kept`. Return the new number of states."""
-        bits = self.floats.view(np.int64)
-        self._kernels["forget_last"](self.states, bits, self.hashed, first, last)
-        end = first + len(kept)
-        for array in self._state_arrays():
-            array[first:end] = array[kept]
-        self._kernels["hash_all"](self.states, bits, self.hashed, first, end)
-        return end
+        states, floats, *_ = self.rows
+        self._functions["forget_last"](states, floats.view(np.int64), self._hashed, first, last)
+        return self._append_states(first, tuple(array[kept] for array in self._state_arrays()))
 
     def _append_states(self, first: int, rows: _StateArrays) -> int:
         """Append states that a beam removed earlier, as rows from `first` on, and return the new number of states."""
         end = first + len(rows[0])
-        if end >= len(self.states) - 1:
-            self._grow(first, 0)
+        while end >= len(self.rows.states) - 1:
+            self._grow_states(first)
         for array, row in zip(self._state_arrays(), rows, strict=True):
             array[first:end] = row
-        self._kernels["hash_all"](self.states, self.floats.view(np.int64), self.hashed, first, end)
+        self._hash(first, end)
+        self.counts = first, end, *self.counts[2:]
         return end
 
     def _state_arrays(self) -> _StateArrays:
-        return (self.states, self.floats, self.components, self.predecessors, self.actions_before)
-
-    def _grow(self, states: int, used: int) -> None:
-        super()._grow(states, used)
-        self.predecessors, self.actions_before = (
-            padded_to(self.predecessors, len(self.states)),
-            padded_to(self.actions_before, len(self.states)),
-        )
+        return self.rows[:6]
 
     def visit_plan_states(self) -> Iterator[Simulator]:
         """Put a live engine of the member into each state of the plan found last, and yield its simulator."""
         state, action = self._final_state_and_action
         way = [state]
-        while self.predecessors[way[-1]] >= 0:
-            way.append(int(self.predecessors[way[-1]]))
+        while self.rows.sources[way[-1]] >= 0:
+            way.append(int(self.rows.sources[way[-1]]))
         counterpart = self._program.live_counterpart(self._member)
         for row in reversed(way):
-            with counterpart.in_state(self.states[row], self.floats[row]) as simulator:
+            with counterpart.in_state(self.rows.states[row], self.rows.floats[row]) as simulator:
                 yield simulator
         with (
-            counterpart.in_state(self.states[state], self.floats[state]) as simulator,
+            counterpart.in_state(self.rows.states[state], self.rows.floats[state]) as simulator,
             closing(simulator.outcomes(action)) as outcomes,
         ):
             if any(ended == self._outcome for _, _, ended in outcomes):  # the generator pauses in that state
@@ -387,7 +342,7 @@ class PlanSearch(StateVisit):
 
     def _actions_to(self, state: int, action: int) -> Iterable[int]:
         actions = [action]
-        while self.predecessors[state] >= 0:
-            actions.append(int(self.actions_before[state]))
-            state = int(self.predecessors[state])
+        while self.rows.sources[state] >= 0:
+            actions.append(int(self.rows.found_by[state]))
+            state = int(self.rows.sources[state])
         return reversed(actions)

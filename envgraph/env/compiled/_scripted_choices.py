@@ -71,6 +71,11 @@ def next_script(D):
     return True
 
 
+def first_count(D):
+    """Return the number of alternatives of the first choice, or -1 if it is unknown."""
+    return int(D[SCRIPT + 1]) if D[KNOWN] > 0 else -1
+
+
 def is_script_full(D):
     """Return True if the script has no space for another choice, so that choices may be missing from it."""
     return SCRIPT + 2 * int(D[MADE]) + 1 >= D[ROOM]

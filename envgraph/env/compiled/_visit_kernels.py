@@ -7,9 +7,12 @@ outside get arrays, and convert them to vectors and matrices.
 # ruff: noqa: F821
 # mypy: ignore-errors
 
-DONE, SPACE, WRONG, MANY, FOUND, PAUSED = 0, 1, 2, 3, 4, 5
+DONE, SPACE, WRONG, MANY, FOUND, PAUSED, LIMITED = 0, 1, 2, 3, 4, 5, 6
 """Results of a visit: all is done, arrays are full, an error of the environment, too many outcomes of an action, the
-wanted end is found, or as many outcomes as were wanted are made."""
+wanted end or state is found, as many outcomes as were wanted are made, and there are more states than the limit."""
+
+NO_MOVE = 3
+"""The end of an outcome that does not exist: a rule that is explored has no match, or is refused."""
 
 
 def add_state(T, G, L, K, S, F, RI, RF, D, m, BITS, HASHED, C, OBS, row, over):
@@ -28,7 +31,7 @@ def add_state(T, G, L, K, S, F, RI, RF, D, m, BITS, HASHED, C, OBS, row, over):
     return found
 
 
-def visit_starts(T, G, L, S, F, RI, RF, D, m, S0, F0, BITS, HASHED, C, OBS, TO, P):
+def visit_starts(T, G, L, S, F, RI, RF, D, m, BITS, HASHED, S0, F0, C, OBS, TO, P):
     """Visit the states in which an episode may begin. Return how it ended, and the numbers of states and outcomes."""
     count, used, space = 0, 0, len(S)
     T, G, L, S, F, RI, RF = fixed(T), fixed(G), vector(L), matrix(S), matrix(F), matrix(RI), matrix(RF)
@@ -54,111 +57,80 @@ def visit_starts(T, G, L, S, F, RI, RF, D, m, S0, F0, BITS, HASHED, C, OBS, TO, 
 
 
 def visit(
-    T, G, L, S, F, RI, RF, D, m, BITS, HASHED, C, OBS, head, count, used, made, ACTIONS, MOST, LIMIT, WANTED,
-    STARTS, TO, P, REWARD, END, DID,
+    T, G, L, S, F, RI, RF, D, m, BITS, HASHED, C, OBS, BEFORE, BY, STARTS, DID, TO, P, REWARD, END, MATCH, REALS,
+    head, count, used, made, last, TRIED, SOUGHT, GOAL, MOST, LIMIT, WANTED,
 ):  # fmt: skip
-    """Do every action in each state, in the order of the states' numbers. New states get the next numbers.
+    """Do the actions `TRIED` in each state before `last`, in the order of the states' numbers.
 
-    `DID` gets 1 for actions that had an effect. Returns how the visit ended, the next state, the number of states, the
-    number of outcomes, the same before equal outcomes were merged, and the action.
+    New states get the next numbers; `BEFORE` and `BY` get the state and the number of the outcome that led there. Stops
+    at a new state with a component `GOAL` other than 0. If `SOUGHT` is not 0, outcomes and final states are not stored,
+    `BY` gets actions, and the visit stops if an episode ends as `SOUGHT`.
+
+    `DID` gets 1 for actions that had an effect. If rules are explored, the reward is the row of the match, which is
+    stored. Returns how the visit ended, the place of the action, the next state, the number of states, the number of
+    outcomes, and the same before equal outcomes were merged.
     """
-    space = len(S)
+    space, room = len(S), len(TO)
     T, G, L, S, F, RI, RF = fixed(T), fixed(G), vector(L), matrix(S), matrix(F), matrix(RI), matrix(RF)
-    BITS, C = matrix(BITS), matrix(C)
+    BITS, C, STARTS, DID, MATCH, REALS = (
+        matrix(BITS), matrix(C), matrix(STARTS), matrix(DID), matrix(MATCH), matrix(REALS)
+    )  # fmt: skip
     K = places(L)
-    while head < count <= LIMIT:
+    while head < count and head < last:
         if made >= WANTED:
-            return PAUSED, head, count, used, made, 0
+            return PAUSED, 0, head, count, used, made
         first, before = used, made
-        for action in range(ACTIONS):
-            STARTS[head * ACTIONS + action] = used
+        for place in range(len(TRIED)):
+            STARTS[head, place] = used
             if S[head, 0] != 0:
                 continue
             begin_script(D)
-            number, last = 0, used
+            own, most = used, made + MOST
             while True:
-                if count + 1 >= space or used >= len(TO):
-                    return SPACE, head, count, first, before, action
+                if count + 1 >= space or used >= room:
+                    return SPACE, place, head, count, first, before
                 for column in range(width(S)):
                     S[count, column] = S[head, column]
                 for column in range(width(F)):
                     F[count, column] = F[head, column]
                 begin_outcome(D)
-                reward, end, did = step_one(T[m], G[m], L, K, S[count], F[count], RI, RF, D, 0, action)
-                DID[head * ACTIONS + action] |= did
-                number += 1
-                if number > MOST or is_script_full(D):
-                    return MANY, head, count, first, before, action
+                reward, end, did = step_one(T[m], G[m], L, K, S[count], F[count], RI, RF, D, 0, TRIED[place])
+                DID[head, place] |= did
+                made += 1
+                if made > most or is_script_full(D):
+                    return MANY, place, head, count, first, before
                 if S[count, 0] != 0:
-                    return WRONG, head, count, first, before, action
-                chance = D[CHANCE]
-                found = add_state(T, G, L, K, S, F, RI, RF, D, m, BITS, HASHED, C, OBS, count, end != 0)
-                if found < 0:
-                    return WRONG, head, count, first, before, action
-                count += found == count
-                if used > last and TO[used - 1] == found and REWARD[used - 1] == reward and END[used - 1] == end:
-                    P[used - 1] += chance
-                else:
-                    TO[used], P[used], REWARD[used], END[used] = found, chance, reward, end
-                    used += 1
-                if not next_script(D):
-                    break
-            made += number
-        head += 1
-        STARTS[head * ACTIONS] = used
-    return DONE, head, count, used, made, 0
-
-
-def expand(
-    T, G, L, S, F, RI, RF, D, m, BITS, HASHED, C, OBS, head, last, count, made, TRIED, MOST, WANTED, SOUGHT,
-    BEFORE, BY,
-):  # fmt: skip
-    """Do the actions `TRIED` in the states `head` to `last - 1`. Unknown next states get the next numbers.
-
-    Stops early if an episode ends as `SOUGHT`, space is lacking, `WANTED` outcomes are made, or an action fails.
-
-    Returns how it ended, the next state, the number of states, the number of outcomes made, and the action.
-    """
-    space = len(S)
-    T, G, L, S, F, RI, RF = fixed(T), fixed(G), vector(L), matrix(S), matrix(F), matrix(RI), matrix(RF)
-    BITS, C = matrix(BITS), matrix(C)
-    K = places(L)
-    while head < last:
-        if made >= WANTED:
-            return PAUSED, head, count, made, 0
-        before = made
-        for place in range(len(TRIED)):
-            action = TRIED[place]
-            begin_script(D)
-            number = 0
-            while True:
-                if count + 1 >= space:
-                    return SPACE, head, count, before, action
-                for column in range(width(S)):
-                    S[count, column] = S[head, column]
-                for column in range(width(F)):
-                    F[count, column] = F[head, column]
-                begin_outcome(D)
-                _, end, _ = step_one(T[m], G[m], L, K, S[count], F[count], RI, RF, D, 0, action)
-                number += 1
-                if number > MOST or is_script_full(D):
-                    return MANY, head, count, before, action
-                if S[count, 0] != 0:
-                    return WRONG, head, count, before, action
-                if end == SOUGHT:
-                    return FOUND, head, count, before, action
-                if end == 0:
-                    found = add_state(T, G, L, K, S, F, RI, RF, D, m, BITS, HASHED, C, OBS, count, 0)
+                    return WRONG, place, head, count, first, before
+                if SOUGHT != 0 and end == SOUGHT:
+                    return FOUND, place, head, count, first, before
+                if end == 0 or (SOUGHT == 0 and end != NO_MOVE):
+                    chance = D[CHANCE]
+                    found = add_state(T, G, L, K, S, F, RI, RF, D, m, BITS, HASHED, C, OBS, count, end != 0)
                     if found < 0:
-                        return WRONG, head, count, before, action
-                    if found == count:
-                        BEFORE[count], BY[count] = head, action
+                        return WRONG, place, head, count, first, before
+                    is_new = found == count
+                    if is_new:
+                        if count >= LIMIT:
+                            return LIMITED, place, head, count, used, made - 1
+                        BEFORE[count], BY[count] = head, used if SOUGHT == 0 else TRIED[place]
                         count += 1
+                    if SOUGHT != 0:
+                        pass
+                    elif used > own and TO[used - 1] == found and REWARD[used - 1] == reward and END[used - 1] == end:
+                        P[used - 1] += chance
+                    else:
+                        TO[used], P[used], REWARD[used], END[used] = found, chance, reward, end
+                        for column in range(width(MATCH)):
+                            MATCH[used, column] = RI[int(reward), column]
+                        for column in range(width(REALS)):
+                            REALS[used, column] = RF[int(reward), column]
+                        used += 1
+                    if is_new and GOAL >= 0 and C[found, GOAL] != 0:
+                        return FOUND, place, head, count, used, made
                 if not next_script(D):
                     break
-            made += number
         head += 1
-    return DONE, head, count, made, 0
+    return DONE, 0, head, count, used, made
 
 
 def forget_last(S, BITS, HASHED, first, count):
