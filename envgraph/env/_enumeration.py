@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import field
+from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from envgraph.behaviour import Behaviour, KeyIndex
 from envgraph.code import dataclass
@@ -17,6 +19,7 @@ from envgraph.errors import LIMITS
 from envgraph.graph import Savepoint
 from envgraph.rewrite import Engine, SavepointWalk, walk_of_savepoints
 
+Array = NDArray[Any]
 Progress = Callable[[int, int], None]
 """A callback that gets the numbers of states and of outcomes so far; 0 outcomes if they are not counted."""
 
@@ -73,6 +76,28 @@ def explore(
     search = _StateEnumeration(simulator, limit, outcomes, painter, progress)
     search.run()
     return search.build_result()
+
+
+def fill_table(behaviour: Behaviour, counts: Array, outcomes: Sequence[Array], **others: Any) -> Tabular:
+    """Return a table.
+
+    Args:
+        counts: [S, A], the number of outcomes of each action in each state.
+        outcomes: next state, probability, reward and end of each outcome, in the order of states and actions.
+        others: the other attributes.
+
+    Raises:
+        TooLargeTable: the table is too large.
+    """
+    shape = *counts.shape, max(1, int(counts.max(initial=1)))
+    check_table_size(behaviour, shape)
+    next_state = np.broadcast_to(np.arange(shape[0], dtype=np.int32)[:, None, None], shape).copy()
+    probability, reward, terminated = np.zeros(shape), np.zeros(shape), np.zeros(shape, np.int8)
+    probability[counts == 0, 0] = 1.0
+    exists = np.arange(shape[2]) < counts[:, :, None]
+    for array, column in zip((next_state, probability, reward, terminated), outcomes, strict=True):
+        array[exists] = column
+    return Tabular(next_state, probability, reward, terminated, **others)
 
 
 ActionOutcomes = list[list[tuple[float, int, float, int]]]
@@ -184,25 +209,13 @@ class _StateEnumeration:
     def build_result(self) -> ExploredEnvironment:
         """Return the table and pictures, states renumbered breadth-first; raise TooManyStates if it is too large."""
         simulator, order = self.simulator, self._breadth_first()
-        rows, states, place = [self.outcomes[state] or () for state in order], len(order), np.argsort(order)
-        outcomes = max((len(found) for row in rows for found in row), default=0)
-        shape = states, len(simulator.action_names), max(1, outcomes)
-        check_table_size(simulator.behaviour, shape)
-        next_state = np.repeat(np.arange(states, dtype=np.int32), shape[1] * shape[2]).reshape(shape)
-        probability, reward = np.zeros(shape), np.zeros(shape)
-        probability[:, :, 0] = 1.0
-        terminated = np.zeros(shape, dtype=np.int8)
-        for state, row in enumerate(rows):
-            for action, found in enumerate(row):
-                for number, (chance, to, gain, end) in enumerate(found):
-                    here = state, action, number
-                    probability[here], next_state[here] = chance, place[to]
-                    reward[here], terminated[here] = gain, end
-        tabular = Tabular(
-            next_state=next_state,
-            probability=probability,
-            reward=reward,
-            terminated=terminated,
+        final: ActionOutcomes = [[] for _ in simulator.action_names]
+        rows, place = [self.outcomes[state] or final for state in order], np.argsort(order)
+        found = np.array([one for row in rows for each in row for one in each], dtype=float).reshape(-1, 4).T
+        tabular = fill_table(
+            simulator.behaviour,
+            np.array([[len(each) for each in row] for row in rows]),
+            [place[found[1].astype(int)], found[0], found[2], found[3]],
             observation=np.array(self.observations, dtype=np.int64)[order],
             start_states=place[list(self.starts)].astype(np.int32),
             start_probability=np.array(list(self.starts.values())),
@@ -211,7 +224,7 @@ class _StateEnumeration:
             action_names=simulator.action_names,
             agent_names=simulator.agent_names,
             turn=np.array(self.turns, dtype=np.int32)[order] if simulator.agent_names else None,
-            allowed=nonempty_masks(np.frombuffer(b"".join(self.has_effect), np.bool_).reshape(states, -1)[order]),
+            allowed=nonempty_masks(np.frombuffer(b"".join(self.has_effect), np.bool_).reshape(len(order), -1)[order]),
             observation_names=simulator.observation_names,
         )
         return ExploredEnvironment(tabular, tuple(self.scenes[state] for state in order) if self.scenes else ())

@@ -42,7 +42,7 @@ Purpose = Literal["step", "mask", "list", "learn", "play"]
 PURPOSE_FUNCTIONS: Final[Mapping[Purpose, tuple[tuple[ModuleType, ...], tuple[str, ...]]]] = {
     "step": ((kernels,), ("advance",)),
     "mask": ((kernels, _scripted_choices, _mask_kernels), ("masks",)),
-    "list": ((kernels, _scripted_choices, _visit_kernels), ("visit_starts", "visit", "forget_last", "hash_all")),
+    "list": ((kernels, _scripted_choices, _visit_kernels), ("visit", "forget_last", "hash_all")),
     "learn": ((kernels, values, _learning_kernels, _episodes), ("learn", "follow", "hash_all")),
     "play": ((kernels, values, _policy_network, _episodes), ("follow",)),
 }

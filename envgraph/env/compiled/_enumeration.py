@@ -11,8 +11,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from envgraph.behaviour import Behaviour, KeyIndex
-from envgraph.env._enumeration import ExploredEnvironment, Progress, explore
-from envgraph.env._size_errors import TooManyStates, check_observation_count, check_table_size
+from envgraph.env._enumeration import ExploredEnvironment, Progress, explore, fill_table
+from envgraph.env._size_errors import TooManyStates, check_observation_count
 from envgraph.env._tabular import Tabular, nonempty_masks
 from envgraph.env.compiled._batch import CompiledBatch
 from envgraph.env.compiled._compiled_costs import COSTS
@@ -22,7 +22,7 @@ from envgraph.env.compiled._loading import has_numba
 from envgraph.env.compiled._not_compiled import NotCompiled
 from envgraph.env.compiled._program_layout import ERROR, TURN
 from envgraph.env.compiled._state_visit import Array, NeedsSpace, StateVisit
-from envgraph.env.compiled._visit_kernels import DONE, LIMITED, PAUSED, SPACE
+from envgraph.env.compiled._visit_kernels import LIMITED, PAUSED, SPACE
 from envgraph.env.scene._scene import Scene
 from envgraph.errors import LIMITS
 from envgraph.rewrite import Engine
@@ -132,7 +132,6 @@ class TableVisit(StateVisit):
     def visit_all(self) -> Tabular:
         """Visit all states, and return the table. Raise the errors that `enumerate_states` lists."""
         beginnings, chances = self.visit_starts()
-        self._check(DONE)
         self.run()
         return self._make_tabular(beginnings, chances)
 
@@ -148,7 +147,7 @@ class TableVisit(StateVisit):
 
     def _check(self, how: int) -> None:
         _, states, _, made = self.counts
-        if how == LIMITED or states > self._limit:
+        if how == LIMITED:
             raise TooManyStates(self._program.behaviour, self._limit)
         if made > LIMITS["all outcomes"]:
             raise TooManyStates(self._program.behaviour, self._limit, outcomes=LIMITS["all outcomes"])
@@ -166,31 +165,16 @@ class TableVisit(StateVisit):
         return np.asarray(batch.action_masks() | over[:, None])
 
     def _make_tabular(self, beginnings: Array, chances: Array) -> Tabular:
-        program, actions, (_, states, used, _) = self._program, len(self._actions), self.counts
-        bounds = self.rows.starts[:states].ravel()
-        counts = np.diff(bounds, append=used)
-        width = max(1, int(counts.max(initial=1)))
-        shape = states, actions, width
-        check_table_size(program.behaviour, shape)
-        rows = np.repeat(np.arange(states * actions), counts)
-        places = np.arange(used) - bounds[rows]
-        next_state = np.repeat(np.arange(states, dtype=np.int32), actions * width).reshape(-1, width)
-        probability, reward = np.zeros((states * actions, width)), np.zeros((states * actions, width))
-        ended = np.zeros((states * actions, width), dtype=np.int8)
-        probability[counts == 0, 0] = 1.0
-        next_state[rows, places] = self.outcomes.to[:used]
-        probability[rows, places] = self.outcomes.chance[:used]
-        reward[rows, places] = self.outcomes.reward[:used]
-        ended[rows, places] = self.outcomes.ended[:used]
+        program, (_, states, used, _) = self._program, self.counts
+        counts = np.diff(self.rows.starts[:states].ravel(), append=used).reshape(states, -1)
         starts: dict[int, float] = {}
         for state, chance in zip(beginnings.tolist(), chances.tolist(), strict=True):
             starts[state] = starts.get(state, 0.0) + chance
         names = program.agent_names(self._member)
-        return Tabular(
-            next_state=next_state.reshape(shape),
-            probability=probability.reshape(shape),
-            reward=reward.reshape(shape),
-            terminated=ended.reshape(shape),
+        return fill_table(
+            program.behaviour,
+            counts,
+            [array[:used] for array in self.outcomes[:4]],
             observation=self.rows.observations[:states].copy(),
             start_states=np.array(list(starts), dtype=np.int32),
             start_probability=np.array(list(starts.values())),

@@ -144,7 +144,7 @@ class _RuleVisit(StateVisit):
                     zip(depths, self.rows.components[:states].tolist(), strict=True)
                 )
             ],
-            self.rows.found_by[:states].tolist(),
+            [-1, *self.rows.found_by[1:states].tolist()],
             sources.tolist(),
             self.outcomes.to[:used].tolist(),
             [self._shapes[rule].definition for rule in rules.tolist()],

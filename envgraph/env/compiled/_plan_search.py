@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterator, Sequence
 from contextlib import closing, suppress
 from dataclasses import replace
 from math import inf, isfinite
@@ -19,8 +19,8 @@ from envgraph.env._simulator import Simulator
 from envgraph.env._size_errors import TooManyStates
 from envgraph.env.compiled._compiled_costs import COSTS
 from envgraph.env.compiled._compiled_program import CompiledProgram, compile_for_model
-from envgraph.env.compiled._state_visit import StateVisit
-from envgraph.env.compiled._visit_kernels import FOUND, PAUSED
+from envgraph.env.compiled._state_visit import Array, StateVisit
+from envgraph.env.compiled._visit_kernels import FOUND, PAUSED, SPACE
 from envgraph.errors import LIMITS
 from envgraph.pattern import Negation, PatternCall, Variable
 from envgraph.rewrite import Engine
@@ -188,34 +188,6 @@ def distinct_actions(program: CompiledProgram) -> NDArray[np.int64]:
     return found
 
 
-_StateArrays = tuple[np.ndarray[Any, np.dtype[Any]], ...]
-"""Arrays with a row for each state."""
-
-
-@dataclass(slots=True)
-class _CutStates:
-    """The states that the beam removed from the layer it cut last, best states first.
-
-    Attributes:
-        depth: the number of steps that lead to the layer.
-        rows: the arrays of the removed states.
-    """
-
-    depth: int
-    rows: _StateArrays
-
-    @property
-    def count(self) -> int:
-        """Return the number of states."""
-        return len(self.rows[0]) if self.rows else 0
-
-    def pop_best(self, width: int) -> _StateArrays:
-        """Remove the `width` best states, which come first in the layer, and return them."""
-        taken = tuple(array[:width] for array in self.rows)
-        self.rows = tuple(array[width:] for array in self.rows)
-        return taken
-
-
 class PlanSearch(StateVisit):
     """A search for a shortest plan: breadth-first, and by a beam once `limit` states are visited.
 
@@ -267,82 +239,75 @@ class PlanSearch(StateVisit):
         lot = np.random.default_rng(0)
         self.visit_starts()
         first, last, *_ = self.counts
-        met, depth, cut, left = last, 0, False, _CutStates(0, ())
+        met, depth, cut, left, left_depth = last, 0, False, self._rows_at(slice(0)), 0
         horizon = self._program.behaviour.limit or COSTS.horizon
         while first < last and (depth < horizon or not cut):
             if last > self._limit and last - first > self._width:
                 score = self.rows.components[first:last, guide].sum(axis=1)
                 order = first + np.lexsort((lot.random(last - first), score))
-                left, cut = (
-                    _CutStates(depth, tuple(array[order[self._width :]] for array in self._state_arrays())),
-                    True,
-                )
-                last = self._cut_layer(first, last, np.sort(order[: self._width]))
+                left, left_depth, cut = self._rows_at(order[self._width :]), depth, True
+                kept, (states, floats, *_) = self._rows_at(np.sort(order[: self._width])), self.rows
+                self._functions["forget_last"](states, floats.view(np.int64), self._hashed, first, last)
+                last = self._append_states(first, kept)
             how, place = self.run(last)
-            head, count, *_ = self.counts
+            state, count, *_ = self.counts
             met += count - last
             depth += 1
             if how == FOUND:
-                names = self._program.action_names
-                self._final_state_and_action = head, int(self._actions[place])
-                actions = tuple(names[action] for action in self._actions_to(*self._final_state_and_action))
+                self._way, self._last_action = self._way_to(state), int(self._actions[place])
+                numbers = *self.rows.found_by[self._way[1:]], self._last_action
+                actions = tuple(self._program.action_names[action] for action in numbers)
                 return ActionPlan(float(depth), actions, met, self._limit, self._width if cut else None)
             if self._max_states is not None and met > self._max_states:
                 return ActionPlan(inf, (), met, self._limit, self._width)
             first, last = last, count
-            if first == last and left.count:
-                depth, last = left.depth, self._append_states(first, left.pop_best(self._width))
+            if first == last and len(left[0]):
+                depth, last = left_depth, self._append_states(first, [array[: self._width] for array in left])
+                left = [array[self._width :] for array in left]
         return ActionPlan(inf, (), met, self._limit, self._width if cut else None)
 
     def _check(self, how: int) -> None:
         if self._progress is not None:
             self._progress(self.counts[1], 0)
+        head, states, *_ = self.counts
+        if head < 0 and how == SPACE and states > self._limit:
+            raise TooManyStates(self._program.behaviour, self._limit)
         if how == PAUSED and self.max_outcomes is not None:
             raise TooManyStates(self._program.behaviour, self._limit, outcomes=self.max_outcomes)
 
     def _pause_after(self, made: int) -> int:
         return super()._pause_after(made) if self.max_outcomes is None else self.max_outcomes
 
-    def _cut_layer(self, first: int, last: int, kept: np.ndarray[tuple[int], np.dtype[np.int64]]) -> int:
-        """Remove the states from `first` to `last - 1` except for those in `kept`. Return the new number of states."""
-        states, floats, *_ = self.rows
-        self._functions["forget_last"](states, floats.view(np.int64), self._hashed, first, last)
-        return self._append_states(first, tuple(array[kept] for array in self._state_arrays()))
-
-    def _append_states(self, first: int, rows: _StateArrays) -> int:
-        """Append states that a beam removed earlier, as rows from `first` on, and return the new number of states."""
+    def _append_states(self, first: int, rows: Sequence[Array]) -> int:
+        """Append states that were removed, as rows from `first` on, and return the new number of states."""
         end = first + len(rows[0])
         while end >= len(self.rows.states) - 1:
             self._grow_states(first)
-        for array, row in zip(self._state_arrays(), rows, strict=True):
+        for array, row in zip(self.rows, rows, strict=False):
             array[first:end] = row
         self._hash(first, end)
         self.counts = first, end, *self.counts[2:]
         return end
 
-    def _state_arrays(self) -> _StateArrays:
-        return self.rows[:6]
+    def _rows_at(self, numbers: Any) -> list[Array]:
+        """Return copies of rows of the arrays of states, without the last arrays, which searches ignore."""
+        return [array[numbers] for array in self.rows[:6]]
 
-    def visit_plan_states(self) -> Iterator[Simulator]:
-        """Put a live engine of the member into each state of the plan found last, and yield its simulator."""
-        state, action = self._final_state_and_action
+    def _way_to(self, state: int) -> list[int]:
         way = [state]
         while self.rows.sources[way[-1]] >= 0:
             way.append(int(self.rows.sources[way[-1]]))
+        return way[::-1]
+
+    def visit_plan_states(self) -> Iterator[Simulator]:
+        """Put a live engine of the member into each state of the plan found last, and yield its simulator."""
         counterpart = self._program.live_counterpart(self._member)
-        for row in reversed(way):
-            with counterpart.in_state(self.rows.states[row], self.rows.floats[row]) as simulator:
+        for state in self._way:
+            with counterpart.in_state(self.rows.states[state], self.rows.floats[state]) as simulator:
                 yield simulator
         with (
             counterpart.in_state(self.rows.states[state], self.rows.floats[state]) as simulator,
-            closing(simulator.outcomes(action)) as outcomes,
+            closing(simulator.outcomes(self._last_action)) as outcomes,
         ):
             if any(ended == self._outcome for _, _, ended in outcomes):  # the generator pauses in that state
                 yield simulator
-
-    def _actions_to(self, state: int, action: int) -> Iterable[int]:
-        actions = [action]
-        while self.rows.sources[state] >= 0:
-            actions.append(int(self.rows.found_by[state]))
-            state = int(self.rows.sources[state])
-        return reversed(actions)

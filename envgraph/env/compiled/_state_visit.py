@@ -10,14 +10,13 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from envgraph.env._size_errors import TooManyStates
 from envgraph.env.compiled._batch import empty_script, padded_to
 from envgraph.env.compiled._batch_arrays import zero_row_buffers
 from envgraph.env.compiled._compiled_costs import COSTS
 from envgraph.env.compiled._compiled_program import CompiledProgram
 from envgraph.env.compiled._not_compiled import NotCompiled
 from envgraph.env.compiled._program_layout import ERROR
-from envgraph.env.compiled._visit_kernels import DONE, MANY, PAUSED, SPACE, WRONG
+from envgraph.env.compiled._visit_kernels import MANY, PAUSED, SPACE, WRONG
 from envgraph.env.compiled.kernels import CAPACITY, FULL
 from envgraph.errors import LIMITS
 
@@ -34,8 +33,8 @@ class StateArrays(NamedTuple):
     Attributes:
         states, floats: the states, and in the row behind them a state to work in.
         components, observations: the observations, as components and as numbers.
-        sources, found_by: the state from which each state was found, and the outcome, or in a search the action; -1 for
-            a first state.
+        sources, found_by: the state from which each state was found, -1 for a start state; and by which outcome, or, in
+            a search, by which action.
         starts: the index of the first outcome of each action.
         did: for each action, 1 if an outcome of it had an effect, else 0.
     """
@@ -70,7 +69,7 @@ class StateVisit(ABC):
     """A visit of the states of a member, in the order in which they are found.
 
     Args:
-        limit: the largest number of states, or, of a search, of start states.
+        limit: the largest number of states; a search has none.
         actions: the numbers of the actions to do; None: all.
         sought: the end that a search wants; 0: store all outcomes.
         goal: the component of the observation that ends the visit, or -1.
@@ -113,44 +112,38 @@ class StateVisit(ABC):
             np.zeros((size, match[1])),
         )
         self._hashed = np.full(4 * size, -1, np.int64)
-        self.counts = 0, 0, 0, 0
+        self.counts = -1, 0, 0, 0
 
     def visit_starts(self) -> tuple[Array, Array]:
         """Visit the start states. Return the state and the probability of each way to begin."""
-        arrays = self._program.arrays
-        while True:
-            to, chance, *_ = self.outcomes
-            how, states, used = self._functions["visit_starts"](
-                *self._arrays(), arrays.ints, arrays.floats, *self.rows[2:4], to, chance
-            )
-            self.counts = 0, states, 0, 0
-            if how == WRONG:
-                self._raise_error(-1, 0)
-            if how == DONE:
-                self.rows.sources[:states] = self.rows.found_by[:states] = -1
-                return to[:used].copy(), chance[:used].copy()
-            if states > self._limit:
-                raise TooManyStates(self._program.behaviour, self._limit)
-            self._grow_states(0)
-            self._grow_outcomes()
+        self.run(0)
+        _, states, used, _ = self.counts
+        self.counts = 0, states, 0, 0
+        return self.outcomes.to[:used].copy(), self.outcomes.chance[:used].copy()
 
     def run(self, last: int = maxsize) -> tuple[int, int]:
-        """Do all actions in the states before `last`. Return how that ended, and the place of the last action."""
+        """Do all actions in the states before `last`, after a visit of the start states if that was not made.
+
+        Returns how it ended, and the place of the last action.
+        """
+        program, arrays = self._program, self._program.arrays
         while True:
+            states, floats, *rows = self.rows
             how, place, *counts = self._functions["visit"](
-                *self._arrays(), *self.rows[2:], *self.outcomes, *self.counts, last, self._actions, *self._wanted,
-                self._pause_after(self.counts[3]),
+                program.tables, arrays.reals, arrays.offsets, states, floats, *self._work, self._member,
+                floats.view(np.int64), self._hashed, arrays.ints, arrays.floats, *rows, *self.outcomes, *self.counts,
+                last, self._actions, *self._wanted, self._pause_after(self.counts[3]),
             )  # fmt: skip
-            self.counts = head, states, _, _ = tuple(counts)
+            self.counts = head, count, _, _ = tuple(counts)
             self._check(how)
             if how in (WRONG, MANY):
                 self._raise_error(head, int(self._actions[place]))
             if how not in (SPACE, PAUSED):
                 return how, place
-            if how == SPACE and states + 1 >= len(self.rows.states):
-                self._grow_states(states)
+            if how == SPACE and count + 1 >= len(states):
+                self._grow_states(count)
             elif how == SPACE:
-                self._grow_outcomes()
+                self.outcomes = OutcomeArrays(*(padded_to(array, 4 * len(array)) for array in self.outcomes))
 
     @abstractmethod
     def _check(self, how: int) -> None:
@@ -160,22 +153,12 @@ class StateVisit(ABC):
         """Return the number of outcomes after which the visit pauses."""
         return made + COSTS.progress_interval
 
-    def _arrays(self) -> tuple[Any, ...]:
-        """Return the first arguments of the functions."""
-        arrays, (states, floats, *_) = self._program.arrays, self.rows
-        fixed = self._program.tables, arrays.reals, arrays.offsets
-        return *fixed, states, floats, *self._work, self._member, floats.view(np.int64), self._hashed
-
     def _grow_states(self, count: int) -> None:
         """Make space for more states than the `count` that are known."""
         size = 4 * len(self.rows.states)
         self.rows = StateArrays(*(padded_to(array, size) for array in self.rows))
         self._hashed = np.full(4 * size, -1, np.int64)
         self._hash(0, count)
-
-    def _grow_outcomes(self) -> None:
-        size = 4 * len(self.outcomes.to)
-        self.outcomes = OutcomeArrays(*(padded_to(array, size) for array in self.outcomes))
 
     def _hash(self, first: int, last: int) -> None:
         """Add the states from `first` to `last - 1` to the hash table."""
@@ -191,12 +174,11 @@ class StateVisit(ABC):
             NotCompiled: another bound of the program was exceeded.
         """
         program, arrays = self._program, self._program.arrays
-        if state < 0:
-            before, floats = arrays.ints[self._member], arrays.floats[self._member]
-        else:
-            before, floats = self.rows.states[state], self.rows.floats[state]
+        states, floats, row = arrays.ints, arrays.floats, self._member
+        if state >= 0:
+            states, floats, row = self.rows.states, self.rows.floats, state
         with (
-            program.live_counterpart(self._member).in_state(before, floats) as simulator,
+            program.live_counterpart(self._member).in_state(states[row], floats[row]) as simulator,
             closing(simulator.reset_outcomes() if state < 0 else simulator.outcomes(action)) as outcomes,
         ):
             for _ in outcomes:

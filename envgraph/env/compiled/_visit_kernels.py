@@ -15,56 +15,16 @@ NO_MOVE = 3
 """The end of an outcome that does not exist: a rule that is explored has no match, or is refused."""
 
 
-def add_state(T, G, L, K, S, F, RI, RF, D, m, BITS, HASHED, C, OBS, row, over):
-    """Return the number of the state in a row: that of an equal state, or `row` for a new state, which is observed.
-
-    Returns -1 if the observation of a new state has no value. `over` is 1 if the state ends the episode.
-    """
-    S[row, 0] = over
-    found = number_of(S, BITS, HASHED, row)
-    if found == row:
-        S[row, 0] = 0
-        OBS[row] = look(T[m], G[m], L, K, S[row], F[row], RI, RF, D, 0, C[row])
-        if S[row, 0] != 0:
-            return -1
-        S[row, 0] = over
-    return found
-
-
-def visit_starts(T, G, L, S, F, RI, RF, D, m, BITS, HASHED, S0, F0, C, OBS, TO, P):
-    """Visit the states in which an episode may begin. Return how it ended, and the numbers of states and outcomes."""
-    count, used, space = 0, 0, len(S)
-    T, G, L, S, F, RI, RF = fixed(T), fixed(G), vector(L), matrix(S), matrix(F), matrix(RI), matrix(RF)
-    S0, F0, BITS, C = fixed(S0), fixed(F0), matrix(BITS), matrix(C)
-    K = places(L)
-    begin_script(D)
-    while True:
-        if count + 1 >= space or used >= len(TO):
-            return SPACE, count, used
-        begin_outcome(D)
-        reset_one(T, G, L, K, S, F, RI, RF, D, count, m, S0, F0)
-        if S[count, 0] != 0 or is_script_full(D):
-            return WRONG, count, used
-        chance = D[CHANCE]
-        found = add_state(T, G, L, K, S, F, RI, RF, D, m, BITS, HASHED, C, OBS, count, 0)
-        if found < 0:
-            return WRONG, count, used
-        count += found == count
-        TO[used], P[used] = found, chance
-        used += 1
-        if not next_script(D):
-            return DONE, count, used
-
-
 def visit(
-    T, G, L, S, F, RI, RF, D, m, BITS, HASHED, C, OBS, BEFORE, BY, STARTS, DID, TO, P, REWARD, END, MATCH, REALS,
-    head, count, used, made, last, TRIED, SOUGHT, GOAL, MOST, LIMIT, WANTED,
+    T, G, L, S, F, RI, RF, D, m, BITS, HASHED, S0, F0, C, OBS, BEFORE, BY, STARTS, DID, TO, P, REWARD, END, MATCH,
+    REALS, head, count, used, made, last, TRIED, SOUGHT, GOAL, MOST, LIMIT, WANTED,
 ):  # fmt: skip
     """Do the actions `TRIED` in each state before `last`, in the order of the states' numbers.
 
-    New states get the next numbers; `BEFORE` and `BY` get the state and the number of the outcome that led there. Stops
-    at a new state with a component `GOAL` other than 0. If `SOUGHT` is not 0, outcomes and final states are not stored,
-    `BY` gets actions, and the visit stops if an episode ends as `SOUGHT`.
+    If `head` is -1, first visit the states in which an episode may begin. New states get the next numbers; `BEFORE` and
+    `BY` get the state and the number of the outcome that led there. Stops at a new state with a component `GOAL` other
+    than 0. If `SOUGHT` is not 0, outcomes and final states are not stored, `BY` gets actions, and the visit stops if an
+    episode ends as `SOUGHT`.
 
     `DID` gets 1 for actions that had an effect. If rules are explored, the reward is the row of the match, which is
     stored. Returns how the visit ended, the place of the action, the next state, the number of states, the number of
@@ -72,32 +32,36 @@ def visit(
     """
     space, room = len(S), len(TO)
     T, G, L, S, F, RI, RF = fixed(T), fixed(G), vector(L), matrix(S), matrix(F), matrix(RI), matrix(RF)
-    BITS, C, STARTS, DID, MATCH, REALS = (
-        matrix(BITS), matrix(C), matrix(STARTS), matrix(DID), matrix(MATCH), matrix(REALS)
-    )  # fmt: skip
+    S0, F0, BITS, C, STARTS, DID = fixed(S0), fixed(F0), matrix(BITS), matrix(C), matrix(STARTS), matrix(DID)
+    MATCH, REALS = matrix(MATCH), matrix(REALS)
     K = places(L)
     while head < count and head < last:
         if made >= WANTED:
             return PAUSED, 0, head, count, used, made
         first, before = used, made
-        for place in range(len(TRIED)):
-            STARTS[head, place] = used
-            if S[head, 0] != 0:
-                continue
+        for place in range(len(TRIED) if head >= 0 else 1):
+            if head >= 0:
+                STARTS[head, place] = used
+                if S[head, 0] != 0:
+                    continue
             begin_script(D)
             own, most = used, made + MOST
             while True:
                 if count + 1 >= space or used >= room:
                     return SPACE, place, head, count, first, before
-                for column in range(width(S)):
-                    S[count, column] = S[head, column]
-                for column in range(width(F)):
-                    F[count, column] = F[head, column]
                 begin_outcome(D)
-                reward, end, did = step_one(T[m], G[m], L, K, S[count], F[count], RI, RF, D, 0, TRIED[place])
-                DID[head, place] |= did
+                if head < 0:
+                    reset_one(T, G, L, K, S, F, RI, RF, D, count, m, S0, F0)
+                    reward, end = 0.0, 0
+                else:
+                    for column in range(width(S)):
+                        S[count, column] = S[head, column]
+                    for column in range(width(F)):
+                        F[count, column] = F[head, column]
+                    reward, end, did = step_one(T[m], G[m], L, K, S[count], F[count], RI, RF, D, 0, TRIED[place])
+                    DID[head, place] |= did
                 made += 1
-                if made > most or is_script_full(D):
+                if (made > most and head >= 0) or is_script_full(D):
                     return MANY, place, head, count, first, before
                 if S[count, 0] != 0:
                     return WRONG, place, head, count, first, before
@@ -105,18 +69,25 @@ def visit(
                     return FOUND, place, head, count, first, before
                 if end == 0 or (SOUGHT == 0 and end != NO_MOVE):
                     chance = D[CHANCE]
-                    found = add_state(T, G, L, K, S, F, RI, RF, D, m, BITS, HASHED, C, OBS, count, end != 0)
-                    if found < 0:
-                        return WRONG, place, head, count, first, before
+                    S[count, 0] = end != 0
+                    found = number_of(S, BITS, HASHED, count)
                     is_new = found == count
                     if is_new:
                         if count >= LIMIT:
                             return LIMITED, place, head, count, used, made - 1
+                        S[count, 0] = 0
+                        OBS[count] = look(T[m], G[m], L, K, S[count], F[count], RI, RF, D, 0, C[count])
+                        if S[count, 0] != 0:
+                            return WRONG, place, head, count, first, before
+                        S[count, 0] = end != 0
                         BEFORE[count], BY[count] = head, used if SOUGHT == 0 else TRIED[place]
                         count += 1
                     if SOUGHT != 0:
                         pass
-                    elif used > own and TO[used - 1] == found and REWARD[used - 1] == reward and END[used - 1] == end:
+                    elif (
+                        used > own and TO[used - 1] == found and REWARD[used - 1] == reward and END[used - 1] == end
+                        and head >= 0
+                    ):  # fmt: skip
                         P[used - 1] += chance
                     else:
                         TO[used], P[used], REWARD[used], END[used] = found, chance, reward, end
