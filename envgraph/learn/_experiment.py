@@ -298,7 +298,7 @@ def _train_and_evaluate(
     schedule = agent.new_schedule(curriculum.schedule, several) if curriculum.schedule else None
     turn = partial(agent.train_stage, rng)
     choosing = _run_generator(seed, CHOOSING, stages)
-    training = agent.training_result(*take_turns(turn, settings, parts, on_stage_begin, schedule, choosing))
+    training = agent.training_result(*take_turns(turn, settings, parts, choosing, on_stage_begin, schedule))
     found = agent.evaluate_on_target(_run_generator(seed, EVALUATION, stages))
     alone = stages[-1] == (len(prepared.ready.members) - 1,)
     result = RunResult(

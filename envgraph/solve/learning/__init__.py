@@ -38,7 +38,6 @@ if TYPE_CHECKING:
     )
     from envgraph.solve.learning._training import (
         Backend as Backend,
-        Curve as Curve,
         Training as Training,
         action_values as action_values,
         available_backends as available_backends,
@@ -46,7 +45,6 @@ if TYPE_CHECKING:
         initial_values as initial_values,
         prepare as prepare,
         renumber_occurring as renumber_occurring,
-        train as train,
         train_curriculum as train_curriculum,
         training_loop as training_loop,
     )
@@ -55,6 +53,10 @@ if TYPE_CHECKING:
         Epsilon as Epsilon,
         TrainingSettings as TrainingSettings,
     )
-    from envgraph.solve.learning._training_turns import StageMembers as StageMembers, take_turns as take_turns
+    from envgraph.solve.learning._training_turns import (
+        Curve as Curve,
+        StageMembers as StageMembers,
+        take_turns as take_turns,
+    )
 
 export_lazily(globals())

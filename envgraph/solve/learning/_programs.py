@@ -11,8 +11,8 @@ from envgraph.code import dataclass
 from envgraph.env.compiled import CompiledProgram, Learner, LearningRates
 from envgraph.errors import InvalidArgument
 from envgraph.solve.learning._stage import Stage, StageResult
-from envgraph.solve.learning._training import Curve, join_curves
 from envgraph.solve.learning._training_settings import AGENTS, TrainingSettings
+from envgraph.solve.learning._training_turns import Curve, take_turns
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -97,17 +97,14 @@ def train_learner(
     Raises:
         EvaluationError: an expression has no value in a state, or a rule cannot be applied.
     """
-    epsilon = settings.epsilon.start
-    outcomes = []
-    for number, (place, length) in enumerate(zip(environments, lengths, strict=True)):
-        begins(number, learner)
-        if settings.epsilon.reset == "stage":
-            epsilon = settings.epsilon.start
-        stage = Stage(length, epsilon, settings)
-        outcome = train_stage(learner, place, stage, rng)
-        epsilon = outcome.epsilon
-        outcomes.append((stage, outcome))
-    return ProgramTraining(learner, join_curves(outcomes), epsilon)
+    curve, epsilon = take_turns(
+        lambda places, stage: train_stage(learner, environments[places[0]], stage, rng),
+        settings,
+        [(length, (place,)) for place, length in enumerate(lengths)],
+        rng,
+        lambda stage: begins(stage, learner),
+    )
+    return ProgramTraining(learner, curve, epsilon)
 
 
 def train_stage(learner: Learner, environment: InProgram, stage: Stage, rng: np.random.Generator) -> StageResult:

@@ -21,6 +21,7 @@ from envgraph.env.compiled import has_numba
 from envgraph.errors import LIMITS, InvalidArgument, check_known
 from envgraph.solve.learning._stage import Stage, StageResult, TransitionTable, flatten_tabular
 from envgraph.solve.learning._training_settings import TrainingSettings
+from envgraph.solve.learning._training_turns import Curve, take_turns
 
 Backend = Literal["auto", "python", "numba"]
 
@@ -29,23 +30,6 @@ COMPILING_PAYS = 4_000_000, 500_000
 
 Each lies between the break-even points with and without a compiled loop in the cache: `python -m benchmarks learn`.
 """
-
-
-@dataclass(frozen=True, slots=True)
-class Curve:
-    """A learning curve, recorded every `checkpoint` steps of a stage and at its end; totals since the beginning.
-
-    Attributes:
-        steps: steps so far.
-        reward: cumulative reward, running episodes included.
-        episodes: finished episodes, truncated ones included.
-        successes: episodes among them that ended in success.
-    """
-
-    steps: tuple[int, ...]
-    reward: tuple[float, ...]
-    episodes: tuple[int, ...]
-    successes: tuple[int, ...]
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -111,7 +95,14 @@ def train_curriculum(
     values = initial_values(tables[0], settings)
     if q is not None:
         values[:] = np.tile(_checked_values(q, tables[0]), values.shape[1] // q.shape[1])
-    return train(tables, settings, rng, lengths, values, choose_backend(backend, sum(lengths), settings))
+    run_stage = training_loop(choose_backend(backend, sum(lengths), settings), settings)
+    curve, epsilon = take_turns(
+        lambda places, stage: run_stage(tables[places[0]], stage, values, rng),
+        settings,
+        [(length, (place,)) for place, length in enumerate(lengths)],
+        rng,
+    )
+    return Training(action_values(values, tables[0].n_actions), curve, epsilon)
 
 
 def renumber_occurring(tabulars: Sequence[Tabular]) -> Sequence[Tabular]:
@@ -171,33 +162,6 @@ def _check_agreement(tabulars: Sequence[Tabular]) -> None:
             raise InvalidArgument("the environments of a curriculum must have the same observations and actions")
 
 
-def train(
-    tables: Sequence[TransitionTable],
-    settings: TrainingSettings,
-    rng: np.random.Generator,
-    steps: Sequence[int],
-    q: NDArray[np.float64],
-    backend: Backend,
-    begins: Callable[[int], None] = lambda stage: None,
-) -> Training:
-    """Train as `train_curriculum`, without its checks; `q` is changed in place, and the backend must not be "auto".
-
-    `begins` is called with the index of each stage before it, when `q` has the values learned so far.
-    """
-    run_stage = training_loop(backend, settings)
-    epsilon = settings.epsilon.start
-    outcomes: list[tuple[Stage, StageResult]] = []
-    for place, (table, length) in enumerate(zip(tables, steps, strict=True)):
-        begins(place)
-        if settings.epsilon.reset == "stage":
-            epsilon = settings.epsilon.start
-        stage = Stage(length, epsilon, settings)
-        outcome = run_stage(table, stage, q, rng)
-        epsilon = outcome.epsilon
-        outcomes.append((stage, outcome))
-    return Training(action_values(q, tables[0].n_actions), join_curves(outcomes), epsilon)
-
-
 def training_loop(
     backend: Backend, settings: TrainingSettings
 ) -> Callable[[TransitionTable, Stage, NDArray[np.float64], np.random.Generator], StageResult]:
@@ -236,15 +200,3 @@ def _checked_values(q: NDArray[np.float64], table: TransitionTable) -> NDArray[n
     if q.shape != shape or not np.isfinite(q).all():
         raise InvalidArgument(f"`q` has the shape {q.shape}, but must have {shape} and finite values")
     return q + 0.0
-
-
-def join_curves(outcomes: Sequence[tuple[Stage, StageResult]]) -> Curve:
-    """Return one curve for all stages: each begins where the one before it ends."""
-    points: list[tuple[int, float, int, int]] = []
-    for stage, outcome in outcomes:
-        steps, reward, episodes, successes = points[-1] if points else (0, 0.0, 0, 0)
-        points.extend(
-            (steps + at, reward + total, episodes + finished, successes + reached)
-            for at, (total, finished, reached) in zip(stage.curve_points, outcome.curve, strict=True)
-        )
-    return Curve(*zip(*points, strict=True))

@@ -7,9 +7,9 @@ from dataclasses import replace
 
 import numpy as np
 
+from envgraph.code import dataclass
 from envgraph.env.schedules import Outcomes, Schedule
 from envgraph.solve.learning._stage import Stage, StageResult
-from envgraph.solve.learning._training import Curve, join_curves
 from envgraph.solve.learning._training_settings import TrainingSettings
 
 StageMembers = tuple[int, ...]
@@ -19,13 +19,30 @@ TrainStage = Callable[[StageMembers, Stage], StageResult]
 """Trains an agent on members for a stage."""
 
 
+@dataclass(frozen=True, slots=True)
+class Curve:
+    """A learning curve, recorded every `checkpoint` steps of a stage and at its end; totals since the beginning.
+
+    Attributes:
+        steps: steps so far.
+        reward: cumulative reward, running episodes included.
+        episodes: finished episodes, truncated ones included.
+        successes: episodes among them that ended in success.
+    """
+
+    steps: tuple[int, ...]
+    reward: tuple[float, ...]
+    episodes: tuple[int, ...]
+    successes: tuple[int, ...]
+
+
 def take_turns(
     turn: TrainStage,
     settings: TrainingSettings,
     stages: Sequence[tuple[int, StageMembers]],
-    begins: Callable[[int], None],
-    schedule: Schedule | None,
     rng: np.random.Generator,
+    begins: Callable[[int], None] = lambda stage: None,
+    schedule: Schedule | None = None,
 ) -> tuple[Curve, float]:
     """Train for some stages; in a stage with several members, a schedule chooses a member for each turn.
 
@@ -37,9 +54,9 @@ def take_turns(
         turn: trains for a stage on members.
         settings: the settings of the training.
         stages: steps and members of each stage.
+        rng: for the schedule only; training does not use it.
         begins: called with the number of each stage before it.
         schedule: chooses members in stages with several ones, which must be the same in all such stages.
-        rng: for the schedule only; training does not use it.
 
     Returns:
         The learning curve, and the exploration rate at the end.
@@ -55,7 +72,7 @@ def take_turns(
         else:
             outcomes += _train_in_turns(turn, Stage(length, epsilon, settings), place, schedule, rng)
         epsilon = outcomes[-1][1].epsilon
-    curve = join_curves(outcomes)
+    curve = _join_curves(outcomes)
     return curve if schedule is None else _thin_curve(curve, settings.checkpoint), epsilon
 
 
@@ -88,3 +105,15 @@ def _thin_curve(curve: Curve, checkpoint: int) -> Curve:
     kept = np.unique(np.searchsorted(steps, marks)).tolist()
     columns = curve.steps, curve.reward, curve.episodes, curve.successes
     return Curve(*(tuple(column[place] for place in kept) for column in columns))
+
+
+def _join_curves(outcomes: Sequence[tuple[Stage, StageResult]]) -> Curve:
+    """Return one curve for all stages: each begins where the one before it ends."""
+    points: list[tuple[int, float, int, int]] = []
+    for stage, outcome in outcomes:
+        steps, reward, episodes, successes = points[-1] if points else (0, 0.0, 0, 0)
+        points.extend(
+            (steps + at, reward + total, episodes + finished, successes + reached)
+            for at, (total, finished, reached) in zip(stage.curve_points, outcome.curve, strict=True)
+        )
+    return Curve(*zip(*points, strict=True))

@@ -9,11 +9,12 @@ from envgraph.errors import InvalidArgument
 from envgraph.learn import Epsilon, TrainingSettings, available_backends, train_curriculum
 from envgraph.solve.learning import (
     Backend,
+    Stage,
     flatten_tabular,
     initial_values,
     prepare,
     renumber_occurring,
-    train,
+    training_loop,
 )
 from tests.unit.learn.small_tables import random_table, table
 
@@ -201,7 +202,7 @@ def test_padding_and_unvisited_states_are_not_prepared_for_the_loop() -> None:
     assert len(ready.next_state) == 500 * 3 < wide.next_state.size
     settings = TrainingSettings(steps_per_environment=1_000)
     values = initial_values(ready, settings)
-    train([ready], settings, np.random.default_rng(0), [1_000], values, "python")
+    training_loop("python", settings)(ready, Stage(1_000, 1.0, settings), values, np.random.default_rng(0))
     assert {place for place, read in enumerate(ready.cached_outcomes) if read} == {
         0,
         1,
