@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Collection, Sequence
+from collections.abc import Callable, Collection, Iterable, Sequence
 
 from envgraph.code import escape_unprintable, shorten_repr
 from envgraph.errors._diagnostics import Diagnostic, Note
@@ -70,18 +70,25 @@ class TypeMismatch(EnvgraphError):
 class _ErrorWithSpan(EnvgraphError):
     """A run-time error with the span of the failed element, if known; `str()` shows this place."""
 
-    def __init__(self, message: str, span: Span | None, hint: str | None) -> None:
+    details: tuple[str, ...] = ()
+
+    def __init__(
+        self, message: str, span: Span | None, hint: str | None, code: str, notes: Iterable[Note] = ()
+    ) -> None:
         super().__init__(message, hint)
-        self.span = span
+        self.span, self.notes, self._code = span, tuple(notes), code
 
     @property
-    def _hint_text(self) -> str:
-        return f"\nhint: {self.hint}" if self.hint else ""
-
-    def _as_diagnostics(self, code: str, notes: Sequence[Note] = ()) -> tuple[Diagnostic, ...]:
+    def diagnostics(self) -> tuple[Diagnostic, ...]:
+        """Return the error as one diagnostic; () if the error has no span."""
         if self.span is None:
             return ()
-        return (Diagnostic(code, self.message, self.span, self.hint, notes=tuple(notes)),)
+        return (Diagnostic(self._code, self.message, self.span, self.hint, notes=self.notes),)
+
+    def __str__(self) -> str:
+        for one in self.diagnostics:
+            return str(one)
+        return "\n  ".join([self.message, *self.details]) + (f"\nhint: {self.hint}" if self.hint else "")
 
 
 class RuleError(_ErrorWithSpan):
@@ -107,7 +114,7 @@ class RuleError(_ErrorWithSpan):
         span: Span | None = None,
         hint: str | None = None,
     ) -> None:
-        super().__init__(message, span, hint)
+        super().__init__(message, span, hint, reason, map(Note, details))
         self.rule = rule
         self.reason = reason
         self.details = tuple(details)
@@ -116,15 +123,6 @@ class RuleError(_ErrorWithSpan):
         """Return a copy of the error whose message adds where else the rule is refused, as described by `where`."""
         message = f"{self.message}; it is refused at {where}"
         return _make_rule_error(message, self.rule, self.reason, self.details, self.span, self.hint)
-
-    @property
-    def diagnostics(self) -> tuple[Diagnostic, ...]:
-        """Return the error as one diagnostic; () if the error has no span."""
-        return self._as_diagnostics(self.reason, [Note(detail) for detail in self.details])
-
-    def __str__(self) -> str:
-        found = self.diagnostics
-        return str(found[0]) if found else "\n  ".join([self.message, *self.details]) + self._hint_text
 
     def __reduce__(self) -> tuple[Callable[..., EnvgraphError], tuple[object, ...]]:
         """Return the function and all fields to pickle the error, so that a worker process can send it back."""
@@ -161,17 +159,7 @@ class EvaluationError(_ErrorWithSpan):
         hint: str | None = None,
         notes: Sequence[Note] = (),
     ) -> None:
-        super().__init__(message, span, hint)
-        self.notes = tuple(notes)
-
-    @property
-    def diagnostics(self) -> tuple[Diagnostic, ...]:
-        """Return the error as one diagnostic; () if the error has no span."""
-        return self._as_diagnostics("no-value", self.notes)
-
-    def __str__(self) -> str:
-        found = self.diagnostics
-        return str(found[0]) if found else self.message + self._hint_text
+        super().__init__(message, span, hint, "no-value", notes)
 
     def __reduce__(self) -> tuple[Callable[..., EnvgraphError], tuple[object, ...]]:
         """Return the class and all fields to pickle the error, so that a worker process can send it back."""
@@ -192,17 +180,8 @@ class FunctionError(_ErrorWithSpan):
     """
 
     def __init__(self, message: str, function: str, span: Span | None = None, hint: str | None = None) -> None:
-        super().__init__(message, span, hint)
+        super().__init__(message, span, hint, "function-failed")
         self.function = function
-
-    @property
-    def diagnostics(self) -> tuple[Diagnostic, ...]:
-        """Return the error as one diagnostic; () if the error has no span."""
-        return self._as_diagnostics("function-failed")
-
-    def __str__(self) -> str:
-        found = self.diagnostics
-        return str(found[0]) if found else self.message + self._hint_text
 
     def __reduce__(self) -> tuple[Callable[..., EnvgraphError], tuple[object, ...]]:
         """Return the class and all fields to pickle the error, so that a worker process can send it back."""
