@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 from collections.abc import Callable, Sequence
+from dataclasses import fields
 from pathlib import Path
 from typing import Final
 
@@ -59,19 +60,7 @@ class AuditLevels:
     def save(self, path: Path) -> None:
         """Write the levels to a file atomically."""
         tables = self.tables
-        names = (
-            "first",
-            "start_first",
-            "starts",
-            "start_chance",
-            "to",
-            "chance",
-            "reward",
-            "ended",
-            "seen_first",
-            "seen",
-        )
-        arrays = {f"tables_{name}": array for name, array in zip(names, tables.arrays, strict=True)}
+        arrays = {f"tables_{one.name}": array for one, array in zip(fields(tables), tables.arrays, strict=False)}
         sizes = np.array([tables.inputs, tables.actions, tables.width, self.drawn])
         own = {name: getattr(self, name) for name in _SAVED_ARRAYS}
         with replacement_draft(path) as draft, draft.open("wb") as file:
