@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import field
-from typing import TYPE_CHECKING, Protocol
+from typing import TYPE_CHECKING
 
 from envgraph.code import dataclass
 from envgraph.errors import InvalidArgument
@@ -16,23 +16,18 @@ if TYPE_CHECKING:
     from envgraph.search.domain._domain import Domain
 
 
-class ModelProvider(Protocol):
-    """A provider of models by number."""
-
-    def engine_at(self, id_: int) -> Engine:
-        """Return an engine at the model with this number until another one is requested. Do not change its model."""
+ModelProvider = Callable[[int], Engine]
+"""Returns an engine at the model with a number, until another one is requested. Do not change its model."""
 
 
-class VersionedModels:
-    """A provider of models that are versions of one engine. Other code may check out other versions in the meantime."""
+def versioned_models(engine: Engine, versions: Sequence[Version]) -> ModelProvider:
+    """Return a provider of versions of one engine. Other code may check out other versions in the meantime."""
 
-    def __init__(self, engine: Engine, versions: Sequence[Version]) -> None:
-        self._engine, self._versions = engine, versions
+    def check_out(number: int) -> Engine:
+        engine.checkout(versions[number], discard=True)
+        return engine
 
-    def engine_at(self, id_: int) -> Engine:
-        """Check out the version with this number in the engine, discard uncommitted changes, and return the engine."""
-        self._engine.checkout(self._versions[id_], discard=True)
-        return self._engine
+    return check_out
 
 
 class ReplayedModels:
@@ -49,7 +44,7 @@ class ReplayedModels:
         self._versions: dict[int, Version] = {}
         self._engine: Engine | None = None
 
-    def engine_at(self, id_: int) -> Engine:
+    def __call__(self, id_: int) -> Engine:
         """Return the engine at the model of an individual, until another model is requested.
 
         Raises:
@@ -90,7 +85,7 @@ class LazyModel:
 
     def engine(self) -> Engine:
         """Return an engine whose current model is this model, until another model is requested from the provider."""
-        return self._models.engine_at(self.model_number)
+        return self._models(self.model_number)
 
     def __reduce__(self) -> tuple[type[str], tuple[str]]:
         """Return data so that copying and pickling give the JSON text. The engine is shared and cannot be copied."""

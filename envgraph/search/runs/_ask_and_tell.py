@@ -10,7 +10,7 @@ from envgraph.errors import EvaluationError, InvalidArgument
 from envgraph.search._run_store import RunStore
 from envgraph.search.domain._domain import Domain
 from envgraph.search.evolution._model_sampler import ModelSampler, OfferedModel
-from envgraph.search.families._lazy_models import LazyModel, VersionedModels
+from envgraph.search.families._lazy_models import LazyModel, versioned_models
 from envgraph.search.families._member_family import Family, Member, order_members
 from envgraph.search.runs._generate import stored_settings_and_texts
 
@@ -54,7 +54,7 @@ class Sampling:
         if len(self._asked_models) < count or count < 1:
             hint = "ask for fewer, or use mutation rules and constraints that allow more models"
             raise EvaluationError(f"only {len(self._asked_models)} of {count} new models were found", hint=hint)
-        held = VersionedModels(self._engine, [one.version for one in self._asked_models if one.version is not None])
+        held = versioned_models(self._engine, [one.version for one in self._asked_models if one.version is not None])
         members = tuple(
             Member(f"E{number + 1}", one.measures, LazyModel(f"{one.state:016x}", number, held))
             for number, one in enumerate(self._asked_models)
@@ -81,7 +81,7 @@ class Sampling:
     def family(self) -> Family:
         """Return the members of the archive as a family, in the order of the curriculum, with the initial model."""
         members = self._sampler.archive_members()
-        held = VersionedModels(self._engine, [version for _, version in members])
+        held = versioned_models(self._engine, [version for _, version in members])
         found = [
             (one.measures, LazyModel(one.state_hash, place, held), one.id, one.parent is None)
             for place, (one, _) in enumerate(members)
