@@ -34,7 +34,6 @@ from envgraph.search.problem._expression_measures import (
 )
 from envgraph.search.problem._family_measures import ChainTransfer
 from envgraph.search.problem._individual_measures import (
-    DEFAULT_STEP_LIMIT,
     CachedCertifier,
     DistanceToModel,
     MatchCount,
@@ -84,20 +83,6 @@ class ComponentContext:
     certifier: CachedCertifier | None = None
     others: Mapping[str, tuple[IndividualMeasure, float]] = field(default_factory=dict)
     diversity: Statistic | None = None
-
-    @classmethod
-    def of(
-        cls,
-        metamodel: Metamodel,
-        spec: FamilySpec,
-        behaviour: Behaviour | None,
-        library: Library,
-        initial: Model,
-    ) -> ComponentContext:
-        """Return the context of a family without errors. It has a certifier if there is an environment."""
-        limit = spec.limit or (behaviour.limit if behaviour else None) or DEFAULT_STEP_LIMIT
-        certifier = CachedCertifier(behaviour, limit) if behaviour else None
-        return cls(metamodel, spec, behaviour, library=library, initial=initial, certifier=certifier)
 
 
 MeasureFactory = Callable[[ComponentOptions, ComponentContext], IndividualMeasure]

@@ -36,6 +36,7 @@ from envgraph.search.domain._constraints import constraints_of
 from envgraph.search.domain._initial_model import check_initial
 from envgraph.search.evolution._evolution_settings import EvolutionSettings, SampleSettings
 from envgraph.search.evolution._survivor_selection import ExactSelection, SurvivorSelection
+from envgraph.search.problem._individual_measures import DEFAULT_STEP_LIMIT, CachedCertifier
 from envgraph.search.problem._objective import Objective
 from envgraph.search.problem._objective_parser import parse_objective
 from envgraph.search.problem._problem import IndividualMeasure, Problem
@@ -378,11 +379,12 @@ class Domain:
         return check_initial(self, problem or self.problem(self.engine()))
 
     def _component_context(self) -> ComponentContext:
-        registration = self.workspace.registration
+        spec, behaviour, registration = self.spec, self.behaviour, self.workspace.registration
         assert registration is not None, "there are no errors"
-        return ComponentContext.of(
-            self.metamodel, self.spec, self.behaviour, registration.library, self._initial_model()
-        )
+        limit = spec.limit or (behaviour.limit if behaviour else None) or DEFAULT_STEP_LIMIT
+        certifier = CachedCertifier(behaviour, limit) if behaviour else None
+        library, initial = registration.library, self._initial_model()
+        return ComponentContext(self.metamodel, spec, behaviour, None, library, initial, certifier)
 
 
 def _definition_in_file(definitions: Sequence[ParsedFile], file: LocatedName) -> ParsedFile:
