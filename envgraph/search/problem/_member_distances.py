@@ -37,9 +37,11 @@ def number_objects(models: Iterable[Model]) -> NDArray[np.int32]:
     Two entries of a column are equal if the objects with that id do not differ; see `object_fact_columns` for their
     description. An entry is 0 if the model has no object with that id. The models are read one after the other.
     """
-    describe = ObjectNumbering()
-    rows = [describe(model) for model in models]
-    found = np.zeros((len(rows), max(map(len, rows))), np.int32)
+    return _padded_rows([*map(ObjectNumbering(), models)])
+
+
+def _padded_rows(rows: Sequence[NDArray[np.int32]]) -> NDArray[np.int32]:
+    found = np.zeros((len(rows), max(map(len, rows), default=0)), np.int32)
     for place, row in enumerate(rows):
         found[place, : len(row)] = row
     return found
@@ -78,10 +80,7 @@ class MemberDistance:
 
     def _distance_matrix(self, members: Sequence[Candidate]) -> NDArray[np.int64]:
         """Return the distance between each pair of members as a matrix [members, members]."""
-        rows = [self._object_numbers(member) for member in members]
-        objects = np.zeros((len(rows), max(map(len, rows), default=0)), np.int32)
-        for place, row in enumerate(rows):
-            objects[place, : len(row)] = row
+        objects = _padded_rows([self._object_numbers(member) for member in members])
         return count_differing_objects(objects, objects)
 
     def _object_numbers(self, member: Candidate) -> NDArray[np.int32]:
