@@ -107,7 +107,7 @@ class LevelFactory:
             InvalidArgument: the initial model violates a constraint or has no value of a measure.
         """
         self.check_out(self.origin)
-        target = self._make_level(self.origin, ())
+        target = self.commit_if_member((), self.origin)
         if target is None:
             raise InvalidArgument(
                 f"the initial model cannot be the target of a family: {next(iter(self.rejection_counts))}"
@@ -137,9 +137,16 @@ class LevelFactory:
     def _tables(self) -> TableBuilder:
         return TableBuilder(self.behaviour, LIMITS["searched states"])
 
-    def commit_if_member(self, trace: Trace) -> ModelLevel | None:
-        """Commit the current model and return its level. If it is not a member, count the reason and return None."""
-        return self._make_level(None, trace)
+    def commit_if_member(self, trace: Trace, version: Version | None = None) -> ModelLevel | None:
+        """Return the current model as a level. If it is not a member, count the reason and return None.
+
+        Commit the model, unless it is the target, which is given as a `version`.
+        """
+        measures = self.measure_or_count()
+        if measures is None or (version is None and not self._has_known_objects()):
+            return None
+        state = self.engine.model.state_hash()
+        return ModelLevel(version or self.engine.commit(), trace, state, measures, self)
 
     def check_out(self, version: Version) -> None:
         """Check out a version in the engine, and discard uncommitted changes."""
@@ -213,10 +220,3 @@ class LevelFactory:
             f"it has an observed object of class `{name}` that the target does not have" for name in new
         )
         return not new
-
-    def _make_level(self, version: Version | None, trace: Trace) -> ModelLevel | None:
-        measures = self.measure_or_count()
-        if measures is None or (version is None and not self._has_known_objects()):
-            return None
-        state = self.engine.model.state_hash()
-        return ModelLevel(version or self.engine.commit(), trace, state, measures, self)

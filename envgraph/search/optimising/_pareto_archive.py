@@ -32,15 +32,10 @@ class FoundState:
 
 
 class ParetoArchive:
-    """States that do not dominate each other, in the order in which they were found, without equal evaluations.
-
-    Attributes:
-        states_added: number of states that were added.
-    """
+    """States that do not dominate each other, in the order in which they were found, without equal evaluations."""
 
     def __init__(self) -> None:
         self._found: list[FoundState] = []
-        self.states_added = 0
 
     def accepts(self, costs: ConstrainedCosts) -> bool:
         """Return True if no state in the archive equals or dominates a state with this evaluation."""
@@ -50,7 +45,6 @@ class ParetoArchive:
         """Add a state that `accepts` accepts, and remove the states that it dominates."""
         self._found = [other for other in self._found if not found.costs.dominates(other.costs)]
         self._found.append(found)
-        self.states_added += 1
 
     def __iter__(self) -> Iterator[FoundState]:
         """Yield the states sorted by costs, the lowest cost of the first goal first."""

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 
 from envgraph.env import ExploredEnvironment, GridScene
 from envgraph.search.families._member_family import Family
@@ -23,9 +23,9 @@ def reward_schedule(family: Family) -> tuple[float, ...]:
     winning: set[str] = set()
     starts: set[str] = set()
     for member in reversed(family.members):
-        found = _find_arrivals(family.explored(member, pictures=True))
-        starts |= {letters[letter] for letter in found.start_letters if letter in letters}
-        for letter, reward, outcome in found.arrivals:
+        start_letters, arrivals = _find_arrivals(family.explored(member, pictures=True))
+        starts |= {letters[letter] for letter in start_letters if letter in letters}
+        for letter, reward, outcome in arrivals:
             cls = letters.get(letter, "")
             winning |= {cls} if outcome == 1 else set()  # 1 is success
             if abs(reward) > abs(rewards.setdefault(cls, reward)):
@@ -45,20 +45,12 @@ def _rewarded_classes(family: Family, starts: set[str], winning: set[str]) -> Se
     return [cls for cls in shown if cls not in winning] + [cls for cls in shown if cls in winning]
 
 
-class _CellArrivals:
-    """The letters of the cells on which episodes start, and (letter, reward, outcome) of every possible step."""
-
-    def __init__(self) -> None:
-        self.start_letters: dict[str, None] = {}
-        self.arrivals: dict[tuple[str, float, int], None] = {}
-
-
-def _find_arrivals(explored: ExploredEnvironment) -> _CellArrivals:
-    tabular, found = explored.tabular, _CellArrivals()
+def _find_arrivals(explored: ExploredEnvironment) -> tuple[Iterable[str], Iterable[tuple[str, float, int]]]:
+    """Return the letters of the cells on which episodes start, and (letter, reward, outcome) of every possible step."""
+    tabular = explored.tabular
     letters = [_letter_under_token(scene) for scene in explored.pictures if isinstance(scene, GridScene)]
     if len(letters) != tabular.n_states:
-        return found
-    found.start_letters = {letters[state]: None for state in tabular.start_states.tolist()}
+        return (), ()
     possible = tabular.probability > 0
     steps = zip(
         tabular.next_state[possible].tolist(),
@@ -66,8 +58,8 @@ def _find_arrivals(explored: ExploredEnvironment) -> _CellArrivals:
         tabular.terminated[possible].tolist(),
         strict=True,
     )
-    found.arrivals = {(letters[state], reward, outcome): None for state, reward, outcome in steps}
-    return found
+    arrivals = dict.fromkeys((letters[state], reward, outcome) for state, reward, outcome in steps)
+    return [letters[state] for state in tabular.start_states.tolist()], arrivals
 
 
 def _letter_under_token(scene: GridScene) -> str:
