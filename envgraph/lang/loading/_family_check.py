@@ -12,28 +12,6 @@ from envgraph.lang.loading._workspace import Workspace
 from envgraph.metamodel import Metamodel, Reference, Scalar
 from envgraph.pattern import Derivation, Library, Rule, Unit
 
-COMPONENTS: Mapping[str, Collection[str]] = MappingProxyType(
-    {
-        "measure": (
-            "path_complexity",
-            "shortest_path",
-            "shortest_plan",
-            "random_success",
-            "optimal_return",
-            "distance",
-            "expression",
-            "count",
-            "value",
-        ),
-        "diversity": ("binned_entropy", "gini", "variance"),
-        "objective": ("learning", "chain_transfer"),
-        "parents": ("random", "tournament", "elitist"),
-        "survivors": ("simulated_annealing", "hill_climbing", "beam", "exact"),
-        "strategy": ("simulated_annealing", "hill_climbing", "beam", "tree_search"),
-    }
-)
-"""The kinds of components that envgraph provides, by role."""
-
 NEED_ENVIRONMENT = ("shortest_plan", "random_success", "optimal_return")
 """The kinds of measures that need an environment, not only a model."""
 
@@ -49,6 +27,19 @@ _OPTIONS: Mapping[str, Mapping[str, str]] = {
     "count": {"of": "pattern"},
     "value": {"of": "pattern", "parameter": ""},
 }
+
+
+COMPONENTS: Mapping[str, Collection[str]] = MappingProxyType(
+    {
+        "measure": tuple(_OPTIONS),
+        "diversity": ("binned_entropy", "gini", "variance"),
+        "objective": ("learning", "chain_transfer"),
+        "parents": ("random", "tournament", "elitist"),
+        "survivors": ("simulated_annealing", "hill_climbing", "beam", "exact"),
+        "strategy": ("simulated_annealing", "hill_climbing", "beam", "tree_search"),
+    }
+)
+"""The kinds of components that envgraph provides, by role."""
 
 
 def numeric_parameters(library: Library, pattern: str) -> dict[str, tuple[int, Scalar]] | None:
@@ -200,7 +191,7 @@ class _FamilyChecker:
 
     def _check_measure(self, measure: ComponentSpec) -> Iterator[Diagnostic]:
         expected = _OPTIONS.get(measure.kind)
-        if expected is None or measure.kind not in COMPONENTS["measure"]:
+        if expected is None:
             return
         for option, value in measure.options.items():
             span = measure.key_span(option)

@@ -28,7 +28,6 @@ from envgraph.behaviour import (
     RuleCall,
     Token as DrawnToken,
 )
-from envgraph.code import dataclass
 from envgraph.errors import Span
 from envgraph.lang.read._expression_parser import parse_expression, parse_expressions, parse_variable
 from envgraph.lang.read._file_reading import FileReading, resolve_type, type_name_span
@@ -136,34 +135,27 @@ def _parse_rule_call(reading: FileReading, tree: Tree[Token]) -> RuleCall:
 # --- effects ---
 
 
-@dataclass(frozen=True, slots=True)
-class _EffectParts:
-    """The parts of an effect clause: `reward`, `terminate` or `truncate`, and `apply`. A missing part is None."""
-
-    reward: Tree[Token] | None
-    end: Tree[Token] | None
-    apply: Tree[Token] | None
+_Part = Tree[Token] | None
 
 
-def _effect_parts(reading: FileReading, tree: Tree[Token]) -> _EffectParts:
+def _effect_parts(reading: FileReading, tree: Tree[Token]) -> tuple[_Part, _Part, _Part]:
+    """Return the `reward`, the end of the episode and the `apply` of an effect clause. A missing part is None."""
     reward = reading.first_or_report("`reward`", select_trees(tree.children, "reward"))
     end = reading.first_or_report("an end", select_trees(tree.children, "end"))
-    return _EffectParts(reward, end, reading.first_or_report("`apply`", select_trees(tree.children, "apply")))
+    return reward, end, reading.first_or_report("`apply`", select_trees(tree.children, "apply"))
 
 
 def parse_each_step(reading: FileReading, tree: Tree[Token]) -> EachStep | None:
     """Parse `each step reward e apply branches`; report an empty clause, and report and ignore an end of episodes."""
-    parts = _effect_parts(reading, tree)
-    if parts.end:
+    reward, end, apply = _effect_parts(reading, tree)
+    if end:
         hint = "write `on find p(..) terminate ..`, with a pattern for the end"
-        reading.error(
-            "misplaced-part", "`each step` cannot end the episode, which would last one step", parts.end, hint
-        )
-    elif not (parts.reward or parts.apply):
+        reading.error("misplaced-part", "`each step` cannot end the episode, which would last one step", end, hint)
+    elif not (reward or apply):
         reading.error("empty-clause", "this clause does nothing", tree, "add `reward` or `apply`")
     return EachStep(
-        _parse_optional_expression(reading, parts.reward),
-        _parse_apply_without_find(reading, parts.apply) if parts.apply else (),
+        _parse_optional_expression(reading, reward),
+        _parse_apply_without_find(reading, apply) if apply else (),
         reading.span(tree),
     )
 
@@ -190,17 +182,17 @@ def _parse_apply(reading: FileReading, apply: Tree[Token]) -> tuple[tuple[Branch
 def parse_on_find(reading: FileReading, tree: Tree[Token]) -> OnFind | None:
     """Parse `on find p(..) ...`; report an empty clause. Report an invalid condition and return None."""
     asked = select_trees(tree.children)[0]
-    parts = _effect_parts(reading, tree)
-    if not (parts.reward or parts.end or parts.apply):
+    reward, end, apply = _effect_parts(reading, tree)
+    if not (reward or end or apply):
         reading.error("empty-clause", "this clause does nothing", tree, "add `reward`, `terminate` or `apply`")
     condition = _parse_find_condition(reading, asked)
-    branches, weight = _parse_apply(reading, parts.apply) if parts.apply else ((), None)
+    branches, weight = _parse_apply(reading, apply) if apply else ((), None)
     if condition is None:
         return None
     return OnFind(
         condition,
-        _parse_optional_expression(reading, parts.reward),
-        _parse_end(parts.end) if parts.end else None,
+        _parse_optional_expression(reading, reward),
+        _parse_end(end) if end else None,
         branches,
         weight,
         reading.span(tree),
@@ -234,10 +226,10 @@ def parse_on_reset(reading: FileReading, tree: Tree[Token]) -> OnReset | None:
 
     Return None if `apply` is missing or the condition is invalid; both are reported.
     """
-    parts = _effect_parts(reading, tree)
+    reward, end, apply = _effect_parts(reading, tree)
     asked = [part for part in select_trees(tree.children) if part.data not in ("reward", "apply", "end")]
     condition = _parse_find_condition(reading, asked[0]) if asked else None
-    for part in (parts.reward, parts.end):
+    for part in (reward, end):
         if part is not None:
             hint = "leave it out"
             reading.error(
@@ -246,13 +238,13 @@ def parse_on_reset(reading: FileReading, tree: Tree[Token]) -> OnReset | None:
                 part,
                 hint,
             )
-    if parts.apply is None:
-        if not (parts.reward or parts.end):
+    if apply is None:
+        if not (reward or end):
             reading.error("empty-clause", "this clause does nothing", tree, "write `on reset apply rule(...)`")
         return None
     if not asked:
-        return OnReset(_parse_apply_without_find(reading, parts.apply), span=reading.span(tree))
-    branches, weight = _parse_apply(reading, parts.apply)
+        return OnReset(_parse_apply_without_find(reading, apply), span=reading.span(tree))
+    branches, weight = _parse_apply(reading, apply)
     return OnReset(branches, condition, weight, reading.span(tree)) if condition else None
 
 

@@ -38,7 +38,6 @@ class GridCell:
 
     column: int
     row: int
-    letter: str
     where: Span
     entry: LegendEntry | None
 
@@ -198,7 +197,7 @@ def _make_cells(
                 unknown.add(letter)
                 hint = _known_letters_hint(legend, has_legend)
                 reading.error("unknown-letter", f"unknown letter `{letter}` in the grid", where, hint)
-            cells.append(GridCell(column, row, letter, where, entry))
+            cells.append(GridCell(column, row, where, entry))
     return cells
 
 

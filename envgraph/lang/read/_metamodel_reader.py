@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Callable, Iterable
 from dataclasses import field
 
 from lark import Token, Tree
@@ -33,7 +33,6 @@ from envgraph.metamodel import (
     AttributeType,
     Class,
     EnumType,
-    Feature,
     Glyph,
     Metamodel,
     Package,
@@ -190,7 +189,11 @@ class _MetamodelReader(FileReading):
             name=str(name),
             abstract=bool(select_tokens(tree.children, "ABSTRACT")),
             supertypes=tuple(str(token) for token in above),
-            features=tuple(feature for member in members for feature in self._parse_feature(member)),
+            features=tuple(
+                found
+                for one in members
+                if (found := self._parse_reference(one) if one.data == "reference" else self._parse_attribute(one))
+            ),
             key=marks.key,
             glyph=marks.glyph,
             frozen=marks.frozen,
@@ -201,14 +204,6 @@ class _MetamodelReader(FileReading):
         )
 
     # --- features ---
-
-    def _parse_feature(self, tree: Tree[Token]) -> Iterator[Feature]:
-        if tree.data == "reference":
-            yield self._parse_reference(tree)
-            return
-        attribute = self._parse_attribute(tree)
-        if attribute is not None:
-            yield attribute
 
     def _parse_attribute(self, tree: Tree[Token]) -> Attribute | None:
         type_token, name = select_tokens(tree.children, "NAME")

@@ -216,9 +216,7 @@ class _ModelReader:
         message, hint = f"there are two {what} `{name}`", "choose another name for one"
         self.reports.error("duplicate-object", message, name, hint, notes)
 
-    def _read_body(
-        self, node: int | None, body: Tree[Token] | None, made: CreatedObjects, cell: Span | None = None
-    ) -> None:
+    def _read_body(self, node: int | None, body: Tree[Token] | None, made: CreatedObjects) -> None:
         """Create the objects nested in an object; add a task for each feature; report features that are set twice."""
         first: dict[str, Token] = {}
         for assignment in select_trees(body.children) if body else []:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from typing import Literal, cast
 
 from lark import Token, Tree
@@ -72,9 +73,7 @@ def _parse_left_side(reading: FileReading, tree: Tree[Token], owner: Token) -> L
     Report a second `lhs`, and a rule without `lhs`. Empty blocks are reported by the later check of rules.
     """
     sides = select_trees(tree.children, "left")
-    reading.first_or_report(
-        "`lhs`", (select_tokens(side.children)[0] for side in sides), "move its content into the first one"
-    )
+    _report_second_side(reading, "`lhs`", sides)
     if sides:
         return parse_left_side(reading, select_trees(sides[0].children), select_tokens(sides[0].children)[0])
     if tree.data == "rule" and not reading.has_gap(tree):
@@ -84,20 +83,19 @@ def _parse_left_side(reading: FileReading, tree: Tree[Token], owner: Token) -> L
     return LeftSide(span=reading.span(owner))
 
 
+def _report_second_side(reading: FileReading, noun: str, sides: Iterable[Tree[Token]]) -> None:
+    keywords = (select_tokens(side.children)[0] for side in sides)
+    reading.first_or_report(noun, keywords, "move its content into the first one")
+
+
 def _parse_right_side(reading: FileReading, tree: Tree[Token]) -> RightSide | Modification | None:
     """Parse the `rhs` or `modify` of a rule or block; return None if it has neither. Report superfluous ones.
 
     If both are written, the `rhs` is parsed; if one of them is written twice, the first is parsed.
     """
     rights, modifications = select_trees(tree.children, "right"), select_trees(tree.children, "modification")
-    reading.first_or_report(
-        "`rhs`", (select_tokens(side.children)[0] for side in rights), "move its content into the first one"
-    )
-    reading.first_or_report(
-        "`modify`",
-        (select_tokens(side.children)[0] for side in modifications),
-        "move its content into the first one",
-    )
+    _report_second_side(reading, "`rhs`", rights)
+    _report_second_side(reading, "`modify`", modifications)
     if rights and modifications:
         both = sorted([*rights, *modifications], key=lambda side: side.meta.start_pos)
         hint = "keep one of them: `rhs` is the graph after the application, `modify` lists the changes"
@@ -117,8 +115,10 @@ def _parse_block(reading: FileReading, tree: Tree[Token]) -> RuleBlock:
     if tree.data == "condition_block":
         return _parse_condition_block(reading, tree)
     keyword, *plus = select_tokens(select_trees(tree.children, "nesting")[0].children)
-    kind = "".join((keyword, *plus))
-    left = _parse_left_side(reading, tree, keyword)
+    return _make_block(reading, tree, keyword, "".join((keyword, *plus)), _parse_left_side(reading, tree, keyword))
+
+
+def _make_block(reading: FileReading, tree: Tree[Token], keyword: Token, kind: str, left: LeftSide) -> RuleBlock:
     return RuleBlock(
         cast(BlockKind, kind),
         left,
@@ -144,13 +144,7 @@ def _parse_condition_block(reading: FileReading, tree: Tree[Token]) -> RuleBlock
             hint,
         )
         statements.extend(select_trees(side.children))
-    return RuleBlock(
-        cast(BlockKind, str(keyword)),
-        parse_left_side(reading, statements, keyword),
-        _parse_blocks(reading, tree),
-        _parse_right_side(reading, tree),
-        reading.span(keyword),
-    )
+    return _make_block(reading, tree, keyword, str(keyword), parse_left_side(reading, statements, keyword))
 
 
 def _parse_unit(reading: FileReading, package: str, tree: Tree[Token]) -> Unit:

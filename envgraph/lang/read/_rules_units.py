@@ -8,14 +8,13 @@ from lark import Token, Tree
 
 from envgraph.lang.read._expression_parser import parse_expression, parse_expressions
 from envgraph.lang.read._file_reading import FileReading
-from envgraph.lang.read._query_conditions import parse_condition, parse_term
+from envgraph.lang.read._query_conditions import parse_condition, parse_conditions, parse_term
 from envgraph.lang.syntax._parser import qualified_name_of, select_tokens, select_trees
 from envgraph.pattern import (
     Alap,
     Applicable,
     AtomicStep,
     Constant,
-    Constraint,
     EnumLiteral,
     Evaluation,
     Expression,
@@ -53,21 +52,10 @@ def _parse_call(reading: FileReading, tree: Tree[Token]) -> UnitCall:
         bool(select_tokens(tree.children, "FIRST")),
         top[0] if top else None,
         parse_expression(reading, select_trees(by[0].children)[0]) if by else None,
-        tuple(
-            condition
-            for where in select_trees(tree.children, "where")
-            for part in select_trees(where.children)
-            if (condition := _parse_condition(reading, part)) is not None
+        parse_conditions(
+            reading, (part for where in select_trees(tree.children, "where") for part in select_trees(where.children))
         ),
     )
-
-
-def _parse_condition(reading: FileReading, tree: Tree[Token]) -> Constraint | None:
-    """Parse a condition; if it is invalid (which is reported), record its text as a gap and return None."""
-    condition = parse_condition(reading, tree)
-    if condition is None:
-        reading.record_gap(tree)
-    return condition
 
 
 def _parse_choice(reading: FileReading, tree: Tree[Token]) -> UnitChoice:
@@ -105,9 +93,9 @@ def _parse_try(reading: FileReading, tree: Tree[Token]) -> TryStep:
 def _parse_if(reading: FileReading, tree: Tree[Token]) -> IfStep | StepSequence:
     """Parse an `if` step; if its condition is invalid (already reported), return only the first branch."""
     asked, then, *otherwise = select_trees(tree.children)
-    condition: Constraint | Applicable | None = _parse_applicable(reading, asked)
+    condition = _parse_applicable(reading, asked) or parse_condition(reading, asked)
     if condition is None:
-        condition = _parse_condition(reading, asked)
+        reading.record_gap(asked)
     body = parse_unit_block(reading, then)
     if condition is None:
         return body
