@@ -58,9 +58,9 @@ class _TraceReader:
 
     def read(self) -> None:
         start = 0
-        for number, line in enumerate(self.source.text.split("\n")):
+        for line in self.source.text.split("\n"):
             if line.strip():
-                self._read_line(number, Source(self.source.name, line), start)
+                self._read_line(Source(self.source.name, line), start)
             start += len(line) + 1
             if len(self.problems) >= MAX_ERRORS:
                 return
@@ -78,7 +78,7 @@ class _TraceReader:
             self._report("unfinished-trace", message, self.source.span_between(max(0, end - 1), end), hint)
         self.trace.spans, self.trace.matches = tuple(self._states), tuple(self._matches)
 
-    def _read_line(self, number: int, line: Source, start: int) -> None:
+    def _read_line(self, line: Source, start: int) -> None:
         whole = self.source.span_between(start, start + len(line.text))
         try:
             value = json.loads(line.text)

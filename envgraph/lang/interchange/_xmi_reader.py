@@ -95,10 +95,7 @@ def schema_paths(source: Source) -> list[str]:
                 found.extend(value.split()[1::2])
         raise StopParsing
 
-    def nothing(_: str) -> None:
-        return
-
     head = Source(source.name, source.text[:_HEAD_LENGTH])
-    XmlReader(XmlPositions(head)).parse(start, nothing, nothing)
+    XmlReader(XmlPositions(head)).parse(start)
     paths = dict.fromkeys(unquote(one.partition("#")[0]) for one in found)
     return [path for path in paths if path.endswith((".ecore", ".metamodel")) and "://" not in path]

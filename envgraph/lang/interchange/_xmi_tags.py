@@ -69,9 +69,8 @@ class TagReader:
 
     def check_syntax(self) -> None:
         """Check only that the file is valid XML, and report the first error."""
-        problem = self._xml.parse(
-            lambda tag, _: self._xml.record_open_tag(tag), lambda _: self._xml.open_tags.pop(), lambda _: None
-        )
+        xml = self._xml
+        problem = xml.parse(lambda tag, _: xml.record_open_tag(tag), lambda _: xml.open_tags.pop())
         if problem:
             self._reading.diagnostics.append(problem)
 

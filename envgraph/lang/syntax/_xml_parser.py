@@ -209,8 +209,8 @@ class XmlReader:
     def parse(
         self,
         start: Callable[[str, dict[str, str]], object],
-        end: Callable[[str], object],
-        text: Callable[[str], None],
+        end: Callable[[str], object] | None = None,
+        text: Callable[[str], None] | None = None,
     ) -> Diagnostic | None:
         """Parse the text and call handlers; return a diagnostic if it is not valid XML, else None.
 
@@ -339,7 +339,6 @@ class XmlElement:
     attributes: Mapping[str, str]
     scope: Mapping[str, str]
     children: list[XmlElement] = field(default_factory=list)
-    text: str = ""
 
     def get(self, name: str) -> str:
         """Return the value of an attribute; "" if the attribute is missing."""
@@ -382,10 +381,7 @@ def read_tree(places: XmlPositions) -> tuple[XmlElement | None, Diagnostic | Non
         path.pop()
         reader.open_tags.pop()
 
-    def text(data: str) -> None:
-        path[-1].text += data
-
-    problem = reader.parse(start, end, text)
+    problem = reader.parse(start, end)
     return (None, problem) if problem or not roots else (roots[0], None)
 
 
