@@ -14,7 +14,7 @@ from functools import partial
 from typing import Any
 
 from envgraph.code import dataclass
-from envgraph.errors import Diagnostic, did_you_mean, most_similar, too_many_errors_diagnostic
+from envgraph.errors import Diagnostic, did_you_mean, most_similar
 from envgraph.lang.syntax._lexer import END, PUNCTUATION, Lexeme, is_first_on_line
 from envgraph.lang.syntax._parse_stack import ParseStack, ResumePoint
 from envgraph.lang.syntax._unexpected_tokens import VALUE_WORDS, SyntaxReports
@@ -89,10 +89,6 @@ class Recovery:
         if not self._is_surplus_brace(index):
             self._reports.report_unexpected(index)
         return self._close_open_definitions(index) if self._lexemes[index].kind == END else self._skip_statement(index)
-
-    def report_too_many_errors(self, index: int) -> None:
-        """Report that the rest of the text is not read because of too many errors."""
-        self.diagnostics.append(too_many_errors_diagnostic(self._stack.span(self._lexemes[index])))
 
     def _apply_first_repair(self, repairs: Callable[[int], Iterator[Repair]], index: int) -> int | None:
         """Apply and report the first repair after which the next lexemes can be parsed.

@@ -166,11 +166,6 @@ class ParsingTable(dict[int, TableRow]):
         self[state] = row
         return row
 
-    @property
-    def names(self) -> set[str]:
-        """Return the names of all terminals and rules in the table."""
-        return set(self._names.values())
-
     def _reduction_of(self, number: int) -> Reduction:
         rule: Any = Rule.deserialize(self._parts[str(number)], {})
         builder: Any = ParseTreeBuilder

@@ -17,15 +17,9 @@ ERROR_TREE = "error"
 
 
 class ResumePoint(NamedTuple):
-    """A stack position where parsing can resume, as if a statement or definition had just been read.
-
-    Attributes:
-        kept_states: the number of states to keep.
-        rule: the grammar rule that counts as read.
-    """
+    """A stack position where parsing can resume, as if a statement or definition had just been read."""
 
     kept_states: int
-    rule: str
     first_skipped: int
     """Index of the first lexeme that is skipped if parsing resumes here; -1 for none."""
     states: list[int]
@@ -135,7 +129,7 @@ class ParseStack:
                     begin = self.first_lexemes[height - 1] if height <= len(self.first_lexemes) else -1
                     if begin >= 0 and self.lexemes[begin].brace_depth > self.brace_depth:
                         continue
-                    yield ResumePoint(height, rule, begin, [*kept, row[rule][1]])
+                    yield ResumePoint(height, begin, [*kept, row[rule][1]])
 
     def can_parse(self, states: list[int], start: int, stop: int) -> bool:
         """Return True if the lexemes from `start` to `stop` (included) can follow; `states` is changed."""

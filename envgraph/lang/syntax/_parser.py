@@ -10,7 +10,7 @@ from dataclasses import field
 from lark import Token, Tree
 
 from envgraph.code import dataclass
-from envgraph.errors import MAX_ERRORS, Diagnostic, Source, Span
+from envgraph.errors import MAX_ERRORS, Diagnostic, Source, Span, too_many_errors_diagnostic
 from envgraph.lang.syntax._error_recovery import Recovery
 from envgraph.lang.syntax._file_formats import check_language
 from envgraph.lang.syntax._grammar import Grammar, load_grammar
@@ -205,7 +205,7 @@ def _parse_text(stack: ParseStack, lexical: list[Diagnostic], mistakes: list[Dia
             errors += 1
             recovery = recovery or Recovery(stack, lexical, mistakes)
             if errors > MAX_ERRORS:
-                recovery.report_too_many_errors(index)
+                mistakes.append(too_many_errors_diagnostic(stack.span(stack.lexemes[index])))
                 return None
             resumed = recovery.recover(index)
             if resumed is None:
