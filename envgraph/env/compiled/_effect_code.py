@@ -176,12 +176,8 @@ class EffectEmitter:
                     self._emit_set(change)
                 case AdjustAttribute():
                     self._emit_increase(change)
-                case SetTargets(_, reference) if reference.many or self._facts.metamodel.containment_link(
-                    reference, 0, 1
-                ):
-                    self._links.emit_set_targets(change)
                 case SetTargets():
-                    self._links.emit_set_target(change)
+                    self._links.emit_set_targets(change)
                 case ChangeTargets():
                     self._links.emit_change_targets(change)
                 case _:
@@ -279,7 +275,7 @@ class EffectEmitter:
         self._statements.append_fail_if(code.emit_not(self._facts.emit_is_present(place, attribute.type)))
         sides = {"old": place, "by": self._converted_slot(change.value, attribute)}
         terms = ExpressionEmitter(self._facts, {name: variable_term(sides[name], attribute.type) for name in sides})
-        made = terms.emit(Binary(change.operator[0], Variable("old"), Variable("by")))
+        made = terms.emit(Binary(change.operator[0], Variable("old"), Variable("by"), change.span))
         self._statements.append(*terms.statements)
         self._statements.append_fail_if(code.emit_not(code.emit_joined("and", made.tests, True)))
         self._statements.append(code.Assign(place, _without_negative_zero(made.value, attribute)))

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from functools import partial
 
 from envgraph import code
@@ -11,10 +11,8 @@ from envgraph.env.compiled._containment_code import emit_clear_attribute, emit_i
 from envgraph.env.compiled._link_reading import LinkCell
 from envgraph.env.compiled._match_conflicts import converted_value
 from envgraph.env.compiled._match_statements import MatchStatements
-from envgraph.env.compiled._program_layout import NOBODY, ZERO, emit_call
-from envgraph.env.compiled._symbols import LinkColumn
+from envgraph.env.compiled._program_layout import ZERO, emit_call
 from envgraph.metamodel import Reference
-from envgraph.pattern import ObjectType
 from envgraph.rewrite.plans import (
     AddLink,
     AdjustAttribute,
@@ -64,21 +62,24 @@ class LinkEmitter:
         test = self.emit_is_linked(unlink.source, unlink.reference, unlink.target)
         self._statements.append(code.If(test, tuple(code.Assign(kept.place, kept.unlinked_value) for kept in cells)))
 
-    def emit_leave_container(self, content: int, entered: Reference, containers: tuple[int, ...]) -> None:
-        """Emit code that removes an object from its container, unless that is the one it enters; `()` for none."""
+    def emit_leave_container(self, content: int, entered: Reference, containers: Sequence[int] = ()) -> None:
+        """Emit code that removes an object from its container, unless that is one of those that it enters."""
         cls = self._statements.frame.classes.get(content) or entered.target
-        node = self._statements.slots[content]
         for reference in containments_of(cls, self._facts.metamodel):
-            holder = self._facts.new_local_for(ObjectType(""))
-            tests: list[code.Expression] = [code.Operation(">=", (holder, ZERO))]
-            if reference == entered and containers:
-                tests.append(code.Operation("!=", (holder, self._statements.slots[containers[0]])))
-            cell = self._facts.links.link_cell(reference, holder, node, classes_known=(True, True))
-            left = code.Assign(cell.place, cell.unlinked_value)
-            self._statements.append(
-                code.Assign(holder, self.emit_container(reference, node, cls)),
-                code.If(code.emit_joined("and", tests, True), (left,)),
-            )
+            self._emit_drop(reference, content, containers if reference == entered else (), forward=False)
+
+    def _emit_drop(self, reference: Reference, slot: int, kept: Sequence[int], *, forward: bool) -> None:
+        """Emit code that removes an object's links, of which it is the source if `forward`, but not those to `kept`."""
+        block, links, node = code.BodyBuilder(), self._facts.links, self._statements.slots[slot]
+        sure = self._statements.has_certain_class(slot, reference.owner if forward else reference.target)
+        other = links.emit_follow(block, reference, node, forward=forward, class_known=sure)
+        for value in kept:
+            block.open_test(code.Operation("!=", (other, self._statements.slots[value])))
+        ends = (node, other) if forward else (other, node)
+        for one, another in (ends, ends[::-1]) if links.is_symmetric(reference) else (ends,):
+            cell = links.link_cell(reference, one, another, classes_known=(True, True))
+            block.add(code.Assign(cell.place, cell.unlinked_value))
+        self._statements.append(*block.finish_body())
 
     def emit_release(self, change: SetTargets | ChangeTargets) -> None:
         """Emit code that removes objects from the containers that they leave because of an assignment."""
@@ -91,7 +92,7 @@ class LinkEmitter:
             self.emit_leave_container(change.object, contains, values)
         else:
             if isinstance(change, SetTargets):
-                self._emit_drop_targets(change)
+                self._emit_drop(reference, change.object, values, forward=True)
             for value in values:
                 there = code.Operation(">=", (statements.slots[value], ZERO))
                 statements.append_if(there, partial(self.emit_leave_container, value, reference, (change.object,)))
@@ -103,10 +104,12 @@ class LinkEmitter:
         assert found is not None
         return found
 
-    def emit_link(self, link: AddLink | MoveToContainer) -> None:
-        """Emit code that adds a link, unless it exists. The code refuses the rule if an end has too many links.
+    def emit_link(self, link: AddLink | MoveToContainer, *, replaces: bool = False) -> None:
+        """Emit code that adds a link, unless it exists, or the target is missing.
 
-        For a containment, it also refuses containment cycles, and objects that have another container.
+        If it `replaces`, the former link of an end that may have only one is removed, and the content leaves its
+        container. Otherwise the code refuses the rule if an end has too many links, or the content another container.
+        It always refuses containment cycles.
         """
         if isinstance(link, MoveToContainer):
             source, reference, target = link.container, link.reference, link.node
@@ -118,19 +121,34 @@ class LinkEmitter:
             if held is not None:
                 contains, container, content = held
                 self._emit_cycle_check(content, container, contains.target)
-                self._emit_container_check(content, contains, moves=isinstance(link, MoveToContainer))
-            self._emit_room_check(reference, self._statements.slots[source], source, forward=True)
-            self._emit_room_check(reference, self._statements.slots[target], target, forward=False)
+                if replaces:
+                    self.emit_leave_container(content, contains)
+                else:
+                    self._emit_container_check(content, contains, moves=isinstance(link, MoveToContainer))
+            for slot, forward in ((source, True), (target, False)):
+                if not (replaces and held is not None and held[2] == slot):
+                    self._emit_make_room(reference, slot, forward=forward, replaces=replaces)
             cells = self._link_cells(source, reference, target)
-            for test in dict.fromkeys(test for kept in cells for test in kept.guard):
+            for test in dict.fromkeys(test for cell in cells for test in cell.guard):
                 self._statements.append_refuse_unless(test)
-            self._statements.append(*(code.Assign(kept.place, kept.linked_value) for kept in cells))
+            self._statements.append(*(code.Assign(cell.place, cell.linked_value) for cell in cells))
 
-        made = self._statements.collect(write)
-        there = code.Operation(">=", (self._statements.slots[target], ZERO))
-        missing_ = code.emit_not(self.emit_is_linked(source, reference, target))
-        test = code.Operation("and", (there, missing_)) if target in self._statements.frame.types else missing_
-        self._statements.append(code.If(test, made))
+        missing = code.emit_not(self.emit_is_linked(source, reference, target))
+        overwrites = replaces and self._is_one_value(reference)
+        tests = [*(() if overwrites else self._presence_tests(target)), missing]
+        self._statements.append_if(code.emit_joined("and", tests, True), write)
+
+    def _is_one_value(self, reference: Reference) -> bool:
+        """Return True if all that stores a link is a cell of its source, so that -1 is as any target."""
+        return reference.upper == 1 and self._facts.metamodel.max_sources(reference) is None
+
+    def _presence_tests(self, slot: int) -> list[code.Expression]:
+        """Return the test that a slot has an object; none if it certainly has."""
+        plan = self._statements.frame.plan
+        found = self._statements.frame.classes.get(slot) or any(
+            each.slot == slot and each.is_required for each in plan.computed
+        )
+        return [] if found else [code.Operation(">=", (self._statements.slots[slot], ZERO))]
 
     def _emit_cycle_check(self, content: int, container: int, cls: str) -> None:
         """Emit code that refuses the rule if an object would enter a container that it contains, at any depth."""
@@ -155,7 +173,7 @@ class LinkEmitter:
         entering = [node for node, _, frame in self._entries() if node == content and frame.creators.get(node) is maker]
         if moves or (maker is self._statements.frame and len(entering) == 1):
             if self._merges:
-                self.emit_leave_container(content, entered, ())
+                self.emit_leave_container(content, entered)
             return
         cls = self._statements.frame.classes.get(content) or entered.target
         for reference in containments_of(cls, self._facts.metamodel):
@@ -169,94 +187,43 @@ class LinkEmitter:
             for content, container in container_entries(frame.plan.operations, self._facts.metamodel):
                 yield content, container, frame
 
-    def _emit_room_check(self, reference: Reference, node: code.Expression, slot: int, *, forward: bool) -> None:
-        """Emit code that refuses the rule if an object has the most targets allowed, or sources if not `forward`."""
+    def _emit_make_room(self, reference: Reference, slot: int, *, forward: bool, replaces: bool) -> None:
+        """Emit code for an object that gets one more target, or source if not `forward`, and may have too many.
+
+        If the link `replaces` another one, that is removed. Otherwise, the code refuses the rule.
+        """
+        links, node = self._facts.links, self._statements.slots[slot]
         upper = reference.upper if forward else self._facts.metamodel.max_sources(reference)
         if upper is None:
             return
+        if upper == 1 and replaces:
+            if links.is_symmetric(reference) or not links.has_own_cell(reference, forward):
+                self._emit_drop(reference, slot, (), forward=forward)
+            return
         sure = self._statements.has_certain_class(slot, reference.owner if forward else reference.target)
-        one = (
-            self._facts.links.only_other_end(reference, node, forward=forward, class_known=sure) if upper == 1 else None
-        )
+        one = links.only_other_end(reference, node, forward=forward, class_known=sure) if upper == 1 else None
         if one is not None:
-            self._statements.append_refuse_unless(code.Operation("<", (one, ZERO)))
+            few = code.Operation("<", (one, ZERO))
         else:
-            counted = emit_call(self._facts.links.emit_counter(reference, forward), node)
-            self._statements.append_refuse_unless(code.Operation("<", (counted, code.Constant(upper))))
-
-    def emit_set_target(self, change: SetTargets) -> None:
-        """Emit code that sets the only target of an object, or removes it if the change has no value.
-
-        If a single-valued opposite of the target is occupied, the former link is removed.
-        """
-        matches, links, reference = self._statements, self._facts.links, change.reference
-        stored, same = links.column_of(reference)
-        source = matches.slots[change.object]
-        target = matches.slots[change.values[0]] if change.values else NOBODY
-        old: code.Expression
-        if stored.belongs_to_sources is same:
-            old, guard = links.column_cell(
-                stored, source, class_known=matches.has_certain_class(change.object, reference.owner)
-            )
-
-            def write() -> None:
-                for test in guard:
-                    matches.append_refuse_unless(test)
-                if links.is_symmetric(reference):
-                    self._emit_store(stored, old, NOBODY)
-                self._emit_make_room(stored, reference, target)
-                matches.append(code.Assign(old, target))  # type: ignore[arg-type]
-                if links.is_symmetric(reference):
-                    self._emit_store(stored, target, source)
-        else:
-            found = links.only_other_end(reference, source, forward=True, class_known=False)
-            assert found is not None
-            old = self._facts.new_local_for(ObjectType(""))
-            matches.append(code.Assign(old, found))
-
-            def write() -> None:
-                self._emit_store(stored, old, NOBODY)
-                self._emit_store(stored, target, source)
-
-        matches.append(code.If(code.Operation("!=", (old, target)), matches.collect(write)))
-
-    def emit_put(self, reference: Reference, container: int, content: int, *, replaces: bool = True) -> None:
-        """Emit code that moves an object into a container. If it `replaces`, the former only content leaves.
-
-        The rule is refused if the container is full, or is inside the object.
-        """
-        matches = self._statements
-        self.emit_leave_container(content, reference, ())
-        if reference.upper == 1 and replaces:
-            self._emit_drop_targets(SetTargets(container, reference, (content,)))
-        else:
-            self._emit_room_check(reference, matches.slots[container], container, forward=True)
-        self._emit_cycle_check(content, container, reference.target)
-        (kept,) = self._link_cells(container, reference, content)
-        for test in kept.guard:
-            matches.append_refuse_unless(test)
-        matches.append(code.Assign(kept.place, kept.linked_value))
+            few = code.Operation("<", (emit_call(links.emit_counter(reference, forward), node), code.Constant(upper)))
+        self._statements.append_refuse_unless(few)
 
     def emit_set_targets(self, change: SetTargets) -> None:
-        """Emit code that replaces all targets of an object, also of a containment or of its opposite."""
-        self._emit_drop_targets(change)
-        self.emit_change_targets(ChangeTargets(change.object, change.reference, "+=", change.values))
+        """Emit code that replaces all targets of an object."""
+        reference, values = change.reference, change.values
+        one = reference.upper == len(values) == 1
+        if not (one and (self._is_one_value(reference) or not self._presence_tests(values[0]))):
+            self._emit_drop(reference, change.object, values, forward=True)
+        self.emit_change_targets(ChangeTargets(change.object, reference, "+=", values))
 
-    def _emit_drop_targets(self, change: SetTargets) -> None:
-        """Emit code that removes the targets of an object that an assignment does not name."""
-        block, reference, links = code.BodyBuilder(), change.reference, self._facts.links
-        source, sure = (
-            self._statements.slots[change.object],
-            self._statements.has_certain_class(change.object, reference.owner),
-        )
-        target = links.emit_follow(block, reference, source, forward=True, class_known=sure)
+    def emit_change_targets(self, change: ChangeTargets) -> None:
+        """Emit code that adds or removes targets. An added target loses its former link of a single-valued opposite."""
         for value in change.values:
-            block.open_test(code.Operation("!=", (target, self._statements.slots[value])))
-        ends = (source, target), (target, source)
-        for one, other in ends if links.is_symmetric(reference) else ends[:1]:
-            kept = links.link_cell(reference, one, other, classes_known=(True, True))
-            block.add(code.Assign(kept.place, kept.unlinked_value))
-        self._statements.append(*block.finish_body())
+            if change.operator == "-=":
+                removed = partial(self.emit_unlink, RemoveLink(change.object, change.reference, value))
+                self._statements.append_if(code.emit_joined("and", self._presence_tests(value), True), removed)
+            else:
+                self.emit_link(AddLink(change.object, change.reference, value), replaces=True)
 
     def emit_change_values(self, change: SetAttributeValues | AdjustAttribute) -> None:
         """Emit code that sets all values of a multi-valued attribute, or adds or removes one."""
@@ -282,48 +249,3 @@ class LinkEmitter:
 
             made = statements.collect(write)
             statements.append(*([code.If(code.emit_not(cell.is_linked), made)] if attribute.unique else made))
-
-    def emit_change_targets(self, change: ChangeTargets) -> None:
-        """Emit code that adds or removes targets. An added target loses its former link of a single-valued opposite."""
-        opposite = self._facts.metamodel.opposite(change.reference)
-        for value in change.values:
-            if change.operator == "-=":
-                made = self._statements.collect(
-                    lambda value=value: self.emit_unlink(RemoveLink(change.object, change.reference, value))  # type: ignore[misc]
-                )
-            elif held := self._facts.metamodel.containment_link(change.reference, change.object, value):
-                missing = code.emit_not(self.emit_is_linked(change.object, change.reference, value))
-                made = (code.If(missing, self._statements.collect(partial(self.emit_put, *held))),)
-            elif opposite is not None and opposite.upper == 1:
-                made = self._statements.collect(
-                    lambda value=value: self.emit_set_target(SetTargets(value, opposite, (change.object,)))  # type: ignore[misc]
-                )
-            else:
-                self.emit_link(AddLink(change.object, change.reference, value))
-                continue
-            there = code.Operation(">=", (self._statements.slots[value], ZERO))
-            self._statements.append(*([code.If(there, made)] if value in self._statements.frame.types else made))
-
-    def _emit_store(self, stored: LinkColumn, holder: code.Expression, other: code.Expression) -> None:
-        """Emit code that stores `other` in the column's cell of an object, if the object is not -1."""
-        place, _ = self._facts.links.column_cell(stored, holder, class_known=True)
-        there = code.Operation(">=", (holder, ZERO))
-        self._statements.append(code.If(there, (code.Assign(place, other),)))
-
-    def _emit_make_room(self, stored: LinkColumn, reference: Reference, target: code.Expression) -> None:
-        """Emit code that removes the former link to a target, if the reference has a single-valued opposite.
-
-        If the opposite has another maximum, the code refuses the rule when the target has too many sources.
-        """
-        links, opposite = self._facts.links, self._facts.metamodel.opposite(reference)
-        there = code.Operation(">=", (target, ZERO))
-        if opposite is not None and opposite.upper == 1:
-            holder = self._facts.new_local_for(ObjectType(""))
-            held = links.only_other_end(reference, target, forward=False, class_known=False)
-            assert held is not None
-            self._statements.append(code.Assign(holder, code.ConditionalExpression(there, held, NOBODY)))
-            self._emit_store(stored, holder, NOBODY)
-        elif opposite is not None and opposite.upper is not None:
-            counted = emit_call(links.emit_counter(reference, forward=False), target)
-            few = code.Operation("<", (counted, code.Constant(opposite.upper)))
-            self._statements.append_refuse_unless(code.Operation("or", (code.emit_not(there), few)))

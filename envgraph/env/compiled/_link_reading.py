@@ -25,7 +25,7 @@ from envgraph.env.compiled._symbols import (
     split_key_columns,
 )
 from envgraph.match.plan import LiveSizes
-from envgraph.metamodel import Attribute, Reference, Scalar
+from envgraph.metamodel import Attribute, Reference
 from envgraph.pattern import ObjectType
 
 if TYPE_CHECKING:
@@ -78,8 +78,6 @@ class LinkReader:
         metamodel = self._facts.metamodel
         if isinstance(reference, Attribute):
             domain = self._facts.changes.domains[reference.index]
-            for text in (domain.literals or ()) if domain.type is Scalar.STRING else ():
-                self._facts.string_number(str(text))
             return LinkMatrix(reference, self._facts.changes.possible_classes(reference.owner), domain), True
         opposite = metamodel.opposite(reference)
         if opposite is not None and opposite.index < reference.index:
@@ -96,11 +94,10 @@ class LinkReader:
         """Return True if a reference is its own opposite."""
         return isinstance(reference, Reference) and self._facts.metamodel.opposite(reference) == reference
 
-    def column_of(self, reference: Reference) -> tuple[LinkColumn, bool]:
-        """Return the same as `kept`, for a reference whose links are stored in a column and not in a matrix."""
+    def has_own_cell(self, reference: Reference | Attribute, forward: bool) -> bool:
+        """Return True if links are stored in a cell of each source, or of each target if not `forward`."""
         kept, same = self.storage_of(reference)
-        assert isinstance(kept, LinkColumn)
-        return kept, same
+        return isinstance(kept, LinkColumn) and kept.belongs_to_sources is (forward is same)
 
     def link_cell(
         self,
@@ -149,7 +146,7 @@ class LinkReader:
     ) -> tuple[code.Local, LinkCell]:
         """Emit a loop over an object's targets, or its sources if not `forward`. Return the variable and link cell."""
         facts, (kept, same) = self._facts, self.storage_of(reference)
-        if isinstance(kept, LinkColumn) and kept.belongs_to_sources is (forward is same):
+        if isinstance(kept, LinkColumn) and self.has_own_cell(reference, forward):
             cell, guard = self.column_cell(kept, node, class_known=class_known)
             for test in guard:
                 block.open_test(test)
@@ -208,10 +205,9 @@ class LinkReader:
                 return None
             values = ValueTable(keys, far, (far,), FeatureRows(reference).column_types(facts.library)[far])
             return emit_table_entry(emit_sum(facts.layout.offset(values), node))
-        kept, same = self.storage_of(reference)
-        if isinstance(kept, LinkColumn) and (
-            kept.belongs_to_sources is (forward is same) or self.is_symmetric(reference)
-        ):
+        kept, _ = self.storage_of(reference)
+        own = self.has_own_cell(reference, forward) or self.is_symmetric(reference)
+        if isinstance(kept, LinkColumn) and own:
             place, guard = self.column_cell(kept, node, class_known=class_known)
             return code.ConditionalExpression(guard[0], place, NOBODY) if guard else place
         if not self._has_at_most_one(reference, forward):

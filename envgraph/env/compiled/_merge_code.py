@@ -11,7 +11,7 @@ from envgraph.env.compiled._link_changes import LinkEmitter
 from envgraph.env.compiled._match_statements import MatchStatements
 from envgraph.env.compiled._program_layout import ONE, RI, TOP, ZERO, emit_entry, emit_error, emit_sum
 from envgraph.metamodel import Reference
-from envgraph.rewrite.plans import AddLink, MergeObjects, containments_of
+from envgraph.rewrite.plans import AddLink, MergeObjects, MoveToContainer, containments_of
 
 OTHER_END = -1
 """Slot for the other end of a link that moves."""
@@ -114,9 +114,6 @@ class MergeEmitter:
         def write() -> None:
             for test in () if match.plan.is_spo else fits:
                 match.append_refuse_unless(test)
-            if held is None:
-                self._links.emit_link(link)
-            else:
-                self._links.emit_put(*held, replaces=False)
+            self._links.emit_link(link if held is None else MoveToContainer(held[2], held[1], held[0]))
 
         match.append_if(code.emit_joined("and", tests, True), write)
