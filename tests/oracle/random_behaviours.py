@@ -533,7 +533,11 @@ class _Builder:
             known += [Variable(name) for name in self._fitting(scope, type_)] * 2
             return dice.one(known or [Variable("nobody")])
         if known and dice.chance(60):
-            return self._operated(dice.one(known), type_)
+            made = dice.one(known)
+            operated = self._operated(made, type_)
+            if type_ is Scalar.STRING and operated is not made:  # compiled environments only compare new strings
+                return Conditional(Binary("<", operated, Constant("C")), made, Constant("b"))
+            return operated
         if dice.chance(30) and (test := self._test(scope)) is not None:
             return Conditional(test, self._literal(type_), self._literal(type_))
         if type_ is Scalar.INT and known and dice.chance(50):

@@ -27,7 +27,6 @@ class CompiledCosts:
     width: int = 500  # states that a beam keeps of a layer by default
     horizon: int = 1_000  # steps of a beam in an environment without a time limit
     most_matches: int = 255  # of a guide; more are observed as this number
-    strings: int = 1_000  # with those that operations on strings give, which are found in less than a second
     text_results: int = 1_000_000  # of an operation on strings for all operands, which are computed in two seconds
 
 

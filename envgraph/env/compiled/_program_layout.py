@@ -34,7 +34,7 @@ from envgraph.env.compiled._symbols import (
     ValueDomain,
     ValueTable,
 )
-from envgraph.env.compiled._text_tables import TextTable, number_strings
+from envgraph.env.compiled._text_tables import TextTable
 from envgraph.metamodel import Scalar
 
 T, G = code.Local("T"), code.Local("G")
@@ -150,16 +150,11 @@ class ProgramLayout:
         return list(dict.fromkeys(one.keys.relation for one in self._numbers if isinstance(one, kinds)))
 
     def number_strings(self, texts: Iterable[str]) -> dict[str, int]:
-        """Return the number of each of some strings, and of each string that the program uses, in alphabetical order.
-
-        Raises:
-            NotCompiled: the program computes too many strings.
-        """
-        own = {symbol.text for symbol in self._numbers if isinstance(symbol, StringNumber)}
+        """Return the number of each of some strings, and of each in the program, in alphabetical order."""
+        own = [symbol.text for symbol in self._numbers if isinstance(symbol, StringNumber)]
         keys = chain(*(symbol.values for symbol in self._numbers if isinstance(symbol, KeyValues)))
-        own |= {value for value in keys if isinstance(value, str)}
-        tables = [symbol for symbol in self._numbers if isinstance(symbol, TextTable)]
-        return number_strings({*texts, *own}, tables)
+        known = {*texts, *own, *(value for value in keys if isinstance(value, str))}
+        return {text: number for number, text in enumerate(sorted(known))}
 
     def fill_arrays(self, members: Iterable[MemberData], stride: int, strings: dict[str, int]) -> FamilyArrays:
         """Compute the tables, offsets and initial states of a family.

@@ -385,8 +385,10 @@ class ExpressionEmitter:
         """Emit code that reads the result of operations on strings from a table of the results for all operands.
 
         Raises:
-            NotCompiled: an operand has too many values.
+            NotCompiled: the result is a string, or an operand has too many values.
         """
+        if self._type_of(node) is Scalar.STRING:
+            raise NotCompiled("strings that change", node.span)
         operands: list[CodeTerm] = []
         present: list[Test] = []
 
@@ -407,10 +409,9 @@ class ExpressionEmitter:
             return Variable(f"x{len(operands)}")
 
         compared = node.operator if isinstance(node, Binary) and node.operator in ("==", "!=") else None
-        type_ = self._type_of(node)
-        assert type_ is not None, "expressions were checked"
         tabulated = emit_operand(node)
-        table = self._facts.layout.offset(TextTable(tabulated, tuple(one.type or type_ for one in operands), type_))
+        types = tuple(one.type for one in operands if one.type is not None)
+        table = self._facts.layout.offset(TextTable(tabulated, types))
         parts = [one.number_code for one in operands]
         for number in range(len(parts) - 1):
             parts[number] = code.Operation("*", (parts[number], emit_entry(L, emit_sum(table, number))))
@@ -420,7 +421,9 @@ class ExpressionEmitter:
             if tests:
                 found = code.ConditionalExpression(code.emit_joined("and", tests, True), found, otherwise)
         local = self._emit_local(found, Scalar.INT)
-        return replace(variable_term(local, type_), valid=(*valid, code.Operation("!=", (local, nothing))))
+        return replace(
+            variable_term(local, self._type_of(node)), valid=(*valid, code.Operation("!=", (local, nothing)))
+        )
 
 
 def _emit_comparison(operator: str, left: CodeTerm, right: CodeTerm) -> code.Expression:

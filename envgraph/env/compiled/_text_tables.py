@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection, Iterable, Mapping
+from collections.abc import Collection
 from itertools import product
 from math import prod
 
@@ -18,54 +18,30 @@ from envgraph.pattern import Expression, StaticType, value_of
 class TextTable:
     """A table of the results of an expression for all values of its variables `x1`, `x2`, ..
 
-    The results follow the strides of all variables but the last, by which values are multiplied to find a result.
+    The results, which are ints or bools, follow the strides of all variables but the last, by which values are
+    multiplied to find a result.
 
     Attributes:
         types: the types of the variables: strings, enums or bools.
-        result: the type of the results.
     """
 
     expression: Expression
     types: tuple[StaticType, ...]
-    result: StaticType
 
-    def entries(self, numbers: Mapping[str, int]) -> list[int]:
-        """Return the table, with the numbers of strings; `NO_INT` for a result that has no value."""
-        sizes = [len(domain) for domain in self._domains(numbers)]
-        strides = [prod(sizes[place:]) for place in range(1, len(sizes))]
-        found = [numbers[one] if isinstance(one, str) else one for one in self.results(sorted(numbers))]
-        return strides + [NO_INT if one is None else int(one) for one in found]
-
-    def results(self, strings: Collection[str]) -> list[Value | None]:
-        """Return the result for each combination of values, the last one varying fastest; None for no value.
+    def entries(self, strings: Collection[str]) -> list[int]:
+        """Return the table for all strings of a family in the order of their numbers; `NO_INT` for no value.
 
         Raises:
-            NotCompiled: there are too many combinations.
+            NotCompiled: there are too many combinations of values.
         """
-        domains = self._domains(strings)
-        if prod(map(len, domains)) > COSTS.text_results:
+        domains: list[Collection[Value]] = []
+        for type_ in self.types:
+            own = sorted(type_.literals) if isinstance(type_, EnumType) else (False, True)
+            domains.append(strings if type_ is Scalar.STRING else own)
+        sizes = [len(domain) for domain in domains]
+        if prod(sizes) > COSTS.text_results:
             raise NotCompiled("operations on too many strings that change", self.expression.span)
         rows = ({f"x{number}": value for number, value in enumerate(row, 1)} for row in product(*domains))
-        return [value_of(self.expression, row) for row in rows]
-
-    def _domains(self, strings: Collection[str]) -> list[Collection[Value]]:
-        """Return the values of each variable, in the order of their numbers."""
-        literals = [sorted(type_.literals) if isinstance(type_, EnumType) else (False, True) for type_ in self.types]
-        return [strings if type_ is Scalar.STRING else own for type_, own in zip(self.types, literals, strict=True)]
-
-
-def number_strings(texts: Iterable[str], tables: Iterable[TextTable]) -> dict[str, int]:
-    """Return the number of each string, in alphabetical order, and of each string that the tables compute from them.
-
-    Raises:
-        NotCompiled: there are too many strings, for example because each gives a longer one.
-    """
-    made = [table for table in tables if table.result is Scalar.STRING]
-    known = sorted({*texts})
-    while True:
-        found = {text for table in made for text in table.results(known) if isinstance(text, str)}
-        if found.issubset(known):
-            return {text: number for number, text in enumerate(known)}
-        known = sorted({*known, *found})
-        if len(known) > COSTS.strings:
-            raise NotCompiled("strings that change", made[0].expression.span)
+        found = (value_of(self.expression, row) for row in rows)
+        strides = [prod(sizes[place:]) for place in range(1, len(sizes))]
+        return strides + [NO_INT if one is None else int(one) for one in found]
