@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Container, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Container, Iterable, Iterator, Mapping
 from itertools import product
 
 from envgraph.behaviour import Agent, Behaviour, RuleCall
@@ -11,13 +11,14 @@ from envgraph.env.compiled._not_compiled import NotCompiled, add_missing_span
 from envgraph.env.compiled._symbols import ValueDomain
 from envgraph.errors import Span
 from envgraph.match.plan import CallGraph
-from envgraph.metamodel import Attribute, EnumType, Metamodel, Reference, Scalar, Value
+from envgraph.metamodel import Attribute, Metamodel, Reference, Scalar, Value
 from envgraph.pattern import (
     AbsenceAtom,
     AggregateAtom,
     AttributeAtom,
     Conditional,
     Constant,
+    Expression,
     Goal,
     InstanceAtom,
     Library,
@@ -55,15 +56,12 @@ def plan_of(engine: Engine, call: RuleCall) -> RulePlan:
     """Return the plan of the rule that is called.
 
     Raises:
-        NotCompiled: the rule is written in Python, or has constructs that are not compiled.
+        NotCompiled: the rule is written in Python.
     """
     assert call.rule is not None
     plan: RulePlan | None = getattr(engine.prepare(call.rule), "plan", None)
     if plan is None:
         raise NotCompiled(f"the rule `{call.rule}`, which is written in Python", call.span)
-    for change in (change for body in plan.blocks for change in body.sets):
-        if isinstance(change, AdjustAttribute) and change.attribute.type is Scalar.STRING and not change.attribute.many:
-            raise NotCompiled(f"a rule that concatenates strings (`{plan.name}`)", change.span)
     return plan
 
 
@@ -155,16 +153,11 @@ class ModelChanges:
         return next((group for group in self.groups if not self.created.isdisjoint(group)), None)
 
 
-_Origin = Value | Attribute | None
-"""A value of a rule, an attribute that has the value before, or None for a value of which nothing is known."""
-
-
 class _ChangeCollector:
     """A collector of the changes that rules may make."""
 
     def __init__(self, library: Library) -> None:
         self.metamodel = library.metamodel
-        self._library = library
         self.attributes: set[int] = set()
         self.written: dict[tuple[int, str], Span | None] = {}
         self._assigned: set[int] = set()
@@ -172,7 +165,7 @@ class _ChangeCollector:
         self.deleted: set[str] = set()
         self.created: set[str] = set()
         self._groups: list[set[str]] = []
-        self._value_origins: dict[Attribute, dict[_Origin, Span | None]] = {}
+        self._value_origins: dict[Attribute, dict[Value | Attribute, Span | None]] = {}
 
     def add(self, body: BlockPlan, outer: tuple[BlockPlan, ...] = ()) -> None:
         """Add the changes of a rule or block; `outer` are the enclosing blocks, the outermost first.
@@ -203,8 +196,10 @@ class _ChangeCollector:
                         self._add_written([attribute.index], body.classes[node], change.span or body.span)
                     if attribute.many and not (isinstance(change, AdjustAttribute) and change.operator == "-="):
                         values = change.values if isinstance(change, SetAttributeValues) else (change.value,)
-                        origins = (each for slot in values for each in self._origins_of(slot, blocks))
-                        self._value_origins.setdefault(attribute, {}).update(dict.fromkeys(origins, change.span))
+                        known: dict[int | None, Expression] = {
+                            one.slot: one.expression for block in blocks for one in block.computed
+                        }
+                        self._add_values(attribute, [known.get(slot) for slot in values], change.span)
                 case _:
                     raise AssertionError(change)
         for absorb in body.absorbs:
@@ -278,49 +273,34 @@ class _ChangeCollector:
                     self._add_reference(reference)
         self._merge_group([*old, new])
 
-    def _origins_of(self, slot: int | None, blocks: Sequence[BlockPlan]) -> Iterator[_Origin]:
-        """Yield where the value of a slot comes from; `blocks` have the slot, the outermost first."""
-        assert slot is not None
-        block = next(block for block in blocks if slot < block.slot_count)
-        parts = [compute.expression for compute in block.computed if compute.slot == slot]
-        for part in parts:  # `parts` grows during the loop
+    def _add_values(self, attribute: Attribute, parts: list[Expression | None], span: Span | None) -> None:
+        """Record where the numbers come from that a rule gives to a multi-valued attribute.
+
+        Raises:
+            NotCompiled: they are not known before the rule sets them.
+        """
+        origins = self._value_origins.setdefault(attribute, {})
+        for part in parts if attribute.type in (Scalar.INT, Scalar.FLOAT) else ():  # `parts` grows during the loop
             match part:
                 case Constant(value) if value is not None:
-                    yield value
+                    origins[value] = span
                 case Conditional(_, then, otherwise):
                     parts += [then, otherwise]
                 case Navigation(_, name):
-                    yield from (one for one in self.metamodel.attributes if one.name == name)
+                    origins.update((one, span) for one in self.metamodel.attributes if one.name == name)
                 case _:
-                    yield None
-        if not parts:
-            for body in self._library.lowered_pattern(block.pattern).bodies:
-                known: dict[int, object] = dict(body.constants)
-                for goal in body.goals:
-                    match goal:
-                        case AttributeAtom(feature, _, end) | LinkAtom(feature, _, end):
-                            known.setdefault(end, feature)
-                yield known.get(body.parameters[len(block.arguments) + slot - block.inherited_count])  # type: ignore[misc]
+                    raise _unknown_values(attribute, span)
 
     def _domain_of(self, attribute: Attribute) -> ValueDomain:
-        """Return the values that a multi-valued attribute may have.
-
-        Raises:
-            NotCompiled: they are not known before rules set them.
-        """
-        type_, origins = attribute.type, self._value_origins.get(attribute, {})
-        if isinstance(type_, EnumType) or type_ is Scalar.BOOL:
-            return ValueDomain(type_, type_.literals if isinstance(type_, EnumType) else (False, True), ())
-        literals = tuple(one for one in origins if not isinstance(one, Attribute) and one is not None)
-        if type_ is Scalar.STRING:
-            return ValueDomain(type_, literals if len(literals) == len(origins) else None, (attribute,))
-        sources = [one for one in origins if isinstance(one, Attribute) and one.index not in self._assigned]
-        for origin, span in origins.items():
-            if origin not in (*literals, *sources, attribute):
-                raise NotCompiled(f"values of `{attribute}` that are not known before they are set", span)
-        initial = (one.initial for one in sources)
-        literals += tuple(value for value in initial if not isinstance(value, tuple))
-        return ValueDomain(type_, literals, (attribute, *sources))
+        """Return the values that a multi-valued attribute may have. Raise `NotCompiled` as `_add_values`."""
+        origins = self._value_origins.get(attribute, {})
+        sources = [one for one in origins if isinstance(one, Attribute)]
+        for source in sources:
+            if source.index in self._assigned:
+                raise _unknown_values(attribute, origins[source])
+        initial = [one.initial for one in sources]
+        literals = (one for one in (*origins, *initial) if not isinstance(one, Attribute | tuple))
+        return ValueDomain(attribute.type, tuple(literals), (attribute, *sources))
 
     def _merge_group(self, classes: Iterable[str]) -> None:
         merged = {*classes}
@@ -344,6 +324,10 @@ class _ChangeCollector:
             frozenset(growing),
             {one.index: self._domain_of(one) for one in many},
         )
+
+
+def _unknown_values(attribute: Attribute, span: Span | None) -> NotCompiled:
+    return NotCompiled(f"values of `{attribute}` that are not known before they are set", span)
 
 
 def plans_of(engine: Engine, behaviour: Behaviour) -> list[RulePlan]:

@@ -10,7 +10,7 @@ from envgraph import code
 from envgraph.code import dataclass
 from envgraph.env.compiled._changes import ModelChanges
 from envgraph.env.compiled._link_reading import LinkReader
-from envgraph.env.compiled._member_data import emit_missing_value, missing_value, value_count
+from envgraph.env.compiled._member_data import emit_missing_value, missing_value
 from envgraph.env.compiled._program_layout import (
     STATE,
     G,
@@ -254,7 +254,7 @@ class ModelReader:
         `class_known`). For a value, the index is that among the values of a domain.
         """
         if isinstance(classes, ValueDomain):
-            if value_count(classes.type) is not None:  # the domain has all values of the type
+            if not classes.is_of_numbers:
                 return node, []
             first, count = self.layout.offset(ExtentTable(classes, "objects")), self.emit_object_count(classes)
             rank = code.emit_call("place_of", G if classes.is_float else T, first, count, node)

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from envgraph.behaviour import bind_parameter
 from envgraph.code import dataclass
 from envgraph.env.compiled._member_data import NO_OBJECT, Cell, MemberData, Row, missing_value, value_count
-from envgraph.env.compiled._not_compiled import AssumptionViolated
+from envgraph.env.compiled._not_compiled import AssumptionViolated, NotCompiled
 from envgraph.metamodel import Attribute, AttributeType, Reference, Scalar, Value
 from envgraph.pattern import Library, ObjectType, Parameter, StaticType
 
@@ -271,12 +271,12 @@ class ValueDomain:
     """The values that a multi-valued attribute may have, as ascending numbers.
 
     Attributes:
-        literals: values of the type, or of rules; None for all strings of the family.
-        sources: attributes whose values in the member's initial model are among them.
+        literals: numbers in rules.
+        sources: attributes whose values in the member's initial model are among them, if they are numbers.
     """
 
     type: AttributeType
-    literals: tuple[Value, ...] | None
+    literals: tuple[Value, ...]
     sources: tuple[Attribute, ...]
 
     @property
@@ -284,12 +284,20 @@ class ValueDomain:
         """Return True if the values are floats."""
         return self.type is Scalar.FLOAT
 
+    @property
+    def is_of_numbers(self) -> bool:
+        """Return True if the values are ints or floats; otherwise the domain has all values of the type."""
+        return self.type in (Scalar.INT, Scalar.FLOAT)
+
     def numbers(self, member: MemberData) -> list[Any]:
-        """Return the numbers that represent the values for a member."""
-        if self.literals is None:
-            return sorted(member.string_numbers.values())
+        """Return the numbers that represent the values for a member. Raise `NotCompiled` for ints beyond 32 bits."""
+        if not self.is_of_numbers:
+            return [*range(value_count(self.type) or len(member.string_numbers))]
         found = {value for source in self.sources for _, value in member.rows(FeatureRows(source))}
-        return sorted(found.union(member.encode(literal, self.type) for literal in self.literals))
+        found.update(member.encode(literal, self.type) for literal in self.literals)
+        if self.type is Scalar.INT and any(abs(number) >= 2 ** (WORD_BITS - 1) for number in found):
+            raise NotCompiled("ints of more than 32 bits in attributes with many values")
+        return sorted(found)
 
 
 @dataclass(frozen=True, slots=True)

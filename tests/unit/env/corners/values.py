@@ -12,7 +12,7 @@ CORNERS = {
         rule name { lhs { s : Spot; } modify { set s.marks = ["x", s.x > 1 ? "y" : "x", s.tag]; } }
         rule clear { lhs { s : Spot; } modify { set s.marks = none; } }
         rule count(m : Man) { lhs { m : Man; i : Item; } modify { set m.codes += i.id; } }
-        rule recount { lhs { m : Man; i : Item; Item.id(i, n); check n != 2; } modify { set m.codes = [n, 7]; } }
+        rule recount { lhs { m : Man; i : Item; check i.id != 2; } modify { set m.codes = [i.id, 7]; } }
         rule forget(m : Man) { lhs { m : Man; i : Item; } modify { set m.codes -= i.id; } }
         rule see { lhs { m : Man; n : Man; } modify { set m.kinds += n.kind; set m.kind = ::zebra; } }
         rule unsee { lhs { m : Man; n : Man; } modify { set m.kinds -= n.kind; } }
@@ -409,9 +409,11 @@ CORNERS = {
         """
         rule copy(s : Spot, t : Spot) { lhs { s : Spot; t : Spot; check s.tag + "a" != t.tag + s.kind; }
             modify { set s.tag = t.tag; set s.n = length(s.tag + t.tag) + t.tag.length; } }
-        rule upper(s : Spot) { lhs { s : Spot; } modify { set s.tag = s.tag.toUpper; } }
+        rule upper(s : Spot) { lhs { s : Spot; }
+            modify { set s.n = s.tag.toUpper == "B" ? 1 : s.tag.toUpper < "B" ? 2 : 3; } }
         rule mark(s : Spot) { lhs { s : Spot; } modify { set s.tag = "a long one"; } }
-        rule cut(s : Spot) { lhs { s : Spot; } modify { set s.tag = substring(s.tag, 2); set s.kind = ::ant; } }
+        rule cut(s : Spot) { lhs { s : Spot; }
+            modify { set s.lit = substring(s.tag, 2) == "long one"; set s.kind = ::ant; } }
         rule clear(s : Spot) { lhs { s : Spot; check startsWith(s.tag, "a"); } modify { set s.tag = none; } }
         """,
         """
@@ -422,12 +424,13 @@ CORNERS = {
         action clear(s : Spot) = clear(s) reward indexOf(s.tag, "o") else reward -1
         action compare(s : Spot) = nothing() reward toUpper("c") == s.tag ? 1 : ("c" + s.kind != s.tag ? 2 : 3)
         action ask(s : Spot) = nothing() reward s.tag.contains("o") ? s.tag.length : (s.lit ? 5 : 7)
-        on find long(s, t) reward t == "OLD" ? 0.1 : (toString(s.kind) < t ? 0.2 : 0.3)
+        on find long(s, t) reward toUpper(t) == "OLD" ? 0.1 : (toString(s.kind) < t ? 0.2 : 0.3)
         on find pair(s, t) reward length(toString(s.kind == ::ant) + t.tag)
         observe count find pair(_, _) up to 12
         """,
         """
-        pattern long(s : Spot, t : string) { Spot.tag(s, u); t == eval(toLower(u == "a" ? "OLD" : u)); }
+        pattern long(s : Spot, t : string) { Spot.tag(s, u); t == eval(u == "a" ? "OLD" : u);
+            check(toLower(t) != "c"); }
         pattern pair(a : Spot, b : Spot) { Spot(a); Spot(b);
             check(a.tag + "B" == toUpper(b.tag + "b") || a.tag.isEmpty); }
         """,
@@ -442,10 +445,16 @@ CORNERS = {
 
 REFUSED = {
     "strings that change": wrong('lhs { s : Spot; } modify { set s.tag = [[s.tag + "x"]]; }'),
-    "a string made of a number": wrong("lhs { s : Spot; } modify { set s.tag = toString([[s.n]]); }"),
-    "a rule that concatenates strings (`yard.wrong`)": wrong('lhs { s : Spot; } modify { [[set s.tag += "x";]] }'),
+    "strings that change | of a rule that adds": wrong('lhs { s : Spot; } modify { [[set s.tag += "x";]] }'),
+    "strings that change | of a query": wrong(
+        "lhs { s : Spot; t == eval([[s.tag.toUpper]]); } modify { set s.tag = t; }"
+    ),
+    "a string made of a number": wrong('lhs { s : Spot; check toString([[s.n]]) == "5"; } modify { set s.n = 6; }'),
     "a rule that changes a key (`Spot.x`)": wrong("lhs { s : Spot; } modify { [[set s.x += 1;]] }"),
     "values of `Man.codes` that are not known before they are set": wrong(
         "lhs { m : Man; n == eval(m.hunger + 1); } modify { [[set m.codes += n;]] }"
+    ),
+    "values of `Man.codes` that are not known before they are set | of an attribute that changes": wrong(
+        "lhs { m : Man; } modify { [[set m.codes += m.hunger;]] set m.hunger += 1; }"
     ),
 }
