@@ -12,7 +12,14 @@ from envgraph.env.compiled._aggregate_code import COUNT, emit_aggregate
 from envgraph.env.compiled._inlining import inlined_test, local_names
 from envgraph.env.compiled._model_reading import SetWord
 from envgraph.env.compiled._program_layout import ONE, RI, TOP, ZERO, emit_call, emit_entry, emit_sum
-from envgraph.env.compiled._symbols import ClosurePairs, FeatureRows, KeyColumns, PatternMatches, StaticRelation
+from envgraph.env.compiled._relations import (
+    ClosurePairs,
+    FeatureRows,
+    KeyColumns,
+    PatternMatches,
+    StaticRelation,
+    column_types,
+)
 from envgraph.env.compiled._term_code import CodeTerm, ExpressionEmitter, emit_as_float, emit_literal, variable_term
 from envgraph.match.generate import EXISTENCE, PlanTranslator, SolutionSink, VariableBindings, VariableCode
 from envgraph.match.plan import PatternQuery, PlanStep, SearchPlan, StepKind, query_of_call
@@ -249,7 +256,7 @@ class BodyEmitter(PlanTranslator):
 
     def record_classes(self, goal: RelationAtom) -> None:
         """Record that the objects of a static goal are of the classes that its relation implies."""
-        types = static_relation(goal).column_types(self.facts.library)
+        types = column_types(static_relation(goal), self.facts.library)
         for variable, type_ in zip(relation_variables(goal), types, strict=True):
             self.record_class(variable, type_)
 

@@ -7,14 +7,8 @@ from collections.abc import Iterator
 from envgraph.behaviour import Behaviour
 from envgraph.env.compiled._compiled_program import CompiledProgram, program_of
 from envgraph.env.compiled._not_compiled import NotCompiled
-from envgraph.env.compiled._symbols import (
-    AttributeColumn,
-    ClassSet,
-    ClosurePairs,
-    LinkColumn,
-    LinkMatrix,
-    PatternMatches,
-)
+from envgraph.env.compiled._relations import ClosurePairs, PatternMatches
+from envgraph.env.compiled._symbols import AttributeColumn, ClassSet, LinkColumn, LinkMatrix
 from envgraph.rewrite import Engine
 
 

@@ -53,4 +53,4 @@ def _column_shape(column: StateColumn | CreatedCount, member: MemberData) -> tup
     """Return the numbers of rows and columns of a state column: one row, unless it is a matrix."""
     if isinstance(column, LinkMatrix):
         return len(object_numbers(member, column.sources)), len(object_numbers(member, column.targets))
-    return 1, len(column.initial_cells(member))
+    return 1, len(column.fill(member, 0))

@@ -16,14 +16,8 @@ from envgraph.env.compiled._program_layout import (
     emit_sum,
     emit_table_entry,
 )
-from envgraph.env.compiled._symbols import (
-    AtMostOneRow,
-    FeatureRows,
-    LinkColumn,
-    LinkMatrix,
-    ValueTable,
-    split_key_columns,
-)
+from envgraph.env.compiled._relations import FeatureRows, column_types, split_key_columns
+from envgraph.env.compiled._symbols import AtMostOneRow, LinkColumn, LinkMatrix, ValueTable
 from envgraph.match.plan import LiveSizes
 from envgraph.metamodel import Attribute, Reference
 from envgraph.pattern import ObjectType
@@ -203,7 +197,7 @@ class LinkReader:
             keys, _ = split_key_columns(FeatureRows(reference), facts.library, (near,))
             if not facts.layout.assumes_functional(AtMostOneRow(keys, (far,))):
                 return None
-            values = ValueTable(keys, far, (far,), FeatureRows(reference).column_types(facts.library)[far])
+            values = ValueTable(keys, far, (far,), column_types(FeatureRows(reference), facts.library)[far])
             return emit_table_entry(emit_sum(facts.layout.offset(values), node))
         kept, _ = self.storage_of(reference)
         own = self.has_own_cell(reference, forward) or self.is_symmetric(reference)

@@ -11,15 +11,8 @@ from numpy.typing import NDArray
 from envgraph.env._simulator import Simulator
 from envgraph.env.compiled._member_data import MemberData
 from envgraph.env.compiled._program_layout import TURN, ProgramLayout
-from envgraph.env.compiled._symbols import (
-    WORD_BITS,
-    AttributeColumn,
-    ClassSet,
-    FeatureRows,
-    LinkColumn,
-    LinkMatrix,
-    object_numbers,
-)
+from envgraph.env.compiled._relations import FeatureRows
+from envgraph.env.compiled._symbols import WORD_BITS, AttributeColumn, ClassSet, LinkColumn, LinkMatrix, object_numbers
 from envgraph.metamodel import Reference
 
 StateArray = NDArray[Any]

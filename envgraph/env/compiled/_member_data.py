@@ -3,13 +3,22 @@
 from __future__ import annotations
 
 import pickle
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from functools import partial
-from typing import Any, NamedTuple, Protocol, TypeAlias
+from typing import Any, NamedTuple
 
 from envgraph import code
 from envgraph.behaviour import KeyIndex
 from envgraph.env.compiled._not_compiled import NotCompiled
+from envgraph.env.compiled._relations import (
+    Cell,
+    ClassInstances,
+    ClosurePairs,
+    FeatureRows,
+    PatternMatches,
+    Row,
+    StaticRelation,
+)
 from envgraph.errors import InvalidArgument
 from envgraph.metamodel import Attribute, EnumType, Reference, Scalar, Value
 from envgraph.pattern import Library, ObjectType, StaticType
@@ -19,18 +28,6 @@ NO_OBJECT = -1
 """Represents a missing object; ids of objects are not negative."""
 NO_INT = -(2**63)
 """Represents a missing int; other ints of 64 bits represent themselves."""
-
-Cell: TypeAlias = "int | float"
-Row: TypeAlias = "tuple[Cell, ...]"
-
-
-class RowSource(Protocol):
-    """A source of rows, such as a reference or a pattern, that can be evaluated on a member."""
-
-    def rows(self, member: MemberData) -> list[Row]:
-        """Return the tuples of the relation in the member's initial model, as numbers."""
-
-    def __hash__(self) -> int: ...
 
 
 def emit_missing_value(type_: StaticType) -> code.Expression:
@@ -96,7 +93,7 @@ class MemberData:
         self.reserved_numbers = range(len(self.object_ids), len(self.object_ids))
         self._extents = {cls: [self.object_numbers[node] for node in nodes] for cls, nodes in extents.items()}
         self._library = library
-        self._rows: dict[RowSource, list[Row]] = {}
+        self._rows: dict[StaticRelation, list[Row]] = {}
 
     def for_program(self, strings: dict[str, int], created: frozenset[str], spare: int) -> MemberData:
         """Return a copy for a family and its program, without cached rows; `spare` is ignored if `created` is empty."""
@@ -133,11 +130,28 @@ class MemberData:
         """Return the number of object numbers: objects of the initial model and reserved numbers."""
         return self.reserved_numbers.stop
 
-    def rows(self, relation: RowSource) -> list[Row]:
-        """Return the tuples of a relation in the initial model; each relation is evaluated once and cached."""
+    def rows(self, relation: StaticRelation) -> list[Row]:
+        """Return the rows of a relation in the initial model; each relation is evaluated once and cached."""
         if relation not in self._rows:
-            self._rows[relation] = relation.rows(self)
+            self._rows[relation] = self._evaluated(relation)
         return self._rows[relation]
+
+    def _evaluated(self, relation: StaticRelation) -> list[Row]:
+        graph, ids = self.model.graph, self.object_ids
+        match relation:
+            case ClassInstances(cls, exact):
+                return [(number,) for number in self.extent(cls, exact)]
+            case FeatureRows(Reference() as reference):
+                targets, numbers = graph.store.forward[reference.index], self.extent(reference.owner)
+                return [(one, self.object_numbers[other]) for one in numbers for other in targets[ids[one]]]
+            case FeatureRows(attribute):
+                assert isinstance(attribute, Attribute)
+                numbers, type_ = self.extent(attribute.owner), attribute.type
+                return [(n, self.encode(value, type_)) for n in numbers for value in graph.values(ids[n], attribute)]
+            case PatternMatches(pattern):
+                return self._match_rows(pattern)
+            case ClosurePairs(step, star):
+                return self._closure_rows(step, star)
 
     def extent(self, cls: str, exact: bool = False) -> list[int]:
         """Return the numbers of the objects of a class, ascending; `exact` excludes objects of its subclasses."""
@@ -186,23 +200,7 @@ class MemberData:
             return missing_value(attribute.type)
         return self.encode(self.model.graph.value(self.object_ids[number], attribute), attribute.type)
 
-    def link_rows(self, feature: Reference | Attribute) -> list[Row]:
-        """Return a reference's links as pairs of object numbers, or an attribute's values as pairs (object, value)."""
-        found: list[Row] = []
-        if isinstance(feature, Reference):
-            targets = self.model.graph.store.forward[feature.index]
-            numbers = self.extent(feature.owner)
-            return [(one, self.object_numbers[other]) for one in numbers for other in targets[self.object_ids[one]]]
-        for number in self.extent(feature.owner):
-            node = self.object_ids[number]
-            if feature.many:
-                values: Sequence[Value] = self.model.graph.values(node, feature)
-                found += [(number, self.encode(value, feature.type)) for value in values]
-            elif self.model.graph.value(node, feature) is not None:
-                found.append((number, self.attribute_value(number, feature)))
-        return found
-
-    def match_rows(self, pattern: str) -> list[Row]:
+    def _match_rows(self, pattern: str) -> list[Row]:
         """Return the matches of a pattern in the initial model, as numbers. Add the pattern to the engine if necessary.
 
         Computed strings that the family has no number for are added to `string_numbers` as `NO_OBJECT`.
@@ -220,10 +218,10 @@ class MemberData:
             return False
         return True
 
-    def closure_rows(self, step: str, star: bool) -> list[Row]:
+    def _closure_rows(self, step: str, star: bool) -> list[Row]:
         """Return the transitive closure of the binary pattern `step`; `star` adds (x, x) for each object x."""
         following: dict[Cell, list[Cell]] = {}
-        for source, target in self.match_rows(step):
+        for source, target in self._match_rows(step):
             following.setdefault(source, []).append(target)
         found: dict[Row, None] = {}
         for source, targets in following.items():
@@ -259,25 +257,5 @@ def strings_in_model(engine: Engine) -> set[str]:
     for attribute in model.metamodel.attributes:
         if attribute.type is Scalar.STRING:
             for node in model.graph.extent(attribute.owner):
-                if attribute.many:
-                    found.update(map(str, model.graph.values(node, attribute)))
-                elif (value := model.graph.value(node, attribute)) is not None:
-                    found.add(str(value))
+                found.update(map(str, model.graph.values(node, attribute)))
     return found
-
-
-def value_count(type_: StaticType) -> int | None:
-    """Return how many values a type has, for a table indexed by value.
-
-    Returns:
-        0 for objects, whose number depends on the member; None for types with too many values (numbers, strings).
-    """
-    match type_:
-        case ObjectType():
-            return 0
-        case EnumType():
-            return len(type_.literals)
-        case Scalar.BOOL:
-            return 2
-        case _:
-            return None

@@ -23,23 +23,26 @@ from envgraph.env.compiled._program_layout import (
     emit_table_entry,
     emit_value_entry,
 )
+from envgraph.env.compiled._relations import (
+    ClassInstances,
+    FeatureRows,
+    KeyColumns,
+    StaticRelation,
+    column_types,
+    split_key_columns,
+)
 from envgraph.env.compiled._symbols import (
     WORD_BITS,
     AtMostOneRow,
     AttributeColumn,
     BitSetTable,
     BitTable,
-    ClassInstances,
     ClassSet,
     ExtentTable,
-    FeatureRows,
     GroupedValues,
     GroupStarts,
-    KeyColumns,
-    StaticRelation,
     ValueDomain,
     ValueTable,
-    split_key_columns,
 )
 from envgraph.match.plan import LiveSizes
 from envgraph.metamodel import Attribute, Reference, Scalar
@@ -163,7 +166,7 @@ class ModelReader:
             word = emit_table_entry(emit_sum(offset, code.Operation(">>", (place, SHIFT))))
             block.open_test(emit_bit_test(word, place))
             return {}
-        types = relation.column_types(self.library)
+        types = column_types(relation, self.library)
         found = {position: self.new_local_for(types[position]) for position in shown}
         if self.layout.assumes_functional(AtMostOneRow(keys, shown)):
             for position, local in found.items():

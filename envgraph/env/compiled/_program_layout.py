@@ -15,7 +15,8 @@ from numpy.typing import NDArray
 from envgraph import code
 from envgraph.code import dataclass
 from envgraph.env.compiled._batch_arrays import FamilyArrays
-from envgraph.env.compiled._member_data import NO_OBJECT, Cell, MemberData
+from envgraph.env.compiled._member_data import NO_OBJECT, MemberData
+from envgraph.env.compiled._relations import Cell, StaticRelation
 from envgraph.env.compiled._symbols import (
     AtMostOneObject,
     AtMostOneRow,
@@ -28,9 +29,10 @@ from envgraph.env.compiled._symbols import (
     KeyValues,
     LinkColumn,
     LinkMatrix,
+    MemberNumbers,
     ProgramTable,
     StateColumn,
-    StaticRelation,
+    StateNumbers,
     ValueDomain,
     ValueTable,
 )
@@ -167,37 +169,34 @@ class ProgramLayout:
         Raises:
             AssumptionViolated: a member does not meet an assumption.
         """
-        symbols = [
-            one for one in self._numbers if not isinstance(one, Stride | Width | Constants | StringNumber | TextTable)
-        ]
+        symbols = [one for one in self._numbers if isinstance(one, MemberNumbers)]
         filled: list[list[Sequence[Cell]]] = []
         for member in members:
             member.restore_initial_state()
             for assumed in self._single.values():
                 assumed.check(member)
-            filled.append([_values_of(symbol, member, stride) for symbol in symbols])
+            filled.append([symbol.fill(member, stride) for symbol in symbols])
         offsets = np.zeros(len(self._numbers), dtype=np.int64)
         tails: list[int] = []
         ends = {"T": 0, "G": 0, "S": FIRST_COLUMN, "F": 0}
         homes: list[tuple[str, int]] = []
         for symbol, number in self._numbers.items():
-            if isinstance(symbol, Stride):
-                offsets[number] = stride
-            elif isinstance(symbol, Width):
-                pass  # Known only after all columns have their offsets.
-            elif isinstance(symbol, StringNumber):
-                offsets[number] = strings[symbol.text]
-            elif isinstance(symbol, Constants | TextTable):
-                offsets[number] = len(self._numbers) + len(tails)
-                tails += symbol.values if isinstance(symbol, Constants) else symbol.entries(strings)
-            else:
-                where = _array_name(symbol)
-                ends[where] += where in "TG"  # A gap between tables, because -1 is an index as well.
-                offsets[number] = ends[where]
-                ends[where] += max(len(each[len(homes)]) for each in filled)
-                homes.append((where, int(offsets[number])))
+            match symbol:
+                case Stride():
+                    offsets[number] = stride
+                case StringNumber(text):
+                    offsets[number] = strings[text]
+                case Constants() | TextTable():
+                    offsets[number] = len(self._numbers) + len(tails)
+                    tails += symbol.values if isinstance(symbol, Constants) else symbol.entries(strings)
+                case MemberNumbers():
+                    where = ("SF" if isinstance(symbol, StateNumbers) else "TG")[symbol.is_float]
+                    ends[where] += where in "TG"  # A gap between tables, because -1 is an index as well.
+                    offsets[number] = ends[where]
+                    ends[where] += max(len(each[len(homes)]) for each in filled)
+                    homes.append((where, int(offsets[number])))
         for symbol, number in self._numbers.items():
-            if isinstance(symbol, Width):
+            if isinstance(symbol, Width):  # known only after all columns have their offsets
                 offsets[number] = max(ends["S"], ends["F"]) if symbol.of == "rows" else ends[symbol.of]
         count = len(filled)
         arrays: dict[str, NDArray[Any]] = {
@@ -211,18 +210,6 @@ class ProgramLayout:
                 arrays[where][row, start : start + len(values)] = values
         whole = np.concatenate([offsets, np.array(tails, dtype=np.int64)])
         return FamilyArrays(arrays["T"], arrays["G"], whole, arrays["S"], arrays["F"])
-
-
-def _array_name(symbol: Symbol) -> str:
-    assert not isinstance(symbol, Stride | Width | Constants | StringNumber | TextTable)
-    if hasattr(symbol, "fill"):
-        return "G" if symbol.is_float else "T"
-    return "F" if symbol.is_float else "S"
-
-
-def _values_of(symbol: Symbol, member: MemberData, stride: int) -> Sequence[Cell]:
-    assert not isinstance(symbol, Stride | Width | Constants | StringNumber | TextTable)
-    return symbol.fill(member, stride) if hasattr(symbol, "fill") else symbol.initial_cells(member)
 
 
 def emit_sum(*parts: code.Expression | int) -> code.Expression:

@@ -12,127 +12,52 @@ from numpy.typing import NDArray
 
 from envgraph.behaviour import bind_parameter
 from envgraph.code import dataclass
-from envgraph.env.compiled._member_data import NO_OBJECT, Cell, MemberData, Row, missing_value, value_count
+from envgraph.env.compiled._member_data import NO_OBJECT, MemberData, missing_value
 from envgraph.env.compiled._not_compiled import AssumptionViolated, NotCompiled
+from envgraph.env.compiled._relations import Cell, FeatureRows, KeyColumns, Row, value_count
 from envgraph.metamodel import Attribute, AttributeType, Reference, Scalar, Value
-from envgraph.pattern import Library, ObjectType, Parameter, StaticType
+from envgraph.pattern import Parameter, StaticType
 
 WORD_BITS: Final = 32
 """Number of bits of a word of a bit set."""
 
 
-class IntValued:
-    """The base class of tables and columns of ints."""
+class MemberNumbers:
+    """The base class of tables of a member, and of columns of its states."""
 
     __slots__ = ()
-    is_float = False
+
+    @property
+    def is_float(self) -> bool:
+        """Return True if the entries are floats."""
+        return False
+
+    def fill(self, member: MemberData, stride: int) -> Sequence[Cell]:
+        """Return the entries of a table, or of a column in the initial state.
+
+        Args:
+            member: that the entries are of.
+            stride: the largest number of objects of a member.
+        """
+        raise NotImplementedError
 
 
-# --- relations that no rule changes
+class StateNumbers(MemberNumbers):
+    """The base class of columns of states."""
 
-
-@dataclass(frozen=True, slots=True)
-class ClassInstances:
-    """The objects of a class, as rows of one column."""
-
-    cls: str
-    exact: bool = False
-
-    def column_types(self, library: Library) -> tuple[StaticType, ...]:
-        """Return the types of the columns."""
-        return (ObjectType(self.cls),)
-
-    def rows(self, member: MemberData) -> list[Row]:
-        """Return the rows of the relation in the member's initial model."""
-        return [(number,) for number in member.extent(self.cls, self.exact)]
-
-
-@dataclass(frozen=True, slots=True)
-class FeatureRows:
-    """The links of a reference, or the objects with their values of an attribute, as rows of two columns."""
-
-    feature: Reference | Attribute
-
-    def column_types(self, library: Library) -> tuple[StaticType, ...]:
-        """Return the types of the columns."""
-        feature = self.feature
-        end = ObjectType(feature.target) if isinstance(feature, Reference) else feature.type
-        return ObjectType(feature.owner), end
-
-    def rows(self, member: MemberData) -> list[Row]:
-        """Return the rows of the relation in the member's initial model."""
-        return member.link_rows(self.feature)
-
-
-@dataclass(frozen=True, slots=True)
-class PatternMatches:
-    """The matches of a pattern, as rows with one column for each parameter."""
-
-    pattern: str
-
-    def column_types(self, library: Library) -> tuple[StaticType, ...]:
-        """Return the types of the columns."""
-        return library.parameter_types(self.pattern)
-
-    def rows(self, member: MemberData) -> list[Row]:
-        """Return the rows of the relation in the member's initial model."""
-        return member.match_rows(self.pattern)
-
-
-@dataclass(frozen=True, slots=True)
-class ClosurePairs:
-    """The transitive closure of the binary pattern `step`, as pairs; `star` adds the pair (x, x) for each object x."""
-
-    step: str
-    star: bool
-
-    def column_types(self, library: Library) -> tuple[StaticType, ...]:
-        """Return the types of the columns."""
-        return library.parameter_types(self.step)
-
-    def rows(self, member: MemberData) -> list[Row]:
-        """Return the rows of the relation in the member's initial model."""
-        return member.closure_rows(self.step, self.star)
-
-
-StaticRelation: TypeAlias = "ClassInstances | FeatureRows | PatternMatches | ClosurePairs"
+    __slots__ = ()
 
 
 # --- tables: a row of numbers for each member
 
 
 @dataclass(frozen=True, slots=True)
-class KeyColumns:
-    """The columns of a relation whose values, combined to one number, are the position of a row in a table.
-
-    Attributes:
-        widths: the number of possible values of each column; 0: the number of objects.
-    """
-
-    relation: StaticRelation
-    positions: tuple[int, ...]
-    widths: tuple[int, ...]
-
-    def value_counts(self, stride: int) -> tuple[int, ...]:
-        """Return the number of possible values of each key column; `stride` is this number for objects."""
-        return tuple(width or stride for width in self.widths)
-
-    def table_positions(self, rows: Sequence[Row], sizes: Sequence[int]) -> list[int]:
-        """Return the table position of each row, which is computed from the row's key values."""
-        places = [0] * len(rows)
-        for position, size in zip(self.positions, sizes, strict=True):
-            places = [place * size + int(row[position]) for place, row in zip(places, rows, strict=True)]
-        return places
-
-
-@dataclass(frozen=True, slots=True)
-class BitTable(IntValued):
+class BitTable(MemberNumbers):
     """A table with one bit for each position: 1 if the relation has a row with these key values."""
 
     keys: KeyColumns
 
     def fill(self, member: MemberData, stride: int) -> Sequence[Cell]:
-        """Return the entries of the table for a member; `stride` is the largest number of objects of a member."""
         sizes = self.keys.value_counts(stride)
         bits = np.zeros(-(-max(prod(sizes), 1) // WORD_BITS) * WORD_BITS, dtype=np.uint8)
         bits[self.keys.table_positions(member.rows(self.keys.relation), sizes)] = 1
@@ -153,7 +78,7 @@ def _cells_of(values: Sequence[Cell], type_: StaticType) -> Sequence[Cell]:
 
 
 @dataclass(frozen=True, slots=True)
-class ValueTable:
+class ValueTable(MemberNumbers):
     """A table of the value that one column has in the row with given key values; at most one such row may exist."""
 
     keys: KeyColumns
@@ -163,27 +88,19 @@ class ValueTable:
     is_float = property(_is_float)
 
     def fill(self, member: MemberData, stride: int) -> Sequence[Cell]:
-        """Return the entries of the table for a member; positions without a row have the missing value.
-
-        Raises:
-            Misfit: the member has several different rows for the same key values.
-        """
         sizes = self.keys.value_counts(stride)
         found = [missing_value(self.type)] * max(prod(sizes), 1)
-        rows = member.rows(self.keys.relation)
-        places = self.keys.table_positions(rows, sizes)
-        different = len(set(places))
-        if different < len(places):
-            shown = {(place, *[row[at] for at in self.shown_columns]) for place, row in zip(places, rows, strict=True)}
-            if different < len(shown):
-                raise AssumptionViolated(AtMostOneRow(self.keys, self.shown_columns))
-        for place, row in zip(places, rows, strict=True):
-            found[place] = row[self.position]
+        groups = _group_rows(self.keys, self.shown_columns, member, sizes)
+        if any(len(rows) > 1 for rows in groups.values()):
+            raise AssumptionViolated(AtMostOneRow(self.keys, self.shown_columns))
+        column = self.shown_columns.index(self.position)
+        for place, (row,) in groups.items():
+            found[place] = row[column]
         return _cells_of(found, self.type)
 
 
 @dataclass(frozen=True, slots=True)
-class GroupStarts(IntValued):
+class GroupStarts(MemberNumbers):
     """A table of the position in `GroupedValues` where the rows with given key values begin, and of the last row's
     end.
     """
@@ -192,7 +109,6 @@ class GroupStarts(IntValued):
     shown_columns: tuple[int, ...]
 
     def fill(self, member: MemberData, stride: int) -> Sequence[Cell]:
-        """Return the entries of the table for a member; `stride` is the largest number of objects of a member."""
         sizes = self.keys.value_counts(stride)
         groups = _group_rows(self.keys, self.shown_columns, member, sizes)
         found = [0]
@@ -202,7 +118,7 @@ class GroupStarts(IntValued):
 
 
 @dataclass(frozen=True, slots=True)
-class GroupedValues:
+class GroupedValues(MemberNumbers):
     """A table of the values in one column, of the distinct rows sorted by key values; `GroupStarts` divides the
     table.
     """
@@ -214,14 +130,13 @@ class GroupedValues:
     is_float = property(_is_float)
 
     def fill(self, member: MemberData, stride: int) -> Sequence[Cell]:
-        """Return the entries of the table for a member; `stride` is the largest number of objects of a member."""
         column = self.shown_columns.index(self.position)
         groups = _group_rows(self.keys, self.shown_columns, member, self.keys.value_counts(stride))
         return _cells_of([row[column] for place in sorted(groups) for row in groups[place]], self.type)
 
 
 @dataclass(frozen=True, slots=True)
-class BitSetTable(IntValued):
+class BitSetTable(MemberNumbers):
     """A table with a bit set for each combination of key values: the objects of a group that these rows contain."""
 
     keys: KeyColumns
@@ -229,7 +144,6 @@ class BitSetTable(IntValued):
     group: tuple[str, ...]
 
     def fill(self, member: MemberData, stride: int) -> Sequence[Cell]:
-        """Return the entries of the table for a member; `stride` is the largest number of objects of a member."""
         sizes = self.keys.value_counts(stride)
         objects = object_numbers(member, self.group)
         bits = np.zeros((max(prod(sizes), 1), -(-len(objects) // WORD_BITS) * WORD_BITS), dtype=np.uint8)
@@ -301,7 +215,7 @@ class ValueDomain:
 
 
 @dataclass(frozen=True, slots=True)
-class ExtentTable:
+class ExtentTable(MemberNumbers):
     """A table about the objects of some classes, or about the values of a domain, selected by `kind`.
 
     `objects`: their numbers, ascending; `count`: how many; `words`: the words of a bit set of them; `places`: the
@@ -313,11 +227,9 @@ class ExtentTable:
 
     @property
     def is_float(self) -> bool:
-        """Return True if the entries are floats."""
         return self.kind == "objects" and isinstance(self.classes, ValueDomain) and self.classes.is_float
 
     def fill(self, member: MemberData, stride: int) -> Sequence[Cell]:
-        """Return the entries of the table for a member; `stride` is the largest number of objects of a member."""
         objects = object_numbers(member, self.classes)
         match self.kind:
             case "objects":
@@ -363,7 +275,7 @@ def object_numbers(member: MemberData, classes: Sequence[str] | ValueDomain) -> 
 
 
 @dataclass(frozen=True, slots=True)
-class AttributeColumn:
+class AttributeColumn(StateNumbers):
     """A column with the value of an attribute for each object of the classes that have the attribute."""
 
     attribute: Attribute
@@ -371,11 +283,9 @@ class AttributeColumn:
 
     @property
     def is_float(self) -> bool:
-        """Return True if the values are floats."""
         return self.attribute.type is Scalar.FLOAT
 
-    def initial_cells(self, member: MemberData) -> Sequence[Cell]:
-        """Return the column in the member's initial state."""
+    def fill(self, member: MemberData, stride: int) -> Sequence[Cell]:
         return [member.attribute_value(number, self.attribute) for number in self.objects(member)]
 
     def objects(self, member: MemberData) -> list[int]:
@@ -384,7 +294,7 @@ class AttributeColumn:
 
 
 @dataclass(frozen=True, slots=True)
-class LinkColumn(IntValued):
+class LinkColumn(StateNumbers):
     """A column with the linked object for each object at an end of a reference with at most one link; -1 for none.
 
     Attributes:
@@ -397,15 +307,14 @@ class LinkColumn(IntValued):
     belongs_to_sources: bool
     classes: tuple[str, ...]
 
-    def initial_cells(self, member: MemberData) -> Sequence[Cell]:
-        """Return the column in the member's initial state."""
+    def fill(self, member: MemberData, stride: int) -> Sequence[Cell]:
         links = member.rows(FeatureRows(self.reference))
         held = {ends[not self.belongs_to_sources]: ends[self.belongs_to_sources] for ends in links}
         return [held.get(number, NO_OBJECT) for number in object_numbers(member, self.classes)]
 
 
 @dataclass(frozen=True, slots=True)
-class LinkMatrix(IntValued):
+class LinkMatrix(StateNumbers):
     """A matrix [sources, targets] of a reference with many links at both ends: 1 if the two objects are linked.
 
     For a multi-valued attribute, a matrix [objects, values]: how many times an object has a value.
@@ -415,22 +324,20 @@ class LinkMatrix(IntValued):
     sources: tuple[str, ...]
     targets: tuple[str, ...] | ValueDomain
 
-    def initial_cells(self, member: MemberData) -> Sequence[Cell]:
-        """Return the matrix in the member's initial state, row by row."""
+    def fill(self, member: MemberData, stride: int) -> Sequence[Cell]:
         links = Counter(member.rows(FeatureRows(self.reference)))
         ends = object_numbers(member, self.sources), object_numbers(member, self.targets)
         return [links[source, target] for source in ends[0] for target in ends[1]]
 
 
 @dataclass(frozen=True, slots=True)
-class ClassSet(IntValued):
+class ClassSet(StateNumbers):
     """A bit set of the objects that currently have a class, among those of a group of classes."""
 
     group: tuple[str, ...]
     cls: str
 
-    def initial_cells(self, member: MemberData) -> Sequence[Cell]:
-        """Return the words of the bit set in the member's initial state."""
+    def fill(self, member: MemberData, stride: int) -> Sequence[Cell]:
         objects = object_numbers(member, self.group)
         inside = {*member.extent(self.cls, exact=True)}
         bits = np.zeros(-(-len(objects) // WORD_BITS) * WORD_BITS, dtype=np.uint8)
@@ -439,22 +346,20 @@ class ClassSet(IntValued):
 
 
 @dataclass(frozen=True, slots=True)
-class CreatedCount(IntValued):
+class CreatedCount(StateNumbers):
     """A column with one entry: how many reserved numbers are in use by objects that rules created."""
 
-    def initial_cells(self, member: MemberData) -> Sequence[Cell]:
-        """Return the column in the initial state: 0."""
+    def fill(self, member: MemberData, stride: int) -> Sequence[Cell]:
         return [0]
 
 
 @dataclass(frozen=True, slots=True)
-class ReservedNumbers(IntValued):
+class ReservedNumbers(MemberNumbers):
     """A table with one entry: the first number reserved for created objects, or how many numbers are reserved."""
 
     kind: Literal["first", "count"]
 
     def fill(self, member: MemberData, stride: int) -> Sequence[Cell]:
-        """Return the entries of the table for a member; `stride` is the largest number of objects of a member."""
         return [member.reserved_numbers.start if self.kind == "first" else len(member.reserved_numbers)]
 
 
@@ -462,29 +367,23 @@ class ReservedNumbers(IntValued):
 
 
 @dataclass(frozen=True, slots=True)
-class BoundParameter(IntValued):
+class BoundParameter(MemberNumbers):
     """A table with one entry: the object that a parameter of the behaviour is bound to."""
 
     parameter: Parameter
 
     def fill(self, member: MemberData, stride: int) -> Sequence[Cell]:
-        """Return the entries of the table for a member; `stride` is the largest number of objects of a member."""
         return [member.object_numbers[bind_parameter(member.model, self.parameter)]]
 
 
 @dataclass(frozen=True, slots=True)
-class ObjectByIndex(IntValued):
+class ObjectByIndex(MemberNumbers):
     """A table of the object at each index of a class, also of objects that may be retyped to the class; -1 for none."""
 
     cls: str
     candidates: tuple[str, ...]
 
     def fill(self, member: MemberData, stride: int) -> Sequence[Cell]:
-        """Return the entries of the table for a member; `stride` is the largest number of objects of a member.
-
-        Raises:
-            AssumptionViolated: two objects may have the same index.
-        """
         found, class_of = list[int](), member.model.graph.class_of
         for nodes in member.key_index.candidates(member.model, self.cls):
             numbers = [member.object_numbers[node] for node in nodes if class_of(node) in self.candidates]
@@ -502,13 +401,12 @@ class OneObjectPerIndex:
 
 
 @dataclass(frozen=True, slots=True)
-class IndexByObject(IntValued):
+class IndexByObject(MemberNumbers):
     """A table of the index of each object within a class; -1 for objects without an index."""
 
     cls: str
 
     def fill(self, member: MemberData, stride: int) -> Sequence[Cell]:
-        """Return the entries of the table for a member; `stride` is the largest number of objects of a member."""
         found = [NO_OBJECT] * stride
         for index, nodes in enumerate(member.key_index.candidates(member.model, self.cls)):
             for node in nodes:
@@ -517,7 +415,7 @@ class IndexByObject(IntValued):
 
 
 @dataclass(frozen=True, slots=True)
-class KeyValues:
+class KeyValues(MemberNumbers):
     """A table of the value of one key attribute at each index of a class."""
 
     type: StaticType
@@ -525,19 +423,17 @@ class KeyValues:
     is_float = property(_is_float)
 
     def fill(self, member: MemberData, stride: int) -> Sequence[Cell]:
-        """Return the entries of the table, which are the same for all members of a family."""
         return _cells_of([member.encode(value, self.type) for value in self.values], self.type)
 
 
 @dataclass(frozen=True, slots=True)
-class AgentTable(IntValued):
+class AgentTable(MemberNumbers):
     """A table of the agents in the order of their turns: their objects, their block numbers, or their count."""
 
     classes: tuple[str, ...]
     kind: Literal["object", "block", "count"]
 
     def fill(self, member: MemberData, stride: int) -> Sequence[Cell]:
-        """Return the entries of the table for a member; `stride` is the largest number of objects of a member."""
         seats = [
             (member.object_numbers[node], block)
             for block, cls in enumerate(self.classes)
@@ -554,14 +450,3 @@ ProgramTable: TypeAlias = (
     "| ReservedNumbers | BoundParameter | ObjectByIndex | IndexByObject | KeyValues | AgentTable"
 )
 StateColumn: TypeAlias = "AttributeColumn | LinkColumn | LinkMatrix | ClassSet"
-
-
-def split_key_columns(
-    relation: StaticRelation, library: Library, bound: Sequence[int]
-) -> tuple[KeyColumns, tuple[int, ...]]:
-    """Split bound columns into those that form a table position, and the positions of those with too many values."""
-    types = relation.column_types(library)
-    widths = {position: value_count(types[position]) for position in bound}
-    usable = tuple(position for position in bound if widths[position] is not None)
-    rest = tuple(position for position in bound if widths[position] is None)
-    return KeyColumns(relation, usable, tuple(widths[position] or 0 for position in usable)), rest
