@@ -15,25 +15,6 @@ from numba.core.cgutils import create_struct_proxy
 from numba.core.typing.templates import AbstractTemplate, infer_global, signature
 from numba.extending import intrinsic, lower_builtin, models, register_model
 
-__all__ = [
-    "add_checked",
-    "arrays_at",
-    "bit",
-    "bit_at",
-    "count_bits",
-    "exp",
-    "fixed",
-    "log",
-    "lowest_bit",
-    "matrix",
-    "multiply_checked",
-    "pow",
-    "sqrt",
-    "subtract_checked",
-    "vector",
-    "width",
-]
-
 
 class Vector(types.Type):
     """The numba type of an array with one axis. Its indices must be in range and not negative."""

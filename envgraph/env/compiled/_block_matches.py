@@ -23,8 +23,9 @@ from envgraph.env.compiled._program_layout import (
     emit_table_entry,
 )
 from envgraph.env.compiled._symbols import CreatedCount, ReservedNumbers
+from envgraph.env.compiled._term_code import CodeTerm, emit_as_type
 from envgraph.match.plan import PatternQuery
-from envgraph.metamodel import Scalar
+from envgraph.metamodel import Attribute, Scalar
 from envgraph.pattern import ObjectType, StaticType
 from envgraph.rewrite.plans import BlockPlan, RulePlan
 
@@ -58,6 +59,10 @@ class MatchFrame:
     def slot_cell(self, slot: int, row: code.Expression) -> code.Subscript:
         """Return the cell in which a row stores the value of a slot."""
         return emit_entry(RF if self.types.get(slot) is Scalar.FLOAT else RI, row, self.columns[slot])
+
+    def converted_value(self, slots: Slots, slot: int, attribute: Attribute) -> code.Expression:
+        """Return the value of a slot, converted to the type of an attribute."""
+        return emit_as_type(CodeTerm(slots[slot], self.types.get(slot, attribute.type)), attribute.type)
 
     def outer_row_cell(self, row: code.Expression) -> code.Subscript:
         """Return the cell in which a block's row stores the row of the outer match in which it was found."""

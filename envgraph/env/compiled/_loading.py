@@ -61,7 +61,7 @@ def _load_native(source: str, called: Sequence[str]) -> dict[str, Any]:
     module = ModuleType(path.stem)
     sys.modules[path.stem] = module  # numba finds the functions of cached code there
     namespace = vars(module)
-    namespace.update({name: getattr(_arrays, name) for name in _arrays.__all__})
+    namespace.update({name: getattr(_arrays, name) for name in _python_kernels.__all__ if hasattr(_arrays, name)})
     code.execute_text(source, str(path), namespace)
     _machine_code.compile_functions(namespace, called, text, _cache)
     return namespace

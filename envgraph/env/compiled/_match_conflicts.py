@@ -10,9 +10,8 @@ from envgraph.env.compiled._block_matches import MatchFrame, Slots
 from envgraph.env.compiled._match_statements import MatchStatements
 from envgraph.env.compiled._member_data import emit_missing_value
 from envgraph.env.compiled._program_layout import NOBODY, ZERO
-from envgraph.env.compiled._term_code import CodeTerm, emit_as_float
 from envgraph.metamodel import Attribute, Metamodel, Reference, Scalar
-from envgraph.pattern import Constant, EnumLiteral, StaticType
+from envgraph.pattern import Constant, EnumLiteral
 from envgraph.rewrite.plans import AddLink, Claim, claims_of, endangered_classes, kept_objects
 
 
@@ -191,8 +190,7 @@ def _attribute_values(side: MatchClaim) -> list[code.Expression]:
     assert isinstance(attribute, Attribute)
     if not (claim.others or attribute.many):
         return [emit_missing_value(attribute.type)]
-    types = side.frame.types
-    return [converted_value(side.slots[slot], types.get(slot, attribute.type), attribute) for slot in claim.others]
+    return [side.frame.converted_value(side.slots, slot, attribute) for slot in claim.others]
 
 
 def _constant_value(side: MatchClaim) -> object:
@@ -210,13 +208,6 @@ def _constant_value(side: MatchClaim) -> object:
                 case EnumLiteral(literal=literal):
                     return literal
     return None
-
-
-def converted_value(value: code.Expression, type_: StaticType | None, attribute: Attribute) -> code.Expression:
-    """Return the expression of a value, converted to float if the attribute is a float and the value is not."""
-    if attribute.type is Scalar.FLOAT and type_ is not Scalar.FLOAT:
-        return emit_as_float(CodeTerm(value, Scalar.INT))
-    return value
 
 
 def emit_agreement_checks(matches: MatchStatements) -> None:

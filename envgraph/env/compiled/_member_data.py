@@ -206,17 +206,11 @@ class MemberData:
         Computed strings that the family has no number for are added to `string_numbers` as `NO_OBJECT`.
         """
         types = self._library.parameter_types(pattern)
-        if not self._has_pattern(pattern):
-            self.engine.add(self._library.get(pattern))
-        return [tuple(map(self.encode, row, types)) for row in self.engine.matcher.prepare(pattern, ())()]
-
-    def _has_pattern(self, pattern: str) -> bool:
-        """Return True if the engine's library contains the pattern; helper patterns of paths may not be added yet."""
         try:
             self.engine.library.get(pattern)
-        except InvalidArgument:
-            return False
-        return True
+        except InvalidArgument:  # helper patterns of paths may not be added yet
+            self.engine.add(self._library.get(pattern))
+        return [tuple(map(self.encode, row, types)) for row in self.engine.matcher.prepare(pattern, ())()]
 
     def _closure_rows(self, step: str, star: bool) -> list[Row]:
         """Return the transitive closure of the binary pattern `step`; `star` adds (x, x) for each object x."""
@@ -225,13 +219,13 @@ class MemberData:
             following.setdefault(source, []).append(target)
         found: dict[Row, None] = {}
         for source, targets in following.items():
-            todo = list(dict.fromkeys(targets))
-            seen = set(todo)
-            for node in todo:
-                found[source, node] = None
-                new = [other for other in following.get(node, ()) if other not in seen]
-                todo += dict.fromkeys(new)
-                seen.update(new)
+            reached = dict.fromkeys(targets)
+            todo = [*reached]
+            for node in todo:  # grows during the loop
+                new = dict.fromkeys(other for other in following.get(node, ()) if other not in reached)
+                reached.update(new)
+                todo += new
+            found.update(((source, node), None) for node in reached)
         if star:
             type_ = self._library.parameter_types(step)[0]
             assert isinstance(type_, ObjectType)

@@ -55,7 +55,7 @@ class ObjectChangeEmitter:
             changed = self._match.collect(lambda old=old: self._emit_class_change(old, new, node))  # type: ignore[misc]
             if old != new and changed:
                 self._match.append(code.If(facts.emit_is_instance(node, old, exact=True), changed))
-        self._emit_leave_sets(group, retype.node)
+        self._match.append(*emit_leave_sets(facts, group, node, class_known=True))
         place = facts.emit_object_index(group, node, class_known=True)[0]
         self._match.append(code.Assign(class_set_word(facts, group, new, place), _emit_bit_at(place), "|="))
 
@@ -79,10 +79,6 @@ class ObjectChangeEmitter:
             return
         place, _ = self._facts.attribute_cell(attribute, node, class_known=True)
         self._match.append(code.Assign(place, emit_literal(self._facts, value, attribute.type).number_code))
-
-    def _emit_leave_sets(self, group: tuple[str, ...], slot: int) -> None:
-        """Emit code that removes an object from the sets of all classes of its group."""
-        self._match.append(*emit_leave_sets(self._facts, group, self._match.slots[slot], class_known=True))
 
     def emit_delete(self, delete: DeleteObject) -> None:
         """Emit code that deletes an object and all objects that it contains.
@@ -109,7 +105,7 @@ class ObjectChangeEmitter:
             self._match.append(*emit_clear_attribute(facts, attribute, node, class_known=sure))
         group = facts.changes.group_of(concrete[0])
         assert group is not None
-        self._emit_leave_sets(group, delete.node)
+        self._match.append(*emit_leave_sets(facts, group, node, class_known=True))
 
     def emit_is_inside_deleted(self, delete: DeleteObject) -> code.Expression:
         """Emit code that tests if the object is contained in another object that the rule deletes, and goes with it.

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections import Counter
 from collections.abc import Sequence
+from itertools import accumulate
 from math import prod
 from typing import Any, Final, Literal, TypeAlias
 
@@ -111,10 +112,7 @@ class GroupStarts(MemberNumbers):
     def fill(self, member: MemberData, stride: int) -> Sequence[Cell]:
         sizes = self.keys.value_counts(stride)
         groups = _group_rows(self.keys, self.shown_columns, member, sizes)
-        found = [0]
-        for place in range(max(prod(sizes), 1)):
-            found.append(found[-1] + len(groups.get(place, ())))
-        return found
+        return [0, *accumulate(len(groups.get(place, ())) for place in range(max(prod(sizes), 1)))]
 
 
 @dataclass(frozen=True, slots=True)

@@ -320,7 +320,7 @@ class ExpressionEmitter:
         if then.beyond or otherwise.beyond:
             beyond = code.ConditionalExpression(test.value, then.beyond or code.FALSE, otherwise.beyond or code.FALSE)
         return CodeTerm(
-            code.ConditionalExpression(test.value, _emit_as_type(then, type_), _emit_as_type(otherwise, type_)),
+            code.ConditionalExpression(test.value, emit_as_type(then, type_), emit_as_type(otherwise, type_)),
             type_,
             (*test.valid, *tests_of_branch(then.valid, otherwise.valid)),
             tests_of_branch(then.present, otherwise.present),
@@ -348,7 +348,7 @@ class ExpressionEmitter:
             return self._emit_finite(code.emit_call(name, *map(emit_as_float, terms)), valid)
         types = {term.type for term in terms}
         result = FUNCTIONS[name].result or (Scalar.FLOAT if Scalar.FLOAT in types else Scalar.INT)
-        made, *values = [_emit_as_type(term, result) for term in terms]
+        made, *values = [emit_as_type(term, result) for term in terms]
         if name == "abs":
             made = code.emit_call("abs", made)
         for value in values:
@@ -437,7 +437,7 @@ def _emit_comparison(operator: str, left: CodeTerm, right: CodeTerm) -> code.Exp
     return code.Operation(operator, (left.value, right.value))
 
 
-def _emit_as_type(term: CodeTerm, type_: StaticType | None) -> code.Expression:
+def emit_as_type(term: CodeTerm, type_: StaticType | None) -> code.Expression:
     """Return the value's code, converted to float if `type_` is float."""
     if type_ is Scalar.FLOAT and term.type is not Scalar.FLOAT:
         return code.emit_call("float", term.value)
@@ -446,7 +446,7 @@ def _emit_as_type(term: CodeTerm, type_: StaticType | None) -> code.Expression:
 
 def emit_as_float(term: CodeTerm) -> code.Expression:
     """Return the code of a number converted to float."""
-    return _emit_as_type(term, Scalar.FLOAT)
+    return emit_as_type(term, Scalar.FLOAT)
 
 
 def _is_literal(node: Expression) -> bool:
