@@ -198,17 +198,9 @@ class BlockMatches:
         loads, values = self._matching.load_row(key, emit_sum(above, one))
         variables = range(plan.inherited_count, plan.inherited_count + plan.variable_count)
         stores = [code.Assign(frame.slot_cell(slot, row), value) for slot, value in zip(variables, values, strict=True)]
-        yield code.For(
-            one,
-            code.emit_call("range", number),
-            (
-                *loads,
-                code.Assign(row, emit_sum(frame.first_row, frame.row_count)),
-                *stores,
-                code.Assign(frame.outer_row_cell(row), outer_row),
-                code.Assign(frame.row_count, ONE, "+="),
-            ),
-        )
+        there = code.Assign(row, emit_sum(frame.first_row, frame.row_count))
+        ends = code.Assign(frame.outer_row_cell(row), outer_row), code.Assign(frame.row_count, ONE, "+=")
+        yield code.For(one, code.emit_call("range", number), (*loads, there, *stores, *ends))
         reads, own = self.load_match(frame, row)
         body = [*self._emit_numbering(frame, own, row), *self._emit_inner_blocks(frame, own, row)]
         if body:
@@ -233,10 +225,7 @@ class BlockMatches:
         """
         layout = self._facts.layout
         for new in frame.plan.creates:
-            made, node = (
-                emit_state_entry(layout.offset(CreatedCount())),
-                self._facts.new_local_for(ObjectType(new.cls)),
-            )
+            made, node = emit_state_entry(layout.offset(CreatedCount())), self._module.new_local("v")
             room = code.Operation("<", (made, emit_table_entry(layout.offset(ReservedNumbers("count")))))
             yield code.If(code.emit_not(room), (emit_error("FULL"), self._leave))
             yield code.Assign(node, emit_sum(emit_table_entry(layout.offset(ReservedNumbers("first"))), made))

@@ -274,11 +274,7 @@ class _ChangeCollector:
         self._merge_group([*old, new])
 
     def _add_values(self, attribute: Attribute, parts: list[Expression | None], span: Span | None) -> None:
-        """Record where the numbers come from that a rule gives to a multi-valued attribute.
-
-        Raises:
-            NotCompiled: they are not known before the rule sets them.
-        """
+        """Record where the numbers come from that a rule gives to an attribute: itself if that is not known."""
         origins = self._value_origins.setdefault(attribute, {})
         for part in parts if attribute.type in (Scalar.INT, Scalar.FLOAT) else ():  # `parts` grows during the loop
             match part:
@@ -289,15 +285,20 @@ class _ChangeCollector:
                 case Navigation(_, name):
                     origins.update((one, span) for one in self.metamodel.attributes if one.name == name)
                 case _:
-                    raise _unknown_values(attribute, span)
+                    origins[attribute] = span
 
     def _domain_of(self, attribute: Attribute) -> ValueDomain:
-        """Return the values that a multi-valued attribute may have. Raise `NotCompiled` as `_add_values`."""
+        """Return the values that a multi-valued attribute may have.
+
+        Raises:
+            NotCompiled: they are not known before rules set them.
+        """
         origins = self._value_origins.get(attribute, {})
         sources = [one for one in origins if isinstance(one, Attribute)]
         for source in sources:
             if source.index in self._assigned:
-                raise _unknown_values(attribute, origins[source])
+                unknown = f"values of `{attribute}` that are not known before they are set"
+                raise NotCompiled(unknown, origins[source])
         initial = [one.initial for one in sources]
         literals = (one for one in (*origins, *initial) if not isinstance(one, Attribute | tuple))
         return ValueDomain(attribute.type, tuple(literals), (attribute, *sources))
@@ -324,10 +325,6 @@ class _ChangeCollector:
             frozenset(growing),
             {one.index: self._domain_of(one) for one in many},
         )
-
-
-def _unknown_values(attribute: Attribute, span: Span | None) -> NotCompiled:
-    return NotCompiled(f"values of `{attribute}` that are not known before they are set", span)
 
 
 def plans_of(engine: Engine, behaviour: Behaviour) -> list[RulePlan]:

@@ -245,19 +245,16 @@ class EffectEmitter:
         attribute = change.attribute
         value = emit_missing_value(attribute.type)
         if change.value is not None:
-            value = _without_negative_zero(
-                self._match.frame.converted_value(self._match.slots, change.value, attribute), attribute
-            )
+            value = self._match.frame.converted_value(self._match.slots, change.value, attribute)
+            value = _without_negative_zero(value, attribute)
         self._match.append(code.Assign(self._attribute_cell(change.object, attribute), value))
 
     def _emit_increase(self, change: AdjustAttribute) -> None:
         attribute = change.attribute
         place = self._attribute_cell(change.object, attribute)
         self._match.append_fail_if(code.emit_not(self._facts.emit_is_present(place, attribute.type)))
-        sides = {
-            "old": place,
-            "by": self._match.frame.converted_value(self._match.slots, change.value, attribute),
-        }
+        amount = self._match.frame.converted_value(self._match.slots, change.value, attribute)
+        sides = {"old": place, "by": amount}
         terms = ExpressionEmitter(self._facts, {name: variable_term(sides[name], attribute.type) for name in sides})
         made = terms.emit(Binary(change.operator[0], Variable("old"), Variable("by"), change.span))
         self._match.append(*terms.statements)

@@ -52,8 +52,6 @@ class LinkEmitter:
         ]
 
     def emit_is_linked(self, source: int, reference: Reference, target: int) -> code.Expression:
-        if self._facts.changes.is_fixed_feature(reference):
-            raise AssertionError(reference)
         return code.emit_joined("and", self._link_cells(source, reference, target)[0].tests_linked, True)
 
     def emit_unlink(self, unlink: RemoveLink) -> None:
@@ -238,7 +236,7 @@ class LinkEmitter:
                 statements.append(code.If(held, (code.Assign(cell.place, cell.unlinked_value),)))
                 continue
             for test in cell.guard:
-                statements.append_fail_if(code.emit_not(test), "BEYOND")
+                statements.append_refuse_unless(test)
 
             def write(cell: LinkCell = cell) -> None:
                 if attribute.upper is not None:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
+from itertools import combinations_with_replacement
 from typing import NamedTuple
 
 from envgraph import code
@@ -212,23 +213,18 @@ def _constant_value(side: MatchClaim) -> object:
 
 def emit_agreement_checks(matches: MatchStatements) -> None:
     """Emit code that ends the rule with an error if two of its matches contradict each other."""
-    frames, pairs = matches.blocks.frames, ContradictionTests(matches.facts.metamodel, matches.rule)
-    for number, one in enumerate(frames):
-        for other in frames[number:]:
-            _emit_pair_check(matches, pairs, one, other)
-
-
-def _emit_pair_check(matches: MatchStatements, pairs: ContradictionTests, one: MatchFrame, other: MatchFrame) -> None:
-    sides = []
-    for frame in (one, other):
-        row = matches.facts.module.new_local("r")
-        loads, slots = matches.blocks.load_match(frame, row)
-        sides.append((frame, row, loads, slots))
-    tests = dict.fromkeys(pairs.contradictions(one, sides[0][3], other, sides[1][3]))
-    body: code.Body = tuple(code.If(test, matches.failure_statements()) for test in tests)
-    for frame, row, loads, _ in reversed(sides):
-        body = matches.blocks.loop_over_matches(frame, row, loads, body)
-    matches.append(*body)
+    pairs = ContradictionTests(matches.facts.metamodel, matches.rule)
+    for one, other in combinations_with_replacement(matches.blocks.frames, 2):
+        sides = []
+        for frame in (one, other):
+            row = matches.facts.module.new_local("r")
+            loads, slots = matches.blocks.load_match(frame, row)
+            sides.append((frame, row, loads, slots))
+        tests = dict.fromkeys(pairs.contradictions(one, sides[0][3], other, sides[1][3]))
+        body: code.Body = tuple(code.If(test, matches.failure_statements()) for test in tests)
+        for frame, row, loads, _ in reversed(sides):
+            body = matches.blocks.loop_over_matches(frame, row, loads, body)
+        matches.append(*body)
 
 
 def emit_kept_check(matches: MatchStatements) -> None:

@@ -259,8 +259,9 @@ class ModelReader:
         if isinstance(classes, ValueDomain):
             if not classes.is_of_numbers:
                 return node, []
-            first, count = self.layout.offset(ExtentTable(classes, "objects")), self.emit_object_count(classes)
-            rank = code.emit_call("place_of", G if classes.is_float else T, first, count, node)
+            values, count = ExtentTable(classes, "objects"), self.emit_object_count(classes)
+            first = self.layout.offset(values)
+            rank = code.emit_call("place_of", G if values.is_float else T, first, count, node)
             return rank, [code.Operation(">=", (rank, code.Constant(0)))]
         found = emit_table_entry(emit_sum(self.layout.offset(ExtentTable(classes, "places")), node))
         guard: list[code.Expression] = [] if class_known else [code.Operation(">=", (found, code.Constant(0)))]

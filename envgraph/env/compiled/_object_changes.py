@@ -37,7 +37,9 @@ class ObjectChangeEmitter:
         group = facts.changes.group_of(new.cls)
         assert group is not None
         self._match.append(code.Assign(there, facts.emit_object_index(group, node, class_known=True)[0]))
-        self._match.append(code.Assign(class_set_word(facts, group, new.cls, there), _emit_bit_at(there), "|="))
+        self._match.append(
+            code.Assign(class_set_word(facts, group, new.cls, there), code.emit_call("bit_at", there), "|=")
+        )
         for attribute in stored_attributes(facts, [new.cls]).values():
             self._emit_initial_value(attribute, node)
 
@@ -57,7 +59,7 @@ class ObjectChangeEmitter:
                 self._match.append(code.If(facts.emit_is_instance(node, old, exact=True), changed))
         self._match.append(*emit_leave_sets(facts, group, node, class_known=True))
         place = facts.emit_object_index(group, node, class_known=True)[0]
-        self._match.append(code.Assign(class_set_word(facts, group, new, place), _emit_bit_at(place), "|="))
+        self._match.append(code.Assign(class_set_word(facts, group, new, place), code.emit_call("bit_at", place), "|="))
 
     def _emit_class_change(self, old: str, new: str, node: code.Expression) -> None:
         metamodel = self._facts.metamodel
@@ -152,7 +154,3 @@ class ObjectChangeEmitter:
         else:
             block.add(*self._match.failure_statements("REFUSED"))
         self._match.append(*block.finish_body())
-
-
-def _emit_bit_at(place: code.Expression) -> code.Expression:
-    return code.emit_call("bit_at", place)

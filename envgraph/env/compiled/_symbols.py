@@ -192,11 +192,6 @@ class ValueDomain:
     sources: tuple[Attribute, ...]
 
     @property
-    def is_float(self) -> bool:
-        """Return True if the values are floats."""
-        return self.type is Scalar.FLOAT
-
-    @property
     def is_of_numbers(self) -> bool:
         """Return True if the values are ints or floats; otherwise the domain has all values of the type."""
         return self.type in (Scalar.INT, Scalar.FLOAT)
@@ -225,7 +220,7 @@ class ExtentTable(MemberNumbers):
 
     @property
     def is_float(self) -> bool:
-        return self.kind == "objects" and isinstance(self.classes, ValueDomain) and self.classes.is_float
+        return self.kind == "objects" and isinstance(self.classes, ValueDomain) and self.classes.type is Scalar.FLOAT
 
     def fill(self, member: MemberData, stride: int) -> Sequence[Cell]:
         objects = object_numbers(member, self.classes)
