@@ -32,7 +32,7 @@ from envgraph.rewrite.check._containment import (
 )
 from envgraph.rewrite.check._unit_check import CheckedUnit as CheckedUnit, all_steps as all_steps
 from envgraph.rewrite.run._unit_code import (
-    always_changes as always_changes,
+    bound_outputs as bound_outputs,
     choice_tiers as choice_tiers,
     fails_without_changes as fails_without_changes,
 )

@@ -2,11 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
-from contextlib import nullcontext
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
-from types import MappingProxyType
-from typing import Final
 
 from envgraph import code
 from envgraph.behaviour import (
@@ -44,7 +41,7 @@ from envgraph.env.compiled._program_layout import (
     emit_table_entry,
     emit_value_entry,
 )
-from envgraph.env.compiled._refused_rules import CLEAR_REFUSED
+from envgraph.env.compiled._refused_rules import CLEAR_REFUSED, class_tests
 from envgraph.env.compiled._symbols import KeyValues, ObjectByIndex, OneObjectPerIndex
 from envgraph.env.compiled._term_code import (
     CodeTerm,
@@ -57,11 +54,11 @@ from envgraph.env.compiled._unit_steps import emit_can_succeed, emit_unit
 from envgraph.match.plan import PatternQuery
 from envgraph.metamodel import Scalar
 from envgraph.pattern import Constant, Expression, Negation, ObjectType, StaticType, Variable
-from envgraph.rewrite import Engine
+from envgraph.rewrite import Engine, Signature
 from envgraph.rewrite.plans import RulePlan, fails_without_changes
 
-NO_CLASSES: Final[Mapping[str, str]] = MappingProxyType({})
-NO_VALUES: Final[Mapping[str, code.Expression]] = MappingProxyType({})
+Arguments = tuple[dict[str, CodeTerm], list[code.Expression], dict[str, str]]
+"""The values that a call gives to parameters, tests that have to pass, and the variable for each output parameter."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -158,33 +155,26 @@ class FunctionEmitter(FunctionStatements):
             done = self.module.new_local("done")
             self.append_assignment(done, ONE)
             return RuleCallResult(done, {})
-        given, tests, wider = self._emit_arguments(rule, scope)
-        parameters = self.engine.signature(rule.rule).parameters
-        wanted = {
-            taken.name: argument.name
-            for argument, taken in zip(rule.arguments, parameters, strict=True)
-            if taken.is_output and isinstance(argument, Variable) and not argument.is_anonymous
-        }
-        if not self._is_unit(rule):
+        signature = self.engine.signature(rule.rule)
+        given, tests, wanted = self.emit_arguments(rule.arguments, signature, scope, self._emit_argument)
+        if signature.kind != "unit":
             return self.emit_application(rule, given, tests, wanted)
         checked = checked_unit(self.engine, rule)
         self.append(code.Assign(STEPS_LEFT, code.Constant(float(self.engine.step_limit))))
-        undoes = not fails_without_changes(checked.unit.body, checked.calls)
-        with self.saved_state() if undoes else nullcontext() as put_back:
-            called = self.emit_application(rule, given, tests, wanted, wider)
+        with self.saved_state(not fails_without_changes(checked.unit.body, checked.calls)) as put_back:
+            called = self.emit_application(rule, given, tests, wanted)
         done = called.done_variable
         succeeded: code.Body = (CLEAR_REFUSED, code.Assign(done, ONE))
-        self.append(code.If(code.emit_equal(done, ZERO), (put_back,) if put_back else (), succeeded))
+        self.append(code.If(code.emit_equal(done, ZERO), put_back, succeeded))
         self.append(code.If(code.Operation("!=", (emit_state_entry(ERROR), ZERO)), (self.error_return,)))
         return called
 
     def emit_application(
         self,
         rule: RuleCall,
-        given: Mapping[str, code.Expression],
+        given: Mapping[str, CodeTerm],
         tests: Sequence[code.Expression],
         output_names: Mapping[str, str],
-        wider: Mapping[str, str] = NO_CLASSES,
     ) -> RuleCallResult:
         """Emit code that applies a rule or runs a unit if all tests pass.
 
@@ -193,11 +183,9 @@ class FunctionEmitter(FunctionStatements):
             given: the values of parameters.
             tests: tests that have to pass.
             output_names: the name that gets each output parameter.
-            wider: for a unit, the classes of objects that may lack the class of their parameter.
         """
-        applied = self.application_function(rule, tuple(given), tuple(output_names), wider)
         done, outputs = self.emit_results(rule, tuple(output_names))
-        found = self.emit_function_call(applied, *given.values())
+        found = self.emit_applied(rule, given, tuple(output_names))
         assigned = code.Assign(code.emit_tuple(done, *outputs) if outputs else done, found)
         self.append(code.If(code.emit_joined("and", tests, True), (assigned,)))
         self.append(code.If(code.Operation("<", (done, ZERO)), (self.error_return,)))
@@ -229,27 +217,24 @@ class FunctionEmitter(FunctionStatements):
         if rule.rule is None:
             self.append_assignment(can, ONE)
             return
-        given, tests, wider = self._emit_arguments(rule, scope)
-        found = code.emit_joined("and", [*tests, self._emit_can_apply(rule, given, wider)], True)
-        self.append(code.If(found, (code.Assign(can, ONE),)))
-        if self._is_unit(rule):  # only running the unit reports the error
+        signature = self.engine.signature(rule.rule)
+        given, tests, _ = self.emit_arguments(rule.arguments, signature, scope, self._emit_argument)
+        if signature.kind == "unit":
+            types, values = self._parameter_types(rule, given), [term.number_code for term in given.values()]
+            key = "may", rule.rule, tuple(types.items())
+            name = self.module.function_for(key, "may", lambda: emit_can_succeed(self, rule, types))
+            test: code.Expression = code.emit_equal(self.emit_function_call(name, *values), ONE)
+        else:
+            test = self.emit_exists(rule, given)
+        self.append(code.If(code.emit_joined("and", [*tests, test], True), (code.Assign(can, ONE),)))
+        if signature.kind == "unit":  # only running the unit reports the error
             wrong = code.Operation("!=", (emit_state_entry(ERROR), ZERO))
             self.append(code.If(wrong, (code.Assign(can, ONE), code.Assign(emit_state_entry(ERROR), ZERO))))
 
-    def _emit_can_apply(
-        self, rule: RuleCall, given: Mapping[str, code.Expression], wider: Mapping[str, str]
-    ) -> code.Expression:
-        """Return code that tests if a rule has a match, or a unit can succeed, with values for parameters."""
-        if self._is_unit(rule):
-            key = "may", rule.rule, tuple(given), tuple(wider.items())
-            name = self.module.function_for(key, "may", lambda: emit_can_succeed(self, rule, tuple(given), wider))
-            return code.emit_equal(self.emit_function_call(name, *given.values()), ONE)
-        return self.emit_exists(rule, given)
-
-    def emit_exists(self, rule: RuleCall, given: Mapping[str, code.Expression] = NO_VALUES) -> code.Expression:
+    def emit_exists(self, rule: RuleCall, given: Mapping[str, CodeTerm]) -> code.Expression:
         """Return code that tests if a rule has a match with values for parameters."""
         plan = plan_of(self.engine, rule)
-        places = {plan.variables.index(name): value for name, value in given.items()}
+        places = {plan.variables.index(name): term.number_code for name, term in given.items()}
         exists = self.matching.emit_exists(PatternQuery(plan.body.pattern, tuple(sorted(places)), ()))
         return self.emit_function_call(exists, *(places[position] for position in sorted(places)))
 
@@ -257,42 +242,45 @@ class FunctionEmitter(FunctionStatements):
         """Return an emitter for another function, with its own return statement after an error."""
         return FunctionEmitter(self.matching, self.engine, self.behaviour, error_return)
 
-    def _is_unit(self, rule: RuleCall) -> bool:
-        assert rule.rule is not None
-        return self.engine.signature(rule.rule).kind == "unit"
-
-    def _emit_arguments(
-        self, rule: RuleCall, scope: Mapping[str, CodeTerm]
-    ) -> tuple[dict[str, code.Expression], list[code.Expression], dict[str, str]]:
-        """Emit code for the arguments of a call; return input values by parameter, tests of the values, and the classes
-        of objects that are given to a unit and may lack the class of their parameter.
-        """
-        assert rule.rule is not None
-        parameters = self.engine.signature(rule.rule).parameters
-        given: dict[str, code.Expression] = {}
+    def emit_arguments(
+        self,
+        arguments: Sequence[Expression],
+        callee: Signature,
+        scope: Mapping[str, CodeTerm],
+        emit: Callable[[Expression, Mapping[str, CodeTerm], StaticType | None, list[code.Expression]], CodeTerm],
+    ) -> Arguments:
+        """Emit code for the arguments of a call. `emit` emits the code of one, and adds its tests to a list."""
+        given: dict[str, CodeTerm] = {}
         tests: list[code.Expression] = []
-        wider: dict[str, str] = {}
-        for argument, taken in zip(rule.arguments, parameters, strict=True):
-            if not taken.is_output:
-                term = self.emit_value(argument, scope, taken.type)
-                if term.valid:
-                    self._emit_argument_check(argument, scope, term)
-                tests += term.tests
-                if isinstance(term.type, ObjectType):
-                    tests += [alive] if (alive := self.alive_test(term)) is not None else []
-                    assert isinstance(taken.type, ObjectType)
-                    if not self.facts.metamodel.is_a(term.type.cls, taken.type.cls):
-                        if self._is_unit(rule):
-                            wider[taken.name] = term.type.cls
-                        else:
-                            tests.append(self.facts.emit_is_instance(term.value, taken.type.cls))
-                given[taken.name] = emit_as_float(term) if taken.type is Scalar.FLOAT else term.number_code
-        return given, tests, wider
+        wanted: dict[str, str] = {}
+        for argument, taken in zip(arguments, callee.parameters, strict=False):
+            if isinstance(argument, Variable) and (argument.is_anonymous or argument.name not in scope):
+                if not argument.is_anonymous:
+                    wanted[taken.name] = argument.name
+                continue
+            term = emit(argument, scope, taken.type, tests)
+            if callee.kind != "unit" and isinstance(taken.type, ObjectType):
+                tests += class_tests(self, term, taken.type.cls)
+            is_float = taken.type is Scalar.FLOAT
+            given[taken.name] = variable_term(emit_as_float(term), Scalar.FLOAT) if is_float else term
+        return given, tests, wanted
 
-    def _emit_argument_check(self, argument: Expression, scope: Mapping[str, CodeTerm], term: CodeTerm) -> None:
-        """Emit code that fails if the evaluation of an argument fails, unless it reads from a deleted object."""
-        wrong = code.emit_not(code.emit_joined("and", term.valid, True))
-        self.append_fail_if(code.emit_joined("and", [*self._existence_tests(argument, scope), wrong], True))
+    def _emit_argument(
+        self,
+        argument: Expression,
+        scope: Mapping[str, CodeTerm],
+        expected: StaticType | None,
+        tests: list[code.Expression],
+    ) -> CodeTerm:
+        """Emit code for an argument; it fails if the evaluation fails, unless this reads from a deleted object."""
+        term = self.emit_value(argument, scope, expected)
+        if term.valid:
+            wrong = code.emit_not(code.emit_joined("and", term.valid, True))
+            self.append_fail_if(code.emit_joined("and", [*self._existence_tests(argument, scope), wrong], True))
+        tests += term.tests
+        if isinstance(term.type, ObjectType):
+            tests += [alive] if (alive := self.alive_test(term)) is not None else []
+        return term
 
     def _existence_tests(self, expression: Expression, scope: Mapping[str, CodeTerm]) -> list[code.Expression]:
         """Return expressions that test if the objects from which an expression reads are not deleted."""
@@ -302,18 +290,35 @@ class FunctionEmitter(FunctionStatements):
             there += [alive] if (alive := self.alive_test(scope[root.name])) is not None else []
         return there
 
-    def application_function(
-        self, rule: RuleCall, bound: tuple[str, ...], wanted: tuple[str, ...], wider: Mapping[str, str]
-    ) -> str:
-        """Emit a function that applies a rule at a sampled match, or runs a unit. Return the function's name.
+    def emit_applied(
+        self, rule: RuleCall, given: Mapping[str, CodeTerm], wanted: tuple[str, ...] = ()
+    ) -> code.Expression:
+        """Return a call of a function that applies a rule at a sampled match, or runs a unit.
 
-        It returns 1 and the outputs, 0 without a match or if the unit fails, and -1 after a refusal or an error. If a
-        unit may succeed without a change, it returns 2 after a change.
+        It returns 1 and the outputs, 0 without a match or if the unit fails, and -1 after a refusal or an error. A
+        unit returns 2 after a change.
         """
-        key = "apply", rule.rule, bound, wanted, tuple(wider.items())
-        if self._is_unit(rule):
-            return self.module.function_for(key, "apply", lambda: emit_unit(self, rule, bound, wanted, wider))
-        return self.module.function_for(key, "apply", lambda: self._emit_rule_function(rule, bound, wanted))
+        types: dict[str, StaticType] = {}
+        assert rule.rule is not None
+        if self.engine.signature(rule.rule).kind == "unit":
+            types = self._parameter_types(rule, given)
+            key = "run", rule.rule, tuple(types.items()), wanted
+            name = self.module.function_for(key, "apply", lambda: emit_unit(self, rule, types, wanted))
+        else:
+            bound = tuple(given)
+            name = self.module.function_for(
+                ("apply", rule.rule, bound, wanted), "apply", lambda: self._emit_rule_function(rule, bound, wanted)
+            )
+        return self.emit_function_call(name, *(term.number_code for term in given.values()))
+
+    def _parameter_types(self, rule: RuleCall, given: Mapping[str, CodeTerm]) -> dict[str, StaticType]:
+        """Return the types of a unit's parameters: for an object that may lack the class, the class of its argument."""
+        found = dict(zip(given, self.output_types(rule, tuple(given)), strict=True))
+        for name, term in given.items():
+            known, type_ = found[name], term.type
+            if isinstance(known, ObjectType) and isinstance(type_, ObjectType):
+                found[name] = known if self.facts.metamodel.is_a(type_.cls, known.cls) else type_
+        return found
 
     def _emit_rule_function(
         self, rule: RuleCall, bound: tuple[str, ...], wanted: tuple[str, ...]
@@ -355,7 +360,7 @@ class FunctionEmitter(FunctionStatements):
         )
 
     def output_types(self, rule: RuleCall, wanted: Sequence[str]) -> list[StaticType]:
-        """Return the types of the output parameters `wanted`."""
+        """Return the types of parameters."""
         assert rule.rule is not None
         types = {taken.name: taken.type for taken in self.engine.signature(rule.rule).parameters}
         return [types[name] or ObjectType("") for name in wanted]

@@ -46,14 +46,20 @@ class FunctionStatements(StatementList):
         self.first_row, self.row_regions_above = before
 
     @contextmanager
-    def saved_state(self) -> Iterator[code.Statement]:
-        """Emit code that saves the state in reserved rows. Yield the statement that restores it, but for its error."""
+    def saved_state(self, needed: bool = True) -> Iterator[code.Body]:
+        """Emit code that saves the state in reserved rows. Yield the statement that restores it, but for its error.
+
+        If this is not `needed`, emit nothing, and yield no statement.
+        """
+        if not needed:
+            yield ()
+            return
         widths = Width("S"), Width("F"), Width("rows")
         ints, floats, rows = (self._layout.offset(width) for width in widths)
         with self.reserved_rows(rows) as first:
             state = S, F, ints, floats, RI, RF, first
             self.append(code.ExpressionStatement(code.emit_call("keep", *state)))
-            yield code.ExpressionStatement(code.emit_call("put_back", *state))
+            yield (code.ExpressionStatement(code.emit_call("put_back", *state)),)
 
     def emit_function_call(self, name: str, *arguments: code.Expression) -> code.Call:
         """Return code that calls a function of the program, and record that the current function calls it."""

@@ -54,7 +54,7 @@ TOP = code.Local("top")
 STATE: Final = (T, G, L, K, S, F, RI, RF, D, TOP)
 """The first parameters of each function."""
 
-ZERO, ONE, NOBODY = code.Constant(0), code.Constant(1), code.Constant(-1)
+ZERO, ONE, TWO, NOBODY = map(code.Constant, (0, 1, 2, -1))
 
 ERROR, TURN, FIRST_COLUMN = 0, 1, 2
 """Columns of each state: the error, and the agent whose turn it is."""

@@ -52,12 +52,12 @@ class RuleAttempts:
     """
 
     def __init__(
-        self, writer: FunctionEmitter, rule: RuleCall, given: Mapping[str, code.Expression], wanted: Sequence[str] = ()
+        self, writer: FunctionEmitter, rule: RuleCall, given: Mapping[str, CodeTerm], wanted: Sequence[str] = ()
     ) -> None:
         self._writer, self._rule, self._wanted = writer, rule, tuple(wanted)
         self._plan, self._given, self._key = writer.plan_and_view(rule, tuple(given))
-        for name, value in given.items():
-            writer.append_assignment(self._given[self._plan.variables.index(name)], value)
+        for name, term in given.items():
+            writer.append_assignment(self._given[self._plan.variables.index(name)], term.number_code)
         self._left, self._row = writer.module.new_local("n"), writer.module.new_local("k")
         self._first: code.Expression = ZERO
         self._column = 0
@@ -130,53 +130,37 @@ class RuleAttempts:
 
     # --- applications
 
-    def emit_one(
-        self, done: code.Local, outputs: Sequence[code.Local], *, in_order: bool = False, tests_only: bool = False
-    ) -> None:
+    def emit_one(self, done: code.Local, outputs: Sequence[code.Local], *, in_order: bool = False) -> None:
         """Emit code that applies the rule at a random row, or the first; if it is refused, at another, or the next.
 
         Args:
             done: a variable that is 0, and gets 1 if the rule is applied.
             outputs: the variables of the outputs.
             in_order: take the rows in order.
-            tests_only: take the rows in order, and restore the state.
         """
-        writer, error = self._writer, emit_state_entry(ERROR)
+        writer, last = self._writer, emit_sum(self._first, self._left)
 
-        def attempt(put_back: code.Body) -> None:
-            place = ZERO if in_order or tests_only else code.emit_call("pick", D, self._left)
-            writer.append(code.Assign(self._row, emit_sum(self._first, place)), code.Assign(error, ZERO))
-            refused = (
-                *put_back,
-                code.ExpressionStatement(
-                    code.emit_call("drop_row", RI, RF, self._row, emit_sum(self._first, self._left))
-                ),
-                code.Assign(self._left, ONE, "-="),
-            )
-            self._emit_fire(done, outputs, refused)
-            if tests_only:
-                writer.append(code.If(code.emit_equal(done, ONE), put_back))
+        def attempt() -> None:
+            place = ZERO if in_order else code.emit_call("pick", D, self._left)
+            writer.append(code.Assign(self._row, emit_sum(self._first, place)))
+            writer.append(code.Assign(emit_state_entry(ERROR), ZERO), *self._load_match()[0])
+            drop = code.ExpressionStatement(code.emit_call("drop_row", RI, RF, self._row, last))
+            self._emit_fire(done, outputs, (*put_back, drop, code.Assign(self._left, ONE, "-=")))
 
-        def attempts() -> None:
-            with self._saved(always=tests_only) as put_back:
-                going = code.emit_equal(done, ZERO), code.Operation(">", (self._left, ZERO))
-                writer.append(code.While(code.Operation("and", going), writer.collect(lambda: attempt(put_back))))
+        with writer.saved_state(self._may_be_refused) as put_back:
+            going = code.emit_equal(done, ZERO), code.Operation(">", (self._left, ZERO))
+            writer.append(code.While(code.Operation("and", going), writer.collect(attempt)))
 
-        writer.append_if(code.Operation(">", (self._left, ZERO)), attempts)
-
-    def emit_every(self, count_step: Callable[[], None]) -> code.Local:
+    def emit_every(self, count_step: Callable[[], None], any_done: code.Local) -> None:
         """Emit code that applies the rule at each row that is still a match, unless it is refused there.
 
-        Returns:
-            A variable that is 1 if the rule was applied at a row, else 0.
+        The code sets `any_done` to 1 if the rule was applied at a row.
         """
-        writer, place = self._writer, self._writer.module.new_local("i")
-        any_done, done = writer.module.new_local("done"), writer.module.new_local("done")
-        writer.append_assignment(any_done, ZERO)
+        writer, (place, done) = self._writer, (self._writer.module.new_local(prefix) for prefix in ("i", "done"))
 
         def apply() -> None:
-            with self._saved() as put_back:
-                self._emit_fire(done, [], put_back, load=False)
+            with writer.saved_state(self._may_be_refused) as put_back:
+                self._emit_fire(done, [], put_back)
             writer.append(code.Assign(any_done, code.emit_call("max", any_done, done)))
 
         def each() -> None:
@@ -187,26 +171,11 @@ class RuleAttempts:
 
         body = writer.collect(each)
         writer.append(code.For(place, code.emit_call("range", self._left), body))
-        writer.append(code.If(code.emit_equal(any_done, ONE), (CLEAR_REFUSED,)))
-        return any_done
 
-    @contextmanager
-    def _saved(self, *, always: bool = False) -> Iterator[code.Body]:
-        """Save the state if the rule may be refused. Yield the statements that restore it."""
-        if always or self._may_be_refused:
-            with self._writer.saved_state() as put_back:
-                yield (put_back,)
-        else:
-            yield ()
-
-    def _emit_fire(
-        self, done: code.Local, outputs: Sequence[code.Local], refused: code.Body, *, load: bool = True
-    ) -> None:
-        """Emit code that applies the rule at the row `_row`; after a refusal it runs `refused` and sets `done` to 0."""
+    def _emit_fire(self, done: code.Local, outputs: Sequence[code.Local], refused: code.Body) -> None:
+        """Emit code that applies the rule at the loaded row; after a refusal it runs `refused` and sets `done` to 0."""
         writer = self._writer
         fired = fire_function(writer, self._rule, self._wanted)
-        if load:
-            writer.append(*self._load_match()[0])
         call = writer.emit_function_call(fired, *(self._slots[position] for position in sorted(self._slots)))
         writer.append(code.Assign(code.emit_tuple(done, *outputs) if outputs else done, call))
         fatal = code.Operation("!=", (emit_state_entry(ERROR), code.Name("REFUSED")))
@@ -246,18 +215,20 @@ def object_or_value_term(writer: FunctionEmitter, value: code.Expression, type_:
 
 def emit_holds(writer: FunctionEmitter, pattern: str, terms: Sequence[CodeTerm]) -> code.Expression:
     """Return code that tests if a pattern holds for values of all its parameters; objects may lack their class."""
-    types, facts = writer.facts.library.parameter_types(pattern), writer.facts
+    types = writer.facts.library.parameter_types(pattern)
     tests = [
-        facts.emit_is_instance(term.value, type_.cls)
+        test
         for term, type_ in zip(terms, types, strict=True)
-        if isinstance(type_, ObjectType) and not has_class(writer, term, type_.cls)
+        if isinstance(type_, ObjectType)
+        for test in class_tests(writer, term, type_.cls)
     ]
     exists = writer.matching.emit_exists(PatternQuery(pattern, tuple(range(len(types))), ()))
     held = writer.emit_function_call(exists, *(term.number_code for term in terms))
     return code.emit_joined("and", [*tests, held], True)
 
 
-def has_class(writer: FunctionEmitter, term: CodeTerm, cls: str) -> bool:
-    """Return True if an object certainly is of a class, and exists."""
+def class_tests(writer: FunctionEmitter, term: CodeTerm, cls: str) -> list[code.Expression]:
+    """Return the test that an object is of a class and exists; no test if this is certain."""
     assert isinstance(term.type, ObjectType)
-    return writer.facts.metamodel.is_a(term.type.cls, cls) and writer.facts.changes.is_fixed_class(cls)
+    certain = writer.facts.metamodel.is_a(term.type.cls, cls) and writer.facts.changes.is_fixed_class(cls)
+    return [] if certain else [writer.facts.emit_is_instance(term.value, cls)]

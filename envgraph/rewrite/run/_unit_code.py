@@ -314,7 +314,7 @@ class UnitSource:
         self._functions.emit_changed(OUTCOME)
 
     def _emit_atomic(self, step: AtomicStep, scope: VariableScope) -> None:
-        gives = [name for name in _bound_outputs(step.body, self._checked.calls) if not scope.is_set(name)]
+        gives = [name for name in bound_outputs(step.body, self._checked.calls) if not scope.is_set(name)]
         function = self._functions.current
         if not gives:
             function.add(code.Assign(OUTCOME, self._emit_undoable_call(step.body, scope)), FAILED)
@@ -372,13 +372,13 @@ def choice_tiers(step: UnitChoice, calls: Named[int, Signature]) -> list[list[tu
     return [tiers[priority] for priority in sorted(tiers, reverse=True)]
 
 
-def _bound_outputs(step: Step, calls: Named[int, Signature]) -> list[str]:
+def bound_outputs(step: Step, calls: Named[int, Signature]) -> list[str]:
     """Return the variables that a block passes to `out` parameters and that the steps after the block can use."""
     match step:
         case Steps(steps):
-            return list(dict.fromkeys(name for inner in steps for name in _bound_outputs(inner, calls)))
+            return list(dict.fromkeys(name for inner in steps for name in bound_outputs(inner, calls)))
         case AtomicStep(body):
-            return _bound_outputs(body, calls)
+            return bound_outputs(body, calls)
         case UnitCall():
             taken = zip(step.arguments, calls[id(step)].parameters, strict=False)
             return [a.name for a, p in taken if p.is_output and is_variable_argument(a) and isinstance(a, Variable)]
