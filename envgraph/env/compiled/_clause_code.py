@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import replace
 
 from envgraph import code
@@ -41,7 +41,7 @@ from envgraph.env.compiled._program_layout import (
     emit_table_entry,
     emit_value_entry,
 )
-from envgraph.env.compiled._refused_rules import CLEAR_REFUSED, class_tests
+from envgraph.env.compiled._refused_rules import CLEAR_REFUSED, class_tests, object_or_value_term
 from envgraph.env.compiled._symbols import KeyValues, ObjectByIndex, OneObjectPerIndex
 from envgraph.env.compiled._term_code import (
     CodeTerm,
@@ -62,16 +62,22 @@ Arguments = tuple[dict[str, CodeTerm], list[code.Expression], dict[str, str]]
 
 
 @dataclass(frozen=True, slots=True)
-class RuleCallResult:
-    """The variables that hold the result of a rule call after its code has run.
+class CallResult:
+    """The variables that hold the result of a call after its code has run.
 
     Attributes:
-        done_variable: the variable that is 1 if a rule was applied or the call is `nothing()`, otherwise 0.
+        done: the variable that is 1 if a rule was applied or the call is `nothing()`, else 0; of units see `emit_unit`.
         outputs: the terms of the output names.
+        variables: the variables of the outputs.
     """
 
-    done_variable: code.Local
+    done: code.Local
     outputs: Mapping[str, CodeTerm]
+    variables: Sequence[code.Local] = ()
+
+    def assign(self, call: code.Expression) -> code.Assign:
+        """Return a statement that assigns the result of a call to the variables."""
+        return code.Assign(code.emit_tuple(self.done, *self.variables) if self.variables else self.done, call)
 
 
 class FunctionEmitter(FunctionStatements):
@@ -146,7 +152,7 @@ class FunctionEmitter(FunctionStatements):
 
     # --- calls
 
-    def emit_rule_call(self, rule: RuleCall, scope: Mapping[str, CodeTerm]) -> RuleCallResult:
+    def emit_rule_call(self, rule: RuleCall, scope: Mapping[str, CodeTerm]) -> CallResult:
         """Emit code that evaluates the arguments of a call, then applies its rule at one match or runs its unit.
 
         If the call is `nothing()`, the code only sets `done` to 1.
@@ -154,7 +160,7 @@ class FunctionEmitter(FunctionStatements):
         if rule.rule is None:
             done = self.module.new_local("done")
             self.append_assignment(done, ONE)
-            return RuleCallResult(done, {})
+            return CallResult(done, {})
         signature = self.engine.signature(rule.rule)
         given, tests, wanted = self.emit_arguments(rule.arguments, signature, scope, self._emit_argument)
         if signature.kind != "unit":
@@ -163,7 +169,7 @@ class FunctionEmitter(FunctionStatements):
         self.append(code.Assign(STEPS_LEFT, code.Constant(float(self.engine.step_limit))))
         with self.saved_state(not fails_without_changes(checked.unit.body, checked.calls)) as put_back:
             called = self.emit_application(rule, given, tests, wanted)
-        done = called.done_variable
+        done = called.done
         succeeded: code.Body = (CLEAR_REFUSED, code.Assign(done, ONE))
         self.append(code.If(code.emit_equal(done, ZERO), put_back, succeeded))
         self.append(code.If(code.Operation("!=", (emit_state_entry(ERROR), ZERO)), (self.error_return,)))
@@ -175,7 +181,7 @@ class FunctionEmitter(FunctionStatements):
         given: Mapping[str, CodeTerm],
         tests: Sequence[code.Expression],
         output_names: Mapping[str, str],
-    ) -> RuleCallResult:
+    ) -> CallResult:
         """Emit code that applies a rule or runs a unit if all tests pass.
 
         Args:
@@ -184,28 +190,22 @@ class FunctionEmitter(FunctionStatements):
             tests: tests that have to pass.
             output_names: the name that gets each output parameter.
         """
-        done, outputs = self.emit_results(rule, tuple(output_names))
-        found = self.emit_applied(rule, given, tuple(output_names))
-        assigned = code.Assign(code.emit_tuple(done, *outputs) if outputs else done, found)
+        result = self.emit_results(self.output_types(rule, output_names))
+        assigned = result.assign(self.emit_applied(rule, given, tuple(output_names)))
         self.append(code.If(code.emit_joined("and", tests, True), (assigned,)))
-        self.append(code.If(code.Operation("<", (done, ZERO)), (self.error_return,)))
-        return self.call_result(rule, done, outputs, output_names)
+        self.append(code.If(code.Operation("<", (result.done, ZERO)), (self.error_return,)))
+        return result
 
-    def emit_results(self, rule: RuleCall, wanted: Sequence[str]) -> tuple[code.Local, list[code.Local]]:
-        """Emit code that sets new variables to 0: one for whether the call succeeds, and one for each wanted output."""
-        types = [Scalar.INT, *self.output_types(rule, wanted)]
-        done, *outputs = (self.facts.new_local_for(type_) for type_ in types)
-        for local, type_ in zip((done, *outputs), types, strict=True):
+    def emit_results(self, types: Mapping[str, StaticType]) -> CallResult:
+        """Emit code that sets new variables to 0: one for whether a call succeeds, and one for each output name."""
+        done, *variables = (self.facts.new_local_for(type_) for type_ in (Scalar.INT, *types.values()))
+        self.append_assignment(done, ZERO)
+        for local, type_ in zip(variables, types.values(), strict=True):
             self.append_assignment(local, initial_constant(type_))
-        return done, outputs
-
-    def call_result(
-        self, rule: RuleCall, done: code.Local, outputs: Sequence[code.Local], output_names: Mapping[str, str]
-    ) -> RuleCallResult:
-        """Return the result of a call whose outputs, those of the keys of `output_names`, are in variables."""
-        types = self.output_types(rule, tuple(output_names))
-        terms = [variable_term(local, type_) for local, type_ in zip(outputs, types, strict=True)]
-        return RuleCallResult(done, dict(zip(output_names.values(), terms, strict=True)))
+        named = zip(types.items(), variables, strict=True)
+        return CallResult(
+            done, {name: object_or_value_term(self, local, type_) for (name, type_), local in named}, variables
+        )
 
     def emit_can_run(self, branches: Sequence[Branch], scope: Mapping[str, CodeTerm], can: code.Local) -> None:
         """Emit code that sets the variable `can` to 1 if the call of a branch with positive probability can succeed."""
@@ -220,7 +220,7 @@ class FunctionEmitter(FunctionStatements):
         signature = self.engine.signature(rule.rule)
         given, tests, _ = self.emit_arguments(rule.arguments, signature, scope, self._emit_argument)
         if signature.kind == "unit":
-            types, values = self._parameter_types(rule, given), [term.number_code for term in given.values()]
+            types, values = self._unit_types(rule, given), [term.number_code for term in given.values()]
             key = "may", rule.rule, tuple(types.items())
             name = self.module.function_for(key, "may", lambda: emit_can_succeed(self, rule, types))
             test: code.Expression = code.emit_equal(self.emit_function_call(name, *values), ONE)
@@ -301,7 +301,7 @@ class FunctionEmitter(FunctionStatements):
         types: dict[str, StaticType] = {}
         assert rule.rule is not None
         if self.engine.signature(rule.rule).kind == "unit":
-            types = self._parameter_types(rule, given)
+            types = self._unit_types(rule, given)
             key = "run", rule.rule, tuple(types.items()), wanted
             name = self.module.function_for(key, "apply", lambda: emit_unit(self, rule, types, wanted))
         else:
@@ -311,9 +311,9 @@ class FunctionEmitter(FunctionStatements):
             )
         return self.emit_function_call(name, *(term.number_code for term in given.values()))
 
-    def _parameter_types(self, rule: RuleCall, given: Mapping[str, CodeTerm]) -> dict[str, StaticType]:
+    def _unit_types(self, rule: RuleCall, given: Mapping[str, CodeTerm]) -> dict[str, StaticType]:
         """Return the types of a unit's parameters: for an object that may lack the class, the class of its argument."""
-        found = dict(zip(given, self.output_types(rule, tuple(given)), strict=True))
+        found = dict(zip(given, self.parameter_types(rule, given), strict=True))
         for name, term in given.items():
             known, type_ = found[name], term.type
             if isinstance(known, ObjectType) and isinstance(type_, ObjectType):
@@ -324,7 +324,7 @@ class FunctionEmitter(FunctionStatements):
         self, rule: RuleCall, bound: tuple[str, ...], wanted: tuple[str, ...]
     ) -> tuple[list[code.Local], code.Body]:
         plan, given, key = self.plan_and_view(rule, bound)
-        nothing = [initial_constant(type_) for type_ in self.output_types(rule, wanted)]
+        nothing = [initial_constant(type_) for type_ in self.parameter_types(rule, wanted)]
 
         def emit_change(found: Sequence[code.Expression]) -> code.Body:
             slots = {**given, **dict(zip(key.outputs, found, strict=True))}
@@ -349,7 +349,7 @@ class FunctionEmitter(FunctionStatements):
     ) -> code.Body:
         """Emit the statements that apply a rule at a match and return its outputs."""
         plan = plan_of(self.engine, rule)
-        nothing = [initial_constant(type_) for type_ in self.output_types(rule, wanted)]
+        nothing = [initial_constant(type_) for type_ in self.parameter_types(rule, wanted)]
         refused, places = code.Return(emit_result(NOBODY, nothing)), dict(plan.outputs)
         effects = EffectEmitter(self.matching, plan, [slots[p] for p in range(len(plan.variables))], refused)
         with add_missing_span(plan.body.span or rule.span):
@@ -359,13 +359,17 @@ class FunctionEmitter(FunctionStatements):
             code.Return(emit_result(ONE, [effects.slot_value(places[name]) for name in wanted])),
         )
 
-    def output_types(self, rule: RuleCall, wanted: Sequence[str]) -> list[StaticType]:
+    def parameter_types(self, rule: RuleCall, names: Iterable[str]) -> list[StaticType]:
         """Return the types of parameters."""
         assert rule.rule is not None
         types = {taken.name: taken.type for taken in self.engine.signature(rule.rule).parameters}
-        return [types[name] or ObjectType("") for name in wanted]
+        return [types[name] or ObjectType("") for name in names]
 
-    def emit_branches(self, branches: Sequence[Branch], scope: Mapping[str, CodeTerm]) -> RuleCallResult:
+    def output_types(self, rule: RuleCall, output_names: Mapping[str, str]) -> dict[str, StaticType]:
+        """Return the types of the names that get the output parameters."""
+        return dict(zip(output_names.values(), self.parameter_types(rule, output_names), strict=True))
+
+    def emit_branches(self, branches: Sequence[Branch], scope: Mapping[str, CodeTerm]) -> CallResult:
         """Emit code that samples a branch and runs it. If the probabilities sum to less than 1, it may run none."""
         if [branch.probability for branch in branches] == [1.0]:
             return self.emit_rule_call(branches[0].call, scope)
@@ -378,7 +382,7 @@ class FunctionEmitter(FunctionStatements):
 
             def write(branch: Branch = branch) -> None:
                 called = self.emit_rule_call(branch.call, scope)
-                self.append_assignment(done, called.done_variable)
+                self.append_assignment(done, called.done)
                 for name, term in called.outputs.items():
                     if name not in outputs:
                         outputs[name] = replace(term, value=self.facts.new_local_for(term.type or ObjectType("")))
@@ -387,7 +391,7 @@ class FunctionEmitter(FunctionStatements):
                     self.append_assignment(local, term.number_code)
 
             self.append_if(code.emit_equal(drawn, code.Constant(number)), write)
-        return RuleCallResult(done, outputs)
+        return CallResult(done, outputs)
 
     def _emit_probabilities(
         self, branches: Sequence[Branch], scope: Mapping[str, CodeTerm]

@@ -29,7 +29,7 @@ from envgraph.pattern import ObjectType, StaticType
 from envgraph.rewrite.plans import may_be_refused
 
 if TYPE_CHECKING:
-    from envgraph.env.compiled._clause_code import FunctionEmitter
+    from envgraph.env.compiled._clause_code import CallResult, FunctionEmitter
 
 CLEAR_REFUSED: Final = code.If(
     code.emit_equal(emit_state_entry(ERROR), code.Name("REFUSED")),
@@ -130,12 +130,11 @@ class RuleAttempts:
 
     # --- applications
 
-    def emit_one(self, done: code.Local, outputs: Sequence[code.Local], *, in_order: bool = False) -> None:
+    def emit_one(self, result: CallResult, *, in_order: bool = False) -> None:
         """Emit code that applies the rule at a random row, or the first; if it is refused, at another, or the next.
 
         Args:
-            done: a variable that is 0, and gets 1 if the rule is applied.
-            outputs: the variables of the outputs.
+            result: the variables of the result, which are 0.
             in_order: take the rows in order.
         """
         writer, last = self._writer, emit_sum(self._first, self._left)
@@ -145,10 +144,10 @@ class RuleAttempts:
             writer.append(code.Assign(self._row, emit_sum(self._first, place)))
             writer.append(code.Assign(emit_state_entry(ERROR), ZERO), *self._load_match()[0])
             drop = code.ExpressionStatement(code.emit_call("drop_row", RI, RF, self._row, last))
-            self._emit_fire(done, outputs, (*put_back, drop, code.Assign(self._left, ONE, "-=")))
+            self._emit_fire(result, (*put_back, drop, code.Assign(self._left, ONE, "-=")))
 
         with writer.saved_state(self._may_be_refused) as put_back:
-            going = code.emit_equal(done, ZERO), code.Operation(">", (self._left, ZERO))
+            going = code.emit_equal(result.done, ZERO), code.Operation(">", (self._left, ZERO))
             writer.append(code.While(code.Operation("and", going), writer.collect(attempt)))
 
     def emit_every(self, count_step: Callable[[], None], any_done: code.Local) -> None:
@@ -156,12 +155,12 @@ class RuleAttempts:
 
         The code sets `any_done` to 1 if the rule was applied at a row.
         """
-        writer, (place, done) = self._writer, (self._writer.module.new_local(prefix) for prefix in ("i", "done"))
+        writer, place, once = self._writer, self._writer.module.new_local("i"), self._writer.emit_results({})
 
         def apply() -> None:
             with writer.saved_state(self._may_be_refused) as put_back:
-                self._emit_fire(done, [], put_back)
-            writer.append(code.Assign(any_done, code.emit_call("max", any_done, done)))
+                self._emit_fire(once, put_back)
+            writer.append(code.Assign(any_done, code.emit_call("max", any_done, once.done)))
 
         def each() -> None:
             count_step()
@@ -172,12 +171,12 @@ class RuleAttempts:
         body = writer.collect(each)
         writer.append(code.For(place, code.emit_call("range", self._left), body))
 
-    def _emit_fire(self, done: code.Local, outputs: Sequence[code.Local], refused: code.Body) -> None:
+    def _emit_fire(self, result: CallResult, refused: code.Body) -> None:
         """Emit code that applies the rule at the loaded row; after a refusal it runs `refused` and sets `done` to 0."""
-        writer = self._writer
+        writer, done = self._writer, result.done
         fired = fire_function(writer, self._rule, self._wanted)
         call = writer.emit_function_call(fired, *(self._slots[position] for position in sorted(self._slots)))
-        writer.append(code.Assign(code.emit_tuple(done, *outputs) if outputs else done, call))
+        writer.append(result.assign(call))
         fatal = code.Operation("!=", (emit_state_entry(ERROR), code.Name("REFUSED")))
         failed = (code.If(fatal, (writer.error_return,)), *refused, code.Assign(done, ZERO))
         writer.append(code.If(code.Operation("<", (done, ZERO)), failed))

@@ -16,7 +16,7 @@ from envgraph.code import dataclass
 from envgraph.env._prepared_behaviour import END_NUMBERS
 from envgraph.env._prepared_clauses import NameClasses
 from envgraph.env.compiled._body_code import CAPACITY
-from envgraph.env.compiled._clause_code import FunctionEmitter, RuleCallResult
+from envgraph.env.compiled._clause_code import CallResult, FunctionEmitter
 from envgraph.env.compiled._not_compiled import add_missing_span
 from envgraph.env.compiled._program_layout import NOBODY, ONE, TOP, ZERO, D, emit_call, emit_sum
 from envgraph.env.compiled._term_code import CodeTerm, initial_constant, variable_term
@@ -149,7 +149,7 @@ class StepEmitter:
             self.writer.append(code.If(code.emit_equal(there, ONE), body))
 
     def _emit_each_step(self, clause: AgentEffect, effect: EachStep) -> None:
-        self._emit_mark_changed(self.writer.emit_branches(effect.apply, self.agents[clause.agent].scope).done_variable)
+        self._emit_mark_changed(self.writer.emit_branches(effect.apply, self.agents[clause.agent].scope).done)
 
     def _emit_mark_changed(self, done: code.Local) -> None:
         self.writer.append(code.If(code.Operation(">", (done, ZERO)), (code.Assign(self.changed, ONE),)))
@@ -179,9 +179,7 @@ class StepEmitter:
 
         return emit_rewards_at
 
-    def _emit_apply_action(
-        self, action: Action, chosen: code.Expression, scope: Mapping[str, CodeTerm]
-    ) -> RuleCallResult:
+    def _emit_apply_action(self, action: Action, chosen: code.Expression, scope: Mapping[str, CodeTerm]) -> CallResult:
         writer = self.writer
         done = writer.module.new_local("done")
         writer.append_assignment(done, ZERO)
@@ -189,8 +187,8 @@ class StepEmitter:
 
         def write() -> None:
             called = writer.emit_branches(action.branches, scope)
-            writer.append_assignment(done, called.done_variable)
-            writer.append_assignment(HAS_ACTED, called.done_variable)
+            writer.append_assignment(done, called.done)
+            writer.append_assignment(HAS_ACTED, called.done)
             outputs.update(called.outputs)
 
         body = writer.collect(write)
@@ -200,13 +198,13 @@ class StepEmitter:
                 writer.append_assignment(term.value, initial_constant(term.type))
         writer.append(code.If(chosen, body))
         self._emit_mark_changed(done)
-        return RuleCallResult(done, outputs)
+        return CallResult(done, outputs)
 
     def _emit_action_reward(
         self,
         action: Action,
         chosen: code.Expression,
-        called: RuleCallResult,
+        called: CallResult,
         scope: Mapping[str, CodeTerm],
         total: code.Local,
     ) -> None:
@@ -222,7 +220,7 @@ class StepEmitter:
                     def earn(reward: Expression = reward, names: Mapping[str, CodeTerm] = names) -> None:
                         writer.append(code.Assign(total, writer.emit_number(reward, names), "+="))
 
-                    writer.append_if(code.Operation(test, (called.done_variable, ZERO)), earn)
+                    writer.append_if(code.Operation(test, (called.done, ZERO)), earn)
 
         writer.append_if(chosen, write)
 
@@ -356,7 +354,7 @@ class StepEmitter:
         scope, holds = self._emit_recheck(each, row, first)
 
         def write() -> None:
-            self._emit_mark_changed(self.writer.emit_branches(each.effect.apply, scope).done_variable)
+            self._emit_mark_changed(self.writer.emit_branches(each.effect.apply, scope).done)
 
         self.writer.append_if(code.emit_equal(holds, ONE), write)
 
@@ -387,7 +385,7 @@ class StepEmitter:
             drawn = code.emit_equal(code.emit_call("choose", D, code.emit_tuple(share), lacking), ZERO)
 
             def apply() -> None:
-                self._emit_mark_changed(writer.emit_branches(each.effect.apply, scope).done_variable)
+                self._emit_mark_changed(writer.emit_branches(each.effect.apply, scope).done)
                 writer.append(code.BreakOrContinue("break"))
 
             writer.append_if(drawn, apply)

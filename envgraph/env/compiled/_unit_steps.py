@@ -60,10 +60,10 @@ from envgraph.pattern import (
     required_paths,
 )
 from envgraph.rewrite import Signature
-from envgraph.rewrite.plans import CheckedUnit, bound_outputs, choice_tiers, fails_without_changes
+from envgraph.rewrite.plans import CheckedUnit, all_steps, bound_outputs, choice_tiers, fails_without_changes
 
 if TYPE_CHECKING:
-    from envgraph.env.compiled._clause_code import Arguments, FunctionEmitter, RuleCallResult
+    from envgraph.env.compiled._clause_code import Arguments, CallResult, FunctionEmitter
 
 UnitScope = Mapping[str, CodeTerm]
 """The terms of the unit's variables that have a value at a point of its code."""
@@ -99,23 +99,21 @@ def emit_can_succeed(
     If matches do not answer this, it runs the unit with all choices, as a script decides, and restores the state.
     """
     checked = checked_unit(outer.engine, rule)
-    function = _UnitFunction(outer, checked, types)
-    function.writer.error_return = code.Return(ONE)
-    test = function.emit_match_test(checked.unit.body)
+    function, asked = (_UnitFunction(outer, checked, types) for _ in range(2))
+    writer = function.writer
+    writer.error_return = asked.writer.error_return = code.Return(ONE)
+    few_steps = len([*all_steps(checked.unit)]) < outer.engine.step_limit
+    test = asked.emit_match_test(checked.unit.body) if few_steps else None
     if test is not None:
         answer = code.Return(code.ConditionalExpression(test, ONE, ZERO))
-        return function.parameters, (*function.writer.all_statements(), answer)
-    writer, parameters = outer.new_emitter(code.Return(ONE)), [outer.facts.new_local_for(one) for one in types.values()]
-    given = {
-        name: object_or_value_term(outer, local, types[name]) for name, local in zip(types, parameters, strict=True)
-    }
+        return asked.parameters, (*asked.writer.all_statements(), answer)
     done, number = (outer.module.new_local(prefix) for prefix in "di")
     with writer.saved_state() as put_back:
         run = (
             code.ExpressionStatement(code.emit_call("begin_outcome", D)),
             code.Assign(emit_state_entry(ERROR), ZERO),
             code.Assign(STEPS_LEFT, code.Constant(float(outer.engine.step_limit))),
-            code.Assign(done, writer.emit_applied(rule, given)),
+            code.Assign(done, writer.emit_applied(rule, function.scope)),
             *put_back,
             code.If(code.Operation("!=", (done, ZERO)), (code.Return(ONE),)),
             code.If(code.Operation("!=", (emit_state_entry(ERROR), ZERO)), (code.Return(ONE),)),
@@ -124,7 +122,7 @@ def emit_can_succeed(
         most = code.emit_call("int", code.Subscript(D, code.Name("MOST")))
         writer.append(code.ExpressionStatement(code.emit_call("begin_script", D)))
         writer.append(code.For(number, code.emit_call("range", most), run))
-    return parameters, (*writer.all_statements(), code.Return(ZERO))
+    return function.parameters, (*writer.all_statements(), code.Return(ZERO))
 
 
 class _UnitExpressions(ExpressionEmitter):
@@ -168,7 +166,7 @@ class _UnitFunction:
         self.parameters = [outer.facts.new_local_for(type_) for type_ in types.values()]
         self._failure = code.Return(emit_result(ZERO, nothing))
         self._checked, self._outputs = checked, outputs
-        self._scope = {
+        self.scope = {
             name: object_or_value_term(outer, local, types[name])
             for name, local in zip(types, self.parameters, strict=True)
         }
@@ -179,7 +177,7 @@ class _UnitFunction:
         """Emit the step, and return the parameters and body of the function."""
         self.writer.append_assignment(self._changed, ONE)
         self._emit_step(step)
-        result = emit_result(self._changed, [self._scope[name].number_code for name in self._outputs])
+        result = emit_result(self._changed, [self.scope[name].number_code for name in self._outputs])
         return self.parameters, (*self.writer.all_statements(), code.Return(result))
 
     def emit_step_count(self) -> None:
@@ -192,14 +190,14 @@ class _UnitFunction:
         match step:
             case Steps((only,)):
                 return self.emit_match_test(only)
-            case UnitChoice(alternatives) if len(alternatives) < self.writer.engine.step_limit:
+            case UnitChoice(alternatives):
                 tests = [test for one in alternatives if (test := self.emit_match_test(one)) is not None]
                 return code.emit_joined("or", tests, False) if len(tests) == len(alternatives) else None
             case UnitCall(where=(), by=None):
                 callee = self._checked.calls[id(step)]
                 members = self._members(callee, step.span)
                 if callee.kind != "unit" and not any(may_rule_be_refused(self.writer, one) for one in members):
-                    given, tests, _ = self._emit_arguments(step, callee, self._scope)
+                    given, tests, _ = self._emit_arguments(step, callee, self.scope)
                     found = code.emit_joined("or", [self.writer.emit_exists(one, given) for one in members], False)
                     return code.emit_joined("and", [*tests, found], True)
         return None
@@ -222,7 +220,7 @@ class _UnitFunction:
                     self._emit_repeat(step, done)
                     return
                 case UnitCall():
-                    self._emit_call(step, self._scope, done)
+                    self._emit_call(step, self.scope, done)
                 case UnitChoice():
                     self._emit_choice(step, done)
                 case TryStep(body, otherwise):
@@ -237,7 +235,7 @@ class _UnitFunction:
                     ]
                     self.writer.append(code.If(test, *branches))
                 case AtomicStep(body):
-                    new = [name for name in bound_outputs(body, self._checked.calls) if name not in self._scope]
+                    new = [name for name in bound_outputs(body, self._checked.calls) if name not in self.scope]
                     self._emit_block(body, done, new)
         self._leave_if(code.emit_equal(done, ZERO))
         self._note_change(done)
@@ -253,7 +251,7 @@ class _UnitFunction:
 
         It sets `done` to 2 after a change, to 1 if the block succeeds without, and to 0 if it fails.
         """
-        writer, scope = self.writer, self._scope
+        writer, scope = self.writer, self.scope
         if step is None:
             writer.append_assignment(done, ONE)
             return
@@ -266,12 +264,10 @@ class _UnitFunction:
                     object(), "block", lambda: _UnitFunction(writer, self._checked, types, new).emit_whole(step)
                 )
                 call = writer.emit_function_call(name, *(term.number_code for term in scope.values()))
-                types = {one: self._checked.types[one] or ObjectType("") for one in new}
-                results = [writer.facts.new_local_for(type_) for type_ in types.values()]
-                writer.append(code.Assign(code.emit_tuple(done, *results) if new else done, call))
+                result = writer.emit_results({one: self._checked.types[one] or ObjectType("") for one in new})
+                writer.append(result.assign(call), code.Assign(done, result.done))
                 writer.append(code.If(code.Operation("<", (done, ZERO)), (writer.error_return,)))
-                for one, result in zip(new, results, strict=True):
-                    scope[one] = object_or_value_term(writer, result, types[one])
+                scope.update(result.outputs)
         if put_back:
             writer.append(code.If(code.emit_equal(done, ZERO), put_back))
 
@@ -315,7 +311,7 @@ class _UnitFunction:
         if isinstance(bound, int):
             return code.Constant(bound)
         tests, local = list[code.Expression](), self.writer.module.new_local("n")
-        term = self._emit_value(bound, self._scope, None, tests)
+        term = self._emit_value(bound, self.scope, None, tests)
         if tests:
             self._leave_if(code.emit_not(code.emit_joined("and", tests, True)))
         self.writer.append_assignment(local, term.value)
@@ -348,30 +344,21 @@ class _UnitFunction:
         left = [writer.module.new_local("w", "float") for _ in tries]
         for local, (weight, _) in zip(left, tries, strict=True):
             writer.append_assignment(local, weight)
-        total = code.emit_joined("+", left, 0)
-        going = code.Operation("and", (code.emit_equal(done, ZERO), code.Operation(">", (total, code.Constant(0.0)))))
-        emitters = [emit for _, emit in tries]
-        writer.append(code.While(going, writer.collect(lambda: self._emit_draw(emitters, left, total))))
+        total, drawn = writer.module.new_local("total", "float"), writer.module.new_local("b")
 
-    def _emit_draw(
-        self, attempts: Sequence[Callable[[], None]], left: Sequence[code.Local], total: code.Expression
-    ) -> None:
-        """Emit code that samples one of the attempts not yet made by weight and makes it; its weight becomes 0."""
-        writer = self.writer
-        whole, drawn = writer.module.new_local("total", "float"), writer.module.new_local("b")
-        writer.append_assignment(whole, total)
-        chances = [writer.module.new_local("p", "float") for _ in left]
-        for chance, weight in zip(chances, left, strict=True):
-            writer.append_assignment(chance, code.Operation("/", (weight, whole)))
-        missing = code.Operation("-", (code.Constant(1.0), code.emit_joined("+", chances, 0)))
-        writer.append_assignment(drawn, code.emit_call("choose", D, code.emit_tuple(*chances), missing))
-        for number, (attempt, weight) in enumerate(zip(attempts, left, strict=True)):
+        def emit_draw() -> None:
+            chances = [code.Operation("/", (weight, total)) for weight in left]
+            missing = code.Operation("-", (code.Constant(1.0), code.emit_joined("+", chances, 0)))
+            writer.append_assignment(total, code.emit_joined("+", left, 0))
+            writer.append_assignment(drawn, code.emit_call("choose", D, code.emit_tuple(*chances), missing))
+            for number, (weight, (_, attempt)) in enumerate(zip(left, tries, strict=True)):
+                attempted = writer.collect(attempt)
+                made = code.Assign(weight, code.Constant(0.0)), *attempted
+                writer.append(code.If(code.emit_equal(drawn, code.Constant(number)), made))
 
-            def take(attempt: Callable[[], None] = attempt, weight: code.Local = weight) -> None:
-                writer.append_assignment(weight, code.Constant(0.0))
-                attempt()
-
-            writer.append_if(code.emit_equal(drawn, code.Constant(number)), take)
+        some = code.Operation(">", (code.emit_joined("+", left, 0), code.Constant(0.0)))
+        going = code.Operation("and", (code.emit_equal(done, ZERO), some))
+        writer.append(code.While(going, writer.collect(emit_draw)))
 
     # --- calls
 
@@ -382,7 +369,7 @@ class _UnitFunction:
         if callee.kind == "unit":
             given, tests, wanted = self._emit_arguments(step, callee, scope)
             called = writer.emit_application(calls[0], given, tests, wanted)
-            writer.append_assignment(done, called.done_variable)
+            writer.append_assignment(done, called.done)
             scope.update(called.outputs)
             return
         self.emit_step_count()
@@ -397,7 +384,7 @@ class _UnitFunction:
             self._emit_group(calls, done)
         else:
             called = self._emit_rule(calls[0], given, tests, wanted, narrow, in_order=step.first)
-            writer.append_assignment(done, called.done_variable)
+            writer.append_assignment(done, called.done)
             scope.update(called.outputs)
         writer.append(code.Assign(done, done, "+="))  # a rule changes something
 
@@ -426,20 +413,20 @@ class _UnitFunction:
         narrow: Narrow | None = None,
         *,
         in_order: bool = False,
-    ) -> RuleCallResult:
+    ) -> CallResult:
         """Emit code that applies a rule once if all tests pass."""
         writer = self.writer
         if not (in_order or narrow or may_rule_be_refused(writer, call)):
             return writer.emit_application(call, given, tests, wanted)
-        done, outputs = writer.emit_results(call, tuple(wanted))
+        result = writer.emit_results(writer.output_types(call, wanted))
 
         def attempt() -> None:
             attempts = RuleAttempts(writer, call, given, tuple(wanted))
             with attempts.rows(narrow):
-                attempts.emit_one(done, outputs, in_order=in_order)
+                attempts.emit_one(result, in_order=in_order)
 
         writer.append_if(code.emit_joined("and", tests, True), attempt)
-        return writer.call_result(call, done, outputs, wanted)
+        return result
 
     def _emit_every(
         self,
@@ -464,7 +451,7 @@ class _UnitFunction:
 
         def attempt(call: RuleCall) -> None:
             writer.append(CLEAR_REFUSED)
-            writer.append_assignment(done, self._emit_rule(call, {}).done_variable)
+            writer.append_assignment(done, self._emit_rule(call, {}).done)
 
         tries: list[tuple[code.Expression, Callable[[], None]]] = []
         for call in calls:
@@ -522,7 +509,7 @@ class _UnitFunction:
         if id(step) in self._checked.applicability_tests:
             return self._emit_applicable(step)
         assert not isinstance(step.condition, Applicable)
-        return self._emit_condition(step, 0, step.condition, self._scope)
+        return self._emit_condition(step, 0, step.condition, self.scope)
 
     def _emit_condition(self, step: Step, number: int, condition: Constraint, scope: UnitScope) -> code.Expression:
         """Return code that tests a condition, given its index `number` in the step."""
@@ -539,9 +526,10 @@ class _UnitFunction:
         """Emit code that tests if a rule, or one of a group, can be applied, and return the test."""
         asked, callee = self._checked.applicability_tests[id(step)]
         writer, error = self.writer, emit_state_entry(ERROR)
-        can, before = (writer.module.new_local(prefix) for prefix in ("can", "e"))
-        writer.append(code.Assign(can, ZERO), code.Assign(before, error), CLEAR_REFUSED)
-        given, tests, _ = self._emit_arguments(asked, callee, self._scope)
+        result, before = writer.emit_results({}), writer.module.new_local("e")
+        can = result.done
+        writer.append(code.Assign(before, error), CLEAR_REFUSED)
+        given, tests, _ = self._emit_arguments(asked, callee, self.scope)
 
         def ask(call: RuleCall) -> None:
             plan = plan_of(writer.engine, call)
@@ -552,7 +540,7 @@ class _UnitFunction:
             attempts = RuleAttempts(writer, call, given)
             with attempts.rows():
                 with writer.saved_state() as put_back:
-                    attempts.emit_one(can, [], in_order=True)
+                    attempts.emit_one(result, in_order=True)
                 writer.append(*put_back)
 
         for call in self._members(callee, asked.span):

@@ -117,7 +117,7 @@ class UnitSource:
                 if parameter.is_output:
                     entry = code.Subscript(given, functions.add_constant(parameter.name))
                     function.add(code.Assign(entry, scope.names[parameter.name]))
-            function.add(code.Return(function.outcome))
+            function.add(code.Return(CHANGED))
         functions.finish_function("unit", (RUN, given), function.body)
         return functions.compile_all_and_return("unit")
 
@@ -127,11 +127,8 @@ class UnitSource:
         return self._functions.source
 
     def _emit_body(self, step: Step, scope: VariableScope) -> None:
-        """Emit the steps of the innermost function. It tracks changes, unless a success always means a change."""
-        function = self._functions.current
-        function.tracks_changes = not always_changes(step, self._checked.calls)
-        if function.tracks_changes:
-            function.add(code.Assign(CHANGED, code.FALSE))
+        """Emit the steps of the innermost function."""
+        self._functions.current.add(code.Assign(CHANGED, code.FALSE))
         self._emit_step(step, scope)
 
     def _emit_block_function(self, step: Step, scope: VariableScope, returned: Sequence[str] = ()) -> code.Name:
@@ -140,7 +137,7 @@ class UnitSource:
         with self._functions.open_function() as function:
             self._emit_body(step, within)
             given = [within.names[each] for each in returned]
-            function.add(code.Return(code.emit_tuple(function.outcome, *given) if given else function.outcome))
+            function.add(code.Return(code.emit_tuple(CHANGED, *given) if given else CHANGED))
         return self._functions.finish_function(name, (RUN, *scope.local_variables), function.body)
 
     def _emit_step(self, step: Step, scope: VariableScope) -> None:
@@ -262,8 +259,8 @@ class UnitSource:
             if step.otherwise is not None:
                 self._emit_branch(step.otherwise, scope)
 
-        changed: code.Body = (code.Assign(CHANGED, OUTCOME, "|="),) if function.tracks_changes else ()
-        function.add(code.If(code.emit_is_none(OUTCOME), function.inside(emit_otherwise), changed))
+        changed = code.Assign(CHANGED, OUTCOME, "|=")
+        function.add(code.If(code.emit_is_none(OUTCOME), function.inside(emit_otherwise), (changed,)))
 
     def _emit_if(self, step: If_, scope: VariableScope) -> None:
         function, test, otherwise = (
@@ -324,25 +321,6 @@ class UnitSource:
             new = [self._functions.new_local_for(scope, each) for each in gives]
             function.add(code.Assign(code.emit_tuple(OUTCOME, *new), OUTCOME))
         self._functions.emit_changed(OUTCOME)
-
-
-def always_changes(step: Step, calls: Named[int, Signature]) -> bool:
-    """Return True if a step that succeeds has always changed something."""
-    match step:
-        case UnitCall():
-            return calls[id(step)].kind != "unit"
-        case Steps(steps):
-            return any(always_changes(inner, calls) for inner in steps)
-        case UnitChoice(alternatives):
-            return bool(alternatives) and all(always_changes(inner, calls) for inner in alternatives)
-        case Repeat(lower, _, body):
-            return isinstance(lower, int) and lower > 0 and always_changes(body, calls)
-        case TryStep(body, otherwise) | If_(_, body, otherwise):
-            return otherwise is not None and always_changes(body, calls) and always_changes(otherwise, calls)
-        case AtomicStep(body):
-            return always_changes(body, calls)
-        case Alap():
-            return False
 
 
 def fails_without_changes(step: Step | None, calls: Named[int, Signature]) -> bool:

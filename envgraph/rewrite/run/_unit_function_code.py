@@ -39,8 +39,7 @@ class VariableScope:
 
 @dataclass(slots=True)
 class OpenFunction:
-    """A function whose code is being generated; `tracks_changes` means that the local `c` stores whether anything was
-    changed.
+    """A function whose code is being generated; its local `c` stores whether anything was changed.
 
     `bodies` are the statement lists of open compound statements, outermost first; `branches` counts nested `if`
     branches.
@@ -48,7 +47,6 @@ class OpenFunction:
 
     bodies: list[list[code.Statement]] = field(default_factory=lambda: [[]])
     branches: int = 0
-    tracks_changes: bool = False
 
     def add(self, *statements: code.Statement) -> None:
         self.bodies[-1] += statements
@@ -64,11 +62,6 @@ class OpenFunction:
         """Return all statements of the function."""
         (body,) = self.bodies
         return tuple(body)
-
-    @property
-    def outcome(self) -> code.Expression:
-        """Return the expression that the function returns if it succeeds."""
-        return CHANGED if self.tracks_changes else code.TRUE
 
 
 class UnitFunctions:
@@ -137,9 +130,8 @@ class UnitFunctions:
         self.current.add(code.If(test, self.emit_failure(text, span)))
 
     def emit_changed(self, changed: code.Expression) -> None:
-        """Emit code that records that a step has changed something, if the function tracks changes."""
-        if self.current.tracks_changes:
-            self.current.add(code.Assign(CHANGED, changed, "=" if changed == code.TRUE else "|="))
+        """Emit code that records whether a step has changed something."""
+        self.current.add(code.Assign(CHANGED, changed, "=" if changed == code.TRUE else "|="))
 
     def new_local_for(self, scope: VariableScope, name: str) -> code.Local:
         """Give a variable of the unit a new local variable, and return it. The variable counts as set from now on."""
