@@ -41,7 +41,7 @@ from envgraph.env.compiled._program_layout import (
     emit_table_entry,
     emit_value_entry,
 )
-from envgraph.env.compiled._refused_rules import CLEAR_REFUSED, class_tests, object_or_value_term
+from envgraph.env.compiled._refused_rules import CLEAR_REFUSED, Arguments, class_tests, object_or_value_term
 from envgraph.env.compiled._symbols import KeyValues, ObjectByIndex, OneObjectPerIndex
 from envgraph.env.compiled._term_code import (
     CodeTerm,
@@ -56,9 +56,6 @@ from envgraph.metamodel import Scalar
 from envgraph.pattern import Constant, Expression, Negation, ObjectType, StaticType, Variable
 from envgraph.rewrite import Engine, Signature
 from envgraph.rewrite.plans import RulePlan, fails_without_changes
-
-Arguments = tuple[dict[str, CodeTerm], list[code.Expression], dict[str, str]]
-"""The values that a call gives to parameters, tests that have to pass, and the variable for each output parameter."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -162,37 +159,24 @@ class FunctionEmitter(FunctionStatements):
             self.append_assignment(done, ONE)
             return CallResult(done, {})
         signature = self.engine.signature(rule.rule)
-        given, tests, wanted = self.emit_arguments(rule.arguments, signature, scope, self._emit_argument)
+        arguments = self.emit_arguments(rule.arguments, signature, scope, self._emit_argument)
         if signature.kind != "unit":
-            return self.emit_application(rule, given, tests, wanted)
+            return self.emit_application(rule, arguments)
         checked = checked_unit(self.engine, rule)
         self.append(code.Assign(STEPS_LEFT, code.Constant(float(self.engine.step_limit))))
         with self.saved_state(not fails_without_changes(checked.unit.body, checked.calls)) as put_back:
-            called = self.emit_application(rule, given, tests, wanted)
+            called = self.emit_application(rule, arguments)
         done = called.done
         succeeded: code.Body = (CLEAR_REFUSED, code.Assign(done, ONE))
         self.append(code.If(code.emit_equal(done, ZERO), put_back, succeeded))
         self.append(code.If(code.Operation("!=", (emit_state_entry(ERROR), ZERO)), (self.error_return,)))
         return called
 
-    def emit_application(
-        self,
-        rule: RuleCall,
-        given: Mapping[str, CodeTerm],
-        tests: Sequence[code.Expression],
-        output_names: Mapping[str, str],
-    ) -> CallResult:
-        """Emit code that applies a rule or runs a unit if all tests pass.
-
-        Args:
-            rule: the call.
-            given: the values of parameters.
-            tests: tests that have to pass.
-            output_names: the name that gets each output parameter.
-        """
-        result = self.emit_results(self.output_types(rule, output_names))
-        assigned = result.assign(self.emit_applied(rule, given, tuple(output_names)))
-        self.append(code.If(code.emit_joined("and", tests, True), (assigned,)))
+    def emit_application(self, rule: RuleCall, arguments: Arguments) -> CallResult:
+        """Emit code that applies a rule or runs a unit if all tests pass."""
+        result = self.emit_results(self.output_types(rule, arguments.wanted))
+        assigned = result.assign(self.emit_applied(rule, arguments.given, tuple(arguments.wanted)))
+        self.append(code.If(code.emit_joined("and", arguments.tests, True), (assigned,)))
         self.append(code.If(code.Operation("<", (result.done, ZERO)), (self.error_return,)))
         return result
 
@@ -218,7 +202,8 @@ class FunctionEmitter(FunctionStatements):
             self.append_assignment(can, ONE)
             return
         signature = self.engine.signature(rule.rule)
-        given, tests, _ = self.emit_arguments(rule.arguments, signature, scope, self._emit_argument)
+        arguments = self.emit_arguments(rule.arguments, signature, scope, self._emit_argument)
+        given = arguments.given
         if signature.kind == "unit":
             types, values = self._unit_types(rule, given), [term.number_code for term in given.values()]
             key = "may", rule.rule, tuple(types.items())
@@ -226,7 +211,7 @@ class FunctionEmitter(FunctionStatements):
             test: code.Expression = code.emit_equal(self.emit_function_call(name, *values), ONE)
         else:
             test = self.emit_exists(rule, given)
-        self.append(code.If(code.emit_joined("and", [*tests, test], True), (code.Assign(can, ONE),)))
+        self.append(code.If(code.emit_joined("and", [*arguments.tests, test], True), (code.Assign(can, ONE),)))
         if signature.kind == "unit":  # only running the unit reports the error
             wrong = code.Operation("!=", (emit_state_entry(ERROR), ZERO))
             self.append(code.If(wrong, (code.Assign(can, ONE), code.Assign(emit_state_entry(ERROR), ZERO))))
@@ -260,10 +245,10 @@ class FunctionEmitter(FunctionStatements):
                 continue
             term = emit(argument, scope, taken.type, tests)
             if callee.kind != "unit" and isinstance(taken.type, ObjectType):
-                tests += class_tests(self, term, taken.type.cls)
+                tests += class_tests(self.facts, term, taken.type.cls)
             is_float = taken.type is Scalar.FLOAT
             given[taken.name] = variable_term(emit_as_float(term), Scalar.FLOAT) if is_float else term
-        return given, tests, wanted
+        return Arguments(given, tests, wanted)
 
     def _emit_argument(
         self,
@@ -302,8 +287,9 @@ class FunctionEmitter(FunctionStatements):
         assert rule.rule is not None
         if self.engine.signature(rule.rule).kind == "unit":
             types = self._unit_types(rule, given)
+            results = dict(zip(wanted, self.parameter_types(rule, wanted), strict=True))
             key = "run", rule.rule, tuple(types.items()), wanted
-            name = self.module.function_for(key, "apply", lambda: emit_unit(self, rule, types, wanted))
+            name = self.module.function_for(key, "apply", lambda: emit_unit(self, rule, types, results))
         else:
             bound = tuple(given)
             name = self.module.function_for(

@@ -4,12 +4,15 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
+from dataclasses import field
 from typing import TYPE_CHECKING, Final
 
 from envgraph import code
 from envgraph.behaviour import RuleCall
+from envgraph.code import dataclass
 from envgraph.env.compiled._body_code import CAPACITY
 from envgraph.env.compiled._changes import plan_of
+from envgraph.env.compiled._model_reading import ModelReader
 from envgraph.env.compiled._not_compiled import NotCompiled
 from envgraph.env.compiled._program_layout import (
     ERROR,
@@ -41,22 +44,22 @@ Narrow = Callable[[Mapping[str, CodeTerm]], tuple[list[code.Expression], CodeTer
 """Emits tests of a match, given by the terms of its variables, and the number that orders it, or None for no order."""
 
 
+@dataclass(frozen=True, slots=True)
+class Arguments:
+    """What a call gives to parameters, tests that have to pass, and the variable for each wanted output parameter."""
+
+    given: Mapping[str, CodeTerm] = field(default_factory=dict)
+    tests: Sequence[code.Expression] = ()
+    wanted: Mapping[str, str] = field(default_factory=dict)
+
+
 class RuleAttempts:
-    """An emitter of applications of a rule at its matches, which are stored as rows.
+    """An emitter of applications of a rule at its matches, which are stored as rows."""
 
-    Args:
-        writer: the emitter of the function.
-        rule: the call.
-        given: the values of parameters.
-        wanted: the output parameters.
-    """
-
-    def __init__(
-        self, writer: FunctionEmitter, rule: RuleCall, given: Mapping[str, CodeTerm], wanted: Sequence[str] = ()
-    ) -> None:
-        self._writer, self._rule, self._wanted = writer, rule, tuple(wanted)
-        self._plan, self._given, self._key = writer.plan_and_view(rule, tuple(given))
-        for name, term in given.items():
+    def __init__(self, writer: FunctionEmitter, rule: RuleCall, arguments: Arguments) -> None:
+        self._writer, self._rule, self._wanted = writer, rule, tuple(arguments.wanted)
+        self._plan, self._given, self._key = writer.plan_and_view(rule, tuple(arguments.given))
+        for name, term in arguments.given.items():
             writer.append_assignment(self._given[self._plan.variables.index(name)], term.number_code)
         self._left, self._row = writer.module.new_local("n"), writer.module.new_local("k")
         self._first: code.Expression = ZERO
@@ -133,9 +136,7 @@ class RuleAttempts:
     def emit_one(self, result: CallResult, *, in_order: bool = False) -> None:
         """Emit code that applies the rule at a random row, or the first; if it is refused, at another, or the next.
 
-        Args:
-            result: the variables of the result, which are 0.
-            in_order: take the rows in order.
+        The variables of the result are 0 before.
         """
         writer, last = self._writer, emit_sum(self._first, self._left)
 
@@ -219,15 +220,16 @@ def emit_holds(writer: FunctionEmitter, pattern: str, terms: Sequence[CodeTerm])
         test
         for term, type_ in zip(terms, types, strict=True)
         if isinstance(type_, ObjectType)
-        for test in class_tests(writer, term, type_.cls)
+        for test in class_tests(writer.facts, term, type_.cls)
     ]
     exists = writer.matching.emit_exists(PatternQuery(pattern, tuple(range(len(types))), ()))
     held = writer.emit_function_call(exists, *(term.number_code for term in terms))
     return code.emit_joined("and", [*tests, held], True)
 
 
-def class_tests(writer: FunctionEmitter, term: CodeTerm, cls: str) -> list[code.Expression]:
+def class_tests(facts: ModelReader, term: CodeTerm, cls: str) -> list[code.Expression]:
     """Return the test that an object is of a class and exists; no test if this is certain."""
     assert isinstance(term.type, ObjectType)
-    certain = writer.facts.metamodel.is_a(term.type.cls, cls) and writer.facts.changes.is_fixed_class(cls)
-    return [] if certain else [writer.facts.emit_is_instance(term.value, cls)]
+    certain = facts.metamodel.is_a(term.certain_class or term.type.cls, cls)
+    certain = certain and (term.certain_class is not None or facts.changes.is_fixed_class(cls))
+    return [] if certain else [facts.emit_is_instance(term.value, cls)]

@@ -32,8 +32,10 @@ from envgraph.env.compiled._program_layout import (
 )
 from envgraph.env.compiled._refused_rules import (
     CLEAR_REFUSED,
+    Arguments,
     Narrow,
     RuleAttempts,
+    class_tests,
     emit_holds,
     may_rule_be_refused,
     object_or_value_term,
@@ -63,28 +65,18 @@ from envgraph.rewrite import Signature
 from envgraph.rewrite.plans import CheckedUnit, all_steps, bound_outputs, choice_tiers, fails_without_changes
 
 if TYPE_CHECKING:
-    from envgraph.env.compiled._clause_code import Arguments, CallResult, FunctionEmitter
+    from envgraph.env.compiled._clause_code import CallResult, FunctionEmitter
 
 UnitScope = Mapping[str, CodeTerm]
 """The terms of the unit's variables that have a value at a point of its code."""
 
-NO_OUTPUTS: Final[Mapping[str, str]] = MappingProxyType({})
+NO_OUTPUTS: Final[Mapping[str, StaticType]] = MappingProxyType({})
 
 
 def emit_unit(
-    outer: FunctionEmitter, call: RuleCall, types: Mapping[str, StaticType], outputs: Sequence[str]
+    outer: FunctionEmitter, call: RuleCall, types: Mapping[str, StaticType], outputs: Mapping[str, StaticType]
 ) -> tuple[list[code.Local], code.Body]:
-    """Emit the parameters and body of a function that runs a unit.
-
-    The function returns 2 after a change, 1 if the unit succeeds without, 0 if it fails, and -1 after an error; then
-    the outputs.
-
-    Args:
-        outer: the emitter of the function that calls it.
-        call: the call of the unit.
-        types: the types of the parameters that get values.
-        outputs: the outputs.
-    """
+    """Emit the parameters and body of a function that runs a unit; see `_UnitFunction`."""
     checked = checked_unit(outer.engine, call)
     function = _UnitFunction(outer, checked, types, outputs)
     function.emit_step_count()
@@ -141,27 +133,30 @@ class _UnitExpressions(ExpressionEmitter):
         return found.pop()
 
     def _with_class_test(self, owner: CodeTerm, cls: str) -> CodeTerm:
-        assert isinstance(owner.type, ObjectType)
-        sure = owner.certain_class or owner.type.cls
-        if self._facts.metamodel.is_a(sure, cls) and (owner.certain_class or self._facts.changes.is_fixed_class(cls)):
-            return owner
-        return replace(owner, present=(*owner.present, self._facts.emit_is_instance(owner.value, cls)))
+        return replace(owner, present=(*owner.present, *class_tests(self._facts, owner, cls)))
 
 
 class _UnitFunction:
-    """A function that runs a unit, or a block of it that can fail by itself; it returns as `emit_unit`.
+    """A function that runs a unit, or a block of it that can fail by itself.
+
+    The function returns 2 after a change, 1 if the unit succeeds without, 0 if it fails, and -1 after an error; then
+    the outputs.
 
     Args:
         outer: the emitter of the function that calls it.
         checked: the unit.
         types: the types of the variables of the unit that have a value, which are the parameters.
-        outputs: the variables whose values are returned.
+        outputs: the types of the variables whose values are returned.
     """
 
     def __init__(
-        self, outer: FunctionEmitter, checked: CheckedUnit, types: Mapping[str, StaticType], outputs: Sequence[str] = ()
+        self,
+        outer: FunctionEmitter,
+        checked: CheckedUnit,
+        types: Mapping[str, StaticType],
+        outputs: Mapping[str, StaticType] = NO_OUTPUTS,
     ) -> None:
-        nothing = [initial_constant(checked.types[name]) for name in outputs]
+        nothing = [initial_constant(type_) for type_ in outputs.values()]
         self.writer = outer.new_emitter(code.Return(emit_result(NOBODY, nothing)))
         self.parameters = [outer.facts.new_local_for(type_) for type_ in types.values()]
         self._failure = code.Return(emit_result(ZERO, nothing))
@@ -197,16 +192,16 @@ class _UnitFunction:
                 callee = self._checked.calls[id(step)]
                 members = self._members(callee, step.span)
                 if callee.kind != "unit" and not any(may_rule_be_refused(self.writer, one) for one in members):
-                    given, tests, _ = self._emit_arguments(step, callee, self.scope)
-                    found = code.emit_joined("or", [self.writer.emit_exists(one, given) for one in members], False)
-                    return code.emit_joined("and", [*tests, found], True)
+                    arguments = self._emit_arguments(step, callee, self.scope)
+                    found = [self.writer.emit_exists(one, arguments.given) for one in members]
+                    return code.emit_joined("and", [*arguments.tests, code.emit_joined("or", found, False)], True)
         return None
 
     # --- steps
 
     def _emit_step(self, step: Step) -> None:
         """Emit code for a step, which leaves the function if it fails; add the step's outputs to the scope."""
-        done = self.writer.module.new_local("done")
+        done, scope = self.writer.module.new_local("done"), self.scope
         with add_missing_span(step.span or self._checked.unit.span):
             match step:
                 case Steps(steps):
@@ -220,22 +215,24 @@ class _UnitFunction:
                     self._emit_repeat(step, done)
                     return
                 case UnitCall():
-                    self._emit_call(step, self.scope, done)
+                    self._emit_call(step, scope, done)
                 case UnitChoice():
                     self._emit_choice(step, done)
                 case TryStep(body, otherwise):
                     self._emit_block(body, done)
                     instead = self.writer.collect(lambda: self._emit_block(otherwise, done, undo=False))
                     self.writer.append(code.If(code.emit_equal(done, ZERO), (CLEAR_REFUSED, *instead)))
-                case IfStep(_, then, otherwise):
-                    test = self._emit_if_condition(step)
+                case IfStep(condition, then, otherwise):
+                    asked = id(step) in self._checked.applicability_tests
+                    test = self._emit_applicable(step) if asked else self._emit_condition(step, 0, condition, scope)
                     branches = [
                         self.writer.collect(lambda one=one: self._emit_block(one, done, undo=False))  # type: ignore[misc]
                         for one in (then, otherwise)
                     ]
                     self.writer.append(code.If(test, *branches))
                 case AtomicStep(body):
-                    new = [name for name in bound_outputs(body, self._checked.calls) if name not in self.scope]
+                    bound = bound_outputs(body, self._checked.calls)
+                    new = {name: type_ or ObjectType("") for name, type_ in bound.items() if name not in scope}
                     self._emit_block(body, done, new)
         self._leave_if(code.emit_equal(done, ZERO))
         self._note_change(done)
@@ -246,7 +243,9 @@ class _UnitFunction:
     def _note_change(self, done: code.Local) -> None:
         self.writer.append_assignment(self._changed, code.emit_call("max", self._changed, done))
 
-    def _emit_block(self, step: Step | None, done: code.Local, new: Sequence[str] = (), *, undo: bool = True) -> None:
+    def _emit_block(
+        self, step: Step | None, done: code.Local, new: Mapping[str, StaticType] = NO_OUTPUTS, *, undo: bool = True
+    ) -> None:
         """Emit code that runs a block, and undoes its changes if it fails; the variables `new` get values.
 
         It sets `done` to 2 after a change, to 1 if the block succeeds without, and to 0 if it fails.
@@ -264,7 +263,7 @@ class _UnitFunction:
                     object(), "block", lambda: _UnitFunction(writer, self._checked, types, new).emit_whole(step)
                 )
                 call = writer.emit_function_call(name, *(term.number_code for term in scope.values()))
-                result = writer.emit_results({one: self._checked.types[one] or ObjectType("") for one in new})
+                result = writer.emit_results(new)
                 writer.append(result.assign(call), code.Assign(done, result.done))
                 writer.append(code.If(code.Operation("<", (done, ZERO)), (writer.error_return,)))
                 scope.update(result.outputs)
@@ -366,27 +365,24 @@ class _UnitFunction:
         """Emit code that applies a rule or group, or runs a unit; it sets `done`, and adds outputs to the scope."""
         callee, writer = self._checked.calls[id(step)], self.writer
         calls = self._members(callee, step.span)
-        if callee.kind == "unit":
-            given, tests, wanted = self._emit_arguments(step, callee, scope)
-            called = writer.emit_application(calls[0], given, tests, wanted)
-            writer.append_assignment(done, called.done)
-            scope.update(called.outputs)
-            return
-        self.emit_step_count()
-        writer.append(CLEAR_REFUSED)
-        given, tests, wanted = self._emit_arguments(step, callee, scope)
+        if callee.kind != "unit":
+            self.emit_step_count()
+            writer.append(CLEAR_REFUSED)
+        arguments = self._emit_arguments(step, callee, scope)
         narrow = partial(self._narrow, step, {**scope}) if step.where or step.by is not None else None
         if step.every:
-            writer.append_assignment(done, ZERO)
-            every = partial(self._emit_every, calls, given, narrow, step.limit, done)
-            writer.append_if(code.emit_joined("and", tests, True), every)
+            result = writer.emit_results({})
+            every = partial(self._emit_every, step, calls, arguments, narrow, result.done)
+            writer.append_if(code.emit_joined("and", arguments.tests, True), every)
         elif callee.kind == "group":
-            self._emit_group(calls, done)
+            result = self._emit_group(calls)
+        elif callee.kind == "rule":
+            result = self._emit_rule(calls[0], arguments, narrow, in_order=step.first)
         else:
-            called = self._emit_rule(calls[0], given, tests, wanted, narrow, in_order=step.first)
-            writer.append_assignment(done, called.done)
-            scope.update(called.outputs)
-        writer.append(code.Assign(done, done, "+="))  # a rule changes something
+            result = writer.emit_application(calls[0], arguments)
+        # A rule has changed something.
+        writer.append_assignment(done, result.done if callee.kind == "unit" else emit_sum(result.done, result.done))
+        scope.update(result.outputs)
 
     def _members(self, callee: Signature, span: Span | None) -> list[RuleCall]:
         """Return calls of the rules of a group, or of the rule or unit itself."""
@@ -405,70 +401,58 @@ class _UnitFunction:
         return [*passed, *self._path_tests(step.by, inside), *value.tests], value
 
     def _emit_rule(
-        self,
-        call: RuleCall,
-        given: Mapping[str, CodeTerm],
-        tests: Sequence[code.Expression] = (),
-        wanted: Mapping[str, str] = NO_OUTPUTS,
-        narrow: Narrow | None = None,
-        *,
-        in_order: bool = False,
+        self, call: RuleCall, arguments: Arguments, narrow: Narrow | None = None, *, in_order: bool = False
     ) -> CallResult:
         """Emit code that applies a rule once if all tests pass."""
         writer = self.writer
         if not (in_order or narrow or may_rule_be_refused(writer, call)):
-            return writer.emit_application(call, given, tests, wanted)
-        result = writer.emit_results(writer.output_types(call, wanted))
+            return writer.emit_application(call, arguments)
+        result = writer.emit_results(writer.output_types(call, arguments.wanted))
 
         def attempt() -> None:
-            attempts = RuleAttempts(writer, call, given, tuple(wanted))
+            attempts = RuleAttempts(writer, call, arguments)
             with attempts.rows(narrow):
                 attempts.emit_one(result, in_order=in_order)
 
-        writer.append_if(code.emit_joined("and", tests, True), attempt)
+        writer.append_if(code.emit_joined("and", arguments.tests, True), attempt)
         return result
 
     def _emit_every(
-        self,
-        calls: Sequence[RuleCall],
-        given: Mapping[str, CodeTerm],
-        narrow: Narrow | None,
-        limit: int | None,
-        done: code.Local,
+        self, step: UnitCall, calls: Sequence[RuleCall], arguments: Arguments, narrow: Narrow | None, done: code.Local
     ) -> None:
         """Emit code that applies rules at each of the matches that they have before the first change."""
         with ExitStack() as reserved:
-            members = [RuleAttempts(self.writer, call, given) for call in calls]
+            members = [RuleAttempts(self.writer, call, arguments) for call in calls]
             for member in members:
-                reserved.enter_context(member.rows(narrow, limit))
+                reserved.enter_context(member.rows(narrow, step.limit))
             for member in members:
                 member.emit_every(self.emit_step_count, done)
         self.writer.append(code.If(code.emit_equal(done, ONE), (CLEAR_REFUSED,)))
 
-    def _emit_group(self, calls: Sequence[RuleCall], done: code.Local) -> None:
+    def _emit_group(self, calls: Sequence[RuleCall]) -> CallResult:
         """Emit code that applies one rule of a group, drawn by weight among those with a match."""
-        writer = self.writer
+        writer, result = self.writer, self.writer.emit_results({})
 
         def attempt(call: RuleCall) -> None:
             writer.append(CLEAR_REFUSED)
-            writer.append_assignment(done, self._emit_rule(call, {}).done)
+            writer.append_assignment(result.done, self._emit_rule(call, Arguments()).done)
 
         tries: list[tuple[code.Expression, Callable[[], None]]] = []
         for call in calls:
             weight = code.Constant(float(writer.engine.signature(call.rule or "").weight))
             chance = code.ConditionalExpression(writer.emit_exists(call, {}), weight, code.Constant(0.0))
             tries.append((chance, partial(attempt, call)))
-        writer.append_assignment(done, ZERO)
-        self._emit_draws(tries, done)
+        self._emit_draws(tries, result.done)
+        return result
 
     def _emit_arguments(self, step: UnitCall | Applicable, callee: Signature, scope: UnitScope) -> Arguments:
         """Emit code for the arguments of a call; a call that gives a value to an object that its rule creates fails."""
-        given, tests, wanted = self.writer.emit_arguments(step.arguments, callee, scope, self._emit_value)
+        arguments = self.writer.emit_arguments(step.arguments, callee, scope, self._emit_value)
         if callee.kind == "rule":
             known = plan_of(self.writer.engine, RuleCall(callee.name, span=step.span)).variables
-            tests += [code.FALSE for name in given if name not in known]
-            given = {name: term for name, term in given.items() if name in known}
-        return given, tests, wanted
+            if not {*arguments.given} <= {*known}:
+                return replace(arguments, given={}, tests=[code.FALSE])
+        return arguments
 
     # --- values and conditions
 
@@ -504,14 +488,9 @@ class _UnitFunction:
         terms = [self._emit_expression(path, scope) for path in required_paths(expression)]
         return [test for term in terms for test in term.tests]
 
-    def _emit_if_condition(self, step: IfStep) -> code.Expression:
-        """Return code that tests the condition of an `if`."""
-        if id(step) in self._checked.applicability_tests:
-            return self._emit_applicable(step)
-        assert not isinstance(step.condition, Applicable)
-        return self._emit_condition(step, 0, step.condition, self.scope)
-
-    def _emit_condition(self, step: Step, number: int, condition: Constraint, scope: UnitScope) -> code.Expression:
+    def _emit_condition(
+        self, step: Step, number: int, condition: Constraint | Applicable, scope: UnitScope
+    ) -> code.Expression:
         """Return code that tests a condition, given its index `number` in the step."""
         if isinstance(condition, Check):
             asked = condition.expression
@@ -529,22 +508,23 @@ class _UnitFunction:
         result, before = writer.emit_results({}), writer.module.new_local("e")
         can = result.done
         writer.append(code.Assign(before, error), CLEAR_REFUSED)
-        given, tests, _ = self._emit_arguments(asked, callee, self.scope)
+        arguments = self._emit_arguments(asked, callee, self.scope)
 
         def ask(call: RuleCall) -> None:
             plan = plan_of(writer.engine, call)
             fails = any(one.computed or one.creates or one.may_contradict for one in plan.blocks)
             if not (fails or may_rule_be_refused(writer, call)):
-                writer.append_assignment(can, code.ConditionalExpression(writer.emit_exists(call, given), ONE, ZERO))
+                found = writer.emit_exists(call, arguments.given)
+                writer.append_assignment(can, code.ConditionalExpression(found, ONE, ZERO))
                 return
-            attempts = RuleAttempts(writer, call, given)
+            attempts = RuleAttempts(writer, call, arguments)
             with attempts.rows():
                 with writer.saved_state() as put_back:
                     attempts.emit_one(result, in_order=True)
                 writer.append(*put_back)
 
         for call in self._members(callee, asked.span):
-            free = code.emit_joined("and", [*tests, code.emit_equal(can, ZERO)], True)
+            free = code.emit_joined("and", [*arguments.tests, code.emit_equal(can, ZERO)], True)
             writer.append_if(free, partial(ask, call))
         writer.append(CLEAR_REFUSED, code.If(code.emit_equal(error, ZERO), (code.Assign(error, before),)))
         return code.emit_equal(can, ZERO if asked.negated else ONE)

@@ -20,6 +20,7 @@ from envgraph.pattern import (
     Expression as Term,
     IfStep as If_,
     Repeat,
+    StaticType,
     Step,
     StepSequence as Steps,
     TryStep,
@@ -160,9 +161,9 @@ class UnitSource:
             case AtomicStep():
                 self._emit_atomic(step, scope)
 
-    def _emit_undoable_call(self, step: Step, scope: VariableScope) -> code.Expression:
-        """Return a call that runs a block and undoes its changes if it fails."""
-        name = self._emit_block_function(step, scope)
+    def _emit_undoable_call(self, step: Step, scope: VariableScope, returned: Sequence[str] = ()) -> code.Expression:
+        """Return a call that runs a block and undoes its changes if it fails. It returns as `_emit_block_function`."""
+        name = self._emit_block_function(step, scope, returned)
         return (
             self._emit_block_call(name, scope)
             if fails_without_changes(step, self._checked.calls)
@@ -313,11 +314,8 @@ class UnitSource:
     def _emit_atomic(self, step: AtomicStep, scope: VariableScope) -> None:
         gives = [name for name in bound_outputs(step.body, self._checked.calls) if not scope.is_set(name)]
         function = self._functions.current
-        if not gives:
-            function.add(code.Assign(OUTCOME, self._emit_undoable_call(step.body, scope)), FAILED)
-        else:
-            name = self._emit_block_function(step.body, scope, gives)
-            function.add(code.Assign(OUTCOME, self._emit_guarded_call(name, scope)), FAILED)
+        function.add(code.Assign(OUTCOME, self._emit_undoable_call(step.body, scope, gives)), FAILED)
+        if gives:
             new = [self._functions.new_local_for(scope, each) for each in gives]
             function.add(code.Assign(code.emit_tuple(OUTCOME, *new), OUTCOME))
         self._functions.emit_changed(OUTCOME)
@@ -350,18 +348,20 @@ def choice_tiers(step: UnitChoice, calls: Named[int, Signature]) -> list[list[tu
     return [tiers[priority] for priority in sorted(tiers, reverse=True)]
 
 
-def bound_outputs(step: Step, calls: Named[int, Signature]) -> list[str]:
-    """Return the variables that a block passes to `out` parameters and that the steps after the block can use."""
+def bound_outputs(step: Step, calls: Named[int, Signature]) -> dict[str, StaticType | None]:
+    """Return the variables that a block passes to `out` parameters and that later steps can use, with their types."""
     match step:
         case Steps(steps):
-            return list(dict.fromkeys(name for inner in steps for name in bound_outputs(inner, calls)))
+            return {name: type_ for inner in steps for name, type_ in bound_outputs(inner, calls).items()}
         case AtomicStep(body):
             return bound_outputs(body, calls)
         case UnitCall():
             taken = zip(step.arguments, calls[id(step)].parameters, strict=False)
-            return [a.name for a, p in taken if p.is_output and is_variable_argument(a) and isinstance(a, Variable)]
+            return {
+                a.name: p.type for a, p in taken if p.is_output and is_variable_argument(a) and isinstance(a, Variable)
+            }
         case _:
-            return []
+            return {}
 
 
 def _runtime_functions(model: Model, matcher: Matcher) -> dict[str, Any]:
