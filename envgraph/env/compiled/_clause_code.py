@@ -166,9 +166,8 @@ class FunctionEmitter(FunctionStatements):
         self.append(code.Assign(STEPS_LEFT, code.Constant(float(self.engine.step_limit))))
         with self.saved_state(not fails_without_changes(checked.unit.body, checked.calls)) as put_back:
             called = self.emit_application(rule, arguments)
-        done = called.done
-        succeeded: code.Body = (CLEAR_REFUSED, code.Assign(done, ONE))
-        self.append(code.If(code.emit_equal(done, ZERO), put_back, succeeded))
+        succeeded = CLEAR_REFUSED, code.Assign(called.done, ONE)
+        self.append(code.If(code.emit_equal(called.done, ZERO), put_back, succeeded))
         self.append(code.If(code.Operation("!=", (emit_state_entry(ERROR), ZERO)), (self.error_return,)))
         return called
 
@@ -205,7 +204,8 @@ class FunctionEmitter(FunctionStatements):
         arguments = self.emit_arguments(rule.arguments, signature, scope, self._emit_argument)
         given = arguments.given
         if signature.kind == "unit":
-            types, values = self._unit_types(rule, given), [term.number_code for term in given.values()]
+            types = {name: term.type or ObjectType("") for name, term in given.items()}
+            values = [term.number_code for term in given.values()]
             key = "may", rule.rule, tuple(types.items())
             name = self.module.function_for(key, "may", lambda: emit_can_succeed(self, rule, types))
             test: code.Expression = code.emit_equal(self.emit_function_call(name, *values), ONE)
@@ -244,8 +244,11 @@ class FunctionEmitter(FunctionStatements):
                     wanted[taken.name] = argument.name
                 continue
             term = emit(argument, scope, taken.type, tests)
-            if callee.kind != "unit" and isinstance(taken.type, ObjectType):
-                tests += class_tests(self.facts, term, taken.type.cls)
+            if isinstance(taken.type, ObjectType) and isinstance(term.type, ObjectType):
+                if callee.kind != "unit":
+                    tests += class_tests(self.facts, term, taken.type.cls)
+                elif self.facts.metamodel.is_a(term.type.cls, taken.type.cls):
+                    term = replace(term, type=taken.type)
             is_float = taken.type is Scalar.FLOAT
             given[taken.name] = variable_term(emit_as_float(term), Scalar.FLOAT) if is_float else term
         return Arguments(given, tests, wanted)
@@ -286,7 +289,7 @@ class FunctionEmitter(FunctionStatements):
         types: dict[str, StaticType] = {}
         assert rule.rule is not None
         if self.engine.signature(rule.rule).kind == "unit":
-            types = self._unit_types(rule, given)
+            types = {name: term.type or ObjectType("") for name, term in given.items()}
             results = dict(zip(wanted, self.parameter_types(rule, wanted), strict=True))
             key = "run", rule.rule, tuple(types.items()), wanted
             name = self.module.function_for(key, "apply", lambda: emit_unit(self, rule, types, results))
@@ -296,15 +299,6 @@ class FunctionEmitter(FunctionStatements):
                 ("apply", rule.rule, bound, wanted), "apply", lambda: self._emit_rule_function(rule, bound, wanted)
             )
         return self.emit_function_call(name, *(term.number_code for term in given.values()))
-
-    def _unit_types(self, rule: RuleCall, given: Mapping[str, CodeTerm]) -> dict[str, StaticType]:
-        """Return the types of a unit's parameters: for an object that may lack the class, the class of its argument."""
-        found = dict(zip(given, self.parameter_types(rule, given), strict=True))
-        for name, term in given.items():
-            known, type_ = found[name], term.type
-            if isinstance(known, ObjectType) and isinstance(type_, ObjectType):
-                found[name] = known if self.facts.metamodel.is_a(type_.cls, known.cls) else type_
-        return found
 
     def _emit_rule_function(
         self, rule: RuleCall, bound: tuple[str, ...], wanted: tuple[str, ...]

@@ -100,7 +100,8 @@ class RuleAttempts:
                 for cell, position in zip(cells, self._key.outputs, strict=True)
             ]
             if value is not None:
-                stores.append(code.Assign(self._value_cell(value, row), code.Operation("-", (value.value,))))
+                cell = emit_entry(RF if value.type is Scalar.FLOAT else RI, row, 0)
+                stores.append(code.Assign(cell, code.Operation("-", (value.value,))))
             more = code.Assign(kept, ONE, "+=")
             writer.append(code.If(code.emit_joined("and", tests, True), (*stores, more)))
 
@@ -118,9 +119,6 @@ class RuleAttempts:
         writer.append_assignment(
             self._left, number if limit is None else code.emit_call("min", number, code.Constant(limit))
         )
-
-    def _value_cell(self, value: CodeTerm, row: code.Expression) -> code.Subscript:
-        return emit_entry(RF if value.type is Scalar.FLOAT else RI, row, 0)
 
     def _load_match(self) -> tuple[code.Body, dict[str, CodeTerm]]:
         """Return statements that load the row `_row`, and the terms of the match's variables."""
@@ -174,23 +172,18 @@ class RuleAttempts:
 
     def _emit_fire(self, result: CallResult, refused: code.Body) -> None:
         """Emit code that applies the rule at the loaded row; after a refusal it runs `refused` and sets `done` to 0."""
-        writer, done = self._writer, result.done
-        fired = fire_function(writer, self._rule, self._wanted)
+        writer, rule, done = self._writer, self._rule, result.done
+
+        def emit_effects() -> tuple[list[code.Local], code.Body]:
+            here = [writer.facts.new_local_for(type_) for type_ in self._plan.types]
+            return here, writer.emit_rule_effects(rule, dict(enumerate(here)), self._wanted)
+
+        fired = writer.module.function_for(("fire", rule.rule, self._wanted), "fire", emit_effects)
         call = writer.emit_function_call(fired, *(self._slots[position] for position in sorted(self._slots)))
         writer.append(result.assign(call))
         fatal = code.Operation("!=", (emit_state_entry(ERROR), code.Name("REFUSED")))
         failed = (code.If(fatal, (writer.error_return,)), *refused, code.Assign(done, ZERO))
         writer.append(code.If(code.Operation("<", (done, ZERO)), failed))
-
-
-def fire_function(writer: FunctionEmitter, rule: RuleCall, wanted: tuple[str, ...]) -> str:
-    """Emit a function that applies a rule at a match, given by all values, and return its name."""
-
-    def emit_effects() -> tuple[list[code.Local], code.Body]:
-        here = [writer.facts.new_local_for(type_) for type_ in plan_of(writer.engine, rule).types]
-        return here, writer.emit_rule_effects(rule, dict(enumerate(here)), wanted)
-
-    return writer.module.function_for(("fire", rule.rule, wanted), "fire", emit_effects)
 
 
 def may_rule_be_refused(writer: FunctionEmitter, rule: RuleCall) -> bool:

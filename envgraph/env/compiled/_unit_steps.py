@@ -33,7 +33,6 @@ from envgraph.env.compiled._program_layout import (
 from envgraph.env.compiled._refused_rules import (
     CLEAR_REFUSED,
     Arguments,
-    Narrow,
     RuleAttempts,
     class_tests,
     emit_holds,
@@ -369,17 +368,12 @@ class _UnitFunction:
             self.emit_step_count()
             writer.append(CLEAR_REFUSED)
         arguments = self._emit_arguments(step, callee, scope)
-        narrow = partial(self._narrow, step, {**scope}) if step.where or step.by is not None else None
-        if step.every:
-            result = writer.emit_results({})
-            every = partial(self._emit_every, step, calls, arguments, narrow, result.done)
-            writer.append_if(code.emit_joined("and", arguments.tests, True), every)
-        elif callee.kind == "group":
-            result = self._emit_group(calls)
-        elif callee.kind == "rule":
-            result = self._emit_rule(calls[0], arguments, narrow, in_order=step.first)
-        else:
+        if callee.kind == "unit":
             result = writer.emit_application(calls[0], arguments)
+        elif callee.kind == "group" and not step.every:
+            result = self._emit_group(calls)
+        else:
+            result = self._emit_rules(calls, arguments, step, scope)
         # A rule has changed something.
         writer.append_assignment(done, result.done if callee.kind == "unit" else emit_sum(result.done, result.done))
         scope.update(result.outputs)
@@ -400,34 +394,30 @@ class _UnitFunction:
         value = self._emit_expression(step.by, inside)
         return [*passed, *self._path_tests(step.by, inside), *value.tests], value
 
-    def _emit_rule(
-        self, call: RuleCall, arguments: Arguments, narrow: Narrow | None = None, *, in_order: bool = False
+    def _emit_rules(
+        self, calls: Sequence[RuleCall], arguments: Arguments, step: UnitCall, scope: UnitScope
     ) -> CallResult:
-        """Emit code that applies a rule once if all tests pass."""
-        writer = self.writer
-        if not (in_order or narrow or may_rule_be_refused(writer, call)):
-            return writer.emit_application(call, arguments)
-        result = writer.emit_results(writer.output_types(call, arguments.wanted))
+        """Emit code that applies a rule once, or rules at each match that they had first, if all tests pass."""
+        writer, chosen = self.writer, step.where or step.by is not None
+        if not (step.every or step.first or chosen or may_rule_be_refused(writer, calls[0])):
+            return writer.emit_application(calls[0], arguments)
+        result = writer.emit_results(writer.output_types(calls[0], arguments.wanted))
+        narrow = partial(self._narrow, step, {**scope}) if chosen else None
 
         def attempt() -> None:
-            attempts = RuleAttempts(writer, call, arguments)
-            with attempts.rows(narrow):
-                attempts.emit_one(result, in_order=in_order)
+            with ExitStack() as reserved:
+                members = [RuleAttempts(writer, call, arguments) for call in calls]
+                for member in members:
+                    reserved.enter_context(member.rows(narrow, step.limit))
+                for member in members:
+                    if step.every:
+                        member.emit_every(self.emit_step_count, result.done)
+                    else:
+                        member.emit_one(result, in_order=step.first)
+            writer.append(code.If(code.emit_equal(result.done, ONE), (CLEAR_REFUSED,)))
 
         writer.append_if(code.emit_joined("and", arguments.tests, True), attempt)
         return result
-
-    def _emit_every(
-        self, step: UnitCall, calls: Sequence[RuleCall], arguments: Arguments, narrow: Narrow | None, done: code.Local
-    ) -> None:
-        """Emit code that applies rules at each of the matches that they have before the first change."""
-        with ExitStack() as reserved:
-            members = [RuleAttempts(self.writer, call, arguments) for call in calls]
-            for member in members:
-                reserved.enter_context(member.rows(narrow, step.limit))
-            for member in members:
-                member.emit_every(self.emit_step_count, done)
-        self.writer.append(code.If(code.emit_equal(done, ONE), (CLEAR_REFUSED,)))
 
     def _emit_group(self, calls: Sequence[RuleCall]) -> CallResult:
         """Emit code that applies one rule of a group, drawn by weight among those with a match."""
@@ -435,7 +425,7 @@ class _UnitFunction:
 
         def attempt(call: RuleCall) -> None:
             writer.append(CLEAR_REFUSED)
-            writer.append_assignment(result.done, self._emit_rule(call, Arguments()).done)
+            writer.append_assignment(result.done, self._emit_rules([call], Arguments(), UnitCall(""), {}).done)
 
         tries: list[tuple[code.Expression, Callable[[], None]]] = []
         for call in calls:
