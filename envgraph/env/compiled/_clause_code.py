@@ -183,12 +183,11 @@ class FunctionEmitter(FunctionStatements):
         """Emit code that sets new variables to 0: one for whether a call succeeds, and one for each output name."""
         done, *variables = (self.facts.new_local_for(type_) for type_ in (Scalar.INT, *types.values()))
         self.append_assignment(done, ZERO)
-        for local, type_ in zip(variables, types.values(), strict=True):
+        outputs: dict[str, CodeTerm] = {}
+        for (name, type_), local in zip(types.items(), variables, strict=True):
             self.append_assignment(local, initial_constant(type_))
-        named = zip(types.items(), variables, strict=True)
-        return CallResult(
-            done, {name: object_or_value_term(self, local, type_) for (name, type_), local in named}, variables
-        )
+            outputs[name] = object_or_value_term(self, local, type_)
+        return CallResult(done, outputs, variables)
 
     def emit_can_run(self, branches: Sequence[Branch], scope: Mapping[str, CodeTerm], can: code.Local) -> None:
         """Emit code that sets the variable `can` to 1 if the call of a branch with positive probability can succeed."""

@@ -46,7 +46,7 @@ Narrow = Callable[[Mapping[str, CodeTerm]], tuple[list[code.Expression], CodeTer
 
 @dataclass(frozen=True, slots=True)
 class Arguments:
-    """What a call gives to parameters, tests that have to pass, and the variable for each wanted output parameter."""
+    """The values that a call gives to parameters, its tests, and the variable for each wanted output parameter."""
 
     given: Mapping[str, CodeTerm] = field(default_factory=dict)
     tests: Sequence[code.Expression] = ()

@@ -164,11 +164,9 @@ class UnitSource:
     def _emit_undoable_call(self, step: Step, scope: VariableScope, returned: Sequence[str] = ()) -> code.Expression:
         """Return a call that runs a block and undoes its changes if it fails. It returns as `_emit_block_function`."""
         name = self._emit_block_function(step, scope, returned)
-        return (
-            self._emit_block_call(name, scope)
-            if fails_without_changes(step, self._checked.calls)
-            else self._emit_guarded_call(name, scope)
-        )
+        if fails_without_changes(step, self._checked.calls):
+            return self._emit_block_call(name, scope)
+        return self._emit_guarded_call(name, scope)
 
     def _emit_block_call(self, name: code.Name, scope: VariableScope) -> code.Expression:
         return code.emit_call(name, RUN, *scope.local_variables)
