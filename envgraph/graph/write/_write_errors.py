@@ -95,9 +95,9 @@ def repeated_value_error(attribute: Attribute, values: Values) -> InvalidArgumen
 
 
 def too_many_values_error(graph: Graph, node: int, attribute: Attribute, values: Values) -> RuleError:
-    """Return the error for more values than the upper bound of an attribute allows."""
+    """Return the error for more values than the upper bound of an attribute allows; it lists them in order."""
     text = f"{graph.describe(node)} would have {len(values)} of at most {attribute.upper} values of `{attribute.name}`"
-    return RuleError(text, reason="full", details=[repr(value) for value in values])
+    return RuleError(text, reason="full", details=[repr(value) for value in sorted(values)])
 
 
 def wrong_link_error(graph: Graph, source: int, reference: Reference, target: int | None) -> EnvgraphError:
