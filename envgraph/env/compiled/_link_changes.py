@@ -236,7 +236,7 @@ class LinkEmitter:
                 statements.append(code.If(held, (code.Assign(cell.place, cell.unlinked_value),)))
                 continue
             for test in cell.guard:
-                statements.append_refuse_unless(test)
+                statements.append_fail_if(code.emit_not(test))
 
             def write(cell: LinkCell = cell) -> None:
                 if attribute.upper is not None:

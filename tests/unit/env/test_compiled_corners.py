@@ -2,12 +2,15 @@
 
 from __future__ import annotations
 
+import builtins
 import sys
 from collections.abc import Callable, Collection
 from copy import deepcopy
 from dataclasses import replace
+from dis import get_instructions
 from functools import lru_cache, partial
 from importlib import import_module
+from inspect import isfunction, unwrap
 from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import Any
@@ -73,7 +76,14 @@ def family(corner: str) -> Family:
 
 
 def steps(family: Family) -> None:
-    """Compare rewards, ends, observations, states, masks and errors of random steps."""
+    """Compare rewards, ends, observations, states, masks and errors of random steps.
+
+    Numba compiles all of a program, and so needs each name in it, while Python looks up only what it runs.
+    """
+    known = unwrap(family.program.functions_for("mask")["masks"]).__globals__
+    functions = [one for one in known.values() if isfunction(one) and one.__globals__ is known]
+    used = {each.argval for one in functions for each in get_instructions(one) if each.opname == "LOAD_GLOBAL"}
+    assert used <= known.keys() | vars(builtins).keys()
     with pytest.MonkeyPatch.context() as few:
         few.setitem(LIMITS, "outcomes", LIMIT)  # that masks try
         compare_random_steps(family, STEPS // len(family.engines), native=False)
