@@ -41,7 +41,7 @@ from envgraph.env.compiled._refused_rules import (
 )
 from envgraph.env.compiled._term_code import CodeTerm, ExpressionEmitter, initial_constant
 from envgraph.errors import Span
-from envgraph.metamodel import Attribute, Reference
+from envgraph.metamodel import LARGEST_INT, Attribute, Reference
 from envgraph.pattern import (
     Alap,
     Applicable,
@@ -288,13 +288,14 @@ class _UnitFunction:
         least = self._emit_bound(step.lower)
         most = least if step.upper == step.lower else self._emit_bound(step.upper)
         number, place = (writer.module.new_local(prefix) for prefix in "ni")
+        spread = code.Operation("-", (most, least))
         if not (isinstance(step.lower, int) and isinstance(step.upper, int)):
             ordered = [code.Operation("<=", pair) for pair in ((ZERO, least), (least, most))]
-            writer.append_fail_if(code.emit_not(code.emit_joined("and", ordered, True)))
+            fits = code.Operation("<", (spread, code.Constant(LARGEST_INT)))  # the number of alternatives is an int
+            writer.append_fail_if(code.emit_not(code.emit_joined("and", [*ordered, fits], True)))
         writer.append_assignment(number, least)
         if least is not most:
-            spread = emit_sum(code.Operation("-", (most, least)), 1)
-            writer.append(code.Assign(number, code.emit_call("pick", D, spread), "+="))
+            writer.append(code.Assign(number, code.emit_call("pick", D, emit_sum(spread, 1)), "+="))
 
         def emit_round() -> None:
             self.emit_step_count()

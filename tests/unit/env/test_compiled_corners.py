@@ -40,6 +40,7 @@ from tests.unit.env.corners import (
     creation,
     domains,
     links,
+    meetings,
     queries,
     units,
     values,
@@ -58,6 +59,7 @@ CORNERS = (
     | blocks.CORNERS
     | creation.CORNERS
     | units.CORNERS
+    | meetings.CORNERS
     | test_sight.CORNERS
     | test_together.CORNERS
     | test_truncation.CORNERS
@@ -229,8 +231,11 @@ SMALL = (
 )  # fmt: skip
 """Corners with fewer states than `LIMIT` by day, and four whose table is an error; most others have too many states."""
 
+LONG = ("keydoor", "burning_forest", "units that merge objects", "units that undo the growth of a state")
+"""Corners whose steps take long: of the two domains, `test_compiled_tables.py` compares all states."""
+
 BY_DAY: dict[str, Collection[str]] = {
-    "steps": [name for name in CORNERS if name not in ("keydoor", "burning_forest")],
+    "steps": [name for name in CORNERS if name not in LONG],
     "table": SMALL,
     "threads": ("warehouse", "arrivals by chance, and each that waits may leave"),
     "exploration": CORNERS,
@@ -239,10 +244,7 @@ BY_DAY: dict[str, Collection[str]] = {
     "table by numba": ("division by zero in rewards",),
     "threads by numba": ("floats",),
 }
-"""What is run by day; at night everything is. Numba takes seconds for each program and each way to use it.
-
-Of the two domains without steps, `test_compiled_tables.py` compares all states.
-"""
+"""What is run by day; at night everything is. Numba takes seconds for each program and each way to use it."""
 
 MATRIX = [(corner, way) for corner in CORNERS for way in WAYS if NIGHTLY or corner in BY_DAY[way]]
 

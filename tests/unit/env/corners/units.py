@@ -359,17 +359,17 @@ LIMITED = {
         head="adam : Man",
     ),
 }
-STEP_LIMIT = 20
 
 
-def _with_step_limit(yard: Yard) -> tuple[Engine, Behaviour]:
+def with_step_limit(yard: Yard, limit: int = 20) -> tuple[Engine, Behaviour]:
+    """Return a new engine of the yard's model that limits the steps of a run, and the behaviour."""
     engine, behaviour = yard.opened()
-    engine.step_limit = STEP_LIMIT
+    engine.step_limit = limit
     return engine, behaviour
 
 
 CORNERS: dict[str, Yard | Corner] = {**PLAIN} | {
-    name: Corner(partial(_with_step_limit, yard), yard.members) for name, yard in LIMITED.items()
+    name: Corner(partial(with_step_limit, yard), yard.members) for name, yard in LIMITED.items()
 }
 
 REFUSED = {
