@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Generator, Iterator, Sequence
 from copy import deepcopy
+from functools import reduce
 from math import prod
 from types import SimpleNamespace
 from typing import Any
@@ -223,10 +224,10 @@ class Simulator:
         An action does something if a branch of it is `nothing()`, a rule that has a match, or a unit that can succeed.
         For a joint action this must be true of each agent's action, tested on the state before the step.
         """
-        found = np.ones(1, dtype=np.bool_)
-        for number in range(len(self.agents.prepared_agents)) if self.joint_stepper else (self.turn,):
-            found = (self.agent_action_mask(number)[:, None] & found).ravel()
-        return found
+        if self.joint_stepper is None:
+            return self.agent_action_mask(self.turn)
+        masks = [self.agent_action_mask(number) for number in range(len(self.agents.prepared_agents))]
+        return reduce(lambda found, mask: (mask[:, None] & found).ravel(), masks)
 
     def agent_action_mask(self, number: int) -> NDArray[np.bool_]:
         """Return the action mask of one agent; all True if no action would do something.

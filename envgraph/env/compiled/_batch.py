@@ -76,6 +76,7 @@ class CompiledBatch:
         self._pool = ThreadPoolExecutor(threads - 1) if len(self._parts) > 1 else None
         # Without threads, call the program directly: with one environment each extra call costs time.
         self._advance = self._advance_in_threads if self._pool else self._parts[0][1].advance
+        self._script = empty_script(LIMITS["random choices"])
         self._live_counterparts: dict[int, LiveCounterpart] = {}
         self._created_counters = [
             int(arrays.offsets[n]) for column, n in program.layout.stored_columns() if isinstance(column, CreatedCount)
@@ -101,15 +102,15 @@ class CompiledBatch:
     def action_masks(self) -> NDArray[np.bool_]:
         """Return the action masks, bool [n, actions]: True for actions with an effect, or for all if none has one."""
         actions = len(self.program.action_names)
-        found = np.zeros((len(self.members), actions), dtype=np.int64)
+        found = np.zeros((len(self.members), actions), dtype=np.bool_)
         masks = self.program.functions_for("mask")["masks"]
+        self._script[MOST] = LIMITS["outcomes"]
         for part, batch_arrays in self._parts:
-            script = empty_script(LIMITS["random choices"])
-            batch_arrays.call_function(masks, found[part].reshape(-1), actions, script)
-            while script[LACKS]:
-                script = empty_script(len(script))
-                batch_arrays.call_function(masks, found[part].reshape(-1), actions, script)
-        return nonempty_masks(found > 0)
+            batch_arrays.call_function(masks, found[part].reshape(-1), actions, self._script)
+            while self._script[LACKS]:
+                self._script = empty_script(len(self._script))
+                batch_arrays.call_function(masks, found[part].reshape(-1), actions, self._script)
+        return nonempty_masks(found)
 
     def close(self) -> None:
         """Stop the threads, if the batch has several."""

@@ -8,7 +8,7 @@ Part of the program's text, behind `kernels` and `_scripted_choices`.
 
 
 def masks(W, ALLOWED, ACTIONS, D):
-    """Write 1 into `ALLOWED` [environments * actions] for actions that would have an effect, else 0.
+    """Write True into `ALLOWED` [environments * actions] for actions that would have an effect, else False.
 
     An action that would raise an error counts as having an effect, so that `step_one` raises the error. Errors that the
     tests store in the states are cleared. The script `D` decides the choices of units.
