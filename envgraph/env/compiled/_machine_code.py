@@ -1,7 +1,8 @@
 """Compile programs with numba, and cache their machine code. Exported packages contain a copy of this module.
 
 A program is optimised as a whole: numba itself would optimise each function together with all functions below it, and
-make machine code of it. Passes that programs do not need are left out.
+make machine code of it. Passes that programs do not need are left out. Loops are neither unrolled nor vectorised: they
+are short, and copies of them take most of the time to compile.
 
 Numba's own cache unpickles any file in its directory, and fails if a file is damaged or cannot be written.
 """
@@ -19,7 +20,7 @@ from pathlib import Path
 from typing import Any
 
 import numba
-from llvmlite.binding import Linkage
+from llvmlite.binding import Linkage, create_pass_builder, create_pipeline_tuning_options
 from numba.core import compiler, config, serialize, typed_passes as typed, untyped_passes as untyped
 from numba.core.caching import NullCache
 from numba.core.codegen import JITCodeLibrary
@@ -74,8 +75,10 @@ class _ProgramLibrary(JITCodeLibrary):
         for function in self._final_module.functions:
             if function.linkage == Linkage.linkonce_odr and not function.is_declaration:
                 function.linkage = Linkage.internal
-        manager, builder = self._codegen._module_pass_manager()
-        manager.run(self._final_module, builder)
+        options = create_pipeline_tuning_options(_config.OPT)
+        options.loop_unrolling = options.loop_interleaving = options.loop_vectorization = False
+        builder = create_pass_builder(self._codegen._tm, options)
+        builder.getModulePassManager().run(self._final_module, builder)
 
 
 class _InnerLibrary(_ProgramLibrary):
