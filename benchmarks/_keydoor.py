@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 from numba import njit
 
-from envgraph.env.compiled import kernels
+from envgraph.env.compiled.kernels import step_kernels
 
 ROWS = ("#######", "#..#..#", "#.r#.X#", "#..R..#", "#######")
 """The model `two_rooms`: a key and a door of one colour."""
@@ -16,7 +16,7 @@ WALL, FLOOR, EXIT, DOOR = range(4)
 MOVES = np.array([-1, WIDTH, 1, -WIDTH])
 """How the place of the hero changes: west, south, east, north."""
 
-uniform = njit(forceinline=True, error_model="numpy")(kernels.uniform)
+uniform = njit(forceinline=True, error_model="numpy")(step_kernels.uniform)
 
 
 class HandWritten:

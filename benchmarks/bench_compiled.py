@@ -40,8 +40,8 @@ from envgraph.env.compiled import (
     program_of,
     with_guide_counts,
 )
-from envgraph.env.compiled._behaviour import emit_program
-from envgraph.env.compiled._program_layout import ProgramLayout
+from envgraph.env.compiled.layout._program_layout import ProgramLayout
+from envgraph.env.compiled.steps._program_text import emit_program
 from envgraph.lang import load_workspace
 from envgraph.learn import TrainingSettings, play_program, train_program
 from envgraph.rewrite import Engine
@@ -213,7 +213,7 @@ def ratios(slow: Sequence[float], fast: Sequence[float], digits: int = 0) -> str
 def _by_hand(sizes: Sizes) -> None:
     """KeyDoor written by hand: the same streams, observations and rewards, then the speed."""
     from benchmarks._keydoor import HandWritten
-    from envgraph.env.compiled._batch_arrays import generator_states
+    from envgraph.env.compiled.layout._batch_arrays import generator_states
 
     engine, behaviour = opened("keydoor")
     program = program_of(engine, behaviour)

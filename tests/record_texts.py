@@ -21,8 +21,8 @@ import pytest
 
 from envgraph import code
 from envgraph.code import _compile_text
-from envgraph.env.compiled import _compiled_program
-from envgraph.env.compiled._not_compiled import NotCompiled
+from envgraph.env.compiled.layout._not_compiled import NotCompiled
+from envgraph.env.compiled.programs import _compiled_program
 
 
 class TextRecorder:

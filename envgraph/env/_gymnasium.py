@@ -36,7 +36,7 @@ from envgraph.errors import InvalidArgument, list_names
 from envgraph.graph import Model
 
 if TYPE_CHECKING:
-    from envgraph.env.compiled._compiled_program import CompiledProgram
+    from envgraph.env.compiled.programs._compiled_program import CompiledProgram
 
 RENDER_MODES: Final = ("ansi", "rgb_array", "human")
 """Render modes: text, pixels, and a window."""

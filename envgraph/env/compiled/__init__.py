@@ -9,42 +9,42 @@ from typing import TYPE_CHECKING
 from envgraph.code import export_lazily
 
 if TYPE_CHECKING:
-    from envgraph.env.compiled._batch import CompiledBatch as CompiledBatch
-    from envgraph.env.compiled._batch_arrays import generator_states as generator_states
-    from envgraph.env.compiled._changes import unaffected_patterns as unaffected_patterns
-    from envgraph.env.compiled._compiled_program import (
+    from envgraph.env.compiled.batches._batch import CompiledBatch as CompiledBatch
+    from envgraph.env.compiled.batches._environments import (
+        CompiledEnv as CompiledEnv,
+        CompiledVectorEnv as CompiledVectorEnv,
+        StreamMode as StreamMode,
+    )
+    from envgraph.env.compiled.batches._program_player import ProgramPlayer as ProgramPlayer
+    from envgraph.env.compiled.export._export_package import (
+        check_package_name as check_package_name,
+        export_package as export_package,
+        program_files as program_files,
+    )
+    from envgraph.env.compiled.kernels._loading import has_numba as has_numba, load_functions as load_functions
+    from envgraph.env.compiled.layout._batch_arrays import generator_states as generator_states
+    from envgraph.env.compiled.layout._member_data import SharedEngine as SharedEngine
+    from envgraph.env.compiled.layout._model_changes import unaffected_patterns as unaffected_patterns
+    from envgraph.env.compiled.layout._not_compiled import NotCompiled as NotCompiled
+    from envgraph.env.compiled.learning._learner import Learner as Learner, LearningRates as LearningRates
+    from envgraph.env.compiled.programs._compiled_program import (
         CompiledProgram as CompiledProgram,
         compile_for_model as compile_for_model,
         program_of as program_of,
         set_generator_state as set_generator_state,
     )
-    from envgraph.env.compiled._enumeration import (
+    from envgraph.env.compiled.programs._explanation import explain_compilation as explain_compilation
+    from envgraph.env.compiled.visiting._enumeration import (
         TableBuilder as TableBuilder,
         enumerate_states as enumerate_states,
         explore_fast as explore_fast,
     )
-    from envgraph.env.compiled._environments import (
-        CompiledEnv as CompiledEnv,
-        CompiledVectorEnv as CompiledVectorEnv,
-        StreamMode as StreamMode,
-    )
-    from envgraph.env.compiled._explanation import explain_compilation as explain_compilation
-    from envgraph.env.compiled._exploration import explore_compiled as explore_compiled
-    from envgraph.env.compiled._export_package import (
-        check_package_name as check_package_name,
-        export_package as export_package,
-        program_files as program_files,
-    )
-    from envgraph.env.compiled._learner import Learner as Learner, LearningRates as LearningRates
-    from envgraph.env.compiled._loading import has_numba as has_numba, load_functions as load_functions
-    from envgraph.env.compiled._member_data import SharedEngine as SharedEngine
-    from envgraph.env.compiled._not_compiled import NotCompiled as NotCompiled
-    from envgraph.env.compiled._plan_search import (
+    from envgraph.env.compiled.visiting._exploration import explore_compiled as explore_compiled
+    from envgraph.env.compiled.visiting._plan_search import (
         ActionPlan as ActionPlan,
         Plans as Plans,
         PlanSearch as PlanSearch,
         with_guide_counts as with_guide_counts,
     )
-    from envgraph.env.compiled._program_player import ProgramPlayer as ProgramPlayer
 
 export_lazily(globals())

@@ -7,7 +7,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from envgraph.env.compiled import generator_states, kernels, load_functions, set_generator_state, values
+from envgraph.env.compiled import generator_states, load_functions, set_generator_state
+from envgraph.env.compiled.kernels import step_kernels, values
 from envgraph.errors import InvalidArgument
 from envgraph.solve.learning import _loop
 from envgraph.solve.learning._stage import Stage, StageResult, TransitionTable
@@ -18,7 +19,7 @@ def run_compiled(name: str, settings: TrainingSettings, *arguments: Any) -> None
     """Call `learn_stage` or `play` of `_loop`, compiled for these settings, without holding the interpreter lock."""
     agent, ties = AGENTS.index(settings.agent), settings.ties == "random"
     constants = f"AGENT, TIES, N_STEP = {agent}, {ties}, {settings.n_step}\n"
-    load_functions(constants, (kernels, values, _loop), (name,), native=True)[name](*arguments)
+    load_functions(constants, (step_kernels, values, _loop), (name,), native=True)[name](*arguments)
 
 
 def learn_stage(

@@ -12,7 +12,7 @@ from itertools import pairwise
 import numpy as np
 from numpy.typing import NDArray
 
-from envgraph.env.compiled import values
+from envgraph.env.compiled.kernels import values
 from envgraph.solve.learning._q_learning import random_rows, start_observations
 from envgraph.solve.learning._stage import Stage, StageResult, TransitionTable
 from envgraph.solve.learning._training_settings import TrainingSettings

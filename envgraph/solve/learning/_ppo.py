@@ -11,7 +11,8 @@ from numpy.typing import NDArray
 
 from envgraph.code import dataclass
 from envgraph.env import Tabular
-from envgraph.env.compiled import generator_states, has_numba, kernels, load_functions
+from envgraph.env.compiled import generator_states, has_numba, load_functions
+from envgraph.env.compiled.kernels import step_kernels
 from envgraph.errors import InvalidArgument
 from envgraph.solve.learning import _ppo_kernels
 
@@ -238,7 +239,7 @@ class PolicyLearner:
     def __init__(self, tables: LevelTables, settings: PolicySettings, seed: int, *, native: bool | None = None) -> None:
         self._tables, self._settings = tables, settings
         self._native = native = has_numba() if native is None else native
-        self._do = load_functions("", (kernels, _ppo_kernels), LOOP_NAMES, native=native)
+        self._do = load_functions("", (step_kernels, _ppo_kernels), LOOP_NAMES, native=native)
         inputs, hidden, outputs = tables.inputs, settings.hidden, tables.actions + 1
         self._shape = inputs, hidden, outputs, tables.width
         rng = np.random.default_rng(np.random.SeedSequence(seed, spawn_key=(1,)))

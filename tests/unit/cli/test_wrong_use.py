@@ -18,8 +18,8 @@ import pytest
 
 from envgraph.cli import main
 from envgraph.cli._app import app
-from envgraph.env.compiled import _plan_search
-from envgraph.env.compiled._compiled_costs import CompiledCosts
+from envgraph.env.compiled.layout._compiled_costs import CompiledCosts
+from envgraph.env.compiled.visiting import _plan_search
 from envgraph.lang import bundled_domain
 
 Call = Callable[..., str]

@@ -14,8 +14,8 @@ import numpy as np
 
 from envgraph.env import Behaviour, GraphView, KeyIndex, Simulator, Tabular, indexed_classes
 from envgraph.env.compiled import CompiledBatch, CompiledProgram, program_of
-from envgraph.env.compiled._batch import INT_ERROR
-from envgraph.env.compiled.kernels import FULL, OVERFLOW
+from envgraph.env.compiled.batches._batch import INT_ERROR
+from envgraph.env.compiled.kernels.step_kernels import FULL, OVERFLOW
 from envgraph.errors import EvaluationError, RuleError
 from envgraph.graph import Model
 from envgraph.lang import load_workspace

@@ -27,8 +27,8 @@ from envgraph.env.compiled import (
     export_package,
     program_of,
 )
-from envgraph.env.compiled._changes import calls_of
-from envgraph.env.compiled._compiled_costs import CompiledCosts
+from envgraph.env.compiled.layout._compiled_costs import CompiledCosts
+from envgraph.env.compiled.layout._model_changes import calls_of
 from envgraph.errors import LIMITS, EnvgraphError, EvaluationError, RuleError
 from tests.profile import NIGHTLY
 from tests.unit.env import test_sight, test_together, test_truncation

@@ -21,7 +21,7 @@ from envgraph.env.compiled import (
     has_numba,
     program_of,
 )
-from envgraph.env.compiled._compiled_costs import CompiledCosts
+from envgraph.env.compiled.layout._compiled_costs import CompiledCosts
 from envgraph.errors import LIMITS, EvaluationError
 from envgraph.rewrite import Engine
 from tests.profile import NIGHTLY
@@ -123,7 +123,7 @@ def test_few_states_with_many_outcomes_are_enumerated_by_the_compiled_program(
         visited.append(1)
         return program_of(*arguments, **options, native=False)  # type: ignore[arg-type]
 
-    monkeypatch.setattr("envgraph.env.compiled._enumeration.program_of", counted)
+    monkeypatch.setattr("envgraph.env.compiled.visiting._enumeration.program_of", counted)
     for outcomes, programs in ((40, 0), (39, 1)):
         monkeypatch.setattr(CompiledCosts, "few_outcomes", outcomes)
         assert_equal_tables(explore_fast(engine, behaviour).tabular, wanted)
@@ -137,7 +137,7 @@ def test_pictures_of_compiled_states_equal_those_of_the_live_engine(name: str, m
     wanted = explore(engine, behaviour, pictures=True)
     monkeypatch.setattr(CompiledCosts, "few_outcomes", 1)
     in_python = Mock(side_effect=partial(program_of, native=False))
-    monkeypatch.setattr("envgraph.env.compiled._enumeration.program_of", in_python)
+    monkeypatch.setattr("envgraph.env.compiled.visiting._enumeration.program_of", in_python)
     found = explore_fast(engine, behaviour, pictures=True)
     in_python.assert_called_once()
     assert_equal_tables(found.tabular, wanted.tabular)
@@ -153,7 +153,7 @@ def test_one_compiled_program_enumerates_many_models_of_an_engine(monkeypatch: p
         written.append(arguments)
         return program_of(*arguments, **options, native=False)  # type: ignore[arg-type]
 
-    monkeypatch.setattr("envgraph.env.compiled._compiled_program.program_of", counted)
+    monkeypatch.setattr("envgraph.env.compiled.programs._compiled_program.program_of", counted)
     engine, behaviour = opened(*files(MODELS["burning_forest"]))
     tables, rng = TableBuilder(behaviour), np.random.default_rng(0)
     rules = [name for name in engine.rules if "retypings" in name]
@@ -198,7 +198,7 @@ def test_states_computed_with_more_than_64_bits_are_enumerated_by_the_live_engin
         Plans(behaviour).plan(engine)
     monkeypatch.setattr(CompiledCosts, "few_states", 3)
     in_python = Mock(side_effect=partial(program_of, native=False))
-    monkeypatch.setattr("envgraph.env.compiled._enumeration.program_of", in_python)
+    monkeypatch.setattr("envgraph.env.compiled.visiting._enumeration.program_of", in_python)
     assert_equal_tables(explore_fast(engine, behaviour).tabular, wanted)
     in_python.assert_called_once()
     batch = CompiledBatch(program_of(engine, behaviour, native=False), [0])

@@ -8,7 +8,7 @@ import numpy as np
 
 from envgraph.env import explore
 from envgraph.env.compiled import enumerate_states, program_of
-from envgraph.env.compiled.kernels import CAPACITY
+from envgraph.env.compiled.kernels.step_kernels import CAPACITY
 from tests.unit.env.corners.units import QUERY, RULES
 from tests.unit.env.corners.yard import Yard
 from tests.unit.env.side_by_side import EXTRA, mutants, opened, step_side_by_side

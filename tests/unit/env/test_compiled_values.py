@@ -9,8 +9,9 @@ import pytest
 from hypothesis import given, strategies as st
 
 from envgraph.env import KeyIndex, Simulator
-from envgraph.env.compiled import CompiledBatch, NotCompiled, _python_kernels, program_of
-from envgraph.env.compiled.kernels import add_exactly, nearest, order, sum_exactly, whole
+from envgraph.env.compiled import CompiledBatch, NotCompiled, program_of
+from envgraph.env.compiled.kernels import _python_kernels
+from envgraph.env.compiled.kernels.step_kernels import add_exactly, nearest, order, sum_exactly, whole
 from envgraph.errors import EvaluationError
 from envgraph.pattern import FUNCTIONS
 from tests.unit.env.corners.classes import GO, GONE
@@ -94,7 +95,7 @@ def test_floats_are_rounded_as_by_expressions(number: float) -> None:
 def test_numba_calls_the_same_functions_of_floats_as_python() -> None:
     """LLVM would compute `pow(x, 2.0)` as `x * x`, and vectorize `exp`, if it knew these functions."""
     numba = pytest.importorskip("numba")
-    from envgraph.env.compiled import _arrays
+    from envgraph.env.compiled.kernels import _arrays
 
     rng, bits = np.random.default_rng(0), np.random.default_rng(1).integers(0, 2**64, 5_000, dtype=np.uint64)
     numbers = np.concatenate([rng.normal(size=20_000) * 10, np.nan_to_num(bits.view(np.float64), nan=0.5)])

@@ -16,7 +16,7 @@ from envgraph.code import (
     Return,
     define_functions,
 )
-from envgraph.env.compiled._inlining import inline_functions
+from envgraph.env.compiled.matching._inlining import inline_functions
 
 N, M, ROUND = Local("n"), Local("m"), Local("i")
 

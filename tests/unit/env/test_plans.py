@@ -17,13 +17,13 @@ from envgraph.env.compiled import (
     CompiledProgram,
     Plans,
     PlanSearch,
-    _compiled_program,
-    _plan_search,
     has_numba,
     program_of,
     with_guide_counts,
 )
-from envgraph.env.compiled._compiled_costs import CompiledCosts
+from envgraph.env.compiled.layout._compiled_costs import CompiledCosts
+from envgraph.env.compiled.programs import _compiled_program
+from envgraph.env.compiled.visiting import _plan_search
 from envgraph.errors import LIMITS
 from envgraph.pattern import PatternCall, Variable
 from envgraph.rewrite import Engine

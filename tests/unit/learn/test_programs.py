@@ -9,7 +9,7 @@ import pytest
 
 from envgraph.env import explore
 from envgraph.env.compiled import Learner, has_numba, program_of
-from envgraph.env.compiled._compiled_costs import COSTS, CompiledCosts
+from envgraph.env.compiled.layout._compiled_costs import COSTS, CompiledCosts
 from envgraph.errors import InvalidArgument
 from envgraph.learn import (
     FamilyMember,

@@ -8,7 +8,8 @@ from typing import Any
 
 import pytest
 
-from envgraph.env.compiled import _compiled_program, _exploration
+from envgraph.env.compiled.programs import _compiled_program
+from envgraph.env.compiled.visiting import _exploration
 from envgraph.errors import EvaluationError, RuleError
 from envgraph.rewrite import Engine, Exploration
 from envgraph.rewrite.explore import _exploration_search

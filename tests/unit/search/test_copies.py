@@ -71,7 +71,7 @@ def family(tmp_path_factory: pytest.TempPathFactory) -> Path:
 @pytest.fixture
 def interpreted(monkeypatch: pytest.MonkeyPatch) -> None:
     """Compiling takes seconds, and what is copied is the same."""
-    monkeypatch.setattr("envgraph.env.compiled._compiled_program.has_numba", lambda: False)
+    monkeypatch.setattr("envgraph.env.compiled.programs._compiled_program.has_numba", lambda: False)
 
 
 def played(env: Any, steps: int, seed: int) -> list[str]:

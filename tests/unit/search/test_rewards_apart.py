@@ -28,7 +28,7 @@ def test_each_reward_clause_has_a_name() -> None:
 def test_separate_rewards_in_info_sum_to_the_reward_and_change_nothing_else(
     domain: str, engine: str, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr("envgraph.env.compiled._compiled_program.has_numba", lambda: False)
+    monkeypatch.setattr("envgraph.env.compiled.programs._compiled_program.has_numba", lambda: False)
     apart: Any = envgraph.make(domain=domain, engine=engine, rewards=True, max_episode_steps=40)
     plain: Any = envgraph.make(domain=domain, engine=engine, max_episode_steps=40)
     names = reward_names(Domain.load(domain).behaviour)  # type: ignore[arg-type]

@@ -109,7 +109,7 @@ def test_vector_of_many_members_is_stepped_by_a_compiled_program(run: Path, monk
     with monkeypatch.context() as context:
         context.setattr("envgraph.search.families._lazy_family.MEMBERS_TO_COMPILE", 3)
         context.setattr("envgraph.search.families._lazy_family.has_numba", lambda: True)
-        context.setattr("envgraph.env.compiled._compiled_program.has_numba", lambda: False)  # in Python
+        context.setattr("envgraph.env.compiled.programs._compiled_program.has_numba", lambda: False)  # in Python
         many = envgraph.make_vec(run, num_envs=6, variant=["E1", "E9", "E17", "E60"])
     few = envgraph.make_vec(run, num_envs=6, variant=["E1", "E9", "E17", "E60"])
     assert isinstance(many, CompiledVectorEnv) and isinstance(few, EnvgraphVectorEnv)

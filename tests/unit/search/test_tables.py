@@ -354,7 +354,7 @@ def test_progress_names_the_member_whose_states_are_enumerated(
 def test_check_measure_and_make_share_the_states_of_the_initial_model(
     cache: Path, visited: list[bool], monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr("envgraph.env.compiled._enumeration.explore_fast", None)  # what would visit them each time
+    monkeypatch.setattr("envgraph.env.compiled.visiting._enumeration.explore_fast", None)  # the visit
     for _ in range(2):
         domain = Domain.load("keydoor/diverse.toml")
         assert check_domain(domain.spec, domain.workspace) == []

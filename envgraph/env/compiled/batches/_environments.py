@@ -1,0 +1,270 @@
+"""Gymnasium environments that step in a compiled program: a single one, and a vector environment."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Any, Literal
+
+import numpy as np
+from gymnasium.vector import AutoresetMode
+from numpy.typing import NDArray
+
+from envgraph.env._gymnasium import SingleEnvironment, check_render_mode, view_for
+from envgraph.env._model_views import ModelView
+from envgraph.env._observation_spaces import ComponentView, ObservationCache, ObservationKind
+from envgraph.env._simulator import SUCCESS
+from envgraph.env._vector_environments import Bools, Floats, Ints, VectorEnvironmentBase
+from envgraph.env.compiled.batches._batch import CompiledBatch
+from envgraph.env.compiled.layout._batch_arrays import NO_RANDOM_NUMBERS
+from envgraph.env.compiled.layout._program_layout import TURN
+from envgraph.env.compiled.programs._compiled_program import CompiledProgram
+from envgraph.env.scene._pixels import scene_rgb
+from envgraph.env.scene._scene import Scene
+from envgraph.env.schedules import Schedule
+from envgraph.errors import InvalidArgument
+
+StreamMode = Literal["shared", "each"]
+
+
+class CompiledEnv(SingleEnvironment):
+    """A Gymnasium environment that steps in a compiled program, for environments with too many states for a table.
+
+    With the same seed its episodes and infos equal those of `EnvgraphLiveEnv`. The program copies the state of
+    `np_random` at the first reset and at each seeded reset, and samples from the copy; `np_random` does not advance.
+
+    Args:
+        program: the compiled behaviour.
+        member: number of the member of the family.
+        render_mode: None, "ansi", "rgb_array" or "human".
+        observation: "index", "multi", "flat", "dict", "image" or "graph"; or a view over more members than these.
+        cell: side of a cell of the picture in pixels.
+        action_masks: True to add `action_mask` to the infos.
+    """
+
+    def __init__(
+        self,
+        program: CompiledProgram,
+        member: int = 0,
+        *,
+        render_mode: str | None = None,
+        observation: ObservationKind | ModelView = "index",
+        cell: int = 32,
+        action_masks: bool = False,
+    ) -> None:
+        check_render_mode(render_mode, drawn=program.behaviour.draw is not None)
+        view = view_for(observation, program, [each.model for each in program.members])
+        super().__init__(program.action_names, view, render_mode, cell, action_masks)
+        self._action = np.zeros(1, dtype=np.int64)
+        self._source: np.random.Generator | None = None
+        self._one = np.ones(1, dtype=np.bool_)
+        self._memory = ObservationCache()
+        self._batch = CompiledBatch(program, [member])
+        self._names = program.agent_names(member)
+
+    @property
+    def program(self) -> CompiledProgram:
+        """Return the compiled behaviour."""
+        return self._batch.program
+
+    def _switch_member(self, member_data: CompiledProgram) -> None:
+        batch = CompiledBatch(member_data, [0])
+        batch.copy_streams(self._batch)
+        self._batch, self._names, self._memory = batch, member_data.agent_names(0), ObservationCache()
+
+    def _current_mask(self) -> NDArray[np.bool_]:
+        found: NDArray[np.bool_] = self._batch.action_masks()[0]
+        return found
+
+    def reset(self, *, seed: int | None = None, options: dict[str, Any] | None = None) -> tuple[Any, dict[str, Any]]:
+        """Begin an episode in a start state that the program samples. Return the observation and the infos."""
+        self._apply_options(options)
+        super().reset(seed=seed)
+        if seed is not None or self.np_random is not self._source:
+            self._source = self.np_random
+            self._batch.seed([self._source])
+        self._batch.reset(self._one)
+        self._begin_episode()
+        return self._observations(), self._reset_info(self._info(success=False))
+
+    def step(self, action: Any) -> tuple[Any, float, bool, bool, dict[str, Any]]:
+        """Do an action. Return the observation, the reward, True if terminated, True if truncated, and the infos."""
+        self._action[0] = self._check_step(action)
+        batch = self._batch
+        batch.step(self._action, resets_ended=False)
+        self._steps += 1
+        ended = batch.ended.item()
+        self._is_running = not ended
+        return (
+            self._observations(),
+            batch.reward.item(),
+            ended > 0,
+            ended < 0,
+            self._info(success=ended == SUCCESS),
+        )
+
+    def _observations(self) -> Any:
+        view = self.view
+        if not isinstance(view, ComponentView):
+            return _cached_observation(self._memory, view, self._batch, 0)
+        return (
+            self._batch.observation[0]
+            if view.kind == "index"
+            else view.from_components_cached(self._batch.components[0])
+        )
+
+    def _info(self, success: bool) -> dict[str, Any]:
+        info = {"step": self._steps, "success": success, "is_success": success}
+        names = self._names
+        return self._complete_info(info, names[int(self._batch.states[0, TURN])] if names else None)
+
+    def _scene(self) -> Scene:
+        with self._batch.live_simulator(0) as simulator:
+            return simulator.painter().draw()
+
+
+class CompiledVectorEnv(VectorEnvironmentBase):
+    """A vector environment that steps many environments in a compiled program, each of a member of a family.
+
+    Environment i is of member `members[i % len(members)]`. Infos and autoreset modes are those of
+    `EnvgraphVectorEnv`, except that the infos have no `state`.
+
+    Args:
+        program: the compiled behaviour.
+        num_envs: number of environments; as many as members if None.
+        members: numbers of members; all of them if None.
+        max_episode_steps: number of steps after which an episode is truncated; None for no limit.
+        render_mode: None or "rgb_array".
+        observation: "index", "multi", "flat", "dict", "image" or "graph"; or a view over more members than these.
+        autoreset_mode: one of `gymnasium.vector.AutoresetMode`, or its value.
+        streams: "shared": all environments sample from one generator, with the same results as `EnvgraphVectorEnv`.
+            "each": environment i samples from its own generator, seeded with `seed + i` as in Gymnasium's
+            `SyncVectorEnv`, with the same results as a single environment with that seed.
+        threads: number of threads that step the environments; does not change results. Starting them takes about ten
+            microseconds a step, so threads pay for thousands of environments. `close` ends them.
+        schedule: as in `EnvgraphVectorEnv`; its members are indices of `members`.
+        action_masks: True to add `action_mask` to the infos.
+
+    Raises:
+        InvalidArgument: a count, mode or member is not valid.
+    """
+
+    def __init__(
+        self,
+        program: CompiledProgram,
+        num_envs: int | None = None,
+        *,
+        members: Sequence[int] | None = None,
+        max_episode_steps: int | None = None,
+        render_mode: str | None = None,
+        observation: ObservationKind | ModelView = "index",
+        autoreset_mode: AutoresetMode | str = AutoresetMode.NEXT_STEP,
+        streams: StreamMode = "shared",
+        threads: int = 1,
+        schedule: Schedule | None = None,
+        action_masks: bool = False,
+    ) -> None:
+        check_render_mode(render_mode, ("rgb_array",), drawn=program.behaviour.draw is not None)
+        chosen = np.arange(len(program.members)) if members is None else np.asarray(members, dtype=np.int64)
+        if not len(chosen) or not ((chosen >= 0) & (chosen < len(program.members))).all():
+            raise InvalidArgument(f"`members` must be one or more numbers from 0 to {len(program.members) - 1}")
+        if streams not in ("shared", "each"):
+            raise InvalidArgument(f'`streams` must be "shared" or "each", not {streams!r}')
+        if threads < 1:
+            raise InvalidArgument(f"`threads` is {threads}, but must be at least 1")
+        count = len(chosen) if num_envs is None else num_envs
+        which = chosen[np.arange(max(count, 0)) % len(chosen)]
+        self._batch = CompiledBatch(program, which, threads)
+        super().__init__(
+            count,
+            len(program.action_names),
+            view_for(observation, program, [each.model for each in program.members]),
+            max_episode_steps=max_episode_steps,
+            render_mode=render_mode,
+            autoreset_mode=autoreset_mode,
+            members=len(chosen),
+            schedule=schedule,
+            action_masks=action_masks,
+        )
+        self.program = program
+        self._members = chosen
+        self._memory = ObservationCache()
+        self._each = streams == "each"
+        self._steps, self._is_done = self._batch.steps, self._batch.over
+        self._names = {one: np.array(program.agent_names(one), dtype=object) for one in chosen.tolist()}
+
+    def reset(self, *, seed: int | None = None, options: dict[str, Any] | None = None) -> tuple[Any, dict[str, Any]]:
+        """Begin an episode in every environment, or in those of `options={"reset_mask": mask}`."""
+        if self._each and (seed is not None or not self._has_begun):
+            seeds: list[Any] = [None if seed is None else seed + number for number in range(self.num_envs)]
+            self._batch.seed([np.random.Generator(np.random.PCG64(each)) for each in seeds])
+        return super().reset(seed=seed, options=options)
+
+    def action_masks(self) -> Bools:
+        """Return the action masks, bool [environments, actions]. All actions of an episode that has ended are True."""
+        return np.asarray(self._batch.action_masks() | (self._batch.ended != 0)[:, None])
+
+    def close_extras(self, **kwargs: Any) -> None:
+        """Stop the threads that step the environments. Gymnasium's `close` calls this method."""
+        self._batch.close()
+
+    def _numbers(self) -> Floats:
+        return NO_RANDOM_NUMBERS if self._each else self.np_random.random(self.num_envs)
+
+    def _switch_members(self, mask: Bools, members: Ints) -> None:
+        self._batch.members[mask] = self._members[members[mask]]
+
+    def _reset_environments(self, mask: Bools) -> None:
+        self._batch.reset(mask.copy(), self._numbers())
+
+    def _step_environments(self, actions: Ints) -> tuple[Floats, Ints, Bools]:
+        batch = self._batch
+        again = self.autoreset_mode is AutoresetMode.NEXT_STEP
+        uniforms = self._numbers()
+        starts = self._numbers() if again and self._is_done.any() else NO_RANDOM_NUMBERS
+        batch.step(
+            actions.astype(np.int64, copy=False),
+            resets_ended=again,
+            limit=self.max_episode_steps or 0,
+            uniforms=uniforms,
+            starts=starts,
+        )
+        # The batch replaces its arrays when it makes space for new objects.
+        self._steps, self._is_done = batch.steps, batch.over
+        return batch.reward.copy(), batch.ended.copy(), batch.cut.copy()
+
+    def _observations(self) -> Any:
+        view, batch = self.view, self._batch
+        if isinstance(view, ComponentView):
+            index, parts = batch.observation.copy(), batch.components.copy()
+            return index if view.kind == "index" else view.from_components(parts)
+        seen = [_cached_observation(self._memory, view, batch, place) for place in range(self.num_envs)]
+        return np.stack(seen) if isinstance(seen[0], np.ndarray) else tuple(seen)
+
+    def _own_infos(self) -> dict[str, NDArray[Any]]:
+        if not self.program.behaviour.agents or self.program.behaviour.together:
+            return {}
+        turns = self._batch.states[:, TURN]
+        members = self._batch.members.tolist()
+        acting = [self._names[one][turn] for one, turn in zip(members, turns.tolist(), strict=True)]
+        return {"agent": np.array(acting, dtype=object)}
+
+    def render(self) -> tuple[NDArray[np.uint8], ...] | None:
+        """Return a picture of each environment, or None without a render mode."""
+        if self.render_mode is None:
+            return None
+        pictures = []
+        for number in range(self.num_envs):
+            with self._batch.live_simulator(number) as simulator:
+                pictures.append(scene_rgb(simulator.painter().draw()))
+        return tuple(pictures)
+
+
+def _cached_observation(memory: ObservationCache, view: ModelView, batch: CompiledBatch, row: int) -> Any:
+    """Return the observation of an environment's model, from `memory` if the same state was observed before."""
+
+    def make() -> Any:
+        with batch.live_simulator(row) as simulator:
+            return view.observe(simulator)
+
+    key = int(batch.members[row]), batch.states[row].tobytes(), batch.float_states[row].tobytes()
+    return memory.get(key, make)

@@ -1,0 +1,1 @@
+"""Emit code that changes a state as the operations of a rule do."""

@@ -1,0 +1,1 @@
+"""Packages with a program that step without envgraph."""

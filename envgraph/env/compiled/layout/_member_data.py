@@ -1,0 +1,255 @@
+"""Encode a member of a family as numbers: number its objects, and answer each query on its initial model once."""
+
+from __future__ import annotations
+
+import pickle
+from collections.abc import Callable
+from functools import partial
+from typing import Any, NamedTuple
+
+from envgraph import code
+from envgraph.behaviour import KeyIndex
+from envgraph.env.compiled.layout._not_compiled import NotCompiled
+from envgraph.env.compiled.layout._relations import (
+    Cell,
+    ClassInstances,
+    ClosurePairs,
+    FeatureRows,
+    PatternMatches,
+    Row,
+    StaticRelation,
+)
+from envgraph.errors import InvalidArgument
+from envgraph.metamodel import Attribute, EnumType, Reference, Scalar, Value
+from envgraph.pattern import Library, ObjectType, StaticType
+from envgraph.rewrite import Engine
+
+NO_OBJECT = -1
+"""Represents a missing object; ids of objects are not negative."""
+NO_INT = -(2**63)
+"""Represents a missing int; other ints of 64 bits represent themselves."""
+
+
+def emit_missing_value(type_: StaticType) -> code.Expression:
+    """Emit code for the number that represents a missing value of the type."""
+    return code.Name("NAN") if type_ is Scalar.FLOAT else code.Constant(int(missing_value(type_)))
+
+
+def missing_value(type_: StaticType) -> Cell:
+    """Return the number that represents a missing value: NaN for floats, `NO_INT` for ints, else `NO_OBJECT`."""
+    if type_ is Scalar.FLOAT:
+        return float("nan")
+    return NO_INT if type_ is Scalar.INT else NO_OBJECT
+
+
+def literal_ranks(type_: EnumType) -> dict[str, int]:
+    """Return the number of each literal of the enum: its position in alphabetical order, in which rows are sorted."""
+    return {literal: rank for rank, literal in enumerate(sorted(type_.literals))}
+
+
+class SharedEngine(NamedTuple):
+    """Access to the initial state of a member whose engine is shared with other members.
+
+    Attributes:
+        shared_engine: returns the shared engine, in this member's state until another member's `shared_engine` is
+            called.
+        new_engine: creates an engine that only this member uses.
+    """
+
+    shared_engine: Callable[[], Engine]
+    new_engine: Callable[[], Engine]
+
+
+class MemberData:
+    """The initial state of one member as numbers; its objects are numbered in the order of their ids.
+
+    Args:
+        home: an engine whose model stays in the member's initial state, or access to a shared engine, which may only be
+            used after `restore_initial_state`.
+        keys: the indices of objects over the family.
+        library: the patterns of the domain.
+
+    Attributes:
+        object_ids: the ids of the objects of the initial model, by number.
+        model_strings: the strings in the model.
+        string_numbers: the number of each string of the family, in alphabetical order.
+        created_classes: the concrete classes whose objects rules create.
+        reserved_numbers: the numbers reserved for objects that rules create; extents do not contain these numbers.
+    """
+
+    def __init__(self, home: Engine | SharedEngine, keys: KeyIndex, library: Library) -> None:
+        self._home = home
+        self.engine = engine = home if isinstance(home, Engine) else home.shared_engine()
+        self.key_index = keys
+        self.model = engine.model
+        self.metamodel = engine.model.metamodel
+        concrete = [cls.name for cls in self.metamodel.class_list if not cls.abstract]
+        extents = {cls: sorted(self.model.graph.exact_extent(cls)) for cls in concrete}
+        self.object_ids = sorted(node for nodes in extents.values() for node in nodes)
+        self.object_numbers = {node: number for number, node in enumerate(self.object_ids)}
+        self.model_strings = strings_in_model(engine)
+        self.string_numbers: dict[str, int] = {}
+        self.created_classes: frozenset[str] = frozenset()
+        self.reserved_numbers = range(len(self.object_ids), len(self.object_ids))
+        self._extents = {cls: [self.object_numbers[node] for node in nodes] for cls, nodes in extents.items()}
+        self._library = library
+        self._rows: dict[StaticRelation, list[Row]] = {}
+
+    def for_program(self, strings: dict[str, int], created: frozenset[str], spare: int) -> MemberData:
+        """Return a copy for a family and its program, without cached rows; `spare` is ignored if `created` is empty."""
+        other = self.with_reserved_numbers(spare if created else 0)
+        other.string_numbers, other.created_classes, other._rows = strings, created, {}
+        return other
+
+    def restore_initial_state(self) -> MemberData:
+        """Put the engine into this member's initial state if it is shared with other members, and return the member."""
+        if isinstance(self._home, SharedEngine) and self.engine:
+            self._home.shared_engine()
+        return self
+
+    def __getstate__(self) -> dict[str, Any]:
+        """Return the data to pickle: the model, the cached rows, and bytes from which an engine can be created."""
+        engine = self.unshared_engine()
+        own = partial(pickle.loads, pickle.dumps(engine))
+        changed = {"_home": SharedEngine(own, own), "engine": None, "_library": None, "model": engine.model}
+        return {**vars(self), **changed}
+
+    def unshared_engine(self) -> Engine:
+        """Return an engine in the member's initial state: the member's own, or a new one if its engine is shared."""
+        return self._home if isinstance(self._home, Engine) else self._home.new_engine()
+
+    def with_reserved_numbers(self, spare: int) -> MemberData:
+        """Return a copy of the member with `spare` reserved numbers for created objects."""
+        other = MemberData.__new__(MemberData)
+        vars(other).update(vars(self))
+        other.reserved_numbers = range(len(self.object_ids), len(self.object_ids) + spare)
+        return other
+
+    @property
+    def number_count(self) -> int:
+        """Return the number of object numbers: objects of the initial model and reserved numbers."""
+        return self.reserved_numbers.stop
+
+    def rows(self, relation: StaticRelation) -> list[Row]:
+        """Return the rows of a relation in the initial model; each relation is evaluated once and cached."""
+        if relation not in self._rows:
+            self._rows[relation] = self._evaluated(relation)
+        return self._rows[relation]
+
+    def _evaluated(self, relation: StaticRelation) -> list[Row]:
+        graph, ids = self.model.graph, self.object_ids
+        match relation:
+            case ClassInstances(cls, exact):
+                return [(number,) for number in self.extent(cls, exact)]
+            case FeatureRows(Reference() as reference):
+                targets, numbers = graph.store.forward[reference.index], self.extent(reference.owner)
+                return [(one, self.object_numbers[other]) for one in numbers for other in targets[ids[one]]]
+            case FeatureRows(attribute):
+                assert isinstance(attribute, Attribute)
+                numbers, type_ = self.extent(attribute.owner), attribute.type
+                return [(n, self.encode(value, type_)) for n in numbers for value in graph.values(ids[n], attribute)]
+            case PatternMatches(pattern):
+                return self._match_rows(pattern)
+            case ClosurePairs(step, star):
+                return self._closure_rows(step, star)
+
+    def extent(self, cls: str, exact: bool = False) -> list[int]:
+        """Return the numbers of the objects of a class, ascending; `exact` excludes objects of its subclasses."""
+        classes = (cls,) if exact else self.metamodel.concrete_classes(cls)
+        return sorted(number for one in classes for number in self._extents.get(one, ()))
+
+    def encode(self, value: Value | None, type_: StaticType) -> Cell:
+        """Return the number that represents a value of the type in a state."""
+        if value is None:
+            return missing_value(type_)
+        match type_:
+            case ObjectType():
+                return self.object_numbers[value]  # type: ignore[index]
+            case EnumType():
+                return literal_ranks(type_)[str(value)]
+            case Scalar.STRING:
+                return self.string_numbers.setdefault(str(value), NO_OBJECT)  # a query has computed it
+            case Scalar.FLOAT:
+                return float(value)
+            case Scalar.INT:
+                return check_int_range(int(value))
+            case _:
+                return int(value)
+
+    def decode(self, value: Cell, type_: StaticType) -> Value | None:
+        """Return the value that a number of a state represents, or None if the number represents a missing value."""
+        if value == missing_value(type_) or value != value:  # noqa: PLR0124
+            return None
+        match type_:
+            case ObjectType():
+                return self.object_ids[int(value)]
+            case EnumType():
+                return sorted(type_.literals)[int(value)]
+            case Scalar.STRING:
+                return next(text for text, number in self.string_numbers.items() if number == value)
+            case Scalar.FLOAT:
+                return float(value)
+            case Scalar.BOOL:
+                return bool(value)
+            case _:
+                return int(value)
+
+    def attribute_value(self, number: int, attribute: Attribute) -> Cell:
+        """Return the initial value of an object's attribute as a number; reserved numbers have the missing value."""
+        if number in self.reserved_numbers:
+            return missing_value(attribute.type)
+        return self.encode(self.model.graph.value(self.object_ids[number], attribute), attribute.type)
+
+    def _match_rows(self, pattern: str) -> list[Row]:
+        """Return the matches of a pattern in the initial model, as numbers. Add the pattern to the engine if necessary.
+
+        Computed strings that the family has no number for are added to `string_numbers` as `NO_OBJECT`.
+        """
+        types = self._library.parameter_types(pattern)
+        try:
+            self.engine.library.get(pattern)
+        except InvalidArgument:  # helper patterns of paths may not be added yet
+            self.engine.add(self._library.get(pattern))
+        return [tuple(map(self.encode, row, types)) for row in self.engine.matcher.prepare(pattern, ())()]
+
+    def _closure_rows(self, step: str, star: bool) -> list[Row]:
+        """Return the transitive closure of the binary pattern `step`; `star` adds (x, x) for each object x."""
+        following: dict[Cell, list[Cell]] = {}
+        for source, target in self._match_rows(step):
+            following.setdefault(source, []).append(target)
+        found: dict[Row, None] = {}
+        for source, targets in following.items():
+            reached = dict.fromkeys(targets)
+            todo = [*reached]
+            for node in todo:  # grows during the loop
+                new = dict.fromkeys(other for other in following.get(node, ()) if other not in reached)
+                reached.update(new)
+                todo += new
+            found.update(((source, node), None) for node in reached)
+        if star:
+            type_ = self._library.parameter_types(step)[0]
+            assert isinstance(type_, ObjectType)
+            found.update(((node, node), None) for node in self.extent(type_.cls))
+        return list(found)
+
+
+def check_int_range(value: int) -> int:
+    """Return the int unchanged.
+
+    Raises:
+        NotCompiled: the int represents a missing value.
+    """
+    if value == NO_INT:
+        raise NotCompiled(f"the int {value}, which represents a missing value")
+    return value
+
+
+def strings_in_model(engine: Engine) -> set[str]:
+    """Return all attribute values of type string in the engine's model."""
+    model = engine.model
+    found: set[str] = set()
+    for attribute in model.metamodel.attributes:
+        if attribute.type is Scalar.STRING:
+            for node in model.graph.extent(attribute.owner):
+                found.update(map(str, model.graph.values(node, attribute)))
+    return found

@@ -1,0 +1,1 @@
+"""Learners that run in a program."""

@@ -1,0 +1,1 @@
+"""Emit code that finds matches and computes expressions on arrays."""

@@ -1,0 +1,1 @@
+"""Emit the functions of a program: actions, units, rewards, ends, turns, observations."""

@@ -1,0 +1,1 @@
+"""Visits of all reachable states by a program: tables, plans, explorations."""
