@@ -88,4 +88,4 @@ def test_evolution_prints_the_number_of_states_visited_for_measures(
     )
     with progress_bar("generations", 0):
         generate_from_domain(domain, tmp_path / "run.sqlite")
-    assert capsys.readouterr().err.startswith("states of BurningForest: 2 (0:00:10)\n")
+    assert capsys.readouterr().err.startswith("states of BurningForest: 1 (0:00:10)\n")

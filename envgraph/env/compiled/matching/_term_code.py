@@ -13,7 +13,7 @@ from envgraph.env.compiled.layout._not_compiled import NotCompiled
 from envgraph.env.compiled.layout._program_layout import L, S, emit_entry, emit_sum
 from envgraph.env.compiled.layout._text_tables import TextTable
 from envgraph.env.compiled.matching._model_reading import ModelReader
-from envgraph.metamodel import LARGEST_INT, Attribute, EnumType, Scalar, Value
+from envgraph.metamodel import LARGEST_INT, Attribute, EnumType, Reference, Scalar, Value
 from envgraph.pattern import (
     FUNCTIONS,
     Binary,
@@ -179,8 +179,7 @@ class ExpressionEmitter:
     def _emit_navigation(self, node: Navigation) -> CodeTerm:
         owner = self._emit(node.object)
         assert isinstance(owner.type, ObjectType), "functions of values are function calls"
-        feature = self._facts.metamodel.feature(owner.type.cls, node.feature)
-        assert feature is not None
+        feature = self._feature_of(owner.type.cls, node.feature)
         owner = self._with_class_test(owner, feature.owner)
         above = owner.certain_class is not None and self._facts.metamodel.is_a(owner.certain_class, feature.owner)
         if isinstance(feature, Attribute):
@@ -199,6 +198,11 @@ class ExpressionEmitter:
         local = self._emit_local(found, type_)
         present = (*owner.present, self._facts.emit_is_present(local, type_))
         return CodeTerm(variable_term(local, type_).value, type_, owner.valid, present, sure)
+
+    def _feature_of(self, cls: str, name: str) -> Attribute | Reference:
+        feature = self._facts.metamodel.feature(cls, name)
+        assert feature is not None
+        return feature
 
     def _with_class_test(self, owner: CodeTerm, cls: str) -> CodeTerm:
         """Return the term of an object with a test that it still has the class of a feature, unless that is certain."""

@@ -167,7 +167,7 @@ PLAIN = {
         rule label { lhs { b : Chest; Chest.labels(b, t); s : Spot; } modify { set b.labels -= t; set s.tag = t; } }
         @semantics(spo) rule spots { lhs { s : Spot; t : Spot; Spot.marks(t, m); } modify { merge s <- t;
             set s.marks += m; set s.tag = m; } }
-        rule mark { lhs { s : Spot; } modify { set s.marks += s.tag.toUpper; } }
+        rule mark { lhs { s : Spot; } modify { set s.marks += s.tag; } }
         rule each { lhs { i : Item; } forall { lhs { j : Item; check j.tag != none && j.id > i.id; }
             modify { merge i <- j; } } modify { set i.tag = "joined"; } }
         rule item { lhs { y : Yard; s : Spot; most == max Item.id(_, #); n == count Item(_); check n < 6; }
