@@ -13,6 +13,7 @@ Fenced blocks are told apart by the words after the fence, which readers do not 
 
 from __future__ import annotations
 
+import ast
 import contextlib
 import io
 import os
@@ -361,6 +362,20 @@ def test_files_that_a_page_names_exist(page: Path) -> None:
     missing = [name for name in named if not (ROOT / name).exists()]
     missing += [link for link in linked if link and not (page.parent / link).exists()]
     assert missing == []
+
+
+def test_the_page_of_environments_lists_exactly_what_is_not_compiled() -> None:
+    page = (ROOT / "docs" / "environments.md").read_text("utf-8")
+    rows = page.split("| compiled environments do not support |", 1)[1].split("\n\n", 1)[0].splitlines()[2:]
+    listed = [phrase for row in rows for phrase in re.findall("`([^`]+)`", row.split(" | ")[0])]
+    raised = [
+        ast.unparse(call.args[0])
+        for path in sorted((ROOT / "envgraph/env").rglob("*.py"))
+        for call in ast.walk(ast.parse(path.read_text("utf-8")))
+        if isinstance(call, ast.Call) and getattr(call.func, "id", "") == "NotCompiled"
+    ]
+    assert [text for text in raised if not any(phrase in text for phrase in listed)] == []
+    assert [phrase for phrase in listed if not any(phrase in text for text in raised)] == []
 
 
 ROOMS = sorted((ROOT / "docs" / "architecture").glob("*.md"))

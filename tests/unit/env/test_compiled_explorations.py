@@ -112,8 +112,7 @@ def test_created_objects_have_the_ids_that_the_engine_gives() -> None:
         (
             ["grow", "empty"],
             {"limit": 20},
-            "compiled environments do not support explorations of rules that delete objects of classes that they "
-            "create",
+            "rules delete objects of classes that they create",
         ),
     ],
 )

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Container, Iterable, Iterator, Mapping
 from itertools import product
+from typing import TypeVar
 
 from envgraph.behaviour import Agent, Behaviour, RuleCall
 from envgraph.code import dataclass
@@ -40,6 +41,8 @@ from envgraph.rewrite.plans import (
     containments_of,
 )
 
+T = TypeVar("T")
+
 
 def calls_of(behaviour: Behaviour) -> Iterator[RuleCall]:
     """Yield every call of a rule or unit that a behaviour makes."""
@@ -60,9 +63,7 @@ def plan_of(engine: Engine, call: RuleCall) -> RulePlan:
     """
     assert call.rule is not None
     plan: RulePlan | None = getattr(engine.prepare(call.rule), "plan", None)
-    if plan is None:
-        raise NotCompiled(f"the rule `{call.rule}`, which is written in Python", call.span)
-    return plan
+    return _not_python("rule", call, plan)
 
 
 def checked_unit(engine: Engine, call: RuleCall) -> CheckedUnit:
@@ -72,10 +73,14 @@ def checked_unit(engine: Engine, call: RuleCall) -> CheckedUnit:
         NotCompiled: the unit is written in Python.
     """
     assert call.rule is not None
-    checked = engine.catalog.programs[engine.catalog.resolve(call.rule)].checked
-    if checked is None:
-        raise NotCompiled(f"the unit `{call.rule}`, which is written in Python", call.span)
-    return checked
+    return _not_python("unit", call, engine.catalog.programs[engine.catalog.resolve(call.rule)].checked)
+
+
+def _not_python(kind: str, call: RuleCall, definition: T | None) -> T:
+    """Return the definition of a called rule or unit; raise `NotCompiled` if it has none, because it is a function."""
+    if definition is None:
+        raise NotCompiled(f"the {kind} `{call.rule}`, which is written in Python", call.span)
+    return definition
 
 
 @dataclass(frozen=True, slots=True)
@@ -297,8 +302,7 @@ class _ChangeCollector:
         sources = [one for one in origins if isinstance(one, Attribute)]
         for source in sources:
             if source.index in self._assigned:
-                unknown = f"values of `{attribute}` that are not known before they are set"
-                raise NotCompiled(unknown, origins[source])
+                raise NotCompiled(f"values of `{attribute}` that are not known before they are set", origins[source])
         initial = [one.initial for one in sources]
         literals = (one for one in (*origins, *initial) if not isinstance(one, Attribute | tuple))
         return ValueDomain(attribute.type, tuple(literals), (attribute, *sources))
