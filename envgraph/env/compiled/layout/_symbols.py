@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from abc import ABC, abstractmethod
 from collections import Counter
 from collections.abc import Sequence
 from itertools import accumulate
@@ -23,7 +24,7 @@ WORD_BITS: Final = 32
 """Number of bits of a word of a bit set."""
 
 
-class MemberNumbers:
+class MemberNumbers(ABC):
     """The base class of tables of a member, and of columns of its states."""
 
     __slots__ = ()
@@ -33,6 +34,7 @@ class MemberNumbers:
         """Return True if the entries are floats."""
         return False
 
+    @abstractmethod
     def fill(self, member: MemberData, stride: int) -> Sequence[Cell]:
         """Return the entries of a table, or of a column in the initial state.
 
@@ -40,7 +42,6 @@ class MemberNumbers:
             member: that the entries are of.
             stride: the largest number of objects of a member.
         """
-        raise NotImplementedError
 
 
 class StateNumbers(MemberNumbers):

@@ -9,7 +9,7 @@ from typing import Any, Final
 
 from envgraph import code
 
-MAX_LOOP_DEPTH: Final = 20
+CPYTHON_LOOP_DEPTH: Final = 20
 """Maximal nesting of loops in one function of CPython."""
 
 NewLocal = Callable[[str], code.Local]
@@ -37,7 +37,7 @@ def inline_functions(
         left[function.name] = function
         if known:
             body, used = _inline_calls(function.body, known, _local_names(nodes[function.name]), fresh)
-            if _loop_depth(body) <= MAX_LOOP_DEPTH:
+            if _loop_depth(body) <= CPYTHON_LOOP_DEPTH:
                 left[function.name] = code.Function(function.name, function.parameters, body)
                 for name in used:
                     del left[name]
