@@ -50,7 +50,7 @@ class VectorVariants:
     """
 
     def __init__(self, members: SwitchableMembers, places: Sequence[int]) -> None:
-        self._members, self._places = members, [*places]
+        self._members, self._numbers = members, {place: number for number, place in reversed([*enumerate(places)])}
         self._abouts = [members.about(place) for place in places]
         self.names = np.array([about["variant"] for about in self._abouts], dtype=object)
 
@@ -77,11 +77,11 @@ class VectorVariants:
             )
         places = [self._members.place(one) for one in each]
         for place in places:
-            if place not in self._places:
+            if place not in self._numbers:
                 name, own = self._members.about(place)["variant"], list_names(dict.fromkeys(self.names))
                 hint = "make the vector environment with `variant=[..]`, a list of all members to switch between"
                 raise InvalidArgument(f"this vector environment has the members {own}, but not `{name}`", hint)
-        return np.array([self._places.index(place) for place in places], dtype=np.int64)
+        return np.array([self._numbers[place] for place in places], dtype=np.int64)
 
     def certificates(self, member_numbers: NDArray[np.int64], has_begun: NDArray[np.bool_]) -> dict[str, Any]:
         """Return the certificates of the members for an info, in the format of Gymnasium's vector environments.
@@ -93,10 +93,10 @@ class VectorVariants:
             has_begun: True for environments in which an episode begins; at least one is True.
         """
         found: dict[str, Any] = {}
-        every = [about["certificates"] for about in self._abouts]
-        first = every[member_numbers[int(np.argmax(has_begun))]]
+        every = [self._abouts[number]["certificates"] for number in member_numbers.tolist()]
+        first = every[int(np.argmax(has_begun))]
         for name, value in first.items():
-            values = np.array([one.get(name) for one in every], dtype=object)[member_numbers]
+            values = np.array([one.get(name) for one in every], dtype=object)
             values[~has_begun] = None if value is None else 0
             found |= {
                 name: values if value is None else values.astype(type(value)),

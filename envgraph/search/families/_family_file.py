@@ -149,15 +149,17 @@ def _read_members(
     entries: Sequence[Mapping[str, Any]], domain: Domain, spans: Mapping[JsonPath, Span], file: str
 ) -> Iterator[Member]:
     problems: list[Diagnostic] = []
+    known = set[str]()
     for place, entry in enumerate(entries):
         path = ("members", place)
         lacking = missing_measures(domain, entry["measures"])
         if lacking:
             message = f"`{entry['name']}` has no measure {list_names(lacking)}"
             problems.append(Diagnostic("bad-format", message, spans[*path, "measures"]))
-        if any(entry["name"] == other["name"] for other in entries[:place]):
+        if entry["name"] in known:
             message = f"there are two members `{entry['name']}`"
             problems.append(Diagnostic("bad-format", message, spans[*path, "name"]))
+        known.add(entry["name"])
         try:
             model_at(entry["model"], domain.metamodel, spans, (*path, "model"), file)
         except LoadError as error:

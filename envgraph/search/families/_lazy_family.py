@@ -71,7 +71,15 @@ class LazyFamily:
         return LazyFamily(lambda: self.family.paying(name), lambda: (TableCache(()), ""))
 
     def member_place(self, variant: int | str | None) -> int:
-        return member_place(variant, [*self.record.tables], self.record.family)
+        return member_place(variant, self._places, self.record.family)
+
+    @cached_property
+    def _names(self) -> list[str]:
+        return [*self.record.tables]
+
+    @cached_property
+    def _places(self) -> dict[str, int]:
+        return {name: place for place, name in enumerate(self._names)}
 
     def tables_or_program(
         self,
@@ -132,7 +140,7 @@ class LazyFamily:
 
     def member_infos(self, place: int) -> MemberFacts:
         """Return the infos about a member: its name and certificates."""
-        name = [*self.record.tables][place]
+        name = self._names[place]
         return {"variant": name, "certificates": dict(self.record.certificates[name])}
 
     def not_compiled_error(self) -> EvaluationError:
@@ -145,8 +153,8 @@ class LazyFamily:
         return EvaluationError(message, self._refused.span, hint)
 
     def transition_table(self, place: int, *, pictures: bool, progress_text: str) -> ExploredEnvironment:
-        name, table = [*self.record.tables.items()][place]
-        table = table or self.family.table_file_name(self.family.members[place])
+        name = self._names[place]
+        table = self.record.tables[name] or self.family.table_file_name(self.family.members[place])
         found = self._tables.read_table(table, needs_pictures=pictures and self.record.drawn)
         if found is not None:
             return found
