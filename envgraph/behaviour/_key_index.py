@@ -61,7 +61,20 @@ class KeyIndex:
         Raises:
             EvaluationError: an object has no value in a key attribute, or two objects have the same key.
         """
-        return cls({name: _sorted_keys(model, name) for name in classes})
+        return cls.of_models([model], classes, model.metamodel)
+
+    @classmethod
+    def of_models(cls, models: Iterable[Model], classes: Iterable[str], metamodel: Metamodel) -> Self:
+        """Return the index over several models, each of which is read before the next one is requested.
+
+        Raises:
+            EvaluationError: as for `of_model`.
+        """
+        found: dict[str, set[Key]] = {name: set() for name in classes}
+        for model in models:
+            for name, keys in found.items():
+                keys |= _distinct_keys(model, name)
+        return cls({name: _sort_keys(keys, metamodel, name) for name, keys in found.items()})
 
     def merge(self, other: KeyIndex, metamodel: Metamodel) -> KeyIndex:
         """Return the index over the members of the family that this index or the other one covers."""
@@ -236,13 +249,17 @@ def _object_keys(model: Model, cls: str) -> dict[int, Key]:
     return found
 
 
-def _sorted_keys(model: Model, cls: str) -> tuple[Key, ...]:
-    owner: dict[Key, int] = {}
-    for node, key in _object_keys(model, cls).items():
-        if key in owner:
-            raise DuplicateKeyError(model, cls, (owner[key], node), key)
-        owner[key] = node
-    return _sort_keys(set(owner), model.metamodel, cls)
+def _distinct_keys(model: Model, cls: str) -> set[Key]:
+    """Return the keys of all objects of a class; raise `DuplicateKeyError` if two objects have the same key."""
+    found = _object_keys(model, cls)
+    keys = set(found.values())
+    if len(keys) < len(found):
+        owner: dict[Key, int] = {}
+        for node, key in found.items():
+            if key in owner:
+                raise DuplicateKeyError(model, cls, (owner[key], node), key)
+            owner[key] = node
+    return keys
 
 
 def _sort_keys(keys: set[Key], metamodel: Metamodel, cls: str) -> tuple[Key, ...]:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import field, replace
+from itertools import chain
 from math import comb, inf
 from typing import TYPE_CHECKING, TypeVar, cast, get_args
 
@@ -161,12 +162,7 @@ class Domain:
         """Return the numbers of the objects that the environment indexes, in the initial model and then `models`."""
         behaviour = self.behaviour
         classes = indexed_classes(behaviour, self.metamodel) if behaviour else ()
-        index = KeyIndex.of_model(self._initial_model(), classes)
-        for model in models:
-            found = KeyIndex.of_model(model, classes)
-            if found != index:
-                index = index.merge(found, self.metamodel)
-        return index
+        return KeyIndex.of_models(chain([self._initial_model()], models), classes, self.metamodel)
 
     def problem(self, engine: Engine) -> Problem:
         """Return the search problem for an engine of this domain.

@@ -107,6 +107,11 @@ class MemberData:
             self._home.shared_engine()
         return self
 
+    def release_rows(self) -> None:
+        """Forget the rows of relations, which a program of many members no longer needs, if they can be read again."""
+        if isinstance(self._home, SharedEngine):
+            self._rows.clear()
+
     def __getstate__(self) -> dict[str, Any]:
         """Return the data to pickle: the model, the cached rows, and bytes from which an engine can be created."""
         engine = self.unshared_engine()

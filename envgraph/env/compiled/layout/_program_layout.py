@@ -16,7 +16,7 @@ from envgraph import code
 from envgraph.code import dataclass
 from envgraph.env.compiled.layout._batch_arrays import FamilyArrays
 from envgraph.env.compiled.layout._member_data import NO_OBJECT, MemberData
-from envgraph.env.compiled.layout._relations import Cell, StaticRelation
+from envgraph.env.compiled.layout._relations import Cell, Row, StaticRelation
 from envgraph.env.compiled.layout._symbols import (
     AtMostOneObject,
     AtMostOneRow,
@@ -171,11 +171,23 @@ class ProgramLayout:
         """
         symbols = [one for one in self._numbers if isinstance(one, MemberNumbers)]
         filled: list[list[Sequence[Cell]]] = []
+        known: dict[MemberNumbers, tuple[list[Row], Sequence[Cell]]] = {}
+
+        def fill(symbol: MemberNumbers) -> Sequence[Cell]:
+            """Fill a symbol for the current member, like the last one if its relation has the same rows as there."""
+            if not isinstance(symbol, BitTable | ValueTable | GroupStarts | GroupedValues):
+                return symbol.fill(member, stride)
+            rows = member.rows(symbol.keys.relation)
+            if symbol not in known or known[symbol][0] != rows:
+                known[symbol] = rows, symbol.fill(member, stride)
+            return known[symbol][1]
+
         for member in members:
             member.restore_initial_state()
             for assumed in self._single.values():
                 assumed.check(member)
-            filled.append([symbol.fill(member, stride) for symbol in symbols])
+            filled.append([fill(symbol) for symbol in symbols])
+            member.release_rows()
         offsets = np.zeros(len(self._numbers), dtype=np.int64)
         tails: list[int] = []
         ends = {"T": 0, "G": 0, "S": FIRST_COLUMN, "F": 0}

@@ -124,6 +124,13 @@ class CompiledProgram:
             raise AssumptionViolated("strings")
         return replace(self, arrays=arrays, members=(member,))
 
+    def subset(self, numbers: NDArray[np.intp]) -> CompiledProgram:
+        """Return the program whose members are those with the given numbers, in this order."""
+        whole = self.arrays
+        rows = {name: getattr(whole, name)[numbers] for name in ("tables", "reals", "ints", "floats")}
+        members = tuple(self.members[number] for number in numbers.tolist())
+        return replace(self, arrays=whole._replace(**rows), members=members)
+
     def agent_names(self, number: int) -> tuple[str, ...]:
         """Return the names of a member's agents in the order of their turns; () if agents do not take turns."""
         if not self.behaviour.agents or self.behaviour.together:
