@@ -20,7 +20,9 @@ from envgraph.cli._shared_options import (
     run_argument,
     seed_option,
     variant_option,
+    workers_options,
 )
+from envgraph.errors import LIMITS
 
 
 @app.command()
@@ -40,11 +42,7 @@ from envgraph.cli._shared_options import (
     is_flag=True,
     help="Resume an interrupted run, or, with a larger --generations, a finished one.",
 )
-@count_option(
-    "--workers",
-    default=1,
-    help="Number of threads for the learners of an objective; does not change results.",
-)
+@workers_options("Number of threads for the learners of an objective, or of processes for the measures of models.")
 @click.option(
     "--require",
     type=float,
@@ -230,7 +228,15 @@ def import_() -> None:
     show_default="tabular",
     help="The learner: tabular, or a network of Stable-Baselines3 (sb3:ppo, sb3:dqn). Each has its own results.",
 )
-@count_option("--workers", default=1, help="Number of agents that learn in parallel; does not change results.")
+@workers_options("Number of agents that learn in parallel.")
+@count_option(
+    "--members",
+    minimum=2,
+    default_text=f"all; the population in family.toml, if there are more than {LIMITS['curriculum']}",
+    help="Train on this number of environments, the target and others that are evenly spaced by the measure that "
+    "orders the family.",
+)
+@overrides_option
 @click.option("--resume", is_flag=True, help="Resume an interrupted training.")
 @click.option(
     "--force",
@@ -264,7 +270,7 @@ def report() -> None:
     help="Training steps for each environment; several budgets are separated by commas.",
 )
 @click.option("--times/--no-times", default=True, help="Measure how long generation takes (table 4).")
-@count_option("--workers", default=1, help="Number of agents that learn in parallel; does not change results.")
+@workers_options("Number of agents that learn in parallel.")
 @click.option("--force", is_flag=True, help="Replace the results of an earlier reproduction.")
 @format_option
 @implemented_in("_reproduce_command", "reproduce_paper")
@@ -298,12 +304,7 @@ def reproduce() -> None:
 )
 @click.option("--methods", show_default="all", help="Names of methods, separated by semicolons.")
 @overrides_option
-@count_option(
-    "--workers",
-    "--jobs",
-    default=1,
-    help="Number of students that learn in parallel; does not change results.",
-)
+@workers_options("Number of students that learn in parallel.", "--jobs")
 @click.option("--force", is_flag=True, help="Replace an audit of other files or with other settings.")
 @click.option("--directory", "-d", type=PATH, default=Path("audits"), help="Directory of all audits.")
 @format_option

@@ -102,6 +102,28 @@ overrides_option = click.option(
 )
 
 
+def workers_options(help: str, *aliases: str) -> Callable[[Command], Command]:
+    """Return a decorator that adds `--workers` and `--cluster`; the command runs where they say."""
+
+    def decorate(command: Command) -> Command:
+        @wraps(command)
+        def run(cluster: str | None, workers: int, **rest: Any) -> Any:
+            from envgraph.files import cluster_workers
+
+            with cluster_workers(cluster, workers) as available:
+                return command(workers=available, **rest)
+
+        count = count_option("--workers", *aliases, default=1, help=f"{help} Does not change results.")
+        return count(_cluster_option(run))
+
+    return decorate
+
+
+_cluster_option = click.option(
+    "--cluster",
+    metavar="ADDRESS",
+    help="Run on all workers of a cluster: dask://HOST:PORT, ray://HOST:PORT, or ray for this machine.",
+)
 _MAX_VALUES: Final = {
     **dict.fromkeys(("--population", "--samples", "--seeds", "--controls"), "members"),
     **{"--seed": "seed", "--seed-offset": "seed", "--times": "attempts", "--workers": "workers"},

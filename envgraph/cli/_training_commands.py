@@ -51,7 +51,16 @@ from envgraph.learn import (
     write_csv,
 )
 from envgraph.report import TrainingResults, family_report, render_html, stage_rows, stage_table
-from envgraph.search import Family, RunStore, find_run_store, lineage_lengths, open_family, random_families
+from envgraph.search import (
+    Family,
+    RunStore,
+    find_run_store,
+    lineage_lengths,
+    load_stored_domain,
+    open_family,
+    order_measure,
+    random_families,
+)
 
 STAGES = "stages"
 """Name of the directory, below that of a budget, for families that end with each environment."""
@@ -65,6 +74,8 @@ _TRAINING_OPTIONS = {
     "curricula": str,
     "controls": str,
     "student": str,
+    "members": int,
+    "overrides": list,
 }
 """Options of a training, with their types: `--resume` uses those of the interrupted training."""
 
@@ -91,6 +102,8 @@ def train_agents(
     curricula: str | None,
     controls: str | None,
     student: str | None,
+    members: int | None,
+    overrides: Sequence[str],
     workers: int,
     resume: bool,
     force: bool,
@@ -100,19 +113,13 @@ def train_agents(
     Existing results of the same budgets, and an interrupted training, are replaced only with `force`. If the training
     is interrupted, its agents so far are kept, so that `resume` can continue it.
     """
-    given = (steps, seeds, seed_offset, curricula, controls, student)
+    given = (steps, seeds, seed_offset, curricula, controls, student, members, [*overrides] or None)
     wanted: dict[str, Any] = dict(zip(_TRAINING_OPTIONS, given, strict=True))
     with write_lock(Path(run) if run.endswith(".json") else find_run_store(run, directory)):
         _train_family(run, directory, wanted, workers, resume, force)
 
 
 def _train_family(run: str, directory: Path, wanted: dict[str, Any], workers: int, resume: bool, force: bool) -> None:
-    family = open_family(run, directory)
-    if len(family.members) > LIMITS["curriculum"]:
-        most = f"a curriculum has at most {LIMITS['curriculum']}"
-        message = f"`{run}` has {len(family.members):,} environments, but {most}"
-        hint = "select some of them in Python, with `write_family(family.spaced(6))`"
-        raise InvalidArgument(message, hint)
     base = run_directory(run, directory) / TRAINING
     again = f"envgraph train {run} --directory {directory} --resume"
     journal = None
@@ -135,6 +142,8 @@ def _train_family(run: str, directory: Path, wanted: dict[str, Any], workers: in
             f"{base / UNFINISHED} holds the {len(TrainingJournal.open(base / UNFINISHED))} agents of a "
             "training that was interrupted: resume it with --resume, or replace it with --force"
         )
+    family = _select_members(open_family(run, directory), run, wanted["members"])
+    family = _with_training_settings(family, run, wanted["overrides"] or ())
     chosen = _select_curricula(family, wanted["curricula"])
     compared = _select_controls(wanted["controls"])
     wanted_steps = [None] if wanted["steps"] is None else parse_budgets(wanted["steps"])
@@ -170,6 +179,42 @@ def _train_family(run: str, directory: Path, wanted: dict[str, Any], workers: in
     _print_summary(family, trained, results)
 
 
+def _select_members(family: Family, run: str, count: int | None) -> Family:
+    """Return the family of the members to train on: all, or a number of them, which a line on standard error tells.
+
+    Raises:
+        InvalidArgument: `count` is not from 2 to the number of members, or more than a curriculum has.
+    """
+    available, most = len(family.members), LIMITS["curriculum"]
+    if count is None and available <= most:
+        return family
+    count = family.domain.spec.search.population if count is None else count
+    if count > most:
+        raise InvalidArgument(f"`--members` is {count}, but a curriculum has at most {most}")
+    sys.stderr.write(
+        f"{count} of the {available:,} environments of `{run}`, evenly spaced by `{order_measure(family.domain)}`; "
+        "the others are left out\n"
+    )
+    return family.spaced(count)
+
+
+def _with_training_settings(family: Family, run: str, overrides: Sequence[str]) -> Family:
+    """Return the family with other settings of `[training]`.
+
+    Raises:
+        InvalidArgument: an override is not one of `[training]`.
+        LoadError: an override is unknown, or its value is wrong.
+    """
+    if not overrides:
+        return family
+    others = [one for one in overrides if not one.strip().startswith("training.")]
+    if others:
+        hint = "only those of `[training]` can be replaced, such as `training.learning_rate=0.2`"
+        raise InvalidArgument(f"`--set {others[0]}` is no setting of a training", hint)
+    domain = load_stored_domain(family.bundle, [*family.overrides, *overrides], run, family.domain.components)
+    return replace(family, domain=domain, overrides=domain.overrides, _keys=family.keys)
+
+
 def _refuse_results(base: Path, budgets: list[TrainingSettings]) -> None:
     """Raise InvalidArgument if results of one of the budgets exist."""
     steps = [str(one.steps_per_environment) for one in budgets]
@@ -188,6 +233,7 @@ def _original_options(journal: TrainingJournal) -> dict[str, Any]:
     try:
         parse_budgets(wanted["steps"] or "1")
         parse_int_within(str(wanted["seeds"] or 1), 1, "members")
+        parse_int_within(str(wanted["members"] or 2), 2, "members")
     except InvalidArgument as error:
         raise InvalidArgument(f"{journal.path}:1: {error.message}", error.hint) from None
     return wanted
@@ -317,7 +363,7 @@ def parse_budgets(steps: str) -> list[int]:
 
 def _member_tables(family: Family) -> list[FamilyMember]:
     """Return the members with their transition tables; if one has too many states, use a compiled program for all."""
-    order = str(family.domain.spec.curriculum.order or family.domain.spec.diversity.options["of"])
+    order = order_measure(family.domain)
     members = []
     try:
         with progress_bar("environments", len(family.members)) as advance:

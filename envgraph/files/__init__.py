@@ -29,6 +29,11 @@ if TYPE_CHECKING:
         report_counting as report_counting,
         report_progress as report_progress,
     )
+    from envgraph.files._workers import (
+        cluster_workers as cluster_workers,
+        ordered_map as ordered_map,
+        run_in_workers as run_in_workers,
+    )
     from envgraph.files._write_lock import write_lock as write_lock
 
 export_lazily(globals())

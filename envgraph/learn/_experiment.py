@@ -13,11 +13,11 @@ import numpy as np
 from envgraph.code import dataclass
 from envgraph.env import Tabular
 from envgraph.errors import InvalidArgument, check_known
+from envgraph.files import run_in_workers
 from envgraph.learn._curricula import Curriculum, Kind, sequences
 from envgraph.learn._deep import DeepAgent
 from envgraph.learn._results import Experiment, RunResult
 from envgraph.learn._table_agents import ProgramAgent, ProgramFamily, TableAgent, TableFamily
-from envgraph.learn._workers import run_in_workers
 from envgraph.solve import Evaluation, mixture
 from envgraph.solve.learning import (
     Backend,

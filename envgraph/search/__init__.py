@@ -78,6 +78,7 @@ if TYPE_CHECKING:
         Member as Member,
         find_run_store as find_run_store,
         load_stored_domain as load_stored_domain,
+        order_measure as order_measure,
     )
     from envgraph.search.optimising import (
         Annealing as Annealing,

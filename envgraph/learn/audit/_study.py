@@ -12,9 +12,8 @@ from typing import Any, Final
 
 from envgraph.code import dataclass
 from envgraph.errors import EvaluationError, InvalidArgument
-from envgraph.files import replace_file
+from envgraph.files import replace_file, run_in_workers
 from envgraph.lang import Bundle
-from envgraph.learn._workers import run_in_workers
 from envgraph.learn.audit._audit_levels import AuditLevels, make_levels
 from envgraph.learn.audit._audit_settings import AuditSettings
 from envgraph.learn.audit._methods import EDITING, METHODS, AuditMethod

@@ -3,17 +3,17 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from concurrent.futures import ThreadPoolExecutor
 from copy import copy
 from functools import partial
 from math import inf
-from typing import ClassVar, Final, Literal, Protocol
+from typing import Any, ClassVar, Final, Literal, Protocol, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
 
 from envgraph.env import TooManyStates
 from envgraph.env.compiled import generator_states
+from envgraph.files import ordered_map
 from envgraph.search.curricula._model_levels import ModelLevel
 from envgraph.search.problem._candidate_pool import FamilyMeasure
 from envgraph.search.problem._statistics import BoundedMeasure
@@ -21,6 +21,8 @@ from envgraph.solve.learning import LearnerGroup, ProgramLearnerGroup, TargetRes
 
 SEARCH_SPAWN_KEY: Final = 2
 """Spawn key of the random streams of a search's learners; experiments use other keys (`learn/_experiment.py`)."""
+
+T = TypeVar("T")
 
 Judge = Callable[[NDArray[np.uint64], int], TargetResults]
 
@@ -65,7 +67,7 @@ class LearningObjective:
         target: the last member of each family.
         steps: training lengths, in steps per member. Empty: the search chooses a length (`is_steps_free`).
         seed: seed of the search.
-        workers: number of threads, which does not affect the results.
+        workers: number of threads, or of workers of a cluster, which does not affect the results.
 
     Raises:
         EvaluationError, RuleError: a state of the target causes an error.
@@ -87,7 +89,7 @@ class LearningObjective:
         self._judge = self._judge_maker(settings, target)
         self.steps, self.is_steps_free = tuple(steps) or (settings.steps_per_environment,), not steps
         self._seed, self._workers = seed, workers
-        self._pool = ThreadPoolExecutor(workers) if workers > 1 else None
+        self._map = ordered_map(workers)
 
     def with_steps(self, steps: int) -> LearningObjective:
         """Return a copy of this objective with another number of training steps on each member."""
@@ -125,8 +127,12 @@ class LearningObjective:
         rows = generator_states([np.random.Generator(np.random.PCG64(one)) for one in sequences])
         parts = np.array_split(rows, min(self._workers, len(rows)))
         tasks = [(part, steps) for steps in self.steps for part in parts]
-        judged = (self._pool.map if self._pool else map)(lambda task: getattr(judge(*task), kind), tasks)
-        return np.concatenate(list(judged)).reshape(len(self.steps), len(rows))
+        judged = [getattr(one, kind) for one in self._map(partial(_apply, judge), tasks)]
+        return np.concatenate(judged).reshape(len(self.steps), len(rows))
+
+
+def _apply(function: Callable[..., T], arguments: tuple[Any, ...]) -> T:
+    return function(*arguments)
 
 
 class MeasureObjective:

@@ -23,7 +23,7 @@ from envgraph.graph import Version, model_to_json
 from envgraph.search._run_store import Generation, Individual, RunStore, Trace, dump_json
 from envgraph.search.curricula import LevelFactory, ModelLevel
 from envgraph.search.evolution._evolution_settings import EvolutionSettings
-from envgraph.search.evolution._mutation import Variation
+from envgraph.search.evolution._mutation import PrepareMeasures, Variation, Varied, Vary
 from envgraph.search.problem._candidate_pool import Candidate, FamilyMeasure, Pool
 from envgraph.search.problem._problem import Problem
 
@@ -65,6 +65,16 @@ class _ScoreLosses(Sequence[float]):
         return self._losses[place]
 
 
+def vary_initial_model(variation: Variation, settings: EvolutionSettings, rng: Generator) -> Varied | None:
+    """Vary the initial model to a member of the first generation; None if all attempts fail."""
+    return variation.vary_until_valid(rng, lambda rng: variation.apply_several(rng, settings.initial_applications))
+
+
+def vary_parent(variation: Variation, settings: EvolutionSettings, rng: Generator) -> Varied | None:
+    """Vary a parent to a child; None if all attempts fail, or if the child is a copy, which is in the pool already."""
+    return variation.vary_until_valid(rng, variation.mutate) if rng.random() < settings.rate else None
+
+
 class Evolution:
     """A run of the genetic algorithm. Invariant: the members are those of the last generation in the store.
 
@@ -73,13 +83,22 @@ class Evolution:
         settings: parameters of the algorithm.
         seed: the only source of randomness.
         store: an empty store, or one with complete generations of the same run, which is then resumed.
+        prepare: prepares the measures of the children of a generation in parallel; None: nothing is prepared.
     """
 
-    def __init__(self, problem: Problem, settings: EvolutionSettings, seed: int, store: RunStore) -> None:
+    def __init__(
+        self,
+        problem: Problem,
+        settings: EvolutionSettings,
+        seed: int,
+        store: RunStore,
+        prepare: PrepareMeasures | None = None,
+    ) -> None:
         self._problem = problem
         self._settings = settings
         self._seed = seed
         self._store = store
+        self._prepare = prepare
         self._levels = LevelFactory(problem, problem.behaviour)
         self._next_id = store.next_id()
         self._started = time.monotonic()
@@ -131,13 +150,16 @@ class Evolution:
 
     def _create_population(self) -> Generation:
         """Create and store the initial population (step 4.1), by random rule applications to the initial model."""
-        problem, settings, varied = self._problem, self._settings, self._variation
+        problem, settings = self._problem, self._settings
         first = self._make_member(0, -1, None, (), self._current_level(self._levels.origin, problem.compute_measures()))
         members = [first] if settings.keep_initial else []
         born = [first.individual]
-        for child in range(settings.population - len(members)):
-            rng = self._random_generator(0, child)
-            found = self._vary_member(first, rng, lambda rng: varied.apply_several(rng, settings.initial_applications))
+        children = range(settings.population - len(members))
+        if self._prepare:
+            starts = [((), self._random_generator(0, child)) for child in children]
+            self._prepare(problem, vary_initial_model, starts)
+        for child in children:
+            found = self._vary_member(first, self._random_generator(0, child), vary_initial_model)
             if found is not None:
                 members.append(self._make_member(0, child, first, *found))
                 born.append(members[-1].individual)
@@ -154,15 +176,19 @@ class Evolution:
             settings.population,
             self._random_generator(number, _SELECTION_SPAWN_KEY + 1),
         )
-        found = {}
-        for child in sorted(
-            range(len(parents)), key=parents.__getitem__
-        ):  # by parent, so that consecutive checkouts are close to each other
-            rng = self._random_generator(number, child)
-            if (
-                rng.random() < settings.rate
-            ):  # otherwise the child is a copy of the parent, which is in the pool already
-                found[child] = self._vary_member(self._members[parents[child]], rng, self._variation.mutate)
+        # By parent, so that consecutive checkouts are close to each other.
+        children = sorted(range(len(parents)), key=parents.__getitem__)
+        if self._prepare:
+            lines = [self._trace_of(member) for member in self._members]
+            self._prepare(
+                self._problem,
+                vary_parent,
+                [(lines[parents[child]], self._random_generator(number, child)) for child in children],
+            )
+        found = {
+            child: self._vary_member(self._members[parents[child]], self._random_generator(number, child), vary_parent)
+            for child in children
+        }
         pool, born = list(self._members), []
         known = {member.individual.state_hash for member in pool}
         for child, made in sorted(found.items()):
@@ -230,13 +256,15 @@ class Evolution:
 
     # --- helpers of the steps
 
-    def _vary_member(
-        self, parent: _PopulationMember, rng: Generator, vary: Callable[[Generator], Trace | None]
-    ) -> tuple[Trace, ModelLevel] | None:
+    def _trace_of(self, member: _PopulationMember) -> Trace:
+        """Return the rule applications that lead from the initial model to a member."""
+        return tuple(step for one in self._store.lineage(member.individual.id) for step in one.trace)
+
+    def _vary_member(self, parent: _PopulationMember, rng: Generator, vary: Vary) -> tuple[Trace, ModelLevel] | None:
         """Vary the parent until the result is valid. Return the rule applications and the level, or None."""
         engine = self._problem.engine
         engine.checkout(parent.level.version, discard=True)
-        found = self._variation.vary_until_valid(rng, vary)
+        found = vary(self._variation, self._settings, rng)
         return None if found is None else (found[0], self._current_level(engine.commit(), found[1]))
 
     def _current_level(self, version: Version, measures: Mapping[str, float]) -> ModelLevel:

@@ -10,7 +10,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 from dataclasses import replace
-from typing import Final
+from typing import Final, NamedTuple
 
 from numpy.random import Generator, SeedSequence, default_rng
 
@@ -19,12 +19,15 @@ from envgraph.graph import Version
 from envgraph.search._run_store import Generation, Individual, RunStore, Trace
 from envgraph.search.evolution._bin_archive import Archive
 from envgraph.search.evolution._evolution_settings import EvolutionSettings, SampleSettings
-from envgraph.search.evolution._mutation import Variation
+from envgraph.search.evolution._mutation import PrepareMeasures, Variation, Varied
 from envgraph.search.problem._problem import Problem
 
 WALK_LENGTH: Final = 16
 """Number of models on a walk: at about this length members differ most, and longer walks save little time
 (`benchmarks/bench_samples.py`)."""
+
+MOST_WALKS: Final = 64
+"""The largest number of walks that begin at the members of the same archive, and so can be prepared in parallel."""
 
 _ATTEMPTS_PER_REPORT: Final = 256
 """Number of attempts after which progress is reported."""
@@ -69,6 +72,28 @@ class OfferedModel:
     version: Version | None = None
 
 
+def vary_model(variation: Variation, settings: EvolutionSettings, rng: Generator) -> Varied | None:
+    """Vary a model to the next one of a walk; None if all attempts fail."""
+    if settings.strength == "heavy_tailed":
+        return variation.vary_until_valid(rng, variation.mutate)
+    return variation.vary_until_valid(rng, lambda rng: variation.apply_several(rng, settings.initial_applications))
+
+
+def walk(variation: Variation, settings: EvolutionSettings, rng: Generator) -> None:
+    """Vary a model to all models of a walk."""
+    for _ in range(WALK_LENGTH):
+        if vary_model(variation, settings, rng) is None:
+            return
+
+
+class _Walk(NamedTuple):
+    """The beginning of a walk: number and version of its first model, and its random generator."""
+
+    parent: int
+    version: Version
+    rng: Generator
+
+
 class ModelSampler:
     """A sampler of members by random walks from the initial model.
 
@@ -77,11 +102,18 @@ class ModelSampler:
         settings: parameters of mutations.
         sample_settings: the number of members and the measures to cover.
         seed: the only source of randomness; each walk has its own generator.
+        prepare: prepares the measures of the models of several walks in parallel; None: nothing is prepared.
     """
 
     def __init__(
-        self, problem: Problem, settings: EvolutionSettings, sample_settings: SampleSettings, seed: int
+        self,
+        problem: Problem,
+        settings: EvolutionSettings,
+        sample_settings: SampleSettings,
+        seed: int,
+        prepare: PrepareMeasures | None = None,
     ) -> None:
+        self._prepare = prepare
         self._problem, self._settings, self._sample_settings, self._seed = (
             problem,
             settings,
@@ -105,7 +137,12 @@ class ModelSampler:
         """
         reported = 0
         while not self._is_over():
-            self._walk_models(WALK_LENGTH, self._offer_with_quality)
+            walks = [self._begin_walk() for _ in range(min(MOST_WALKS, 1 + len(self._archive) // WALK_LENGTH))]
+            if self._prepare:
+                self._prepare(self._problem, walk, [(self._trace_of(one.parent), one.rng) for one in walks])
+            for one in walks:
+                if not self._is_over():
+                    self._walk_models(one, WALK_LENGTH, self._offer_with_quality)
             if self._attempts >= reported:
                 reported = self._attempts + _ATTEMPTS_PER_REPORT
                 progress(self.progress)
@@ -126,7 +163,7 @@ class ModelSampler:
 
         last = self._attempts + 100 * count
         while len(found) < count and self._attempts < last:
-            self._walk_models(1, keep_candidate)
+            self._walk_models(self._begin_walk(), 1, keep_candidate)
         return found
 
     def archive_members(self) -> list[tuple[Individual, Version]]:
@@ -159,14 +196,27 @@ class ModelSampler:
         enough = self._archive.is_evenly_filled and not self._sample_settings.ranking_measures
         return enough or self._attempts >= self._sample_settings.attempts
 
-    def _walk_models(self, length: int, offer: Callable[[OfferedModel, Generator], int | None]) -> None:
-        """Walk from a sampled member of the archive over at most `length` valid models, and offer the new ones."""
-        engine, variation, rng = self._problem.engine, self._variation, self.next_generator()
-        parent, since = self._archive.sample_member(rng), Trace()
-        engine.checkout(self._versions[parent], discard=True)
+    def _begin_walk(self) -> _Walk:
+        """Return a walk from a sampled member of the archive."""
+        rng = self.next_generator()
+        parent = self._archive.sample_member(rng)
+        return _Walk(parent, self._versions[parent], rng)
+
+    def _trace_of(self, number: int) -> Trace:
+        """Return the rule applications that lead from the initial model to a model."""
+        steps, place = Trace(), number
+        while (individual := self._individuals[place]).parent is not None:
+            steps, place = individual.trace + steps, individual.parent
+        return steps
+
+    def _walk_models(self, begun: _Walk, length: int, offer: Callable[[OfferedModel, Generator], int | None]) -> None:
+        """Walk over at most `length` valid models, and offer the new ones."""
+        engine, variation, parent, rng, since = self._problem.engine, self._variation, begun.parent, begun.rng, Trace()
+        offers = rng.spawn(1)[0]  # whether a model is added changes nothing on the rest of the walk
+        engine.checkout(begun.version, discard=True)
         for _ in range(length):
             before = variation.rejection_counts.total()
-            step = variation.vary_until_valid(rng, self._vary_model)
+            step = vary_model(variation, self._settings, rng)
             self._attempts += variation.rejection_counts.total() - before + (step is not None)
             if step is None:
                 return
@@ -177,16 +227,11 @@ class ModelSampler:
                 variation.rejection_counts[REPEATED_MODEL_REASON] += 1
                 continue
             self._known_states.add(state)
-            found = offer(OfferedModel(parent, since, measures, state), rng)
+            found = offer(OfferedModel(parent, since, measures, state), offers)
             if found is not None:
                 parent, since = found, ()
             if self._is_over():
                 return
-
-    def _vary_model(self, rng: Generator) -> Trace | None:
-        if self._settings.strength == "heavy_tailed":
-            return self._variation.mutate(rng)
-        return self._variation.apply_several(rng, self._settings.initial_applications)
 
     def _offer_with_quality(self, offered: OfferedModel, rng: Generator) -> int | None:
         return self.offer_model(offered, self._quality(offered.measures), rng)

@@ -14,10 +14,24 @@ from typing import TYPE_CHECKING
 from envgraph.errors import RuleError
 from envgraph.lang import Strength
 from envgraph.search._run_store import Trace
+from envgraph.search.evolution._evolution_settings import EvolutionSettings
 from envgraph.search.problem._problem import Problem
 
 if TYPE_CHECKING:
     from numpy.random import Generator
+
+Varied = tuple[Trace, dict[str, float]]
+"""A valid model: the rule applications that made it, and its measures."""
+
+Vary = Callable[["Variation", EvolutionSettings, "Generator"], Varied | None]
+"""Makes models from the engine's current one; a function of a module, so that worker processes can load it."""
+
+PrepareMeasures = Callable[[Problem, Vary, Sequence[tuple[Trace, "Generator"]]], None]
+"""Computes the measures of models in parallel before the search needs them, and adds them to the cache of its problem.
+
+Its last argument has, for each call of the function, the rule applications that lead from the initial model to the one
+to vary, and the random generator, which is not changed.
+"""
 
 RuleApplication = tuple[str, tuple[int | float | bool | str, ...]]
 
@@ -42,9 +56,7 @@ class Variation:
         self._most_applications = 2 * len(problem.engine.model) if strength == "heavy_tailed" else 1
         self.rejection_counts: Counter[str] = Counter()
 
-    def vary_until_valid(
-        self, rng: Generator, vary: Callable[[Generator], Trace | None]
-    ) -> tuple[Trace, dict[str, float]] | None:
+    def vary_until_valid(self, rng: Generator, vary: Callable[[Generator], Trace | None]) -> Varied | None:
         """Call `vary` until the model is valid; return the rule applications and the measures.
 
         Each attempt that fails is rolled back and its reason is counted. If all attempts fail, return None.

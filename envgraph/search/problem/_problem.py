@@ -262,6 +262,16 @@ class Problem:
             )
         return self._results_by_state[state]
 
+    def take_results(self) -> dict[int, dict[str, float] | str]:
+        """Return the cached results by state hash, and empty the cache."""
+        found = dict(self._results_by_state)
+        self._results_by_state.clear()
+        return found
+
+    def add_results(self, results: Mapping[int, dict[str, float] | str]) -> None:
+        """Add results that another problem of the same domain has cached; see `take_results`."""
+        self._results_by_state.update(results)
+
     def _compute_measures_or_rejection(self, checks: Sequence[Constraint]) -> dict[str, float] | str:
         if not all(check.holds(self.engine) for check in checks):
             first = next(self.violated_constraints())

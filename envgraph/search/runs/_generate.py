@@ -21,6 +21,7 @@ from envgraph.search.families._member_family import Family, load_stored_domain, 
 from envgraph.search.problem._objective import Objective
 from envgraph.search.problem._problem import Problem
 from envgraph.search.runs._ga4cl import GridVariant, format_ga4cl, grid_rows, parse_ga4cl, retype_grid
+from envgraph.search.runs._parallel_measures import MeasureWorkers
 from envgraph.search.runs._reward_schedule import reward_schedule
 
 OnGeneration = Callable[[Generation], None]
@@ -58,7 +59,8 @@ def generate(
         climbing: called regularly during a curriculum search.
         drawing: called regularly during sampling.
         warn: called at the start with the warnings.
-        workers: number of threads for learners of an objective, which does not affect the result.
+        workers: number of threads for learners of an objective, or of processes for measures. It does not affect the
+            result.
 
     Returns:
         The family of the last generation. See `Outcome.of` for its diversity, and `why_low` for the reason if it is
@@ -181,11 +183,11 @@ def _search_function(
 ) -> Callable[[RunStore], object]:
     """Return a function that makes a family, by evolution, curriculum search or sampling, and writes it to a store."""
     search, settings, seed = domain.curriculum_search(), domain.settings(), domain.spec.seed
-    wanted = domain.samples()
+    wanted, pool = domain.samples(), MeasureWorkers(domain, workers) if workers > 1 else None
     if wanted is not None:
-        return lambda store: _sample_and_write(ModelSampler(problem, settings, wanted, seed), drawing, store)
+        return lambda store: _sample_and_write(ModelSampler(problem, settings, wanted, seed, pool), drawing, store)
     if search is None:
-        return lambda store: Evolution(problem, settings, seed, store).run(progress)
+        return lambda store: Evolution(problem, settings, seed, store, pool).run(progress)
     assert domain.behaviour is not None, "check_family demands an environment for an objective"
     make, climb = search
     levels = LevelFactory(problem, domain.behaviour)

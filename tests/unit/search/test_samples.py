@@ -3,10 +3,12 @@
 from __future__ import annotations
 
 import json
+import re
 import sqlite3
 import sys
 from collections import Counter
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -28,6 +30,7 @@ from envgraph.search import (
     why_low,
     write_family,
 )
+from envgraph.search.problem._problem import Problem
 from tests.unit.search.test_generate import maps, reachable
 
 COVER = "samples.cover={ complexity = 5 }"
@@ -224,6 +227,30 @@ def test_member_whose_model_differs_from_its_stored_hash_is_reported_on_access(r
         found.model(wrong)
 
 
+@pytest.mark.parametrize("settings", [["samples.count=24"], ["search.generations=2"]])
+def test_worker_processes_compute_the_measures_and_change_nothing(
+    settings: list[str], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    wanted = [*settings, 'measures.chance={ kind = "random_success", otherwise = 0.0 }']
+    judged = Counter[str]()
+    judge = Problem._compute_measures_or_rejection
+
+    def count(self: Problem, checks: Any) -> Any:
+        judged[stage] += 1
+        return judge(self, checks)
+
+    monkeypatch.setattr(Problem, "_compute_measures_or_rejection", count)
+    found = {}
+    for workers in (1, 2):
+        stage = f"{workers} workers"
+        family = generate(
+            "burning_forest/paper.toml", tmp_path / f"{workers}.sqlite", overrides=wanted, workers=workers
+        )
+        found[stage] = write_family(family)
+    assert found["1 workers"] == found["2 workers"]
+    assert judged["2 workers"] == 0 < judged["1 workers"]  # the search found all results in its cache
+
+
 def test_commands_summarise_families_of_many_members(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
@@ -239,5 +266,15 @@ def test_commands_summarise_families_of_many_members(
     assert "three quarters" in printed and "E7" not in printed
     assert "`--variant E1` shows an environment" in call("show", "many")
     assert "E7  complexity" in call("show", "many", "--variant", "E7")
-    monkeypatch.setattr(sys, "argv", ["envgraph", "train", "many"])
-    assert main() == 1 and "101 environments, but a curriculum has at most 100" in capsys.readouterr().err
+    quickly = ["--steps", "50", "--seeds", "2", "--curricula", "full", "--controls", "none"]
+    monkeypatch.setattr(sys, "argv", ["envgraph", "train", "many", *quickly, "--set", "training.learning_rate=0.25"])
+    assert main() == 0
+    out, err = capsys.readouterr()
+    assert "6 of the 101 environments of `many`, evenly spaced by `complexity`" in err
+    assert "curriculum" in out and len(re.findall(r"E\d+", out)) > 1
+    monkeypatch.setattr(sys, "argv", ["envgraph", "train", "many", "--members", "101"])
+    assert main() == 1 and "`--members` is 101, but a curriculum has at most 100" in capsys.readouterr().err
+    monkeypatch.setattr(sys, "argv", ["envgraph", "train", "many", "--set", "search.population=4"])
+    assert main() == 1 and "`--set search.population=4` is no setting of a training" in capsys.readouterr().err
+    monkeypatch.setattr(sys, "argv", ["envgraph", "train", "many", "--set", "training.learning_speed=0.2"])
+    assert main() == 1 and "did you mean `learning_rate`?" in capsys.readouterr().err
