@@ -27,6 +27,7 @@ if TYPE_CHECKING:
         ObservePath as ObservePath,
         ObserveRange as ObserveRange,
         OnFind as OnFind,
+        OnRefused as OnRefused,
         OnReset as OnReset,
         RuleCall as RuleCall,
         Token as Token,

@@ -6,7 +6,7 @@ The docstring of `Simulator` defines a step.
 from __future__ import annotations
 
 from dataclasses import field
-from typing import Literal
+from typing import ClassVar, Literal
 
 from envgraph.code import dataclass
 from envgraph.errors import Span
@@ -95,6 +95,20 @@ class OnFind:
 
 
 @dataclass(frozen=True, slots=True)
+class OnRefused:
+    """A clause for steps in which the model refuses a rule: `on refused reward e terminate success|failure`.
+
+    Without such a clause a refusal is an error. In an `agent` block it is about the rules of the agent's actions and of
+    the clauses of the block, otherwise about all rules. Without reward and end it is written `on refused nothing()`.
+    """
+
+    apply: ClassVar[tuple[Branch, ...]] = ()
+    reward: Expression | None = None
+    end: End | None = None
+    span: Span | None = field(default=None, compare=False, repr=False)
+
+
+@dataclass(frozen=True, slots=True)
 class OnReset:
     """A clause for resets: `on reset apply branches` samples a branch, then a match of its rule in the initial model.
 
@@ -165,7 +179,7 @@ class ObserveAttribute:
 
 ObservePath = ObserveObject | ObserveRange | ObserveAttribute
 Observation = ObservePath | ObserveFind
-Effect = EachStep | OnFind
+Effect = EachStep | OnFind | OnRefused
 
 
 @dataclass(frozen=True, slots=True)
@@ -269,4 +283,4 @@ class Behaviour:
     def can_succeed(self) -> bool:
         """Return True if a clause, of an agent block or not, ends episodes in success."""
         effects = [*self.effects, *(effect for agent in self.agents for effect in agent.effects)]
-        return any(isinstance(effect, OnFind) and effect.end == "success" for effect in effects)
+        return any(not isinstance(effect, EachStep) and effect.end == "success" for effect in effects)

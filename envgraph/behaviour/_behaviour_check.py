@@ -6,7 +6,7 @@ from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import replace
 from itertools import combinations
 
-from envgraph.behaviour._behaviour import Action, Agent, Behaviour, Domain, EachStep, Effect, OnFind
+from envgraph.behaviour._behaviour import Action, Agent, Behaviour, Domain, Effect, OnFind, OnRefused
 from envgraph.behaviour._clause_checks import Scope, type_names
 from envgraph.behaviour._helper_patterns import condition_helper, is_bound_by_match, names_after_condition
 from envgraph.behaviour._lost_objects import loss_warnings
@@ -63,10 +63,12 @@ class _BehaviourChecker(CallChecks, ViewChecks):
         """Check all clauses of the behaviour."""
         scope: Scope = {**dict.fromkeys(behaviour.unread), **self._check_parameters(behaviour.parameters)}
         first: dict[str, Span | None] = {}
+        handled = self.handles_refusals = any(isinstance(effect, OnRefused) for effect in behaviour.effects)
         self._check_clauses(behaviour, scope, first)
         for reset in behaviour.resets:
             self._check_effect(reset.as_effect, scope)
         for agent in behaviour.agents:
+            self.handles_refusals = handled or any(isinstance(effect, OnRefused) for effect in agent.effects)
             self._check_agent(agent, scope, first)
         self._check_agents_disjoint(behaviour.agents)
         if not behaviour.unread:
@@ -209,14 +211,11 @@ class _BehaviourChecker(CallChecks, ViewChecks):
     # --- effects
 
     def _check_effect(self, effect: Effect, scope: Scope) -> None:
-        if isinstance(effect, EachStep):
-            self.check_reward(effect.reward, scope)
-            self.check_branches(effect.apply, scope)
-            return
-        inner = {**scope, **self._check_condition(effect, scope)}
-        self.check_reward(effect.reward, inner)
-        self.check_reward(effect.weight, inner)
-        self.check_branches(effect.apply, inner)
+        if isinstance(effect, OnFind):
+            scope = {**scope, **self._check_condition(effect, scope)}
+            self.check_reward(effect.weight, scope)
+        self.check_reward(effect.reward, scope)
+        self.check_branches(effect.apply, scope)
 
     def _check_condition(self, effect: OnFind, scope: Scope) -> Scope:
         """Check a condition; return the types of the variables that its matches bind."""

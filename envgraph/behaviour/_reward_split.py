@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import replace
 
-from envgraph.behaviour._behaviour import Action, Behaviour, EachStep, Effect
+from envgraph.behaviour._behaviour import Action, Behaviour, EachStep, Effect, OnFind
 from envgraph.errors import check_known
 from envgraph.pattern import Negation, PatternCall
 
@@ -13,8 +13,8 @@ from envgraph.pattern import Negation, PatternCall
 def reward_names(behaviour: Behaviour) -> tuple[str, ...]:
     """Return the names of the clauses that pay rewards, in the order of the file; clauses of the same name count once.
 
-    An action has its own name, an `each step` clause is named "each step", and `on find p(..)` has the name of the
-    pattern, after "neg" if it is negated.
+    An action has its own name, an `each step` clause is named "each step", an `on refused` clause "refused", and
+    `on find p(..)` has the name of the pattern, after "neg" if it is negated.
     """
     own = [one for agent in behaviour.agents for one in (*agent.actions, *agent.effects)]
     return tuple(
@@ -61,8 +61,8 @@ def _has_reward(one: Action | Effect) -> bool:
 def _clause_name(one: Action | Effect) -> str:
     if isinstance(one, Action):
         return one.name
-    if isinstance(one, EachStep):
-        return "each step"
+    if not isinstance(one, OnFind):
+        return "each step" if isinstance(one, EachStep) else "refused"
     condition = one.condition
     call = condition.relation if isinstance(condition, Negation) else condition
     assert isinstance(call, PatternCall)

@@ -36,6 +36,9 @@ from envgraph.rewrite import Engine, Signature
 class CallChecks(CheckBase):
     """The checks of clauses that apply rules or pay rewards."""
 
+    handles_refusals = False
+    """True if an `on refused` clause is about the rules that the checked clauses call."""
+
     def check_branches(self, branches: Sequence[Branch], scope: Scope) -> list[Scope]:
         """Check a list of branches; return the output variables of each branch."""
         fixed = [self._check_probability(branch, scope) for branch in branches]
@@ -132,7 +135,7 @@ class CallChecks(CheckBase):
             message = f"`{call.rule}` is a group of rules, but an environment calls single rules or units"
             self.report("no-rule", message, call.rule_span or call.span, "name a rule or a unit")
             return _supposed_outputs(call, scope)
-        self._check_dangling(call.rule, call.rule_span or call.span)
+        self._check_refusals(call.rule, call.rule_span or call.span)
         if len(call.arguments) != len(signature.parameters):
             count = count_with_noun(len(signature.parameters), "argument")
             message = f"{signature.kind} `{call.rule}` takes {count}, not {len(call.arguments)}"
@@ -141,17 +144,18 @@ class CallChecks(CheckBase):
             return _supposed_outputs(call, scope)
         return self._check_arguments(call, signature, scope)
 
-    def _check_dangling(self, rule: str, span: Span | None) -> None:
-        """Warn once for each deletion of a rule that is refused if the object has other links (dangling edges).
-
-        During an episode, a refused deletion raises an error.
-        """
-        for one in self.engine.catalog.unnamed_links(rule):
-            links = list_names(map(str, one.references))
-            message = f"`{rule}` deletes `{one.name}`, but is refused if it has other links: {links}"
+    def _check_refusals(self, rule: str, span: Span | None) -> None:
+        """Warn once of each rule that the model may refuse, unless an `on refused` clause is about it."""
+        found = () if self.handles_refusals else self.engine.catalog.possible_refusals(rule)
+        for one in found[:1]:
+            links = list_names(map(str, one.features))
+            message = f"`{rule}` adds to {links}, but is refused if there is no room"
+            hint = "ask in the rule how many there are, or write `on refused ..`"
+            if one.deleted is not None:
+                message = f"`{rule}` deletes `{one.deleted}`, but is refused if it has other links: {links}"
+                hint = "match them in the rule, forbid them in `not`, or write `@semantics(spo)` or `on refused ..`"
             if all(problem.message != message for problem in self.problems):
-                hint = "match them in the rule, forbid them in `not`, or write `@semantics(spo)` to delete them too"
-                notes = (Note("the object is deleted here", one.span),)
+                notes = tuple(dict.fromkeys(Note("the change is here", each.span) for each in found))
                 self.report("may-be-refused", message, span, hint, Severity.WARNING, notes)
 
     def _report_unknown_rule(self, call: RuleCall) -> None:

@@ -36,6 +36,7 @@ if TYPE_CHECKING:
         ObserveObject as ObserveObject,
         ObserveRange as ObserveRange,
         OnFind as OnFind,
+        OnRefused as OnRefused,
         OnReset as OnReset,
         RuleCall as RuleCall,
         Token as Token,

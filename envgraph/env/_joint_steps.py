@@ -7,7 +7,7 @@ from functools import cached_property
 from itertools import product
 from math import prod
 
-from envgraph.behaviour import Behaviour, Effect, KeyIndex
+from envgraph.behaviour import Behaviour, Effect, KeyIndex, RuleCall
 from envgraph.env._agent_order import AgentOrder, PreparedAgent
 from envgraph.env._observation_components import combined_component_names
 from envgraph.env._prepared_behaviour import PreparedBehaviour
@@ -18,6 +18,7 @@ from envgraph.env._prepared_clauses import (
     PendingMatch,
     PreparedEachStep,
     PreparedOnFind,
+    PreparedOnRefused,
     Reward,
     run_pending,
 )
@@ -44,8 +45,7 @@ class AgentStepper:
     Attributes:
         acting: see above.
         n_actions: the number of actions.
-        has_acted: True if the action of the last step applied a rule or sampled the branch `nothing()`; always True
-            if agents act together.
+        has_acted: see `Simulator`.
     """
 
     def __init__(self, agents: AgentOrder, acting: Sequence[PreparedAgent], model: Model) -> None:
@@ -75,13 +75,19 @@ class AgentStepper:
         self._counted = [self._accounts[place][-1] for place in present] or [agents]
         self._clauses: list[_Clause] = []
         self._applied = []
+        self._on_refused: list[tuple[PreparedOnRefused, NameValues, list[int], list[list[RuleCall]]]] = []
         for number, shared, effect in effects:
             bound = self.acting[number].behaviour.bound_values
             if isinstance(effect, PreparedEachStep) and effect.apply is not None:
                 self._applied.append((effect.apply, bound))
             condition = effect if isinstance(effect, PreparedOnFind) else None
             paid = [*present] or [agents] if shared else self._accounts[number]
-            self._clauses.append((condition, effect.reward, bound, paid))
+            if isinstance(effect, PreparedOnRefused):
+                calls = [agent.behaviour.refusals for agent in (self.acting if shared else [self.acting[number]])]
+                about = [one for each in calls for is_shared, one in each.items() if shared or not is_shared]
+                self._on_refused.append((effect, bound, paid, about))
+            reward = None if isinstance(effect, PreparedOnRefused) else effect.reward
+            self._clauses.append((condition, reward, bound, paid))
         self._places = [
             [place for place, (owner, shared, _) in enumerate(effects) if shared or owner == number] + [len(effects)]
             for number in range(agents)
@@ -111,7 +117,7 @@ class AgentStepper:
         for apply, bound in self._applied:
             apply.run(bound, choices, self._model)
         self._sums = sums = [0.0] * 2 * len(self.acting)
-        end, total = 0, 0.0
+        ends, total = [0], 0.0
         pending: list[PendingMatch] = []
         for effect, reward, scope, accounts in clauses:
             for row in _ONE_ROW if effect is None else effect.matches():
@@ -120,28 +126,36 @@ class AgentStepper:
                     for account in accounts:
                         sums[account] += gain
                 if effect is not None:
-                    # Failure takes precedence over success, success over truncation, and truncation over no end.
-                    end = max(end, effect.end) or min(end, effect.end)
+                    ends.append(effect.end)
                     if effect.apply is not None:
                         pending.append((scope, effect, row))
         if pending:
             run_pending(pending, choices, self._model)
+        for refused, scope, accounts, refusals in self._on_refused:
+            if any(refusals):
+                ends.append(refused.end)
+                if refused.reward is not None:
+                    gain = refused.reward(scope)
+                    for account in accounts:
+                        sums[account] += gain
         for account in self._counted:
             total += sums[account]
-        return total, end
+        # Failure takes precedence over success, success over truncation, and truncation over no end.
+        return total, max(ends) or min(ends)
 
     def _act(self, number: int, choices: ChoiceSource) -> list[_Clause]:
         """Do the actions of all agents; return the clauses of the step, among them the rewards of these actions."""
         self.has_acted = self._agents.together
         moves: list[tuple[int, int, Reward, NameValues]] = []
         for agent in self.acting:
-            agent.behaviour.calls_done.clear()
+            for calls in (agent.behaviour.calls_done, *agent.behaviour.refusals.values()):
+                calls.clear()
         for place in self._present:
             agent = self.acting[place]
             action = agent.actions[number // self._weights[place] % self._weights[1]]
             scope = action.current_scope(agent.behaviour.bound_values)
             done = action.branches.run(scope, choices, self._model)
-            if done is not None:
+            if done is not None or agent.behaviour.refusals.get(False):
                 self.has_acted = True
             reward = action.else_reward if done is None else action.reward
             if reward is not None:

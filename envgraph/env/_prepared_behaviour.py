@@ -23,6 +23,7 @@ from envgraph.behaviour import (
     ObservePath,
     ObserveRange,
     OnFind,
+    OnRefused,
     RuleCall,
     bind_parameters,
     condition_helper,
@@ -54,6 +55,7 @@ from envgraph.env._prepared_clauses import (
     PreparedCall,
     PreparedEachStep,
     PreparedOnFind,
+    PreparedOnRefused,
     Reward,
     merge_clauses,
 )
@@ -100,6 +102,8 @@ class PreparedBehaviour:
         effects, components: the agent's prepared effects and observation components, in the order of the text.
         is_shared_effect, is_shared_component: for each of them, True if it stands outside of `agent` blocks.
         effect_clauses: the `effects` as clauses of the behaviour, with the classes of the names in their scope.
+        refusals: the refused calls of a step: by False those of the agent's actions and block, by True those of shared
+            clauses. A refusal whose list is missing is an error.
     """
 
     def __init__(
@@ -125,13 +129,15 @@ class PreparedBehaviour:
             own = {**shared, block.variable: block.cls}
         self._objects: dict[str, KeyedObjects] = {}
         effects = merge_clauses(block.effects, own, behaviour.effects, shared)
+        handled = [types is shared for effect, types in effects if isinstance(effect, OnRefused)]
+        self.refusals: dict[bool, list[RuleCall]] = {key: [] for key in ((False, True) if any(handled) else handled)}
         actions = merge_clauses(block.actions, own, behaviour.actions, shared)
         seen = merge_clauses(block.observations, own, behaviour.observations, shared)
         self.actions = [one for action, types in actions for one in self._prepare_actions(action, types, effects)]
-        self.effects = [self._prepare_effect(effect, types) for effect, types in effects]
+        self.effects = [self._prepare_effect(effect, types, types is shared) for effect, types in effects]
         self.effect_clauses = effects
         self.is_shared_effect = [types is shared for _, types in effects]
-        self.resets = [self._prepare_effect(reset.as_effect, shared) for reset in behaviour.resets]
+        self.resets = [self._prepare_effect(reset.as_effect, shared, True) for reset in behaviour.resets]
         parts = [(part, types is shared) for clause, types in seen for part in self._prepare_components(clause, types)]
         self.components = [part for part, _ in parts]
         self.is_shared_component = [is_shared for _, is_shared in parts]
@@ -141,12 +147,9 @@ class PreparedBehaviour:
     def _prepare_actions(
         self, action: Action, types: NameClasses, effects: Sequence[tuple[Effect, NameClasses]]
     ) -> Iterator[PreparedAction]:
-        branches = self._prepare_branches(action.branches)
+        branches = self._prepare_branches(action.branches, self.refusals.get(False))
         types = {**types, **{name: domain.cls for name, domain in action.parameters if domain.cls}}
-        reward, else_reward = (
-            self._prepare_reward(action.reward, types),
-            self._prepare_reward(action.else_reward, types),
-        )
+        reward, else_reward = (self._prepare_reward(one, types) for one in (action.reward, action.else_reward))
         before = sum(1 for effect, _ in effects if precedes_action(effect, action))
         takes = [self._value_getter(domain) for _, domain in action.parameters]
         for name, values in expand_action(action, self._keys, self.model.metamodel):
@@ -173,11 +176,9 @@ class PreparedBehaviour:
             self._objects[cls] = KeyedObjects(self.model, self._keys, cls)
         return self._objects[cls]
 
-    def _prepare_branches(self, branches: Sequence[Branch]) -> PreparedBranches:
-        return PreparedBranches(
-            self._probability_function(branches),
-            tuple(self._prepare_call(branch.call) for branch in branches),
-        )
+    def _prepare_branches(self, branches: Sequence[Branch], refusals: list[RuleCall] | None) -> PreparedBranches:
+        calls = tuple(self._prepare_call(branch.call, refusals) for branch in branches)
+        return PreparedBranches(self._probability_function(branches), calls)
 
     def _probability_function(self, branches: Sequence[Branch]) -> Callable[[NameValues], Sequence[float]]:
         given = [branch.probability for branch in branches]
@@ -220,7 +221,7 @@ class PreparedBehaviour:
         ]
         return f", where {' and '.join(reported)}" if reported else ""
 
-    def _prepare_call(self, call: RuleCall) -> PreparedCall | None:
+    def _prepare_call(self, call: RuleCall, refusals: list[RuleCall] | None) -> PreparedCall | None:
         if call.rule is None:
             return None
         pairs = list(zip(call.arguments, self.engine.signature(call.rule).parameters, strict=True))
@@ -238,6 +239,7 @@ class PreparedBehaviour:
             tuple(outputs.values()),
             call,
             self.calls_done,
+            refusals,
         )
 
     def _prepare_argument(self, argument: Expression, is_float: bool) -> Callable[[NameValues], Value | None]:
@@ -283,23 +285,21 @@ class PreparedBehaviour:
 
     # --- effects
 
-    def _prepare_effect(self, effect: Effect, types: NameClasses) -> PreparedEachStep | PreparedOnFind:
+    def _prepare_effect(
+        self, effect: Effect, types: NameClasses, is_shared: bool
+    ) -> PreparedEachStep | PreparedOnFind | PreparedOnRefused:
+        reward = self._prepare_reward(effect.reward, types)
+        if isinstance(effect, OnRefused):
+            return PreparedOnRefused(reward, END_NUMBERS[effect.end])
+        apply = self._prepare_branches(effect.apply, self.refusals.get(is_shared)) if effect.apply else None
         if isinstance(effect, EachStep):
-            apply = self._prepare_branches(effect.apply) if effect.apply else None
-            return PreparedEachStep(self._prepare_reward(effect.reward, types), apply)
+            return PreparedEachStep(reward, apply)
         question = self._add_condition(effect.condition, types)
         matches, holds = self._match_functions(question)
         if isinstance(effect.condition, Negation):
             matches, holds = self._negated_match_functions(question, types, matches, holds)
-        return PreparedOnFind(
-            matches,
-            holds,
-            question.free,
-            self._prepare_reward(effect.reward, types),
-            END_NUMBERS[effect.end],
-            self._prepare_branches(effect.apply) if effect.apply else None,
-            self._prepare_weight(effect.weight),
-        )
+        end, weight = END_NUMBERS[effect.end], self._prepare_weight(effect.weight)
+        return PreparedOnFind(matches, holds, question.free, reward, end, apply, weight)
 
     def _prepare_weight(self, given: Expression | None) -> Reward | None:
         if given is None:

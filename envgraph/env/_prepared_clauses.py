@@ -10,10 +10,11 @@ from typing import Protocol, TypeVar
 
 from envgraph.behaviour import Action, Effect, Observation, ObserveRange, RuleCall
 from envgraph.code import dataclass
-from envgraph.errors import EvaluationError, Span
+from envgraph.errors import EvaluationError, RuleError, Span
 from envgraph.graph import Model
 from envgraph.match import Row
 from envgraph.metamodel import Value
+from envgraph.rewrite import REFUSALS
 
 NameValues = Mapping[str, Value | None]
 """The values of names during a step: data values, ids of objects, or None for a missing object."""
@@ -48,6 +49,7 @@ class PreparedCall:
         outputs: the names that get the outputs.
         call: the call in the behaviour.
         calls_done: a list to which the call is appended whenever its rule or unit was applied.
+        refusals: a list to which the call is appended whenever its rule was refused; None if a refusal is an error.
     """
 
     perform: PerformCall
@@ -57,6 +59,7 @@ class PreparedCall:
     outputs: tuple[str, ...]
     call: RuleCall
     calls_done: list[RuleCall]
+    refusals: list[RuleCall] | None
 
     def run(self, scope: NameValues, choices: ChoiceSource, model: Model) -> NameValues | None:
         """Apply the rule at one of its matches, or run the unit, and append the call to `calls_done`.
@@ -67,7 +70,13 @@ class PreparedCall:
         values = self._values(scope, model)
         if values is None:
             return None
-        result = self.perform(values, choices, model)
+        try:
+            result = self.perform(values, choices, model)
+        except RuleError as error:
+            if self.refusals is None or error.reason not in REFUSALS:
+                raise
+            self.refusals.append(self.call)
+            return None
         if result is None:
             return None
         self.calls_done.append(self.call)
@@ -212,6 +221,14 @@ class PreparedEachStep:
 
     reward: Reward | None
     apply: PreparedBranches | None
+
+
+@dataclass(frozen=True, slots=True)
+class PreparedOnRefused:
+    """An `on refused ..` clause, prepared to run; `end` is as in `PreparedOnFind`."""
+
+    reward: Reward | None
+    end: int
 
 
 @dataclass(frozen=True, slots=True)

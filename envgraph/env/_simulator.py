@@ -26,7 +26,7 @@ from envgraph.env._agent_order import AgentOrder, PreparedAgent
 from envgraph.env._joint_steps import AgentStepper, JointStepper
 from envgraph.env._observation_components import component_names
 from envgraph.env._prepared_behaviour import PreparedBehaviour
-from envgraph.env._prepared_clauses import ChoiceSource, PreparedOnFind, run_pending
+from envgraph.env._prepared_clauses import ChoiceSource, PreparedEachStep, PreparedOnFind, run_pending
 from envgraph.env._random_choices import UniformDraw, all_choice_sequences
 from envgraph.env._size_errors import TooManyStates
 from envgraph.env._tabular import nonempty_masks
@@ -63,17 +63,18 @@ class Simulator:
     and apply the rule; without a match the state does not change. (b) Run the `each step` rules in the same way. (c)
     Match all `on` clauses on the resulting state. (d) Evaluate all rewards on this state and sum them in the order of
     the file; failure takes precedence over success, and success over truncation. (e) Run the `apply`s of the clauses
-    in that order, each only if its match still is one. (f) The agent observes.
+    in that order, each only if its match still is one. (f) If a rule was refused, add the rewards and ends of the `on
+    refused` clauses that are about it; without such a clause a refusal is an error. (g) The agent observes.
 
     `reward` of an action is paid if its rule was applied or the branch `nothing()` was sampled. `else reward` is paid
-    if the rule had no match, or if no branch was sampled because their probabilities sum to less than 1.
+    if the rule had no match or was refused, or if no branch was sampled because their probabilities sum to less than 1.
 
     With `agent` blocks a step is the turn of one agent. The step runs the agent's block and the shared clauses, and its
     reward is that of the turn; then the next agent observes. Agents take turns block by block, within a block by key;
     agents whose object does not exist are skipped.
 
     Agents that act `joint_stepper` do one step: (a) Each agent that exists does its action, in the order of turns, on
-    the state that earlier agents have left. (b) to (e) happen once, clause by clause in the order of the file; a clause
+    the state that earlier agents have left. (b) to (f) happen once, clause by clause in the order of the file; a clause
     of a block runs for each of its agents that existed. An agent gets the rewards of its block and of shared clauses;
     the reward of the step counts shared rewards once. A joint action combines one action of each agent in one number,
     and its observation contains all that the agents observe.
@@ -93,8 +94,8 @@ class Simulator:
         joint_stepper: does the step of agents that act together; None if agents take turns.
         turn: the number of the agent that acts next; 0 if agents act together.
         action_names, observation_shape, n_observations: the actions and observations of a step.
-        has_acted: True if the action of the last step applied a rule or sampled the branch `nothing()`; always True
-            if agents act together.
+        has_acted: True if the action of the last step applied a rule, was refused, or sampled the branch `nothing()`;
+            always True if agents act together.
     """
 
     def __init__(self, engine: Engine, behaviour: Behaviour, keys: KeyIndex | None = None) -> None:
@@ -163,7 +164,7 @@ class Simulator:
 
         Raises:
             InvalidArgument: no episode has begun, or the action does not exist.
-            RuleError: a rule matches but cannot be applied.
+            RuleError: a rule matches but is refused, and no `on refused` clause is about it.
             EvaluationError: a reward has no value, or an observed object no index.
         """
         reward, terminated = self.step_without_observation(action, rng)
@@ -342,7 +343,7 @@ class Simulator:
         for reset in shared.resets:
             if isinstance(reset, PreparedOnFind):
                 run_pending([(shared.bound_values, reset, row) for row in reset.matches()], choices, self._model)
-            elif reset.apply is not None:
+            elif isinstance(reset, PreparedEachStep) and reset.apply is not None:
                 reset.apply.run(shared.bound_values, choices, self._model)
         _check_always_read(shared, self._always_read, self._model)
         self.turn = self.agents.next_turn(-1)

@@ -67,7 +67,7 @@ if TYPE_CHECKING:
         walk_of_savepoints as walk_of_savepoints,
     )
     from envgraph.rewrite.run._rule_choice import RuleChoice as RuleChoice
-    from envgraph.rewrite.run._rule_runner import Randomness as Randomness
+    from envgraph.rewrite.run._rule_runner import REFUSALS as REFUSALS, Randomness as Randomness
     from envgraph.rewrite.run._unit_programs import RunResult as RunResult
 
 export_lazily(globals())

@@ -22,6 +22,7 @@ from envgraph.behaviour import (
     ObserveObject,
     ObserveRange,
     OnFind,
+    OnRefused,
     OnReset,
     RuleCall,
     check_behaviour,
@@ -121,7 +122,8 @@ def random_behaviour_case(seed: int) -> BehaviourCase:
             edit(dice, other.model)
         engines.append(other)
     builder = _Builder(dice, engines, Dice(seed + 1))
-    return BehaviourCase(tuple(engines), builder.behaviour(), tuple(builder.refused))
+    behaviour = builder.with_refusals(builder.behaviour(), Dice(seed + 2))
+    return BehaviourCase(tuple(engines), behaviour, tuple(builder.refused))
 
 
 def _simplified_metamodel(dice: Dice, metamodel: Metamodel) -> Metamodel:
@@ -241,6 +243,26 @@ class _Builder:
             scope = {**self._scope, **free}
             branches, weight = self._applied(scope) if condition else (self._branches(scope)[0], None)
             found = self._with(found, resets=(*found.resets, OnReset(branches, condition, weight)))
+        return found
+
+    def with_refusals(self, found: Behaviour, dice: Dice) -> Behaviour:
+        """The behaviour, mostly with `on refused` clauses, shared ones or of blocks: by dice of their own, as above."""
+        self._dice = dice
+        for _ in range(dice.one([0, 1, 1, 2])):
+            block = dice.number(-1, len(found.agents) - 1)
+            scope = dict(self._scope)
+            if block >= 0:
+                scope[found.agents[block].variable] = ObjectType(found.agents[block].cls)
+            reward = self._reward(scope) if dice.chance(60) else None
+            end = dice.one([None, None, None, "success", "failure", "truncation"])
+            clause = OnRefused(reward, end)  # type: ignore[arg-type]
+            owner: Behaviour | Agent = found if block < 0 else found.agents[block]
+            effects = dice.one([(clause, *owner.effects), (*owner.effects, clause)])
+            if block < 0:
+                found = self._with(found, effects=effects)
+            else:
+                changed = replace(found.agents[block], effects=effects)
+                found = self._with(found, agents=(*found.agents[:block], changed, *found.agents[block + 1 :]))
         return found
 
     def _agent(self, found: Behaviour, number: int, together: bool) -> Behaviour:

@@ -268,7 +268,7 @@ DOCUMENT_FUNCTIONS: Final[Mapping[str, Callable[[DocumentBuilder, SyntaxPart], D
     **dict.fromkeys(("choice", "branches"), _alternatives_document),
     **dict.fromkeys(("extends", "tokens"), _list_document),
     **dict.fromkeys(
-        ("action", "each", "on", "reset", "observation", "draw_grid", "draw_graph"), _clause_document
+        ("action", "each", "on", "refused", "reset", "observation", "draw_grid", "draw_graph"), _clause_document
     ),
     "graph": _graph_document,
     "legend": _legend_document,

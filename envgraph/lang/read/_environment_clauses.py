@@ -24,6 +24,7 @@ from envgraph.behaviour import (
     ObserveObject,
     ObserveRange,
     OnFind,
+    OnRefused,
     OnReset,
     RuleCall,
     Token as DrawnToken,
@@ -219,6 +220,19 @@ def _parse_find_condition(reading: FileReading, tree: Tree[Token]) -> PatternCal
 def _parse_end(tree: Tree[Token]) -> End:
     word = str(tree.children[-1])
     return "truncation" if word == "truncate" else cast("End", word)
+
+
+def parse_on_refused(reading: FileReading, tree: Tree[Token]) -> OnRefused:
+    """Parse `on refused reward e terminate ..` or `on refused nothing()`; report an empty clause and other parts."""
+    reward, end, _ = _effect_parts(reading, tree)
+    hint = "write `reward`, `terminate` or `truncate`, or `on refused nothing()`"
+    others = select_trees(tree.children, "rule_call", "pattern_call", "apply")
+    if not (reward or end or others):
+        reading.error("empty-clause", "this clause does nothing", tree, hint)
+    for part in others:
+        if part.data != "rule_call" or _parse_rule_call(reading, part).rule is not None:
+            reading.error("misplaced-part", "`on refused` allows only `reward` and an end of the episode", part, hint)
+    return OnRefused(_parse_optional_expression(reading, reward), _parse_end(end) if end else None, reading.span(tree))
 
 
 def parse_on_reset(reading: FileReading, tree: Tree[Token]) -> OnReset | None:

@@ -14,6 +14,7 @@ from envgraph.lang.read._environment_clauses import (
     parse_each_step,
     parse_observation,
     parse_on_find,
+    parse_on_refused,
     parse_on_reset,
 )
 from envgraph.lang.read._file_reading import FileReading, TypeNames, resolve_type, type_name_span
@@ -124,11 +125,9 @@ def _parse_actions(reading: FileReading, clauses: Sequence[Tree[Token]]) -> tupl
 
 
 def _parse_effects(reading: FileReading, clauses: Sequence[Tree[Token]]) -> tuple[Effect, ...]:
-    """Parse the valid `each step` and `on find` clauses in the order of the text, in which rewards are summed."""
-    read = (
-        parse_each_step(reading, part) if part.data == "each" else parse_on_find(reading, part)
-        for part in select_trees(clauses, "each", "on")
-    )
+    """Parse the valid `each step` and `on` clauses in the order of the text, in which rewards are summed."""
+    parsers = {"each": parse_each_step, "on": parse_on_find, "refused": parse_on_refused}
+    read = (parsers[str(part.data)](reading, part) for part in select_trees(clauses, *parsers))
     return tuple(effect for effect in read if effect is not None)
 
 

@@ -9,7 +9,7 @@ from collections.abc import Iterable, Iterator
 from typing import Literal
 
 from envgraph.code import dataclass
-from envgraph.metamodel import Attribute, Metamodel, Reference, Scalar
+from envgraph.metamodel import Attribute, Feature, Metamodel, Reference, Scalar
 from envgraph.rewrite._rule_plan import (
     AddLink,
     AdjustAttribute,
@@ -192,17 +192,28 @@ def may_refuse(operation: Operation | CreateObject, plan: BlockPlan, metamodel: 
                 for end in (reference.owner, reference.target)
                 for one in metamodel.concrete_classes(plan.classes[node] or "")
             )
-        case AddLink(_, reference):
-            return reference.upper is not None or metamodel.max_sources(reference) is not None
-        case MoveToContainer(_, _, reference):
-            return reference.upper is not None or _may_close_cycle(reference, metamodel)
-        case SetTargets(_, reference, values) | ChangeTargets(_, reference, "+=", values):
-            full = metamodel.max_sources(reference) not in (None, 1) or (reference.many and reference.upper is not None)
-            return bool(values) and (full or _may_close_cycle(reference, metamodel))
-        case AdjustAttribute(_, attribute) | SetAttributeValues(_, attribute):
-            return attribute.many and attribute.upper is not None
+        case MoveToContainer(_, _, held) | SetTargets(_, held, (_, *_)) | ChangeTargets(_, held, "+="):
+            return bool(bounded_features(operation, metamodel)) or _may_close_cycle(held, metamodel)
+        case AddLink(_, reference) if reference.containment:
+            return True
         case _:
-            return isinstance(operation, MergeObjects)
+            return isinstance(operation, MergeObjects) or bool(bounded_features(operation, metamodel))
+
+
+def bounded_features(operation: Operation | CreateObject, metamodel: Metamodel) -> list[tuple[int, Feature]]:
+    """Return the features that an operation may fill beyond their upper bounds, each after the slot of its object."""
+    ends: list[tuple[int, Feature | None]] = []
+    match operation:
+        case AdjustAttribute(node, attribute, "+=") | SetAttributeValues(node, attribute):
+            ends = [(node, attribute)] if attribute.many else []
+        case MoveToContainer(_, container, reference):
+            ends = [(container, reference)]
+        case AddLink(source, reference, target):
+            ends = [(source, reference), (target, metamodel.opposite(reference))]
+        case SetTargets(node, reference, (_, *_) as targets) | ChangeTargets(node, reference, "+=", targets):
+            both = [(node, reference), *((target, metamodel.opposite(reference)) for target in targets)]
+            ends = [(slot, end) for slot, end in both if end is not None and end.many]  # others replace their link
+    return [(slot, end) for slot, end in ends if end is not None and end.upper is not None]
 
 
 def _may_close_cycle(reference: Reference, metamodel: Metamodel) -> bool:

@@ -24,7 +24,7 @@ from envgraph.pattern import (
 from envgraph.rewrite._matches import Shape
 from envgraph.rewrite._signatures import Signature, SignatureTable
 from envgraph.rewrite.check._unit_check import all_steps, as_applicability_test
-from envgraph.rewrite.engine._dpo_dangling import Loss, UnnamedLinks, losses, unnamed_links
+from envgraph.rewrite.engine._dpo_dangling import Loss, PossibleRefusal, losses, possible_refusals
 from envgraph.rewrite.engine._python_units import PythonUnit
 from envgraph.rewrite.engine._registration import Definition
 from envgraph.rewrite.events._jobs import job_name
@@ -198,16 +198,14 @@ class Catalog:
             known = {}
         return tuple(found)
 
-    def unnamed_links(self, name: str) -> tuple[UnnamedLinks, ...]:
-        """Return the objects that a rule deletes without mentioning all references that they may have.
-
-        The result is () for an SPO rule, a Python rule, a unit and a group.
+    def possible_refusals(self, name: str) -> tuple[PossibleRefusal, ...]:
+        """Return the changes for which the model may refuse a rule; () for a Python rule, a unit and a group.
 
         Raises:
             InvalidArgument: the name is unknown.
         """
         rule = self.runners.get(self.resolve(name))
-        return tuple(unnamed_links(rule.plan, self.library)) if isinstance(rule, GraphRule) else ()
+        return tuple(possible_refusals(rule.plan, self.library)) if isinstance(rule, GraphRule) else ()
 
     def _reachable_names(self, name: str) -> list[str]:
         """Return the qualified names of a rule, unit or group and of everything that it calls, even indirectly."""

@@ -1,4 +1,4 @@
-"""Analysis of rules: actions that may lose an object, and links of deleted objects that a rule does not mention."""
+"""Analysis of rules: actions that may lose an object, and changes that the model may refuse."""
 
 from __future__ import annotations
 
@@ -15,6 +15,7 @@ from envgraph.pattern import (
     LinkAtom,
 )
 from envgraph.rewrite._rule_plan import BlockPlan, RulePlan
+from envgraph.rewrite.check._claims import bounded_features
 
 
 @dataclass(frozen=True, slots=True)
@@ -33,17 +34,17 @@ class Loss:
 
 
 @dataclass(frozen=True, slots=True)
-class UnnamedLinks:
-    """An object that a rule deletes, with the references that the rule does not mention.
+class PossibleRefusal:
+    """A change for which the model may refuse a rule, since the rule's conditions do not mention some features.
 
     Attributes:
-        name: name of the object in the rule.
-        references: under DPO the rule is refused if the object has a link of one of these references.
-        span: span of the action; None if the rule was not parsed from text.
+        features: for a deletion, references of which the object must not have a link; else the feature without room.
+        deleted: the name of the deleted object in the rule; None if links or values are added.
+        span: span of the change; None if the rule was not parsed from text.
     """
 
-    name: str
-    references: tuple[Reference, ...]
+    features: tuple[Attribute | Reference, ...]
+    deleted: str | None
     span: Span | None
 
 
@@ -89,11 +90,11 @@ def losses(plan: RulePlan, metamodel: Metamodel, cls: str | None, known: Mapping
                 yield Loss(plan.name, "retype", retype.span or block.span)
 
 
-def unnamed_links(plan: RulePlan, library: Library) -> Iterator[UnnamedLinks]:
-    """Yield the objects that a rule deletes under DPO, with the references that its conditions never mention.
+def possible_refusals(plan: RulePlan, library: Library) -> Iterator[PossibleRefusal]:
+    """Yield the deletions and additions of a rule that the model may refuse, unless conditions mention the feature.
 
-    If a link of such a reference exists, the rule is refused. Every condition on a reference counts as a mention,
-    even a negated one or one in a called pattern. Containment links are left out, as they are deleted with the object.
+    Every condition counts, even a negated one or one in a called pattern. Left out are containment links of a deleted
+    object, which are deleted with it, features of created objects, and refusals of merges, retypes and cycles.
     """
     patterns = reachable_nodes((block.pattern for block in plan.blocks), library.callees)
     bodies = (body for name in patterns for body in library.lowered_pattern(name).bodies)
@@ -103,7 +104,13 @@ def unnamed_links(plan: RulePlan, library: Library) -> Iterator[UnnamedLinks]:
             cls = block.classes[delete.node]
             found = cls and tuple(_unmentioned_references(library.metamodel, cls, asked))
             if found:
-                yield UnnamedLinks(block.names[delete.node], found, delete.span or block.span)
+                yield PossibleRefusal(found, block.names[delete.node], delete.span or block.span)
+        created = {create.node for each in plan.blocks for create in each.creates}
+        for change in (*block.moves, *block.links, *block.sets):
+            for node, feature in bounded_features(change, library.metamodel):
+                opposite = library.metamodel.opposite(feature) if isinstance(feature, Reference) else None
+                if node not in created and asked.isdisjoint((feature, opposite)):
+                    yield PossibleRefusal((feature,), None, change.span or block.span)
 
 
 def _unmentioned_references(

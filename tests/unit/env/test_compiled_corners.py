@@ -42,6 +42,7 @@ from tests.unit.env.corners import (
     links,
     meetings,
     queries,
+    refusals,
     units,
     values,
 )
@@ -59,6 +60,7 @@ CORNERS = (
     | blocks.CORNERS
     | creation.CORNERS
     | units.CORNERS
+    | refusals.CORNERS
     | meetings.CORNERS
     | test_sight.CORNERS
     | test_together.CORNERS

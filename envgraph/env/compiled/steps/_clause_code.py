@@ -49,7 +49,13 @@ from envgraph.env.compiled.matching._term_code import (
     variable_term,
 )
 from envgraph.env.compiled.steps._function_statements import FunctionStatements
-from envgraph.env.compiled.steps._refused_rules import CLEAR_REFUSED, Arguments, class_tests, object_or_value_term
+from envgraph.env.compiled.steps._refused_rules import (
+    CLEAR_REFUSED,
+    Arguments,
+    class_tests,
+    may_rule_be_refused,
+    object_or_value_term,
+)
 from envgraph.env.compiled.steps._unit_steps import emit_can_succeed, emit_unit
 from envgraph.match.plan import PatternQuery
 from envgraph.metamodel import Scalar
@@ -93,6 +99,8 @@ class FunctionEmitter(FunctionStatements):
         self.facts = matching.facts
         self.engine = engine
         self.behaviour = behaviour
+        self.refused: code.Local | None = None
+        """The variable that calls of clauses set to 1 if their rule is refused; None if this is an error."""
 
     # --- values
 
@@ -161,22 +169,30 @@ class FunctionEmitter(FunctionStatements):
         signature = self.engine.signature(rule.rule)
         arguments = self.emit_arguments(rule.arguments, signature, scope, self._emit_argument)
         if signature.kind != "unit":
-            return self.emit_application(rule, arguments)
+            return self.emit_application(rule, arguments, self.refused)
         checked = checked_unit(self.engine, rule)
         self.append(code.Assign(STEPS_LEFT, code.Constant(float(self.engine.step_limit))))
         with self.saved_state(not fails_without_changes(checked.unit.body, checked.calls)) as put_back:
             called = self.emit_application(rule, arguments)
         succeeded = CLEAR_REFUSED, code.Assign(called.done, ONE)
         self.append(code.If(code.emit_equal(called.done, ZERO), put_back, succeeded))
+        if self.refused is not None:
+            refused = code.emit_equal(emit_state_entry(ERROR), code.Name("REFUSED"))
+            self.append(code.If(refused, (code.Assign(self.refused, ONE),)), CLEAR_REFUSED)
         self.append(code.If(code.Operation("!=", (emit_state_entry(ERROR), ZERO)), (self.error_return,)))
         return called
 
-    def emit_application(self, rule: RuleCall, arguments: Arguments) -> CallResult:
-        """Emit code that applies a rule or runs a unit if all tests pass."""
+    def emit_application(self, rule: RuleCall, arguments: Arguments, refused: code.Local | None = None) -> CallResult:
+        """Emit code that applies a rule or runs a unit if all tests pass. A refused rule fails, or sets `refused`."""
         result = self.emit_results(self.output_types(rule, arguments.wanted))
-        assigned = result.assign(self.emit_applied(rule, arguments.given, tuple(arguments.wanted)))
-        self.append(code.If(code.emit_joined("and", arguments.tests, True), (assigned,)))
-        self.append(code.If(code.Operation("<", (result.done, ZERO)), (self.error_return,)))
+        failed: code.Body = (self.error_return,)
+        with self.saved_state(refused is not None and may_rule_be_refused(self, rule)) as put_back:
+            assigned = result.assign(self.emit_applied(rule, arguments.given, tuple(arguments.wanted)))
+            self.append(code.If(code.emit_joined("and", arguments.tests, True), (assigned,)))
+        if refused is not None:
+            fatal = code.If(code.Operation("!=", (emit_state_entry(ERROR), code.Name("REFUSED"))), failed)
+            failed = (fatal, *put_back, CLEAR_REFUSED, code.Assign(refused, ONE), code.Assign(result.done, ZERO))
+        self.append(code.If(code.Operation("<", (result.done, ZERO)), failed))
         return result
 
     def emit_results(self, types: Mapping[str, StaticType]) -> CallResult:

@@ -6,7 +6,7 @@ from collections.abc import Sequence
 from typing import Final
 
 from envgraph import code
-from envgraph.behaviour import Behaviour, KeyIndex, key_attributes, ranged_classes
+from envgraph.behaviour import Behaviour, KeyIndex, OnRefused, key_attributes, ranged_classes
 from envgraph.code import dataclass
 from envgraph.env.compiled.effects._renumbering import emit_tidy_body
 from envgraph.env.compiled.layout._model_changes import ModelChanges, StaticPatterns, plans_of
@@ -138,8 +138,10 @@ class _ProgramWriter:
         with self._module.emitting_function():
             writer, (scope, types, _) = clauses.new_writer(code.Return(ZERO)), clauses.scope(None)
             nobody = ActingAgent(scope, [], [], lambda: (ACTION, []), None, TOTAL_REWARD)
+            handled = any(isinstance(effect, OnRefused) for effect in self._behaviour.effects)
             for reset in self._behaviour.resets:
-                StepEmitter(writer, [nobody], [AgentEffect(reset.as_effect, types, 0, True)]).emit_step()
+                effects = [reset.as_effect, *([OnRefused()] if handled else [])]
+                StepEmitter(writer, [nobody], [AgentEffect(one, types, 0, True) for one in effects]).emit_step()
             clauses.emit_check_needed(writer, scope, None)
             self._step.emit_begin(writer)
             clauses.emit_tidy(writer)

@@ -187,7 +187,7 @@ class RuleAttempts:
 
 
 def may_rule_be_refused(writer: FunctionEmitter, rule: RuleCall) -> bool:
-    """Return True if the model may refuse a change of a rule, so that a unit has to try another match.
+    """Return True if the model may refuse a rule, after which a unit tries another match, or the step goes on.
 
     Raises:
         NotCompiled: it depends on the order of a block's matches if one is refused or contradicts another.
@@ -195,7 +195,7 @@ def may_rule_be_refused(writer: FunctionEmitter, rule: RuleCall) -> bool:
     plan = plan_of(writer.engine, rule)
     if any(block.identification_pairs or block.identification_link_pairs for block in plan.blocks[1:]):
         raise NotCompiled(
-            f"a rule in a unit whose blocks may delete an object that they keep (`{rule.rule}`)", rule.span
+            f"refusals of a rule whose blocks may delete an object that they keep (`{rule.rule}`)", rule.span
         )
     return may_be_refused(plan, writer.facts.metamodel)
 

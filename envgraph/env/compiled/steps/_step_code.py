@@ -9,8 +9,10 @@ from envgraph.behaviour import (
     Action,
     EachStep,
     Effect,
+    End,
     HelperPattern,
     OnFind,
+    OnRefused,
 )
 from envgraph.code import dataclass
 from envgraph.env._prepared_behaviour import END_NUMBERS
@@ -102,7 +104,16 @@ class StepEmitter:
         self.agents = players
         self.effects = clauses
         self.changed = code.Local("did", "int")
+        self._on_refused = [clause for clause in clauses if isinstance(clause.effect, OnRefused)]
+        owners = [None if clause.is_shared else clause.agent for clause in self._on_refused]
+        owners = [None, *range(len(players))] if None in owners else owners
+        self._refused = {owner: writer.module.new_local("refused") for owner in owners}
+        """By agent, or None for shared clauses: the variable that is 1 after a refusal, if this is no error."""
         self._pending: list[PendingMatches] = []
+
+    def _record_refusals_of(self, clause: AgentEffect) -> None:
+        """Let the writer's next calls of rules record refusals as those of a clause."""
+        self.writer.refused = self._refused.get(None if clause.is_shared else clause.agent)
 
     def emit_step(self) -> None:
         """Emit the code of a whole step, including pending applications of rules. The caller adds the return."""
@@ -115,9 +126,12 @@ class StepEmitter:
             writer.first_row = top
         for local in dict.fromkeys((TOTAL_REWARD, *(player.reward for player in self.agents))):
             writer.append_assignment(local, code.Constant(0.0))
-        for local in (END_OF_STEP, HAS_ACTED, self.changed):
+        for local in (END_OF_STEP, HAS_ACTED, self.changed, *self._refused.values()):
             writer.append_assignment(local, ZERO)
-        rewards = [self._emit_action(player) for player in self.agents]
+        rewards = []
+        for number, player in enumerate(self.agents):
+            writer.refused = self._refused.get(number)
+            rewards.append(self._emit_action(player))
         for clause in self.effects:
             if isinstance(clause.effect, EachStep) and clause.effect.apply:
                 self._emit_if_exists(clause, lambda each=clause: self._emit_each_step(each, each.effect))  # type: ignore[misc]
@@ -130,10 +144,12 @@ class StepEmitter:
             self._emit_if_exists(clause, lambda each=clause: self._emit_clause(each))  # type: ignore[misc]
         for pays, number in zip(rewards, passed, strict=True):
             pays(number)
+        self._emit_pending()
+        for clause in self._on_refused:
+            self._emit_if_exists(clause, lambda each=clause: self._emit_on_refused(each, each.effect))  # type: ignore[misc]
         for player in self.agents:
             if player.reward is not TOTAL_REWARD:
                 writer.append(code.Assign(TOTAL_REWARD, player.reward, "+="))
-        self._emit_pending()
 
     def _emit_if_exists(self, clause: AgentEffect, write: Callable[[], None]) -> None:
         """Emit the code that `write` adds for a clause. A clause of one agent runs only if its agent existed before."""
@@ -149,6 +165,7 @@ class StepEmitter:
             self.writer.append(code.If(code.emit_equal(there, ONE), body))
 
     def _emit_each_step(self, clause: AgentEffect, effect: EachStep) -> None:
+        self._record_refusals_of(clause)
         self._emit_mark_changed(self.writer.emit_branches(effect.apply, self.agents[clause.agent].scope).done)
 
     def _emit_mark_changed(self, done: code.Local) -> None:
@@ -188,7 +205,8 @@ class StepEmitter:
         def write() -> None:
             called = writer.emit_branches(action.branches, scope)
             writer.append_assignment(done, called.done)
-            writer.append_assignment(HAS_ACTED, called.done)
+            acted = called.done if writer.refused is None else code.emit_call("max", called.done, writer.refused)
+            writer.append_assignment(HAS_ACTED, acted)
             outputs.update(called.outputs)
 
         body = writer.collect(write)
@@ -246,9 +264,9 @@ class StepEmitter:
 
     def _emit_clause(self, clause: AgentEffect) -> None:
         writer, effect, scope = self.writer, clause.effect, self.agents[clause.agent].scope
-        if isinstance(effect, EachStep):
-            if effect.reward is not None:
-                self._emit_reward(clause, effect.reward, scope)
+        if isinstance(effect, EachStep) and effect.reward is not None:
+            self._emit_reward(clause, effect.reward, scope)
+        if not isinstance(effect, OnFind):
             return
         question = writer.condition_pattern(effect.condition, clause.types)
         number = writer.module.new_local("n")
@@ -263,7 +281,6 @@ class StepEmitter:
         rewarded = effect.reward is not None and _uses_names(effect.reward, question.free)
         if effect.apply or rewarded:
             function = writer.matching.emit_rows(writer.pattern_view(question))
-            writer.module.record_call(function, writer.row_regions_above)
         elif effect.reward is not None:
             function = writer.matching.emit_count(writer.pattern_view(question))
         else:
@@ -286,15 +303,27 @@ class StepEmitter:
             writer.append_assignment(number, found)
         if effect.reward is not None:
             self._emit_match_rewards(clause, effect.reward, question, number, top)
-        end = END_NUMBERS[effect.end]
+        self._emit_end(effect.end, code.Operation(">", (number, ZERO)))
+
+    def _emit_end(self, name: End | None, test: code.Expression) -> None:
+        """Emit code that ends the episode if a test passes, unless an end that wins is known already."""
+        end = END_NUMBERS[name]
         if end:
             wins = (
                 code.emit_equal(END_OF_STEP, ZERO)
                 if end < 0
                 else code.Operation("<", (END_OF_STEP, code.Constant(end)))
             )
-            held = code.emit_joined("and", [code.Operation(">", (number, ZERO)), wins], True)
-            writer.append(code.If(held, (code.Assign(END_OF_STEP, code.Constant(end)),)))
+            held = code.emit_joined("and", [test, wins], True)
+            self.writer.append(code.If(held, (code.Assign(END_OF_STEP, code.Constant(end)),)))
+
+    def _emit_on_refused(self, clause: AgentEffect, effect: OnRefused) -> None:
+        flags = [flag for owner, flag in self._refused.items() if clause.is_shared or owner == clause.agent]
+        test = code.emit_joined("or", [code.emit_equal(flag, ONE) for flag in flags], False)
+        reward, scope = effect.reward, self.agents[clause.agent].scope
+        if reward is not None:
+            self.writer.append_if(test, lambda: self._emit_reward(clause, reward, scope))
+        self._emit_end(effect.end, test)
 
     def _deleted_tests(self, clause: AgentEffect, question: HelperPattern) -> list[code.Expression]:
         scope = self.agents[clause.agent].scope
@@ -342,6 +371,7 @@ class StepEmitter:
         first = writer.module.new_local("first")
         writer.append_assignment(first, ONE)
         for each in self._pending:
+            self._record_refusals_of(each.clause)
             row = writer.module.new_local("i")
             rows = code.emit_call("range", each.match_count)
             if each.effect.weight is not None:

@@ -87,7 +87,9 @@ class TurnStepEmitter:
         with clauses.module.emitting_function():
             writer, own = clauses.new_writer(RETURN_NO_STEP), clauses.blocks[block]
             player = clauses.player(writer, block, SELF, ACTION, TOTAL_REWARD)
-            turn = StepEmitter(writer, [player], [AgentEffect(*each, 0, False) for each in clauses.effects(own)])
+            shared = {id(effect) for effect in clauses.behaviour.effects}
+            effects = [AgentEffect(*each, 0, id(each[0]) in shared) for each in clauses.effects(own)]
+            turn = StepEmitter(writer, [player], effects)
             turn.emit_step()
             clauses.emit_check_needed(writer, player.scope, turn.changed)
             if clauses.behaviour.agents:

@@ -216,12 +216,19 @@ CORNERS = {
 }
 
 REFUSED = {
-    "a rule in a unit whose blocks may delete an object that they keep (`yard.drop`)": Yard(
+    "refusals of a rule whose blocks may delete an object that they keep (`yard.drop`)": Yard(
         """
         @hom(i, j) rule drop { lhs { y : Yard; }
             forall { lhs { i : Item; j : Item; } modify { delete i; set j.weight = 1.0; } } modify { } }
         unit wrong { [[drop]]; }
         """,
         "action wrong = wrong()\nobserve adam.kind",
+    ),
+    "refusals of a rule whose blocks may delete an object that they keep (`drop`)": Yard(
+        """
+        @hom(i, j) rule drop { lhs { y : Yard; }
+            forall { lhs { i : Item; j : Item; } modify { delete i; set j.weight = 1.0; } } modify { } }
+        """,
+        "action wrong = [[drop()]]\non refused nothing()\nobserve adam.kind",
     ),
 }
