@@ -20,6 +20,7 @@ from envgraph.env import (
     ObserveObject,
     ObserveRange,
     OnFind,
+    OnRefused,
     OnReset,
     RuleCall,
     Token,
@@ -119,6 +120,9 @@ def test_an_action_is_parsed_to_its_data(text: str, data: Action) -> None:
             "on find p(x) apply 0.1: r(x) | 0.2: nothing()",
             OnFind(PatternCall("p", (x,)), apply=(Branch(0.1, RuleCall("r", (x,))), Branch(0.2, RuleCall(None)))),
         ),
+        ("on refused nothing()", OnRefused()),
+        ("on refused truncate reward -a.n", OnRefused(Unary("-", Navigation(a, "n")), "truncation")),
+        ("on refused terminate failure", OnRefused(end="failure")),
         ("on neg find p(_) reward 1", OnFind(Negation(PatternCall("p", (Variable("_"),))), Constant(1))),
     ],
 )
