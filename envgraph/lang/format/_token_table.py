@@ -194,7 +194,7 @@ _ARROW_KINDS: Final = frozenset({"forward", "backward", "half_arrow", "unnamed"}
 
 _CALL_KINDS: Final = frozenset(
     {
-        "annotation", "arguments", "call", "domains", "evaluation", "function", "method", "parameters",
+        "annotation", "arguments", "call", "domains", "evaluation", "function", "method", "nothing", "parameters",
         "static_method", "terms", "unwind",
     }
 )  # fmt: skip

@@ -223,15 +223,13 @@ def _parse_end(tree: Tree[Token]) -> End:
 
 
 def parse_on_refused(reading: FileReading, tree: Tree[Token]) -> OnRefused:
-    """Parse `on refused reward e terminate ..` or `on refused nothing()`; report an empty clause and other parts."""
-    reward, end, _ = _effect_parts(reading, tree)
+    """Parse `on refused reward e terminate ..` or `on refused nothing()`; report an empty clause and an `apply`."""
+    reward, end, apply = _effect_parts(reading, tree)
     hint = "write `reward`, `terminate` or `truncate`, or `on refused nothing()`"
-    others = select_trees(tree.children, "rule_call", "pattern_call", "apply")
-    if not (reward or end or others):
+    if apply:
+        reading.error("misplaced-part", "`on refused` allows only `reward` and an end of the episode", apply, hint)
+    elif not (reward or end or select_trees(tree.children, "nothing")):
         reading.error("empty-clause", "this clause does nothing", tree, hint)
-    for part in others:
-        if part.data != "rule_call" or _parse_rule_call(reading, part).rule is not None:
-            reading.error("misplaced-part", "`on refused` allows only `reward` and an end of the episode", part, hint)
     return OnRefused(_parse_optional_expression(reading, reward), _parse_end(end) if end else None, reading.span(tree))
 
 
