@@ -229,7 +229,7 @@ SMALL = (
     "bool parameters", "a clause without names holds once", "success and failure at once",
     "what a block asks for cannot be", "robots together in ..d", "episodes that a behaviour truncates",
     "division by zero in rewards", "what is deleted, and changed", "alternatives by weight and by priority",
-    "agents together, some of which go",
+    "agents together, some of which go", "few states with refusals",
 )  # fmt: skip
 """Corners with fewer states than `LIMIT` by day, and four whose table is an error; most others have too many states."""
 
@@ -241,7 +241,13 @@ BY_DAY: dict[str, Collection[str]] = {
     "table": SMALL,
     "threads": ("warehouse", "arrivals by chance, and each that waits may leave"),
     "exploration": CORNERS,
-    "package": ("warehouse", "floats", "blocks in blocks", "probabilities that the state has"),
+    "package": (
+        "warehouse",
+        "floats",
+        "blocks in blocks",
+        "probabilities that the state has",
+        "few states with refusals",
+    ),
     "steps by numba": ("floats",),
     "table by numba": ("division by zero in rewards",),
     "threads by numba": ("floats",),

@@ -81,6 +81,28 @@ CORNERS = {
         QUERIES,
         head="i0 : Item",
     ),
+    "few states with refusals": Yard(
+        """
+        rule enter(m : Man, s : Spot) { lhs { m : Man; s : Spot; } modify { create m -at-> s; } }
+        rule leave(m : Man) { lhs { m -at-> s : Spot; } modify { delete m -at-> s; } }
+        unit swap(m : Man, s : Spot) { leave(m); enter(m, s); enter(m, s.east); }
+        """,
+        """
+        action enter = 0.5: enter(adam, s1) | 0.3: enter(adam, s3) reward 2 else reward -1
+        action swap = swap(adam, s1)
+        action leave = leave(adam)
+        on reset apply 0.5: enter(adam, s3)
+        each step apply 0.2: enter(eve, s3)
+        on find at(adam, s3) terminate success
+        on find at(adam, s1) apply 0.5: enter(adam, s3)
+        on refused reward -0.25
+        on find at(m, s1) reward 0.5
+        observe m.at among Spot or none for m : Man
+        """,
+        "pattern at(m : Man, s : Spot) { Man.at(m, s); }",
+        head="adam : Man, eve : Man, s1 : Spot, s3 : Spot",
+        members=1,
+    ),
     "starts that are refused": Yard(
         RULES,
         f"""
