@@ -9,7 +9,7 @@ from unittest.mock import Mock
 import numpy as np
 import pytest
 
-from envgraph.env import Behaviour, KeyIndex, TooManyStates, explore, indexed_classes
+from envgraph.env import Behaviour, ExploredEnvironment, KeyIndex, TooManyStates, explore, indexed_classes
 from envgraph.env.compiled import (
     CompiledBatch,
     CompiledProgram,
@@ -128,6 +128,25 @@ def test_few_states_with_many_outcomes_are_enumerated_by_the_compiled_program(
         monkeypatch.setattr(CompiledCosts, "few_outcomes", outcomes)
         assert_equal_tables(explore_fast(engine, behaviour).tabular, wanted)
         assert len(visited) == programs
+
+
+@pytest.mark.parametrize("cached", [False, True])
+def test_cached_machine_code_visits_the_states_from_the_first_on(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, cached: bool
+) -> None:
+    pytest.importorskip("numba")
+    engine, behaviour = die(tmp_path)
+    wanted, visited = explore(engine, behaviour).tabular, list[int]()
+
+    def counted(*arguments: object, outcomes: int, **options: object) -> ExploredEnvironment:
+        visited.append(outcomes)
+        return explore(*arguments, **options, outcomes=outcomes)  # type: ignore[arg-type]
+
+    monkeypatch.setattr("envgraph.env.compiled.visiting._enumeration.explore", counted)
+    monkeypatch.setattr("envgraph.env.compiled.visiting._enumeration.has_machine_code", lambda function: cached)
+    monkeypatch.setattr(CompiledCosts, "cached_outcomes", 39)
+    assert_equal_tables(explore_fast(engine, behaviour).tabular, wanted)
+    assert visited == ([39] if cached else [39, 20_000])
 
 
 @pytest.mark.parametrize("name", MODELS)

@@ -10,6 +10,7 @@ from typing import Any
 import pytest
 
 from envgraph.env.compiled import has_numba, load_functions
+from envgraph.env.compiled.kernels._loading import has_machine_code
 
 numba = pytest.importorskip("numba")
 CompileResult = pytest.importorskip("numba.core.compiler").CompileResult
@@ -44,6 +45,29 @@ def test_machine_code_is_compiled_once(cache: Path) -> None:
     assert not loaded()
     assert loaded()
     assert not loaded(TEXT + "\n# another text\n")
+
+
+def test_machine_code_is_known_before_it_is_loaded(cache: Path) -> None:
+    def times() -> Any:
+        load_functions.cache_clear()
+        return load_functions(TEXT, (), ("times",), native=True)["times"]
+
+    assert not has_machine_code(times())
+    function = times()
+    function(4)
+    assert has_machine_code(function) and has_machine_code(times())
+    (path,) = cache.iterdir()
+    path.unlink()
+    assert has_machine_code(function) and not has_machine_code(times())
+
+
+def test_machine_code_is_not_known_without_a_cache(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv("ENVGRAPH_CACHE", "off")
+    load_functions.cache_clear()
+    function = load_functions(TEXT, (), ("times",), native=True)["times"]
+    assert not has_machine_code(function)
+    function(4)
+    assert has_machine_code(function)
 
 
 @pytest.mark.parametrize(

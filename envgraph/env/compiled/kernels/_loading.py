@@ -44,6 +44,11 @@ def load_functions(
     return {name: quiet(namespace[name]) for name in called}
 
 
+def has_machine_code(function: Any) -> bool:
+    """Return True if a function of a native program has machine code, in memory or in a cache file."""
+    return bool(function.overloads) or any(getattr(function._cache, "files", tuple)())
+
+
 def _load_interpreted(source: str) -> dict[str, Any]:
     """Return the namespace of a program's text that Python runs without numba."""
     namespace: dict[str, Any] = {"__name__": "program"}

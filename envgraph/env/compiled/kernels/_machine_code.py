@@ -14,6 +14,7 @@ from __future__ import annotations
 import pickle
 import sys
 from collections.abc import Sequence
+from functools import partial
 from hashlib import sha256
 from inspect import isfunction
 from pathlib import Path
@@ -134,6 +135,8 @@ class _MachineCodeCache(NullCache):
 
     def __init__(self, folder: Path, function: str, cache: Any) -> None:
         self._folder, self._function, self._files = folder, function, cache
+        self._start = sha256(function.encode()).hexdigest()[:16]
+        self.files = partial(folder.glob, f"{self._start}*")  # for all signatures and processors
 
     def load_overload(self, sig: Any, target_context: Any) -> Any:
         """Return the cached machine code for a signature, or None if it is missing or cannot be loaded."""
@@ -155,4 +158,4 @@ class _MachineCodeCache(NullCache):
         """Return the path of the cache file, and a key of everything that the machine code depends on."""
         python = sys.implementation.cache_tag
         key = repr((self._function, str(signature), codegen.magic_tuple(), numba.__version__, python))
-        return self._folder / sha256(key.encode()).hexdigest()[:32], key
+        return self._folder / f"{self._start}{sha256(key.encode()).hexdigest()[:16]}", key

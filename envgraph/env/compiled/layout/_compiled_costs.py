@@ -16,6 +16,8 @@ class CompiledCosts:
 
     few_states: int = 2_000  # that the live engine visits in less time than it takes to load a compiled program
     few_outcomes: int = 20_000  # of actions, as for `few_states`
+    cached_outcomes: int = 5_000  # as `few_outcomes`, if machine code of the program is cached: loading it takes 0.3 s
+    picture_outcomes: int = 5  # that the live engine computes in the time that it takes to draw a state
     live_outcomes: int = 50_000  # that the live engine computes in the time that it takes to compile a program
     searches_of_python: int = 20  # small searches before `Plans` compiles: together at most about 20 s
     programs: int = 16  # kept; generating one takes as long as a hundred small searches

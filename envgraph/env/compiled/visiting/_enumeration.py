@@ -15,7 +15,7 @@ from envgraph.env._enumeration import ExploredEnvironment, Progress, explore, fi
 from envgraph.env._size_errors import TooManyStates, check_observation_count
 from envgraph.env._tabular import Tabular, nonempty_masks
 from envgraph.env.compiled.batches._batch import CompiledBatch
-from envgraph.env.compiled.kernels._loading import has_numba
+from envgraph.env.compiled.kernels._loading import has_machine_code, has_numba
 from envgraph.env.compiled.kernels._visit_kernels import LIMITED, PAUSED, SPACE
 from envgraph.env.compiled.layout._compiled_costs import COSTS
 from envgraph.env.compiled.layout._not_compiled import NotCompiled
@@ -74,22 +74,32 @@ def explore_fast(
     keys: KeyIndex | None = None,
     *,
     limit: int = LIMITS["states"],
+    outcomes: int = LIMITS["all outcomes"],
     pictures: bool = False,
     progress: Progress | None = None,
 ) -> ExploredEnvironment:
     """Return the result of `explore`. With numba installed, a compiled program visits the states if there are many.
 
-    A behaviour that is not compiled is always explored by the live engine.
+    If machine code of the program is cached, the program visits all but the smallest environments. A behaviour that is
+    not compiled is always explored by the live engine.
+    The arguments are those of `explore`, but a program may visit more `outcomes`. Drawing a state counts as several.
     """
     pictures = pictures and behaviour.draw is not None
     live = partial(explore, engine, behaviour, keys, pictures=pictures, progress=progress)
+    if pictures:
+        limit = min(limit, outcomes // COSTS.picture_outcomes)
     if limit <= COSTS.few_states or not has_numba():
-        return live(limit=limit)
+        return live(limit=limit, outcomes=outcomes)
+    few = min(COSTS.few_outcomes, outcomes)
     with suppress(TooManyStates):
-        return live(limit=COSTS.few_states, outcomes=COSTS.few_outcomes)
+        return live(limit=COSTS.few_states, outcomes=min(few, COSTS.cached_outcomes))
     with suppress(NotCompiled):
-        return _explore_compiled(program_of(engine, behaviour, keys=keys), 0, limit, progress, pictures=pictures)
-    return live(limit=limit)
+        program = program_of(engine, behaviour, keys=keys)
+        if program.native and not has_machine_code(program.functions_for("list")["visit"]):
+            with suppress(TooManyStates):
+                return live(limit=COSTS.few_states, outcomes=few)
+        return _explore_compiled(program, 0, limit, progress, pictures=pictures)
+    return live(limit=limit, outcomes=outcomes)
 
 
 class TableBuilder:
