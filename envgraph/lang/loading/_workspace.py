@@ -112,11 +112,8 @@ class Workspace:
         found = [one for one in self.behaviours if name is None or one.name == name]
         if len(found) != 1:
             names = ", ".join(f"`{one.name}`" for one in self.behaviours) or "none"
-            raise InvalidArgument(
-                f"the files do not define exactly one environment {name or ''}; their environments are {names}".replace(
-                    "  ", " "
-                )
-            )
+            wanted = "environment" if name is None else f"environment `{name}`"
+            raise InvalidArgument(f"the files do not define exactly one {wanted}; their environments are {names}")
         return found[0]
 
     def bundle(self) -> Bundle:

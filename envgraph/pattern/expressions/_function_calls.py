@@ -26,9 +26,10 @@ JAVA_HINTS: Final[Mapping[str, str]] = {
     "charAt": "write `substring(text, i, i + 1)`",
     "isNullOrEmpty": "write `isEmpty(text)`: where the text is missing, there is no match",
     "size": "write `text.length`, or `n == count Type.feature(x, _);` outside of the expression",
+    "random": "write chance in an environment: `0.5: r() | 0.5: s()`, `apply 0.1: r()` or `apply r(x) weight w`",
     **dict.fromkeys(("class", "eClass", "getClass"), "constrain it outside of the expression: `Type(x)`"),
 }
-"""Hints for methods of Java, by name."""
+"""Hints for methods of Java and for functions of chance, by name."""
 
 
 def call_type(checker: ExpressionChecker, node: FunctionCall) -> StaticType | None:
