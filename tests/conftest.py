@@ -4,6 +4,7 @@ import gc
 import os
 import shutil
 import signal
+import sys
 import tempfile
 from datetime import timedelta
 from hashlib import sha256
@@ -44,7 +45,14 @@ def pytest_configure(config: pytest.Config) -> None:
 
 
 def pytest_runtest_teardown() -> None:
-    """Set the usual handler of Ctrl-C again: a test that interrupts a block everywhere may leave that of the block."""
+    """Set the usual handler of Ctrl-C again: a test that interrupts a block everywhere may leave that of the block.
+
+    Programs and families that later calls of `make` would share are dropped, because tests replace what makes them.
+    """
+    shared = sys.modules.get("envgraph.search.families._lazy_family")
+    if shared is not None:
+        shared._shared_families.clear()
+        shared._shared_program.cache_clear()
     if signal.getsignal(signal.SIGINT) is not signal.default_int_handler:
         signal.signal(signal.SIGINT, signal.default_int_handler)
 

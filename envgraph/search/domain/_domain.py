@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, TypeVar, cast, get_args
 
 from envgraph.behaviour import Behaviour, KeyIndex, indexed_classes
 from envgraph.code import dataclass
-from envgraph.errors import Diagnostic, LoadError, Source, has_errors, sort_diagnostics
+from envgraph.errors import Diagnostic, InvalidArgument, LoadError, Source, has_errors, sort_diagnostics
 from envgraph.graph import Model, model_from_json, model_to_json
 from envgraph.lang import (
     EXPRESSION_KIND,
@@ -77,6 +77,22 @@ class Domain:
             LoadError: the files have errors; it contains all of them.
         """
         return cls._load_checked(find_family(location), None, components or Components(), tuple(overrides))
+
+    @classmethod
+    def of_environment(cls, model: str, environment: str) -> Domain:
+        """Read the files of a model and of an environment without a family file, which searches and measures need.
+
+        Raises:
+            LoadError: the files have errors; it contains all of them.
+            InvalidArgument: the files do not define exactly one model and one environment.
+        """
+        workspace = load_workspace([model, environment])
+        behaviour, models = workspace.behaviour(), workspace.models
+        if len(models) != 1:
+            raise InvalidArgument(f"`{model}` and `{environment}` define {len(models)} models, but must define one")
+        assert models[0].span and behaviour.span, "both were read from files"
+        files = [LocatedName(one.source.name) for one in (models[0].span, behaviour.span)]
+        return cls(FamilySpec(behaviour.name, files[0], files[1]), workspace)
 
     @classmethod
     def from_bundle(cls, bundle: Bundle, components: Components | None = None, overrides: Iterable[str] = ()) -> Domain:

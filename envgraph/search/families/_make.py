@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
+from contextlib import suppress
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 from warnings import warn
@@ -18,6 +19,7 @@ from envgraph.env import (
     ObservationKind,
     SeparateRewards,
     SingleEnvironment,
+    TooManyStates,
     VectorEnvironment,
     VectorVariants,
     check_observation_kind,
@@ -31,6 +33,7 @@ from envgraph.env.schedules import Schedule, named_schedule
 from envgraph.errors import InvalidArgument, check_known
 from envgraph.search.families._lazy_family import (
     ENGINES,
+    DomainLocation,
     EngineKind,
     FamilyLocation,
     LazyFamily,
@@ -38,7 +41,6 @@ from envgraph.search.families._lazy_family import (
     open_lazy_family,
 )
 from envgraph.search.families._member_family import Family, find_run_store
-from envgraph.search.families._table_cache import FamilyRecord
 
 if TYPE_CHECKING:
     from envgraph.env.compiled import CompiledEnv, CompiledVectorEnv, StreamMode
@@ -49,6 +51,8 @@ def make(
     variant: int | str | None = None,
     *,
     domain: FamilyLocation | None = None,
+    model: FamilyLocation | None = None,
+    environment: FamilyLocation | None = None,
     **options: Any,
 ) -> Environment:
     """Return the Gymnasium environment of a member of a family, with the time limit of the family.
@@ -59,7 +63,8 @@ def make(
         family: a family file (`envgraph export`), a run, its name below `runs`, or its run store.
         variant: name of a member ("E6") or its number from 1; by default the target, which is the last member.
         domain: in place of a family, a family.toml, its directory, or the name of a bundled domain. The environment is
-            then that of the domain's own model.
+            then that of the domain's own model. A directory with one model and one environment needs no family.toml.
+        model, environment: in place of a family, the files of a model and of an environment.
         options: of `gymnasium.make` (`max_episode_steps`, `disable_env_checker`) and of `make_environment`
             (`render_mode`, `observation`, `engine`, `cell`).
 
@@ -72,7 +77,7 @@ def make(
     >>> make(domain="keydoor").spec.max_episode_steps
     100
     """
-    return _environment_spec(family, domain).make(**_without_none(variant=variant), **options)
+    return _environment_spec(family, domain, model, environment).make(**_without_none(variant=variant), **options)
 
 
 def make_vec(
@@ -81,13 +86,15 @@ def make_vec(
     variant: int | str | Sequence[int | str] | None = None,
     *,
     domain: FamilyLocation | None = None,
+    model: FamilyLocation | None = None,
+    environment: FamilyLocation | None = None,
     schedule: Schedule | str | None = None,
     **options: Any,
 ) -> VectorEnvironment:
     """Return a vector environment, like `gymnasium.make_vec`, with the arguments of `make`.
 
     Args:
-        family, domain: as for `make`.
+        family, domain, model, environment: as for `make`.
         num_envs: number of environments.
         variant: as for `make`, or a list whose members are repeated in order: `num_envs=60, variant=["E1", "E2"]` makes
             thirty of each.
@@ -97,7 +104,7 @@ def make_vec(
             single environments instead, as `engine="live"` does; `autoreset_mode` works with all of them.
     """
     given = _without_none(variant=variant, schedule=schedule)
-    return make_vec_spec(_environment_spec(family, domain), num_envs, **given, **options)
+    return make_vec_spec(_environment_spec(family, domain, model, environment), num_envs, **given, **options)
 
 
 def make_aec(
@@ -105,13 +112,15 @@ def make_aec(
     variant: int | str | None = None,
     *,
     domain: FamilyLocation | None = None,
+    model: FamilyLocation | None = None,
+    environment: FamilyLocation | None = None,
     max_episode_steps: int | None = -1,
     **options: Any,
 ) -> Any:
     """Return a member of a family whose agents take turns, as an environment of PettingZoo's AEC interface.
 
     Args:
-        family, variant, domain: as for `make`.
+        family, variant, domain, model, environment: as for `make`.
         max_episode_steps: turns after which an episode is truncated. -1: the limit of the family; None: no limit.
         options: `render_mode`, `observation`, `cell` and `action_masks`, as for `make`.
 
@@ -121,7 +130,7 @@ def make_aec(
     """
     from envgraph.env.multiagent import TurnEnv  # needs PettingZoo
 
-    return _make_multiagent(TurnEnv, family, variant, domain, max_episode_steps, options)
+    return _make_multiagent(TurnEnv, (family, domain, model, environment), variant, max_episode_steps, options)
 
 
 def make_parallel(
@@ -129,6 +138,8 @@ def make_parallel(
     variant: int | str | None = None,
     *,
     domain: FamilyLocation | None = None,
+    model: FamilyLocation | None = None,
+    environment: FamilyLocation | None = None,
     max_episode_steps: int | None = -1,
     **options: Any,
 ) -> Any:
@@ -138,30 +149,25 @@ def make_parallel(
     """
     from envgraph.env.multiagent import TogetherEnv
 
-    return _make_multiagent(TogetherEnv, family, variant, domain, max_episode_steps, options)
+    return _make_multiagent(TogetherEnv, (family, domain, model, environment), variant, max_episode_steps, options)
 
 
 def _make_multiagent(
     environment_class: Callable[..., Any],
-    family: FamilyLocation | None,
+    location: Sequence[FamilyLocation | None],
     variant: int | str | None,
-    domain: FamilyLocation | None,
     limit: int | None,
     options: dict[str, Any],
 ) -> Any:
-    """Return a multi-agent environment of class `environment_class` that steps a member with a live engine of its
-    model.
-    """
-    if family is not None and domain is not None:
-        raise InvalidArgument("both a `family` and a `domain` are given: give one of them")
-    place = None if domain is None else str(domain)
-    opened = open_lazy_family(place, family, () if variant is None else (variant,))
+    """Return an environment of class `environment_class`, which steps a member with a live engine of its model."""
+    given = _locate_family(*location)
+    opened = open_lazy_family(**given, variants=() if variant is None else (variant,))
     member = opened.member_place(variant)
     made = environment_class(
         opened.make_simulator(member), limit=opened.family.limit if limit == -1 else limit, **options
     )
-    if family is not None:
-        made.of_family(LazyMembers(place, family, "live", needs_pictures=False), member)
+    if "family" in given:
+        made.of_family(LazyMembers(given["family"], "live", needs_pictures=False), member)
     return made
 
 
@@ -169,6 +175,8 @@ def register(
     family: FamilyLocation | None = None,
     *,
     domain: FamilyLocation | None = None,
+    model: FamilyLocation | None = None,
+    environment: FamilyLocation | None = None,
     name: str | None = None,
     **options: Any,
 ) -> str:
@@ -178,7 +186,7 @@ def register(
     this process; worker processes of Gymnasium must register it as well.
 
     Args:
-        family, domain: as for `make`.
+        family, domain, model, environment: as for `make`.
         name: name of the environment in the id `envgraph/<name>-v0`: letters, digits, `_`, `.` and `-`. None: the name
             of the family or domain.
         options: options of `make_environment` and `make_vector_environment` for all environments made with this id.
@@ -194,7 +202,8 @@ def register(
     >>> gymnasium.make(register(domain="keydoor", name="Doors"), observation="multi").spec.id
     'envgraph/Doors-v0'
     """
-    given, record = _locate_family(family, domain)
+    given = _locate_family(family, domain, model, environment)
+    record = open_lazy_family(**given).record
     return register_name(
         name or record.family,
         vector_entry_point=MAKE_VECTOR_ENVIRONMENT,
@@ -204,24 +213,27 @@ def register(
     )
 
 
-def _environment_spec(family: FamilyLocation | None, domain: FamilyLocation | None) -> EnvSpec:
-    """Return the `EnvSpec` of a family or domain for Gymnasium."""
-    given, record = _locate_family(family, domain)
+def _environment_spec(*location: FamilyLocation | None) -> EnvSpec:
+    """Return the `EnvSpec` of a family or domain for Gymnasium. The arguments are those of `_locate_family`."""
+    given = _locate_family(*location)
+    record = open_lazy_family(**given).record
     return environment_spec(record.behaviour, limit=record.limit, **given)
 
 
-def _locate_family(family: FamilyLocation | None, domain: FamilyLocation | None) -> tuple[dict[str, Any], FamilyRecord]:
-    """Return the arguments that locate a family or domain, and its record.
+def _locate_family(*location: FamilyLocation | None) -> dict[str, Any]:
+    """Return the arguments `family` or `domain` of `make_environment` for a family, a domain, a model, an environment.
 
-    The path of a family is made absolute, so that other processes make the same environment.
+    Paths of families, models and environments are made absolute, so that other processes make the same environment.
     """
-    if family is not None and domain is not None:
-        raise InvalidArgument("both a `family` and a `domain` are given: give one of them")
-    place = None if domain is None else str(domain)
-    if family is not None:
-        path = Path(family)
-        family = str((path if path.suffix == ".json" else find_run_store(path)).resolve())
-    return _without_none(domain=place, family=family), open_lazy_family(place, family).record
+    family, domain, model, environment = location
+    if (model is None) != (environment is None) or sum(one is not None for one in (family, domain, model)) > 1:
+        raise InvalidArgument("give one of these: a `family`, a `domain`, or a `model` with its `environment`")
+    if model is not None and environment is not None:
+        return {"domain": [str(Path(one).resolve()) for one in (model, environment)]}
+    if family is None:
+        return _without_none(domain=None if domain is None else str(domain))
+    path = Path(family)
+    return {"family": str((path if path.suffix == ".json" else find_run_store(path)).resolve())}
 
 
 def _without_none(**values: object) -> dict[str, Any]:
@@ -229,7 +241,7 @@ def _without_none(**values: object) -> dict[str, Any]:
 
 
 def make_environment(
-    domain: str | None = None,
+    domain: DomainLocation | None = None,
     family: FamilyLocation | Family | None = None,
     variant: int | str | None = None,
     *,
@@ -244,10 +256,7 @@ def make_environment(
     """Return the environment of a member of a family, without a time limit; the entry point for `gymnasium.make`.
 
     Args:
-        domain: source of the behaviour and the initial model if there is no family: a family file, its directory, or
-            the name of a bundled domain.
-        family: a family file (`envgraph export`), a run, or its run store.
-        variant: name of a member ("E6") or its number from 1; by default the target, which is the last member.
+        domain, family, variant: as for `make`. `domain` may also be a list of two files: a model, an environment.
         render_mode: None, "ansi", "rgb_array" or "human".
         observation: "index" for a single number, "multi" for its components, "flat" for one-hot vectors of them, "dict"
             for components by name, "image" for planes over the grid, "graph" for the model. The last two are computed
@@ -280,7 +289,7 @@ def make_environment(
     }
     environment, steps_in = _make_member_environment(opened, place, wanted, shown)
     if family is not None:
-        environment.set_family(LazyMembers(domain, family, steps_in, render_mode is not None), place)
+        environment.set_family(LazyMembers(family, steps_in, render_mode is not None), place)
     if not opened.record.drawn:
         environment.metadata = {**environment.metadata, "render_modes": []}
     if not rewards:
@@ -289,7 +298,7 @@ def make_environment(
     for name in reward_names(opened.family.behaviour):
         parts[name], _ = _make_member_environment(opened.paying(name), place, steps_in, {})
         if family is not None:
-            parts[name].set_family(LazyMembers(domain, family, steps_in, needs_pictures=False, reward_name=name), place)
+            parts[name].set_family(LazyMembers(family, steps_in, needs_pictures=False, reward_name=name), place)
     return SeparateRewards(environment, parts)
 
 
@@ -319,7 +328,7 @@ def _make_member_environment(
 
 def make_vector_environment(
     num_envs: int = 1,
-    domain: str | None = None,
+    domain: DomainLocation | None = None,
     family: FamilyLocation | Family | None = None,
     variant: int | str | Sequence[int | str] | None = None,
     *,
@@ -374,6 +383,9 @@ def make_vector_environment(
     found = opened.tables_or_program(
         places, wanted, needs_pictures=render_mode is not None, needs_models=observation in MODEL_KINDS
     )
+    if found is None and observation not in MODEL_KINDS:
+        with suppress(TooManyStates):  # single environments would be live: only tables are left for a vector
+            found = opened.tables_or_program(places, "table", needs_pictures=render_mode is not None)
     if found is None:
         raise opened.not_compiled_error()
     if observation in MODEL_KINDS:
@@ -387,7 +399,7 @@ def make_vector_environment(
 
         environment = CompiledVectorEnv(found, num_envs, **options, **own)
     if family is not None:
-        environment.set_variants(VectorVariants(LazyMembers(domain, family, "table", needs_pictures=False), places))
+        environment.set_variants(VectorVariants(LazyMembers(family, "table", needs_pictures=False), places))
     return environment
 
 

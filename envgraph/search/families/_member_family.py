@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import field, replace
-from functools import cached_property, partial
+from functools import cached_property, lru_cache, partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -15,6 +15,7 @@ from envgraph.behaviour import with_only_reward
 from envgraph.code import dataclass
 from envgraph.env import Behaviour, ExploredEnvironment, KeyIndex, Scene, scene_of
 from envgraph.errors import (
+    LIMITS,
     EvaluationError,
     InvalidArgument,
     LoadError,
@@ -25,7 +26,7 @@ from envgraph.errors import (
     parse_int,
 )
 from envgraph.graph import Model, model_from_json
-from envgraph.lang import Bundle
+from envgraph.lang import Bundle, bundled_domains
 from envgraph.rewrite import Engine
 from envgraph.search._run_store import Individual, RunStore
 from envgraph.search.domain._components import Components
@@ -156,12 +157,15 @@ class Family:
         """Return a new copy of a member's model."""
         return model_from_json(member.model, self.domain.metamodel, file=f"{self.name}/{member.name}")
 
-    def explored(self, member: Member, *, pictures: bool = False) -> ExploredEnvironment:
+    def explored(
+        self, member: Member, *, pictures: bool = False, outcomes: int = LIMITS["all outcomes"]
+    ) -> ExploredEnvironment:
         """Return the transition table of a member. It is computed on the first call, and then cached in `tables`.
 
         Args:
             member: a member of this family.
             pictures: True if a scene of every state is needed. It is only made if the behaviour has a `draw` clause.
+            outcomes: the maximum number of outcomes that the live engine visits, if no compiled program does so faster.
 
         Raises:
             InvalidArgument: the family has no environment.
@@ -172,7 +176,7 @@ class Family:
         if known is None:
             behaviour = self.behaviour  # raises if there is no environment
             known = self._explored[name, pictures] = self.tables.load_or_explore(
-                self.domain, behaviour, self.model(member), self.keys, pictures=pictures
+                self.domain, behaviour, self.model(member), self.keys, pictures=pictures, outcomes=outcomes
             )
         return known
 
@@ -186,9 +190,10 @@ class Family:
         from envgraph.env.compiled import SharedEngine, program_of
 
         homes = [
-            self.domain.engine(self.model(one))
-            if isinstance(one.source, str)
-            else SharedEngine(one.source.engine, partial(self._new_engine, one))
+            SharedEngine(  # environments with the same program may not share an engine that draws their states
+                one.source.engine if isinstance(one.source, LazyModel) else lru_cache(partial(self._new_engine, one)),
+                partial(self._new_engine, one),
+            )
             for one in sorted(members, key=_birth)
         ]
         program = program_of(self.domain.engine(), self.behaviour, homes, self.keys)
@@ -424,6 +429,8 @@ def find_run_store(location: str | Path, directory: Path = Path("runs")) -> Path
     known = sorted(file.parent.name for file in directory.glob("*/run.sqlite") if file.is_file())
     there_are = f"there are {', '.join(known)}" if known else "run `envgraph generate` to make one"
     hint = did_you_mean(str(location), known) or there_are
+    if str(location) in bundled_domains() or any(path.glob("*.environment")):
+        hint = f"it is a domain: use `envgraph.make(domain={str(location)!r})`, or `envgraph generate {location}`"
     raise InvalidArgument(f"there is no run `{location}` in {directory}", hint)
 
 

@@ -97,6 +97,7 @@ class TableCache:
         keys: KeyIndex,
         *,
         pictures: bool = False,
+        outcomes: int = LIMITS["all outcomes"],
     ) -> ExploredEnvironment:
         """Return the transition table of a model, from the cache or by visiting all states.
 
@@ -109,11 +110,12 @@ class TableCache:
             model: the initial state; it is changed and must not be used afterwards.
             keys: the indices of its objects over the family.
             pictures: True if a picture of every state is needed. It is only made if the behaviour has a `draw` clause.
+            outcomes: as for `explore_fast`.
 
         Raises:
             TooManyStates: there are too many states for a table; this result is cached as well.
         """
-        from envgraph.env.compiled import explore_fast
+        from envgraph.env.compiled import explore_fast, has_numba
 
         name = table_file_name(domain, behaviour, model, keys)
         drawn = pictures and behaviour.draw is not None
@@ -121,14 +123,17 @@ class TableCache:
         known = self.read_table(name, needs_pictures=drawn) if lasting else None
         if known is not None:
             return known
-        if lasting and (refused := self._read_refusal(name)):
+        within = name if outcomes == LIMITS["all outcomes"] else f"{outcomes}-{drawn:d}{has_numba():d}-{name}"
+        refused = (self._read_refusal(name) or self._read_refusal(within)) if lasting else None
+        if refused is not None:
             raise TooManyStates.from_message(behaviour, *refused)
         try:
             with report_counting(f"states of {behaviour.name}") as progress:
-                found = explore_fast(domain.engine(model), behaviour, keys, pictures=drawn, progress=progress)
+                engine = domain.engine(model)
+                found = explore_fast(engine, behaviour, keys, outcomes=outcomes, pictures=drawn, progress=progress)
         except TooManyStates as error:
             if lasting:
-                self._write_refusal(name, error)
+                self._write_refusal(within, error)
             raise
         if lasting:
             self._write_table(name, found)
