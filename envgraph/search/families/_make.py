@@ -167,7 +167,7 @@ def _make_multiagent(
         opened.make_simulator(member), limit=opened.family.limit if limit == -1 else limit, **options
     )
     if "family" in given:
-        made.of_family(LazyMembers(given["family"], "live", needs_pictures=False), member)
+        made.set_family(LazyMembers(given["family"], "live", needs_pictures=False), member)
     return made
 
 
