@@ -65,6 +65,7 @@ class LazyFamily:
         self._kept = find_cache
         self._tables, self._key = find_cache()
         self._refused: NotCompiled | None = None
+        self._too_large = ""
 
     @cached_property
     def family(self) -> Family:
@@ -125,7 +126,7 @@ class LazyFamily:
         if many:
             with suppress(NotCompiled):
                 return self.compiled_program(places)
-        too_large = ""
+        self._too_large = ""
         if engine == "table" or (engine is None and not needs_models):
             outcomes = LIMITS["all outcomes"] if engine else OUTCOMES_FOR_A_TABLE // len(places)
             try:
@@ -137,7 +138,7 @@ class LazyFamily:
             except TooManyStates as error:
                 if engine == "table":
                     raise
-                too_large = error.message
+                self._too_large = f"{error.message}; "
         try:
             program = self.compiled_program(places)
         except NotCompiled as refused:
@@ -145,9 +146,9 @@ class LazyFamily:
             if engine == "compiled":
                 raise self.not_compiled_error() from None
             return None
-        if too_large and not program.native:
+        if self._too_large and not program.native:
             hint = 'numba makes it fast (pip install "envgraph[fast]")'
-            warn(f"{too_large}; a program that Python runs is used instead of a table; {hint}", stacklevel=3)
+            warn(f"{self._too_large}a program that Python runs is used instead of a table; {hint}", stacklevel=3)
         return program
 
     def compiled_program(self, places: Sequence[int]) -> CompiledProgram:
@@ -177,7 +178,7 @@ class LazyFamily:
         compile it.
         """
         assert self._refused is not None
-        message = f"environment `{self.family.behaviour.name}` cannot be compiled: {self._refused}"
+        message = f"{self._too_large}environment `{self.family.behaviour.name}` cannot be compiled: {self._refused}"
         hint = 'use `engine="live"`, or `engine="table"` if there are few states'
         return EvaluationError(message, self._refused.span, hint)
 
