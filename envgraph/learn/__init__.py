@@ -37,13 +37,6 @@ if TYPE_CHECKING:
         run_stages as run_stages,
         train_run as train_run,
     )
-    from envgraph.learn._intervals import (
-        bootstrap_interval as bootstrap_interval,
-        interquartile_mean as interquartile_mean,
-        performance_profile as performance_profile,
-        probability_of_improvement as probability_of_improvement,
-        wilson_interval as wilson_interval,
-    )
     from envgraph.learn._regret import EXACT_SCHEDULES as EXACT_SCHEDULES, TEACHERS as TEACHERS
     from envgraph.learn._results import (
         Experiment as Experiment,
@@ -64,12 +57,17 @@ if TYPE_CHECKING:
     from envgraph.solve import (
         Evaluation as Evaluation,
         OptimalPolicy as OptimalPolicy,
+        bootstrap_interval as bootstrap_interval,
         chain_transfer as chain_transfer,
         evaluate as evaluate,
         evaluate_policy as evaluate_policy,
+        interquartile_mean as interquartile_mean,
         mixture as mixture,
         optimal_return as optimal_return,
+        performance_profile as performance_profile,
+        probability_of_improvement as probability_of_improvement,
         value_iteration as value_iteration,
+        wilson_interval as wilson_interval,
     )
     from envgraph.solve.learning import (
         STUDENTS as STUDENTS,

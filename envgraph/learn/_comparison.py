@@ -12,10 +12,10 @@ import numpy as np
 from envgraph.code import dataclass
 from envgraph.errors import InvalidArgument
 from envgraph.learn._curricula import Kind
-from envgraph.learn._intervals import bootstrap_interval, newcombe_interval, probability_of_improvement
 from envgraph.learn._regret import TEACHERS
 from envgraph.learn._results import OPTIMISTIC, THRESHOLD, Experiment, RunResult
 from envgraph.learn._significance import holm, permutation_test
+from envgraph.solve import bootstrap_interval, newcombe_interval, probability_of_improvement
 
 Measure = Literal["success", "return"]
 Verdict = Literal["better", "worse", "equal", "neither", "undecided"]

@@ -15,7 +15,7 @@ from envgraph.code import dataclass
 from envgraph.errors import EnvgraphError, InvalidArgument, parse_float, parse_int
 from envgraph.files import open_input, replacement_draft
 from envgraph.learn._curricula import Kind, parse_kind
-from envgraph.learn._intervals import bootstrap_interval, interquartile_mean, wilson_interval
+from envgraph.solve import bootstrap_interval, interquartile_mean, wilson_interval
 from envgraph.solve.learning import Curve
 
 Parsed = TypeVar("Parsed")

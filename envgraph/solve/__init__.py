@@ -1,9 +1,9 @@
 """Compute properties of environments with known tables, without training, such as certificates of families.
 
 `certify` collects what is known of an environment and of a policy in it: `shortest_plan`, `optimal_return`, and the
-expected values of `evaluate_policy`. `cvar` is about the worst members of a family. `value_iteration` computes the
-best policy without a time limit. `chain_transfer` measures how easily the best policy of one environment finds success
-in the next. `mixture` combines several environments into one.
+expected values of `evaluate_policy`. `cvar` is about the worst members of a family.
+`value_iteration` computes the best policy without a time limit. `chain_transfer` measures how easily the best policy of
+one environment finds success in the next. `mixture` combines several environments into one.
 """
 
 from typing import TYPE_CHECKING
@@ -23,6 +23,14 @@ if TYPE_CHECKING:
         Evaluation as Evaluation,
         evaluate as evaluate,
         evaluate_policy as evaluate_policy,
+    )
+    from envgraph.solve._intervals import (
+        bootstrap_interval as bootstrap_interval,
+        interquartile_mean as interquartile_mean,
+        newcombe_interval as newcombe_interval,
+        performance_profile as performance_profile,
+        probability_of_improvement as probability_of_improvement,
+        wilson_interval as wilson_interval,
     )
     from envgraph.solve._mixture import mixture as mixture
     from envgraph.solve._transfer import (

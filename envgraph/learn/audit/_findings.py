@@ -10,12 +10,12 @@ import numpy as np
 
 from envgraph.code import dataclass
 from envgraph.learn._comparison import SIGNIFICANT
-from envgraph.learn._intervals import probability_of_improvement
 from envgraph.learn._significance import FEWEST_UNITS, holm, mean_test
 from envgraph.learn.audit._audit_settings import PROTOCOL
 from envgraph.learn.audit._methods import CONTRASTS, PROBED, Contrast
 from envgraph.learn.audit._ranks import Floats
 from envgraph.learn.audit._study import Study
+from envgraph.solve import probability_of_improvement
 
 Verdict = Literal["stands", "fails", "undecided"]
 

@@ -11,12 +11,11 @@ import numpy as np
 
 from envgraph.code import dataclass
 from envgraph.files import replacement_draft
-from envgraph.learn._intervals import bootstrap_interval, probability_of_improvement
 from envgraph.learn.audit._audit_settings import PROTOCOL
 from envgraph.learn.audit._findings import Finding, paired_differences, seed_and_level_test
 from envgraph.learn.audit._methods import METHODS
 from envgraph.learn.audit._study import Study
-from envgraph.solve import cvar
+from envgraph.solve import bootstrap_interval, cvar, probability_of_improvement
 
 BASELINE: Final = METHODS[0].name
 

@@ -9,16 +9,14 @@ import pytest
 from hypothesis import given, strategies as st
 
 from envgraph.errors import InvalidArgument
-from envgraph.learn import (
+from envgraph.solve import (
     _intervals,
     bootstrap_interval,
     interquartile_mean,
+    newcombe_interval,
     performance_profile,
     probability_of_improvement,
     wilson_interval,
-)
-from envgraph.learn._intervals import (
-    newcombe_interval,
 )
 
 

@@ -1,4 +1,4 @@
-"""Confidence intervals and robust statistics for the results of several training runs."""
+"""Confidence intervals and robust statistics for the results of several training runs or episodes."""
 
 from __future__ import annotations
 
