@@ -283,6 +283,30 @@ def test_search_for_any_plan_tries_a_narrow_beam_first(
     assert success_step(engine, behaviour, plan) == plan.steps >= 14
 
 
+def test_narrow_beam_follows_a_search_with_too_many_outcomes(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(_plan_search, "NARROW_BEAM", (50, 20))
+    monkeypatch.setattr(_compiled_program, "has_numba", lambda: False)
+    engine, behaviour = opened(SOKOBAN / "small.model", SOKOBAN / "sokoban.environment")
+    beam, plans = found(engine, behaviour, limit=50, width=20), Plans(behaviour)
+    plans.max_outcomes = 1_500
+    assert plans.plan(engine) == beam != found(engine, behaviour)
+    plans.max_outcomes = 40
+    with pytest.raises(TooManyStates, match="more than 40 outcomes"):
+        plans.plan(engine)
+
+
+@pytest.mark.parametrize("width", [20, 500])
+def test_total_reward_of_a_plan_is_that_of_its_steps(width: int) -> None:
+    engine, behaviour = opened(SOKOBAN / "small.model", SOKOBAN / "sokoban.environment")
+    plan = found(engine, behaviour, limit=50, width=width)
+    simulator, rng, total = Simulator(engine, behaviour), np.random.default_rng(0), 0.0
+    simulator.reset(rng)
+    for action in plan.actions:
+        total += simulator.step(simulator.action_names.index(action), rng).reward
+    simulator.close()
+    assert plan.total_reward == total != 0.0 and not plan.is_exact
+
+
 def test_models_with_different_objects_get_separate_programs(monkeypatch: pytest.MonkeyPatch) -> None:
     """Each is written once, whichever model comes next."""
     written, program_of = [], _compiled_program.program_of

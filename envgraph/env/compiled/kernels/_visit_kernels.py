@@ -16,15 +16,15 @@ NO_MOVE = 3
 
 
 def visit(
-    T, G, L, S, F, RI, RF, D, m, BITS, HASHED, S0, F0, C, OBS, BEFORE, BY, STARTS, DID, TO, P, REWARD, END, MATCH,
+    T, G, L, S, F, RI, RF, D, m, BITS, HASHED, S0, F0, C, OBS, BEFORE, BY, GAIN, STARTS, DID, TO, P, REWARD, END, MATCH,
     REALS, head, count, used, made, last, TRIED, SOUGHT, GOAL, MOST, LIMIT, WANTED,
 ):  # fmt: skip
     """Do the actions `TRIED` in each state before `last`, in the order of the states' numbers.
 
     If `head` is -1, first visit the states in which an episode may begin. New states get the next numbers; `BEFORE` and
-    `BY` get the state and the number of the outcome that led there. Stops at a new state with a component `GOAL` other
-    than 0. If `SOUGHT` is not 0, outcomes and final states are not stored, `BY` gets actions, and the visit stops if an
-    episode ends as `SOUGHT`.
+    `BY` get the state and the number of the outcome that led there, and `GAIN` the sum of the rewards on the way. Stops
+    at a new state with a component `GOAL` other than 0. If `SOUGHT` is not 0, outcomes and final states are not stored,
+    `BY` gets actions, and the visit stops if an episode ends as `SOUGHT`.
 
     `DID` gets 1 for actions that had an effect. If rules are explored, the reward is the row of the match, which is
     stored. Returns how the visit ended, the place of the action, the next state, the number of states, the number of
@@ -65,6 +65,7 @@ def visit(
                     return MANY, place, head, count, first, before
                 if S[count, 0] != 0:
                     return WRONG, place, head, count, first, before
+                GAIN[count] = GAIN[head] + reward if head >= 0 else 0.0
                 if SOUGHT != 0 and end == SOUGHT:
                     return FOUND, place, head, count, first, before
                 if end == 0 or (SOUGHT == 0 and end != NO_MOVE):

@@ -6,6 +6,7 @@ from collections.abc import Iterator, Sequence
 from contextlib import closing, suppress
 from dataclasses import replace
 from math import inf, isfinite
+from sys import maxsize
 from typing import Any, Final
 
 import numpy as np
@@ -43,6 +44,7 @@ class ActionPlan:
         states: the number of states visited.
         limit: the number of visited states after which layers are cut.
         width: the number of states kept of a layer; None if no layer was cut, so that the result is exact.
+        total_reward: the sum of the rewards of the plan, with the outcomes that lead to the end.
     """
 
     steps: float
@@ -50,6 +52,7 @@ class ActionPlan:
     states: int
     limit: int
     width: int | None
+    total_reward: float = 0.0
 
     @property
     def is_exact(self) -> bool:
@@ -100,17 +103,21 @@ def with_guide_counts(
 class Plans:
     """A planner for one behaviour in many models, each of which is the current model of an engine in turn.
 
-    The first, small searches run in Python. Later searches are compiled with numba if numba is installed.
+    The first, small searches without a maximum run in Python. Others are compiled with numba if numba is installed.
 
     Args:
         behaviour: a behaviour without errors.
         outcome: 1 for success, 2 for failure.
         guide: a pattern: the beam keeps the states with the fewest matches; None: see `with_guide_counts`.
         shortest: search for a shortest plan; False: try a narrow beam first, which may find a longer plan.
+
+    Attributes:
+        max_outcomes: the maximum number of outcomes of a search, after which a narrow beam is tried; None: no maximum.
     """
 
     def __init__(self, behaviour: Behaviour, outcome: int = 1, guide: str | None = None, shortest: bool = True) -> None:
         self._behaviour, self._outcome, self._guide, self._shortest = behaviour, outcome, guide, shortest
+        self.max_outcomes: int | None = None
         self._search_count = 0
         self._programs: dict[Any, CompiledProgram] = {}
 
@@ -119,6 +126,7 @@ class Plans:
 
         Raises:
             NotCompiled: the behaviour contains a construct that only the live engine supports.
+            TooManyStates: the last search has more than the maximum number of outcomes, or a state has too many.
             EvaluationError, RuleError, ResolutionError: as `explore`.
         """
         return self._search(engine, progress)[1]
@@ -137,28 +145,23 @@ class Plans:
 
     def _search(self, engine: Engine, progress: Progress | None = None) -> tuple[PlanSearch, ActionPlan]:
         program, guides = self._guided_program(engine)
-        searches = list[PlanSearch]()
         self._search_count += 1
-        if program.native and self._search_count <= COSTS.searches_of_python:
-            slow = PlanSearch(
-                replace(program, native=False),
-                self._outcome,
-                COSTS.breadth,
-                COSTS.width,
-                COSTS.few_states,
-                progress,
-            )
-            slow.max_outcomes = COSTS.few_outcomes
-            searches.append(slow)
-        if not self._shortest:
-            searches.append(PlanSearch(program, self._outcome, *NARROW_BEAM, LIMITS["planned states"], progress))
-        for search in searches:
+        beams = [NARROW_BEAM, (COSTS.breadth, COSTS.width)]
+        if self._shortest:
+            beams = beams[1:] if self.max_outcomes is None else beams[::-1]
+        tries = [(program, *beam, LIMITS["planned states"], self.max_outcomes) for beam in beams]
+        if program.native and self.max_outcomes is None and self._search_count <= COSTS.searches_of_python:
+            slow = replace(program, native=False)
+            tries.insert(0, (slow, COSTS.breadth, COSTS.width, COSTS.few_states, COSTS.few_outcomes))
+        for program, breadth, width, states, outcomes in tries[:-1]:
+            search = PlanSearch(program, self._outcome, breadth, width, states, progress, outcomes)
             with suppress(TooManyStates):
                 plan = search.plan(guides)
                 if isfinite(plan.steps) or plan.is_exact:
                     return search, plan
             self._search_count = COSTS.searches_of_python  # later searches are compiled
-        search = PlanSearch(program, self._outcome, COSTS.breadth, COSTS.width, LIMITS["planned states"], progress)
+        program, breadth, width, states, outcomes = tries[-1]
+        search = PlanSearch(program, self._outcome, breadth, width, states, progress, outcomes)
         return search, search.plan(guides)
 
     def _guided_program(self, engine: Engine) -> tuple[CompiledProgram, int]:
@@ -202,12 +205,8 @@ class PlanSearch(StateVisit):
         width: the number of states kept of a layer.
         max_states: the maximum number of visited states; None: no maximum.
         progress: a callback that gets the number of states from time to time.
-
-    Attributes:
         max_outcomes: the maximum number of outcomes before the search is aborted; None: no maximum.
     """
-
-    max_outcomes: int | None = None
 
     def __init__(
         self,
@@ -217,8 +216,10 @@ class PlanSearch(StateVisit):
         width: int = COSTS.width,
         max_states: int | None = None,
         progress: Progress | None = None,
+        max_outcomes: int | None = None,
     ) -> None:
         super().__init__(program, 0, limit, distinct_actions(program), sought=outcome)
+        self.max_outcomes = max_outcomes
         self._outcome, self._width, self._max_states, self._progress = outcome, width, max_states, progress
 
     def plan(self, guides: int) -> ActionPlan:
@@ -257,7 +258,8 @@ class PlanSearch(StateVisit):
                 self._way, self._last_action = self._way_to(state), int(self._actions[place])
                 numbers = *self.rows.found_by[self._way[1:]], self._last_action
                 actions = tuple(self._program.action_names[action] for action in numbers)
-                return ActionPlan(float(depth), actions, met, self._limit, self._width if cut else None)
+                width, gain = self._width if cut else None, float(self.rows.gain[count])
+                return ActionPlan(float(depth), actions, met, self._limit, width, gain)
             if self._max_states is not None and met > self._max_states:
                 return ActionPlan(inf, (), met, self._limit, self._width)
             first, last = last, count
@@ -269,14 +271,14 @@ class PlanSearch(StateVisit):
     def _check(self, how: int) -> None:
         if self._progress is not None:
             self._progress(self.counts[1], 0)
-        head, states, *_ = self.counts
+        head, states, _, made = self.counts
         if head < 0 and how == SPACE and states > self._limit:
             raise TooManyStates(self._program.behaviour, self._limit)
-        if how == PAUSED and self.max_outcomes is not None:
+        if how == PAUSED and self.max_outcomes is not None and made >= self.max_outcomes:
             raise TooManyStates(self._program.behaviour, self._limit, outcomes=self.max_outcomes)
 
     def _pause_after(self, made: int) -> int:
-        return super()._pause_after(made) if self.max_outcomes is None else self.max_outcomes
+        return min(super()._pause_after(made), maxsize if self.max_outcomes is None else self.max_outcomes)
 
     def _append_states(self, first: int, rows: Sequence[Array]) -> int:
         """Append states that were removed, as rows from `first` on, and return the new number of states."""
@@ -291,7 +293,7 @@ class PlanSearch(StateVisit):
 
     def _rows_at(self, numbers: Any) -> list[Array]:
         """Return copies of rows of the arrays of states, without the last arrays, which searches ignore."""
-        return [array[numbers] for array in self.rows[:6]]
+        return [array[numbers] for array in self.rows[:7]]
 
     def _way_to(self, state: int) -> list[int]:
         way = [state]

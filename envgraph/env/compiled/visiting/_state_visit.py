@@ -35,6 +35,7 @@ class StateArrays(NamedTuple):
         components, observations: the observations, as components and as numbers.
         sources, found_by: the state from which each state was found, -1 for a start state; and by which outcome, or, in
             a search, by which action.
+        gain: the sum of the rewards on the way by which each state was found; in the row behind them, those to an end.
         starts: the index of the first outcome of each action.
         did: for each action, 1 if an outcome of it had an effect, else 0.
     """
@@ -45,6 +46,7 @@ class StateArrays(NamedTuple):
     observations: Array
     sources: Array
     found_by: Array
+    gain: Array
     starts: Array
     did: Array
 
@@ -96,12 +98,13 @@ class StateVisit(ABC):
         self._actions = np.arange(len(program.action_names)) if actions is None else actions
         self._limit, self._wanted = limit, (sought, goal, LIMITS["outcomes"], maxsize if sought else limit)
         self._work = *zero_row_buffers(program.row_buffer_shape), empty_script(LIMITS["random choices"])
-        size, actions_shape = COSTS.first, (COSTS.first, len(self._actions))
+        size = COSTS.first
+        shapes = *[(size,)] * 4, *[(size, len(self._actions))] * 2
         self.rows = StateArrays(
             padded_to(program.arrays.ints[:0], size),
             padded_to(program.arrays.floats[:0], size),
             np.zeros((size, len(program.observation_shape)), np.int64),
-            *(np.zeros(shape, np.int64) for shape in (size, size, size, actions_shape, actions_shape)),
+            *(np.zeros(shape, kind) for shape, kind in zip(shapes, "qqqdqq", strict=True)),
         )
         self.outcomes = OutcomeArrays(
             np.zeros(size, np.int64),
