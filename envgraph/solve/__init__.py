@@ -1,7 +1,7 @@
 """Compute properties of environments with known tables, without training, such as certificates of families.
 
 `certify` collects what is known of an environment and of a policy in it: `shortest_plan`, `optimal_return`, and the
-expected values of `evaluate_policy`. `cvar` is about the worst members of a family.
+expected values of `evaluate_policy`. `sample_walks` needs no table. `cvar` is about the worst members of a family.
 `value_iteration` computes the best policy without a time limit. `chain_transfer` measures how easily the best policy of
 one environment finds success in the next. `mixture` combines several environments into one.
 """
@@ -33,6 +33,7 @@ if TYPE_CHECKING:
         wilson_interval as wilson_interval,
     )
     from envgraph.solve._mixture import mixture as mixture
+    from envgraph.solve._sampling import sample_walks as sample_walks
     from envgraph.solve._transfer import (
         chain_transfer as chain_transfer,
         hit_probability as hit_probability,
