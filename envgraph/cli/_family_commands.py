@@ -81,14 +81,17 @@ def optimise() -> None:
 @app.command("verify")
 @run_argument
 @click.option("--resume", is_flag=True, help="Skip environments that were verified before.")
+@count_option("--members", default=1000, help="Number of environments; of more, a sample is verified.")
+@count_option("--seed", minimum=0, default=0, help="Random seed of sampled episodes.")
+@count_option("--workers", default=1, help="Number of processes; does not change results.")
 @directory_option
 @format_option
 @implemented_in("_verify_command", "verify_family")
 def verify_() -> None:
-    """Print exact properties of each environment of a family, computed twice by different methods.
+    """Print properties of each environment of a family, computed twice by different methods.
 
-    These are the fewest steps to success, the success probability of a random walk, and the optimal return. Exit code 1
-    if the two methods differ. A run stores the results, environment by environment.
+    These are the fewest steps to success, the success probability of a random walk, and the optimal return: exact, or
+    sampled if there are too many states. Exit code 1 if the two methods differ. A run stores the results.
     """
 
 

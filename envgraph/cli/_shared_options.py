@@ -125,7 +125,7 @@ _cluster_option = click.option(
     help="Run on all workers of a cluster: dask://HOST:PORT, ray://HOST:PORT, or ray for this machine.",
 )
 _MAX_VALUES: Final = {
-    **dict.fromkeys(("--population", "--samples", "--seeds", "--controls"), "members"),
+    **dict.fromkeys(("--population", "--members", "--samples", "--seeds", "--controls"), "members"),
     **{"--seed": "seed", "--seed-offset": "seed", "--times": "attempts", "--workers": "workers"},
 }
 """The limit of each numeric option; "steps" for all other options."""

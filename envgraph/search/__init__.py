@@ -126,7 +126,6 @@ if TYPE_CHECKING:
     )
     from envgraph.search.runs._ask_and_tell import Sampling as Sampling
     from envgraph.search.runs._certificates_check import (
-        PlanSearchResult as PlanSearchResult,
         Verification as Verification,
         certificates as certificates,
         differing_members as differing_members,

@@ -53,7 +53,9 @@ class Member:
         individual: id in the run store, or None.
         initial: True if it is the initial model.
         certificates: the verified values "shortest_plan" (None if there is no plan), "random_success" and
-            "optimal_return", within "limit" steps. {} if the member was not verified.
+            "optimal_return", within "limit" steps; None if there are too many states, beside "plan_found" and
+            "plan_return", and "sampled_episodes" of a random walk, with "sampled_success" and "sampled_return", each
+            with the ends "_low" and "_high" of a 95 % interval. {} if the member was not verified.
     """
 
     name: str

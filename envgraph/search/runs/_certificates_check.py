@@ -2,21 +2,29 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from contextlib import suppress
-from dataclasses import fields
-from math import isclose, isfinite
+from dataclasses import fields, replace
+from math import floor, inf, isclose, isfinite, log10
+from typing import Any
+
+import numpy as np
 
 from envgraph.code import dataclass
-from envgraph.env import TooManyStates, explore
-from envgraph.env.compiled import ActionPlan, NotCompiled, Plans
+from envgraph.env import Simulator, TooManyStates, explore
+from envgraph.env.compiled import ActionPlan, CompiledProgram, NotCompiled, Plans, has_numba
+from envgraph.files import report_counting
+from envgraph.rewrite import Engine
 from envgraph.search._run_store import CERTIFICATES_KEY, RunStore
 from envgraph.search.families._member_family import Family, Member
 from envgraph.search.problem._individual_measures import DEFAULT_STEP_LIMIT
-from envgraph.solve import Certificates, certify, recomputed
+from envgraph.solve import Certificates, bootstrap_interval, certify, recomputed, sample_walks, wilson_interval
 
 _STORED_CERTIFICATES = ("limit", "shortest_plan", "random_success", "optimal_return")
 """Fields of the certificates that are stored. The others are about a policy, here a random one."""
+
+_CHECKED_EPISODES, _PLAN_OUTCOMES = 10, 1_000_000
+"""Sampled episodes that the live engine repeats in a second, and outcomes of a search for a plan with numba, in two."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -25,31 +33,31 @@ class Verification:
 
     Attributes:
         member: the member of the family.
-        number_of_states: number of its states.
-        certificates: computed from the cached table, or from a table made by a compiled program.
-        recomputed_certificates: computed from the states that the live engine visits, by other recurrences.
-        is_state_count_equal: True if both have the same number of states.
+        certificates: see `Member.certificates`; of the cached table, or of a table made by a compiled program.
+        differences: the names of values that differ if the live engine computes them by other recurrences, also from
+            the member's stored values; "episodes" if it does not repeat the first sampled episodes.
+        states: number of states, None if there are too many for a table.
+        reason: message about the number of states, if there are too many.
+        plan: the best plan that was found without a table.
     """
 
     member: Member
-    number_of_states: int
-    certificates: Certificates
-    recomputed_certificates: Certificates
-    is_state_count_equal: bool
+    certificates: Mapping[str, float | None]
+    differences: tuple[str, ...]
+    states: int | None = None
+    reason: str = ""
+    plan: ActionPlan | None = None
 
-    @property
-    def differences(self) -> tuple[str, ...]:
-        """Return the names of values that differ by more than rounding, also from the member's stored certificates."""
-        names = [one.name for one in fields(Certificates)]
-        found = [
-            name
-            for name in names
-            if not _are_close(getattr(self.certificates, name), getattr(self.recomputed_certificates, name))
-        ]
-        kept = certificate_values(self.recomputed_certificates)
-        said = self.member.certificates
-        wrong = [f"{name} of the file" for name in said if name not in kept or not _are_close(said[name], kept[name])]
-        return (*found, *wrong, *(() if self.is_state_count_equal else ("states",)))
+
+def _differences(known: Certificates, again: Certificates, said: Mapping[str, float | None]) -> Iterator[str]:
+    """Yield the names of values that differ between two computations, or from the stored certificates of a member."""
+    for field in fields(Certificates):
+        if not _are_close(getattr(known, field.name), getattr(again, field.name)):
+            yield field.name
+    kept = _certificate_values(again)
+    for name, value in {} if "sampled_episodes" in said else said.items():
+        if name not in kept or not _are_close(value, kept[name]):
+            yield f"{name} of the file"
 
 
 def _are_close(one: float | None, other: float | None) -> bool:
@@ -58,7 +66,7 @@ def _are_close(one: float | None, other: float | None) -> bool:
     return isclose(one, other, rel_tol=1e-9, abs_tol=1e-9)
 
 
-def certificate_values(known: Certificates) -> dict[str, float | None]:
+def _certificate_values(known: Certificates) -> dict[str, float | None]:
     """Return the certificates to store, ready for JSON. An infinite value, such as of a missing plan, becomes None."""
     values = {name: getattr(known, name) for name in _STORED_CERTIFICATES}
     return {name: value if isfinite(value) else None for name, value in values.items()}
@@ -74,11 +82,29 @@ def format_certificates(member: Member, family: Sequence[Member] = ()) -> list[t
     if not said:
         return [("shortest plan", "not verified")] if any(one.certificates for one in family) else []
     plan, limit, best = said["shortest_plan"], said["limit"], said["optimal_return"]
+    walk = f"random walk in the family, {limit:.0f} steps"
+    if "sampled_episodes" not in said:
+        return [
+            ("shortest plan", "none" if plan is None else f"{plan:.0f}"),
+            (walk, f"{said['random_success']:.3g}"),
+            ("optimal return", "not finite" if best is None else f"{best:z.3f}"),
+        ]
+    found, gain, how = said["plan_found"], said["plan_return"], f"(sampled, {said['sampled_episodes']:,.0f} episodes)"
     return [
-        ("shortest plan", "none" if plan is None else f"{plan:.0f}"),
-        (f"random walk in the family, {limit:.0f} steps", f"{said['random_success']:.3g}"),
-        ("optimal return", "not finite" if best is None else f"{best:z.3f}"),
+        ("shortest plan", "none found" if found is None else f"{'at most ' if plan is None else ''}{found:.0f}"),
+        ("return of the plan", "" if gain is None else f"{gain:z.3f}"),
+        (walk, f"{_format_estimate(said, 'sampled_success')} {how}"),
+        ("return of the walk", f"{_format_estimate(said, 'sampled_return')} (sampled)"),
+        ("optimal return", "not computed"),
     ]
+
+
+def _format_estimate(said: Mapping[str, Any], name: str) -> str:
+    """Return a mean and the larger distance to an end of its interval, with as many decimals as that needs."""
+    mean = said[name]
+    half = max(mean - said[f"{name}_low"], said[f"{name}_high"] - mean)
+    places = max(0, -floor(log10(half))) if half > 0.0 else 3
+    return f"{mean:z.{places}f} ± {half:.{places}f}"
 
 
 def differing_members(family: Family, found: Iterable[Verification]) -> dict[str, list[str]]:
@@ -88,38 +114,15 @@ def differing_members(family: Family, found: Iterable[Verification]) -> dict[str
     actions of its own objects.
     """
     measures = [one.name for one in family.domain.spec.measures if one.kind == "random_success"]
-    return {
-        name: [
-            one.member.name
-            for one in found
-            if not _are_close(one.member.measures[name], one.certificates.random_success)
-        ]
-        for name in measures
-    }
+    pairs = [(one.member, one.certificates["random_success"]) for one in found if one.states]
+    names = {name: [one.name for one, exact in pairs if not _are_close(one.measures[name], exact)] for name in measures}
+    return {name: members for name, members in names.items() if members}
 
 
-@dataclass(frozen=True, slots=True)
-class PlanSearchResult:
-    """The result for a member that has too many states for a table.
-
-    Attributes:
-        member: the member of the family.
-        reason: message about the number of states.
-        plan: the plan to success that was found, or a result without a plan; None if the behaviour cannot be compiled.
-    """
-
-    member: Member
-    reason: str
-    plan: ActionPlan | None
-
-
-def store_certificates(store: RunStore, verification: Verification) -> None:
-    """Add the certificates of a verified member to its run store, or replace those stored for the member."""
-    known = {str(number): said for number, said in store.certificates.items()}
-    store.set_setting(
-        CERTIFICATES_KEY,
-        {**known, str(verification.member.individual): certificate_values(verification.certificates)},
-    )
+def store_certificates(store: RunStore, found: Iterable[Verification]) -> None:
+    """Add the certificates of verified members to their run store, or replace those stored for the members."""
+    known = store.certificates | {one.member.individual or 0: dict(one.certificates) for one in found}
+    store.set_setting(CERTIFICATES_KEY, {str(number): known[number] for number in sorted(known)})
 
 
 def certificates(family: Family, member: Member) -> Certificates:
@@ -132,39 +135,71 @@ def certificates(family: Family, member: Member) -> Certificates:
     return certify(family.explored(member).tabular, limit=family.limit or DEFAULT_STEP_LIMIT)
 
 
-def verify(family: Family, members: Iterable[Member] | None = None) -> Iterator[Verification | PlanSearchResult]:
+def verify(family: Family, members: Iterable[Member] | None = None, *, seed: int = 0) -> Iterator[Verification]:
     """Compute the certificates of members in two ways, and yield the results.
 
     The second computation visits states with the live engine and uses other recurrences. The live engine computes about
     ten thousand outcomes per second, so that several random objects can take minutes. For members with too many states
-    for a table only a plan is searched.
+    for a table, random walks are sampled and a plan is searched.
 
     Args:
         family: a family with an environment.
         members: members of the family; None for all.
+        seed: of the random walks.
 
     Raises:
         InvalidArgument, EvaluationError: as `certificates`.
     """
-    limit = family.limit or DEFAULT_STEP_LIMIT
+    limit, plans = family.limit or DEFAULT_STEP_LIMIT, Plans(family.behaviour)
+    plans.max_outcomes = _PLAN_OUTCOMES if has_numba() else _PLAN_OUTCOMES // 20
     for member in family.members if members is None else members:
+        engine = family.domain.engine(family.model(member))
         try:
             known = family.explored(member).tabular
         except TooManyStates as error:
-            yield PlanSearchResult(member, error.message, _find_plan(family, member))
+            yield replace(_estimate(family, member, engine, plans, seed), reason=error.message)
             continue
-        engine = family.domain.engine(family.model(member))
-        live = explore(engine, family.behaviour, family.keys).tabular
-        yield Verification(
-            member,
-            live.n_states,
-            certify(known, limit=limit),
-            recomputed(live, limit=limit),
-            known.n_states == live.n_states,
-        )
+        with report_counting(f"states of {family.behaviour.name} again") as progress:
+            live = explore(engine, family.behaviour, family.keys, progress=progress).tabular
+        found = certify(known, limit=limit)
+        differing = [*_differences(found, recomputed(live, limit=limit), member.certificates)]
+        differing += ["states"] * (known.n_states != live.n_states)
+        yield Verification(member, _certificate_values(found), tuple(differing), live.n_states)
 
 
-def _find_plan(family: Family, member: Member) -> ActionPlan | None:
+def _estimate(family: Family, member: Member, engine: Engine, plans: Plans, seed: int) -> Verification:
+    """Return what can be found without a table; `engine` is at the model of the member."""
+    limit, name, plan = family.limit or DEFAULT_STEP_LIMIT, family.behaviour.name, ActionPlan(inf, (), 0, 0, 0)
+    with suppress(NotCompiled, TooManyStates), report_counting(f"plan of {name}: states") as progress:
+        plan = plans.plan(engine, progress)
+    simulator = Simulator(engine, family.behaviour, family.keys)
+    walked: CompiledProgram | Simulator = simulator
     with suppress(NotCompiled):
-        return Plans(family.behaviour).plan(family.domain.engine(family.model(member)))
-    return None
+        walked = family.program([member]) if has_numba() else simulator
+    with report_counting(f"sampled episodes of {name}") as progress:
+        walks = sample_walks(walked, limit, seed=seed, progress=progress)
+    again = sample_walks(simulator, limit, _CHECKED_EPISODES, seed=seed)
+    lengths = np.where(walks[:, 0] > 0.0, walks[:, 2], inf)
+    best, steps = int(lengths.argmin()), float(lengths.min())
+    if steps < plan.steps:
+        numbers = np.random.default_rng([seed, best]).integers(len(simulator.action_names), size=limit)[: int(steps)]
+        actions = tuple(simulator.action_names[number] for number in numbers)
+        plan = replace(plan, steps=steps, actions=actions, total_reward=float(walks[best, 1]))
+    success, total, _ = walks.mean(axis=0).tolist()
+    shortest = plan.steps if isfinite(plan.steps) else None
+    values: dict[str, float | None] = {
+        "limit": limit,
+        "shortest_plan": shortest if plan.is_exact else None,
+        "random_success": None,
+        "optimal_return": None,
+        "plan_found": shortest,
+        "plan_return": None if shortest is None else plan.total_reward,
+        "sampled_episodes": float(len(walks)),
+        "sampled_success": success,
+        "sampled_return": total,
+    }
+    intervals = wilson_interval(success, len(walks)), bootstrap_interval(walks[:, 1].tolist()) or (-inf, inf)
+    for mean, ends in zip(("sampled_success", "sampled_return"), intervals, strict=True):
+        values |= {f"{mean}_low": ends[0], f"{mean}_high": ends[1]}
+    same = np.array_equal(walks[:_CHECKED_EPISODES], again)
+    return Verification(member, values, () if same else ("episodes",), plan=plan)
