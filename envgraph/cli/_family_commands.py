@@ -83,7 +83,7 @@ def optimise() -> None:
 @click.option("--resume", is_flag=True, help="Skip environments that were verified before.")
 @count_option("--members", default=1000, help="Number of environments; of more, a sample is verified.")
 @count_option("--seed", minimum=0, default=0, help="Random seed of sampled episodes.")
-@count_option("--workers", default=1, help="Number of processes; does not change results.")
+@workers_options("Number of processes.")
 @directory_option
 @format_option
 @implemented_in("_verify_command", "verify_family")

@@ -14,8 +14,7 @@ import numpy as np
 
 from envgraph.cli._output import print_json, print_line, print_table, progress_bar
 from envgraph.errors import EnvgraphError, InvalidArgument, list_names
-from envgraph.files import report_progress
-from envgraph.learn import run_in_workers
+from envgraph.files import report_progress, run_in_workers
 from envgraph.search import (
     Family,
     Member,

@@ -54,7 +54,6 @@ if TYPE_CHECKING:
         TrainingJournal as TrainingJournal,
         fingerprint as fingerprint,
     )
-    from envgraph.learn._workers import run_in_workers as run_in_workers
     from envgraph.solve import (
         Evaluation as Evaluation,
         OptimalPolicy as OptimalPolicy,

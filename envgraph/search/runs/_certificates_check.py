@@ -16,6 +16,7 @@ from envgraph.env.compiled import ActionPlan, CompiledProgram, NotCompiled, Plan
 from envgraph.files import report_counting
 from envgraph.rewrite import Engine
 from envgraph.search._run_store import CERTIFICATES_KEY, RunStore
+from envgraph.search.families._lazy_family import OUTCOMES_FOR_A_TABLE
 from envgraph.search.families._member_family import Family, Member
 from envgraph.search.problem._individual_measures import DEFAULT_STEP_LIMIT
 from envgraph.solve import Certificates, bootstrap_interval, certify, recomputed, sample_walks, wilson_interval
@@ -155,7 +156,7 @@ def verify(family: Family, members: Iterable[Member] | None = None, *, seed: int
     for member in family.members if members is None else members:
         engine = family.domain.engine(family.model(member))
         try:
-            known = family.explored(member).tabular
+            known = family.explored(member, outcomes=OUTCOMES_FOR_A_TABLE).tabular
         except TooManyStates as error:
             yield replace(_estimate(family, member, engine, plans, seed), reason=error.message)
             continue

@@ -94,7 +94,7 @@ def test_an_infinite_return_is_shown_reported_and_exported(envgraph: Envgraph) -
 def refuse_tables(monkeypatch: pytest.MonkeyPatch) -> None:
     """Let environments have too many states for a table."""
 
-    def too_many(family: Family, _: object) -> None:
+    def too_many(family: Family, _: object, **__: object) -> None:
         raise TooManyStates(family.behaviour, 3)
 
     monkeypatch.setattr(Family, "explored", too_many)
