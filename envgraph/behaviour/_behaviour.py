@@ -148,11 +148,11 @@ class ObserveObject:
 
 @dataclass(frozen=True, slots=True)
 class ObserveRange:
-    """An observation of an int: `observe path in low..high`; values are clipped to the range."""
+    """An observation of an int or float: `observe path in low..high`; values are clipped to the range."""
 
     path: Expression
-    low: int
-    high: int
+    low: float
+    high: float
     each: Parameter | None = None
     visible: PatternCall | None = None
     span: Span | None = field(default=None, compare=False, repr=False)
@@ -160,16 +160,24 @@ class ObserveRange:
 
 @dataclass(frozen=True, slots=True)
 class ObserveFind:
-    """An observation of matches: `observe find p(..)` (0, 1) or `observe count find p(..) up to n` (min(count, n))."""
+    """An observation of matches: `observe find p(..)` (0, 1) or `observe count find p(..) up to n` (min(count, n)).
+
+    With `each`, it observes the matches of every object of a class: `observe find p(x) for x : Class`.
+    """
 
     call: PatternCall
     up_to: int | None = None
+    each: Parameter | None = None
+    visible: PatternCall | None = None
     span: Span | None = field(default=None, compare=False, repr=False)
 
 
 @dataclass(frozen=True, slots=True)
 class ObserveAttribute:
-    """An observation of a bool or an enum's index: `observe x.attr (for x : Class)`; with `each`, of every object."""
+    """An observation of a bool, of an enum's index, or of a number with a `@range`: `observe x.attr (for x : Class)`.
+
+    With `each`, it observes the attribute of every object of a class.
+    """
 
     path: Expression
     each: Parameter | None = None

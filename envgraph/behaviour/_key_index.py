@@ -6,7 +6,7 @@ from collections.abc import Callable, Iterable, Iterator, Mapping
 from itertools import product
 from typing import Any, Self
 
-from envgraph.behaviour._behaviour import Action, Agent, Behaviour, Domain, ObserveFind, ObserveObject
+from envgraph.behaviour._behaviour import Action, Agent, Behaviour, Domain, ObserveObject
 from envgraph.behaviour._parameter_domains import domain_type
 from envgraph.code import dataclass
 from envgraph.errors import EvaluationError, InvalidArgument
@@ -35,7 +35,7 @@ def ranged_classes(behaviour: Behaviour, metamodel: Metamodel) -> tuple[str, ...
         for observation in owner.observations:
             if isinstance(observation, ObserveObject):
                 found[observation.among] = None
-            if not isinstance(observation, ObserveFind) and observation.each and observation.each.type:
+            if observation.each and observation.each.type:
                 found[observation.each.type] = None
     return tuple(found)
 

@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from math import ceil, floor
+from typing import Final
 
 from envgraph.behaviour._behaviour import (
     DrawGraph,
@@ -12,15 +14,20 @@ from envgraph.behaviour._behaviour import (
     ObserveAttribute,
     ObserveFind,
     ObserveObject,
+    ObservePath,
     ObserveRange,
     Token,
 )
 from envgraph.behaviour._clause_checks import CheckBase, Scope, type_names, type_with_article
 from envgraph.behaviour._drawn_edges import edge_ends
-from envgraph.behaviour._helper_patterns import condition_helper, count_helper
+from envgraph.behaviour._helper_patterns import condition_helper, count_helper, mentioned_names
+from envgraph.behaviour._lost_objects import path_root
 from envgraph.errors import Severity, Span, did_you_mean, name_hint
 from envgraph.metamodel import Attribute, EnumType, Reference, Scalar
-from envgraph.pattern import Expression, Navigation, ObjectType, StaticType
+from envgraph.pattern import Expression, Navigation, ObjectType, Parameter, StaticType
+
+LARGEST_FLOAT32: Final = 3.4e38
+"""Largest bound of the range of an observed float."""
 
 
 class ViewChecks(CheckBase):
@@ -31,23 +38,23 @@ class ViewChecks(CheckBase):
     def check_observation(self, observation: Observation, outer: Scope) -> int:
         """Check an observation; return its number of values.
 
-        An observation of an object counts as 1 value, because the number of objects depends on the family. An `if` part
-        adds 1, for the value that means "not visible".
+        An observation of an object counts as 1 value, because the number of objects depends on the family, and so does
+        one of a float. An `if` part adds 1, for the value that means "not visible".
         """
         scope = dict(outer)
-        if not isinstance(observation, ObserveFind) and observation.each is not None:
-            each = observation.each
+        if (each := observation.each) is not None:
+            self._check_used(each, observation)
             if outer.get(each.name) is not None:
                 message = f"`{each.name}` is already a parameter"
                 self.report("duplicate-definition", message, each.span, "choose another name after `for`")
             scope[each.name] = self.parameter_class(each)
-        if isinstance(observation, ObserveFind):
-            return self._check_observe_find(observation, scope)
         if observation.visible is not None:
             question = condition_helper("#check", observation.visible, type_names(scope))
             self.check_helper(question, observation.visible, scope)
         unseen = observation.visible is not None
         match observation:
+            case ObserveFind():
+                return self._check_observe_find(observation, scope) + unseen
             case ObserveObject():
                 self._check_observe_object(observation, scope)
                 return 1 + unseen
@@ -55,6 +62,17 @@ class ViewChecks(CheckBase):
                 return self._check_observe_range(observation, scope) + unseen
             case ObserveAttribute():
                 return self._check_observe_attribute(observation, scope) + unseen
+
+    def _check_used(self, each: Parameter, observation: Observation) -> None:
+        """Warn if an observation for each object does not depend on the object."""
+        if isinstance(observation, ObserveFind):
+            names = mentioned_names(observation.call)
+        else:
+            names = {path_root(observation.path).name}
+        if each.name not in names:
+            message = f"this observes the same for each `{each.name}`"
+            hint = f"name `{each.name}` before `for`, or remove `for`"
+            self.report("unused-variable", message, each.span, hint, Severity.WARNING)
 
     def _check_observed_path(self, path: Expression, scope: Scope) -> StaticType | None:
         """Return the type of an observed path; report an invalid path and return None.
@@ -119,19 +137,39 @@ class ViewChecks(CheckBase):
 
     def _check_observe_range(self, observation: ObserveRange, scope: Scope) -> int:
         type_ = self._check_observed_path(observation.path, scope)
-        if type_ is not None and type_ is not Scalar.INT:
-            message = f"only an `int` can be observed in a range, not {type_with_article(type_)}"
-            hint = f"write `among {type_.cls}`" if isinstance(type_, ObjectType) else None
-            self.report("wrong-type", message, observation.path.span, hint)
         low, high = observation.low, observation.high
-        if low > high:
-            self.report("empty-range", f"the range {low}..{high} is empty", observation.span, f"write `{high}..{low}`")
-        return max(1, high - low + 1)
+        if type_ is not None and type_ not in (Scalar.INT, Scalar.FLOAT):
+            message = f"only an `int` or a `float` can be observed in a range, not {type_with_article(type_)}"
+            hint = f"write `among {type_.cls}`" if isinstance(type_, ObjectType) else _data_hint(type_)
+            self.report("wrong-type", message, observation.path.span, hint)
+        elif type_ is Scalar.INT and not (isinstance(low, int) and isinstance(high, int)):
+            hint = f"write `in {floor(low)}..{ceil(high)}`"
+            self.report("wrong-type", "the range of an `int` must be whole numbers", observation.span, hint)
+        if low > high or (type_ is Scalar.FLOAT and low == high):
+            hint = f"write `{high}..{low}`" if low > high else "write a higher number after `..`"
+            self.report("empty-range", f"the range {low}..{high} is empty", observation.span, hint)
+        return self._range_size(type_, low, high, observation)
+
+    def _range_size(self, type_: StaticType | None, low: float, high: float, observation: ObservePath) -> int:
+        """Return the number of ints in a range, or 1 for a float; report a range beyond float32."""
+        if type_ is not Scalar.FLOAT:
+            return max(1, floor(high - low) + 1)
+        if max(-low, high) > LARGEST_FLOAT32:
+            message = f"floats are observed as float32, but the range {low:g}..{high:g} is wider"
+            self.report("wide-range", message, observation.span, f"stay within {LARGEST_FLOAT32:g}")
+        return 1
 
     def _check_observe_attribute(self, observation: ObserveAttribute, scope: Scope) -> int:
         type_ = self._check_observed_path(observation.path, scope)
         if type_ is None or isinstance(type_, EnumType) or type_ is Scalar.BOOL:
             return 2 if type_ is Scalar.BOOL else len(type_.literals) if isinstance(type_, EnumType) else 1
+        feature = self.last_feature(observation.path, scope)
+        if isinstance(feature, Attribute) and feature.range is not None:
+            return self._range_size(type_, *feature.range[:2], observation)
+        if type_ in (Scalar.INT, Scalar.FLOAT):
+            message, hint = f"{type_with_article(type_)} cannot be observed without a range", _data_hint(type_)
+            self.report("wrong-type", message, observation.path.span, hint)
+            return 1
         hint = f"write `among {type_.cls}`" if isinstance(type_, ObjectType) else _data_hint(type_)
         message = f"{type_with_article(type_)} cannot be observed, because its number of values is not fixed"
         self.report("wrong-type", message, observation.path.span, hint)
@@ -222,6 +260,6 @@ class ViewChecks(CheckBase):
 
 
 def _data_hint(type_: StaticType) -> str | None:
-    if type_ is Scalar.INT:
-        return "write `in lo..hi`"
-    return "observe a bool, an enum, an int in a range, or an object" if isinstance(type_, Scalar) else None
+    if type_ in (Scalar.INT, Scalar.FLOAT):
+        return "write `in lo..hi`, or `@range(lo, hi)` before the attribute"
+    return "observe a bool, an enum, a number in a range, or an object" if isinstance(type_, Scalar) else None

@@ -56,6 +56,7 @@ if TYPE_CHECKING:
         SwitchableMembers as SwitchableMembers,
         VectorVariants as VectorVariants,
     )
+    from envgraph.env._flat_observations import FloatRange as FloatRange
     from envgraph.env._frozen_lake import frozen_lake_arguments as frozen_lake_arguments
     from envgraph.env._gymnasium import (
         EnvgraphEnv as EnvgraphEnv,

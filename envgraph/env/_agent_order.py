@@ -4,12 +4,11 @@ from __future__ import annotations
 
 from collections import Counter
 from collections.abc import Callable, Iterator, Sequence
-from itertools import zip_longest
 from math import prod
 
 from envgraph.behaviour import Agent, Behaviour, KeyIndex, expand_action, key_attributes, unbound_names
 from envgraph.code import dataclass
-from envgraph.env._observation_components import component_sizes
+from envgraph.env._observation_components import component_sizes, merge_sizes
 from envgraph.env._prepared_behaviour import PreparedBehaviour
 from envgraph.env._prepared_clauses import PreparedAction, PreparedBranches, merge_clauses
 from envgraph.errors import ResolutionError
@@ -77,7 +76,7 @@ class AgentOrder:
             shapes.append(component_sizes(seen, keys, engine.model.metamodel))
         self.action_names = tuple(names)
         lead = (len(behaviour.agents),) if len(behaviour.agents) > 1 else ()
-        self.shape = (*lead, *(max(sizes) for sizes in zip_longest(*shapes, fillvalue=1)))
+        self.shape = (*lead, *merge_sizes(shapes))
         weights = [prod(self.shape[:place]) for place in range(len(lead), len(self.shape))]
         self.prepared_agents = tuple(
             PreparedAgent(

@@ -71,7 +71,7 @@ def explore(
         RuleError: a rule matches but cannot be applied.
     """
     simulator = Simulator(engine, behaviour, keys)
-    check_observation_count(behaviour, simulator.observation_shape)
+    check_observation_count(behaviour, simulator.observation_shape, simulator.observation_names)
     painter = simulator.painter() if pictures and behaviour.draw is not None else None
     search = _StateEnumeration(simulator, limit, outcomes, painter, progress)
     search.run()

@@ -42,7 +42,7 @@ RENDER_MODES: Final = ("ansi", "rgb_array", "human")
 """Render modes: text, pixels, and a window."""
 
 
-def view_of_table(tabular: Tabular, kind: ObservationKind) -> ComponentView:
+def view_of_table(tabular: Tabular, kind: ObservationKind | None) -> ComponentView:
     """Return the view that converts the observation indices of a table to an observation kind.
 
     Raises:
@@ -53,7 +53,7 @@ def view_of_table(tabular: Tabular, kind: ObservationKind) -> ComponentView:
 
 
 def view_for(
-    observation: ObservationKind | ModelView, source: Simulator | CompiledProgram, models: Sequence[Model]
+    observation: ObservationKind | ModelView | None, source: Simulator | CompiledProgram, models: Sequence[Model]
 ) -> ComponentView | ModelView:
     """Return the view for an observation kind; a given view is returned unchanged.
 
@@ -65,7 +65,7 @@ def view_for(
     if isinstance(observation, ModelView):
         return observation
     check_observation_kind(observation)
-    if observation in MODEL_KINDS:
+    if observation is not None and observation in MODEL_KINDS:
         return model_view(observation, source.behaviour, models)
     return ComponentView(observation, source.observation_shape or (1,), source.observation_names)
 
@@ -267,7 +267,7 @@ class EnvgraphEnv(SingleEnvironment):
         *,
         pictures: Sequence[Scene] = (),
         render_mode: str | None = None,
-        observation: ObservationKind = "index",
+        observation: ObservationKind | None = None,
         cell: int = 32,
         action_masks: bool = False,
     ) -> None:
@@ -395,7 +395,7 @@ class EnvgraphLiveEnv(SingleEnvironment):
         simulator: Simulator,
         *,
         render_mode: str | None = None,
-        observation: ObservationKind | ModelView = "index",
+        observation: ObservationKind | ModelView | None = None,
         cell: int = 32,
         action_masks: bool = False,
     ) -> None:

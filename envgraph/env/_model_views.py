@@ -14,7 +14,8 @@ import numpy as np
 from gymnasium import spaces
 from numpy.typing import NDArray
 
-from envgraph.behaviour import Behaviour, DrawGrid, ObserveObject, ObservePath
+from envgraph.behaviour import Behaviour, DrawGrid, ObserveObject
+from envgraph.env._flat_observations import FloatRange
 from envgraph.env._observation_components import clause_name, observe_clauses
 from envgraph.env._observation_spaces import ObservationKind
 from envgraph.env._prepared_clauses import ObservationComponent
@@ -48,7 +49,7 @@ def model_view(kind: ObservationKind, behaviour: Behaviour, models: Sequence[Mod
     Raises:
         InvalidArgument: agents may not see the whole model, or an image is wanted but no grid is drawn.
     """
-    hidden = any(isinstance(one, ObservePath) and one.visible is not None for one in observe_clauses(behaviour))
+    hidden = any(one.visible is not None for one in observe_clauses(behaviour))
     if hidden:
         message = f'"{kind}" shows the whole model, but `{behaviour.name}` hides a part of it from its agents'
         raise InvalidArgument(
@@ -61,9 +62,10 @@ class ImageView(ModelView):
     """A view of the grid of the `draw` clause as an image, uint8 [height, width, channels], padded with 0.
 
     Each drawn class (cells or tokens) has a channel: 255 at the positions of its objects. Each `observe` clause has a
-    channel: for an attribute or a number, `255 * (index + 1) // size` at the position of its object; for an object, 255
-    at its position. An object outside of the grid fills the channel with the value, a missing object leaves 0, and
-    `find` fills it with `255 * index // (size - 1)`. With agents, one channel is 255 at the agent that acts next.
+    channel: for an attribute, an int, or a pattern `for` an object, `255 * (index + 1) // size` at the position of the
+    object; for a float, 0 at the low end of its range to 255 at the high end; for an object, 255 at its position. An
+    object outside of the grid fills the channel with the value, a missing object leaves 0, and another `find` fills it
+    with `255 * index // (size - 1)`. With agents, one channel is 255 at the agent that acts next.
 
     Args:
         behaviour: its `draw` and `observe` clauses define the channels.
@@ -125,8 +127,11 @@ def _write_channel(
         channel[...] = MAX_PIXEL * component.read() // max(component.size - 1, 1)
         return
     node = component.target_object()
-    if node is not None:
-        value = MAX_PIXEL * (component.read() + 1) // component.size
+    if isinstance(node, int):
+        value, size = MAX_PIXEL * (component.read() + 1) // component.size, component.size
+        if isinstance(size, FloatRange):
+            share = (float(size.decode(np.array(component.read()))[0]) - size.low) / (size.high - size.low)
+            value = round(MAX_PIXEL * min(max(share, 0.0), 1.0))
         where = places.get(node, ...)
         channel[where] = MAX_PIXEL if isinstance(component.observation, ObserveObject) and node in places else value
 

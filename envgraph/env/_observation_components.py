@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Sequence
+from dataclasses import replace
 from itertools import count as count_from, zip_longest
 
 from envgraph.behaviour import (
@@ -10,6 +11,7 @@ from envgraph.behaviour import (
     FeatureReader,
     KeyIndex,
     Observation,
+    ObserveAttribute,
     ObserveFind,
     ObserveObject,
     ObservePath,
@@ -18,10 +20,11 @@ from envgraph.behaviour import (
     key_attributes,
     key_reader,
 )
+from envgraph.env._flat_observations import FloatRange
 from envgraph.env._prepared_clauses import NameClasses, NameValues, merge_clauses
 from envgraph.errors import EvaluationError
 from envgraph.graph import Model
-from envgraph.metamodel import EnumType, Metamodel, Value
+from envgraph.metamodel import Attribute, EnumType, Metamodel, Scalar, Value
 from envgraph.pattern import (
     Constant,
     EnumLiteral,
@@ -66,18 +69,37 @@ class KeyedObjects:
 
 
 def component_size(observation: Observation, types: NameClasses, keys: KeyIndex, metamodel: Metamodel) -> int:
-    """Return the number of values of a clause's components, with one more for `or none`, and one for hidden objects."""
-    if isinstance(observation, ObserveFind):
-        return 2 if observation.up_to is None else observation.up_to + 1
+    """Return the number of values of a clause's components, with one more for `or none`, and one for hidden objects.
+
+    For floats it is a `FloatRange`.
+    """
     unseen = observation.visible is not None
     match observation:
+        case ObserveFind(up_to=up_to):
+            return (2 if up_to is None else up_to + 1) + unseen
         case ObserveObject(among=among, or_none=or_none):
             return keys.size(among) + or_none + unseen
-        case ObserveRange(low=low, high=high):
-            return high - low + 1 + unseen
-        case _:
-            type_ = path_type(observation, types, metamodel)
-            return (len(type_.literals) if isinstance(type_, EnumType) else 2) + unseen
+    type_ = path_type(observation, types, metamodel)
+    limits = observed_range(observation, types, metamodel)
+    if limits is not None:
+        low, high = limits
+        return FloatRange(low, high, unseen) if type_ is Scalar.FLOAT else int(high - low) + 1 + unseen
+    return (len(type_.literals) if isinstance(type_, EnumType) else 2) + unseen
+
+
+def observed_range(
+    observation: ObservePath, types: NameClasses, metamodel: Metamodel
+) -> tuple[int | float, int | float] | None:
+    """Return the range of an observed number: that of the clause, or the `@range` of its attribute; None for others."""
+    if isinstance(observation, ObserveRange):
+        return observation.low, observation.high
+    if isinstance(observation, ObserveAttribute) and isinstance(observation.path, Navigation):
+        owner = path_type(replace(observation, path=observation.path.object), types, metamodel)
+        assert isinstance(owner, ObjectType), "the behaviour was checked"
+        attribute = metamodel.feature(owner.cls, observation.path.feature)
+        if isinstance(attribute, Attribute) and attribute.range is not None:
+            return attribute.range[:2]
+    return None
 
 
 def component_sizes(
@@ -87,8 +109,25 @@ def component_sizes(
     found: list[int] = []
     for observation, types in observations:
         size = component_size(observation, types, keys, metamodel)
-        each = None if isinstance(observation, ObserveFind) else observation.each
-        found += [size] * (1 if each is None else keys.size(each.type or ""))
+        found += [size] * (1 if observation.each is None else keys.size(observation.each.type or ""))
+    return found
+
+
+def merge_sizes(sizes_of_blocks: Iterable[Sequence[int]]) -> list[int]:
+    """Return for each component of an observation the maximum number of values over all `agent` blocks.
+
+    Raises:
+        EvaluationError: a component is a float for one block, and something else for another.
+    """
+    found = []
+    for place, sizes in enumerate(zip_longest(*sizes_of_blocks), start=1):
+        given = [size for size in sizes if size is not None]
+        kinds = {one.__getnewargs__() if isinstance(one, FloatRange) else None for one in given}
+        if len(kinds) > 1:
+            message = f"component {place} of an observation is a float for agents of one block, but not for all others"
+            hint = "observe floats first in each `agent` block, in the same order and with equal ranges"
+            raise EvaluationError(message, hint=hint)
+        found.append(max(given))
     return found
 
 
@@ -225,10 +264,10 @@ def _make_distinct(names: Iterable[str]) -> tuple[str, ...]:
 
 def _clause_component_names(observation: Observation, keys: KeyIndex) -> list[str]:
     name = clause_name(observation)
-    each = None if isinstance(observation, ObserveFind) else observation.each
+    each = observation.each
     if each is None or each.type is None:
         return [name]
-    rest = name.removeprefix(each.name)
+    rest = f" {name}" if isinstance(observation, ObserveFind) else name.removeprefix(each.name)
     texts = (", ".join(map(str, key)).replace(".", "_") for key in keys.keys_of(each.type))
     return [f"{each.name}[{text}]{rest}" for text in texts]
 
@@ -289,13 +328,15 @@ def object_indexer(
     return index
 
 
-def range_indexer(low: int, high: int) -> Callable[[Value | None], int]:
+def range_indexer(rank: Callable[[int | float], int]) -> Callable[[Value | None], int]:
+    """Return a function that returns the rank of a number in its range, or raises EvaluationError for no number."""
+
     def index(value: Value | None) -> int:
-        if type(value) is not int:
+        if not isinstance(value, int | float):
             message = "an observed path has no value, but a component with a range needs one"
             hint = "give the attribute a value in each state, or observe a pattern with `find`"
             raise EvaluationError(message, hint=hint)
-        return min(max(value, low), high) - low
+        return rank(value)
 
     return index
 

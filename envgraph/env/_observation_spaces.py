@@ -1,7 +1,8 @@
 """Convert the components of an observation to an observation in a Gymnasium space.
 
 `observation="index"` is one number, "multi" the components, "flat" the components as concatenated one-hot vectors,
-"dict" the components by name. Observations of the whole model are in `_model_views`.
+"dict" the components by name. A float is an entry of its own in "flat" and "dict", and in no other of these.
+Observations of the whole model are in `_model_views`.
 """
 
 from __future__ import annotations
@@ -15,6 +16,7 @@ import numpy as np
 from gymnasium import spaces
 from numpy.typing import NDArray
 
+from envgraph.env._flat_observations import FlatLayout, FloatRange
 from envgraph.errors import LARGEST_INT, InvalidArgument, check_known
 
 ObservationKind = Literal["index", "multi", "flat", "dict", "image", "graph"]
@@ -28,11 +30,13 @@ MAX_CACHED_OBSERVATIONS: Final = 2**14
 
 
 def check_observation_kind(kind: object) -> None:
-    """Raise an error if an observation kind is unknown.
+    """Raise an error if an observation kind is unknown; None, for the default, is known.
 
     Raises:
         InvalidArgument: the kind is unknown.
     """
+    if kind is None:
+        return
     check_known(kind, OBSERVATION_KINDS, f"unknown kind of observation {kind!r}")
 
 
@@ -59,24 +63,30 @@ class ComponentView:
     """A conversion of observation components to observations in a Gymnasium space.
 
     Args:
-        kind: "index", "multi", "flat" or "dict".
+        kind: "index", "multi", "flat" or "dict". None: "flat" if a component is a float, otherwise "index".
         shape: sizes of the components; the first varies fastest in an index.
         names: the names of the components.
 
     Raises:
-        InvalidArgument: another kind, or more observations than "index" can number.
+        InvalidArgument: another kind, a float with "index" or "multi", or more observations than "index" can number.
 
     Attributes:
         space: the space of the observations.
     """
 
-    def __init__(self, kind: ObservationKind, shape: Sequence[int], names: Sequence[str]) -> None:
+    def __init__(self, kind: ObservationKind | None, shape: Sequence[int], names: Sequence[str]) -> None:
         check_observation_kind(kind)
+        kind = kind or ("flat" if any(isinstance(size, FloatRange) for size in shape) else "index")
         if kind in MODEL_KINDS:
             hint = 'make the environment with `engine="compiled"` or `"live"`'
             raise InvalidArgument(
                 f'an observation "{kind}" is computed from the model, which a table does not have', hint
             )
+        self._layout = FlatLayout(tuple(shape) or (1,))
+        if kind in ("index", "multi") and self._layout.floats:
+            name = names[self._layout.floats[0][0]]
+            hint = 'use `observation="flat"`, "dict", "image" or "graph"'
+            raise InvalidArgument(f'the float `{name}` has no index, which an observation "{kind}" needs', hint)
         if kind == "index" and prod(shape) > LARGEST_INT:
             message = f"{Decimal(prod(shape)):.3g} observations cannot be numbered: the maximum is {LARGEST_INT:,}"
             hint = 'observe less, or use `observation="flat"`, "multi", "dict", "image" or "graph"'
@@ -84,7 +94,6 @@ class ComponentView:
         self.kind: ObservationKind = kind
         self._shape = tuple(shape) or (1,)
         self._names = tuple(names)
-        self._first = np.cumsum([0, *self._shape[:-1]])
         self._memory = ObservationCache()
         self.space = self._space()
 
@@ -95,10 +104,13 @@ class ComponentView:
             case "multi":
                 return spaces.MultiDiscrete(list(self._shape))
             case "flat":
-                return spaces.Box(0.0, 1.0, (sum(self._shape),), np.float32)
+                return spaces.Box(*self._layout.bounds(), dtype=np.float32)
             case _:
                 sizes = zip(self._names, self._shape, strict=True)
-                return spaces.Dict({name: spaces.Discrete(size) for name, size in sizes})
+                found: dict[str, spaces.Space[Any]] = {name: spaces.Discrete(size) for name, size in sizes}
+                for place, _, size in self._layout.floats:
+                    found[self._names[place]] = spaces.Box(*FlatLayout([size]).bounds(), dtype=np.float32)
+                return spaces.Dict(found)
 
     def from_index(self, index: int) -> Any:
         """Return a copy of the observation with an index, which may be larger than int64 allows."""
@@ -118,12 +130,12 @@ class ComponentView:
             case "multi":
                 return parts
             case "flat":
-                found = np.zeros((*parts.shape[:-1], sum(self._shape)), dtype=np.float32)
-                np.put_along_axis(found, parts + self._first, 1.0, axis=-1)
-                return found
+                return self._layout.encode(parts)
             case _:
                 columns = np.moveaxis(parts, -1, 0)
-                return {name: columns[place] for place, name in enumerate(self._names)}
+                found: dict[str, NDArray[Any]] = {name: columns[place] for place, name in enumerate(self._names)}
+                found |= {self._names[place]: size.decode(columns[place]) for place, _, size in self._layout.floats}
+                return found
 
     def __reduce__(self) -> tuple[type[ComponentView], tuple[Any, ...]]:
         return ComponentView, (self.kind, self._shape, self._names)

@@ -21,7 +21,6 @@ from envgraph.behaviour import (
     ObserveFind,
     ObserveObject,
     ObservePath,
-    ObserveRange,
     OnFind,
     OnRefused,
     RuleCall,
@@ -36,12 +35,14 @@ from envgraph.behaviour import (
     path_root,
     read_variables,
 )
+from envgraph.env._flat_observations import FloatRange
 from envgraph.env._observation_components import (
     KeyedObjects,
     component_reader,
     component_size,
     literal_indexer,
     object_indexer,
+    observed_range,
     path_target_reader,
     path_type,
     range_indexer,
@@ -79,6 +80,9 @@ from envgraph.pattern import (
     variables_in,
 )
 from envgraph.rewrite import Engine
+
+Owner = tuple[str, Callable[[], Value | None]]
+"""The name at which an observation begins, and a function that returns its object, or None if it is missing."""
 
 END_NUMBERS = {None: 0, "success": 1, "failure": 2, "truncation": -1}
 """The numbers of ends: positive if the episode is terminated, negative if it is truncated, 0 if it continues."""
@@ -375,66 +379,78 @@ class PreparedBehaviour:
     # --- observations
 
     def _prepare_components(self, observation: Observation, types: NameClasses) -> Iterator[ObservationComponent]:
-        if isinstance(observation, ObserveFind):
-            yield self._match_component(observation, types)
-            return
-        size, index, padding = self._index_function(observation, types)
-        path, read = observation.path, self._read
-        for value in self._each_owners(observation.each) if observation.each else [self._path_owner(path, types)]:
-            seen = component_reader(path, value, self.model, read, index, padding, self.bound_values)
+        each, read, metamodel = observation.each, self._read, self.model.metamodel
+        size = component_size(observation, types, self._keys, metamodel)
+        names = types if each is None else {**types, each.name: each.type or ""}
+        is_range = isinstance(observation, ObservePath) and bool(observed_range(observation, types, metamodel))
+        for owner in self._each_owners(each) if each else [self._observed_owner(observation, types)]:
+            if isinstance(observation, ObserveFind):
+                seen, shown = self._match_reader(observation, names, owner), owner[1] if each else None
+            else:
+                path, (index, padding) = observation.path, self._index_function(observation, types, size)
+                seen = component_reader(path, owner, self.model, read, index, padding, self.bound_values)
+                owned = isinstance(path, Navigation) and not isinstance(observation, ObserveObject)
+                target = path.object if owned else path  # type: ignore[union-attr]
+                shown = path_target_reader(target, owner, self.bound_values, read)
             if observation.visible is not None:
-                seen = self._visible_reader(observation, types, value, seen, hidden=size - 1)
-            owned = isinstance(path, Navigation) and not isinstance(observation, ObserveObject)
-            shown = path.object if owned else path  # type: ignore[union-attr]
-            yield ObservationComponent(
-                size, seen, observation, path_target_reader(shown, value, self.bound_values, read)
-            )
+                seen = self._visible_reader(observation.visible, names, owner, seen, hidden=size - 1)
+            yield ObservationComponent(size, seen, observation, shown, is_range)
+
+    def _match_reader(self, observation: ObserveFind, names: NameClasses, owner: Owner) -> Callable[[], int]:
+        """Return a function that returns the number of matches, at most 1 or `up_to`; 0 if the owner is missing."""
+        call, most = observation.call, observation.up_to
+        helper = condition_helper if most is None else count_helper
+        find, value = self._owned_matches(self._add_pattern(lambda name: helper(name, call, names)), owner), owner[1]
+
+        def read() -> int:
+            rows = find() if value() is not None else ()
+            return min(int(rows[0][-1]), most) if rows and most is not None else min(len(rows), 1)
+
+        return read
+
+    def _owned_matches(self, question: HelperPattern, owner: Owner) -> Callable[[], Sequence[Row]]:
+        """Return a function that finds the matches of a condition for an owner; none if a bound object is deleted."""
+        find = self.engine.matcher.prepare(question.pattern.qualified_name, tuple(range(len(question.bound))))
+        name, value = owner
+
+        def matches() -> Sequence[Row]:
+            nodes: list[Any] = [value() if one == name else self.bound_values[one] for one in question.bound]
+            return [*find(*nodes)] if all(map(self.model.graph.alive, nodes)) else ()
+
+        return matches
 
     def _visible_reader(
-        self,
-        observation: ObservePath,
-        types: NameClasses,
-        owner: tuple[str, Callable[[], Value | None]],
-        seen: Callable[[], int],
-        hidden: int,
+        self, call: PatternCall, names: NameClasses, owner: Owner, seen: Callable[[], int], hidden: int
     ) -> Callable[[], int]:
         """Return a function that reads a component if its visibility condition holds, and otherwise returns `hidden`.
 
         If the observed object is missing, the condition is not evaluated, and the component is read.
         """
-        each, call = observation.each, observation.visible
-        assert call is not None
-        question = self._add_condition(call, types if each is None else {**types, each.name: each.type or ""})
-        find = self.engine.matcher.prepare(question.pattern.qualified_name, tuple(range(len(question.bound))))
-        name, value = owner
+        find, value = self._owned_matches(self._add_condition(call, names), owner), owner[1]
+        return lambda: seen() if value() is None or find() else hidden
 
-        def read() -> int:
-            node = value()
-            if node is None:
-                return seen()
-            nodes: list[Any] = [node if one == name else self.bound_values[one] for one in question.bound]
-            return seen() if all(map(self.model.graph.alive, nodes)) and find(*nodes) else hidden
+    def _observed_owner(self, observation: Observation, types: NameClasses) -> Owner:
+        """Return the name at which a path begins, and a function that returns its object, or None if it was deleted.
 
-        return read
-
-    def _path_owner(self, path: Expression, types: NameClasses) -> tuple[str, Callable[[], Value | None]]:
-        """Return the name at which a path begins, and a function that returns its object, or None if it was deleted."""
-        name = path_root(path).name
+        The matches of a pattern have no such object: for them the function returns 0.
+        """
+        if isinstance(observation, ObserveFind):
+            return "", lambda: 0
+        name = path_root(observation.path).name
         node, cls = self.bound_values[name], types[name]
         return name, lambda: None if is_lost(self.model, node, cls) else node
 
-    def _each_owners(self, each: Parameter) -> Iterator[tuple[str, Callable[[], Value | None]]]:
+    def _each_owners(self, each: Parameter) -> Iterator[Owner]:
         """Yield for each component of a `for` observation the variable and a function that returns its object."""
         assert each.type is not None
         objects = self._keyed_objects(each.type)
         yield from ((each.name, _object_getter(objects, i)) for i in range(len(objects.keys)))
 
     def _index_function(
-        self, observation: ObservePath, types: NameClasses
-    ) -> tuple[int, Callable[[Value | None], int], int]:
-        """Return a path's number of values, a function from value to index, and the index if the owner is missing."""
+        self, observation: ObservePath, types: NameClasses, size: int
+    ) -> tuple[Callable[[Value | None], int], int]:
+        """Return a function from the value of a path to its index, and the index if the owner is missing."""
         metamodel = self.model.metamodel
-        size = component_size(observation, types, self._keys, metamodel)
         type_ = path_type(observation, types, metamodel)
         match observation:
             case ObserveObject(among=among, or_none=or_none):
@@ -442,20 +458,14 @@ class PreparedBehaviour:
                 missing = self._keys.size(among) if or_none else None
                 assert isinstance(type_, ObjectType), "the behaviour was checked"
                 index = object_indexer(self.model, indexer, missing, among, type_.cls)
-                return size, index, missing or 0
-            case ObserveRange(low=low, high=high):
-                return size, range_indexer(low, high), 0
-            case _:
-                literals = type_.literals if isinstance(type_, EnumType) else (False, True)
-                return size, literal_indexer(literals), 0
-
-    def _match_component(self, observation: ObserveFind, types: NameClasses) -> ObservationComponent:
-        size = component_size(observation, types, self._keys, self.model.metamodel)
-        if observation.up_to is None:
-            matches, _ = self._match_functions(self._add_condition(observation.call, types))
-            return ObservationComponent(size, lambda: 1 if matches() else 0, observation)
-        count = self._match_counter(observation.call, types)
-        return ObservationComponent(size, lambda: min(count(), size - 1), observation)
+                return index, missing or 0
+        if isinstance(size, FloatRange):
+            return range_indexer(size.rank), 0
+        limits = observed_range(observation, types, metamodel)
+        if limits is not None:
+            low, high = map(int, limits)
+            return range_indexer(lambda value: int(min(max(value, low), high)) - low), 0
+        return literal_indexer(type_.literals if isinstance(type_, EnumType) else (False, True)), 0
 
     def _match_counter(self, call: PatternCall, types: NameClasses) -> Callable[[], int]:
         counted, _ = self._match_functions(self._add_pattern(lambda name: count_helper(name, call, types)))

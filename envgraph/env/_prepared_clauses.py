@@ -8,7 +8,7 @@ from itertools import groupby
 from operator import add
 from typing import Protocol, TypeVar
 
-from envgraph.behaviour import Action, Effect, Observation, ObserveRange, RuleCall
+from envgraph.behaviour import Action, Effect, Observation, RuleCall
 from envgraph.code import dataclass
 from envgraph.errors import EvaluationError, RuleError, Span
 from envgraph.graph import Model
@@ -239,24 +239,21 @@ class ObservationComponent:
         size: the number of values.
         read: returns the current value, from 0.
         observation: the `observe` clause.
-        target_object: returns the object that the path leads to, or whose attribute it reads, or None if it is
-            missing; for `find`, `target_object` itself is None.
+        target_object: returns the object that the path leads to, whose attribute it reads, or of which it observes
+            matches, or None if it is missing; for `find` without `for`, `target_object` itself is None.
+        is_range: True if the clause observes a number within a range.
     """
 
     size: int
     read: Callable[[], int]
     observation: Observation
-    target_object: Callable[[], int | None] | None = None
+    target_object: Callable[[], Value | None] | None = None
+    is_range: bool = False
 
     @property
     def span(self) -> Span | None:
         """Return the source position of the clause."""
         return self.observation.span
-
-    @property
-    def is_range(self) -> bool:
-        """Return True if the clause observes a number within a range."""
-        return isinstance(self.observation, ObserveRange)
 
 
 Clause = TypeVar("Clause", bound=Action | Effect | Observation)

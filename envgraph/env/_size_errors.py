@@ -7,6 +7,7 @@ from decimal import Decimal
 from math import prod
 
 from envgraph.behaviour import Behaviour
+from envgraph.env._flat_observations import FloatRange
 from envgraph.errors import LARGEST_INT, LIMITS, EvaluationError, Span
 
 
@@ -32,12 +33,19 @@ class TooManyStates(EvaluationError):
         return error
 
 
-def check_observation_count(behaviour: Behaviour, shape: Sequence[int]) -> None:
-    """Raise an error if a table cannot number the observations that have components of these sizes.
+def check_observation_count(behaviour: Behaviour, shape: Sequence[int], names: Sequence[str]) -> None:
+    """Raise an error if a table cannot number the observations that have components of these sizes and names.
 
     Raises:
-        TooManyStates: the number of observations is too large.
+        TooManyStates: the number of observations is too large, or a component is a float.
     """
+    if any(isinstance(size, FloatRange) for size in shape):
+        name = next(name for name, size in zip(names, shape, strict=True) if isinstance(size, FloatRange))
+        raise TooManyStates.from_message(
+            behaviour,
+            f"environment `{behaviour.name}` observes the float `{name}`, which has no index for a table",
+            'use `engine="compiled"` with `observation="flat"`, or observe an int instead',
+        )
     if prod(shape) > LARGEST_INT:
         count = f"{Decimal(prod(shape)):.3g}"
         raise TooManyStates.from_message(

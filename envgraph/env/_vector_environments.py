@@ -288,7 +288,7 @@ class EnvgraphVectorEnv(VectorEnvironmentBase):
         max_episode_steps: int | None = None,
         pictures: Sequence[Sequence[Scene]] = (),
         render_mode: str | None = None,
-        observation: ObservationKind = "index",
+        observation: ObservationKind | None = None,
         autoreset_mode: AutoresetMode | str = AutoresetMode.NEXT_STEP,
         schedule: Schedule | None = None,
         action_masks: bool = False,

@@ -17,6 +17,7 @@ from gymnasium.error import ResetNeeded
 from gymnasium.utils import seeding
 from numpy.typing import NDArray
 
+from envgraph.env._flat_observations import FlatLayout
 from envgraph.env._gymnasium import RENDER_MODES, FamilyEnvironment, check_render_mode
 from envgraph.env._observation_components import component_names
 from envgraph.env._observation_spaces import ComponentView, ObservationKind, split_index
@@ -37,7 +38,7 @@ class _MultiAgentEnvironment(FamilyEnvironment):
     """The base class of both kinds of environments: agents, observations, and pictures.
 
     An agent whose object was deleted is `terminated`; an agent whose object has another class stays, and does nothing.
-    `state()` returns the observation components of all agents, in the order of the agents.
+    `state()` returns the observations of all agents, in the order of the agents.
     `reset(options={"variant": v})` switches to a member of the family that has the same agents.
 
     Args:
@@ -56,7 +57,7 @@ class _MultiAgentEnvironment(FamilyEnvironment):
         *,
         limit: int | None = None,
         render_mode: str | None = None,
-        observation: ObservationKind = "index",
+        observation: ObservationKind | None = None,
         cell: int = 32,
         action_masks: bool = False,
     ) -> None:
@@ -80,8 +81,10 @@ class _MultiAgentEnvironment(FamilyEnvironment):
         self._number = {name: number for number, name in enumerate(simulator.all_agent_names)}
         self.observation_spaces = dict.fromkeys(simulator.all_agent_names, self._view.space)
         self.action_spaces = {name: spaces.Discrete(actions) for name in simulator.all_agent_names}
-        parts = [*self._shape] or [1]
-        self.state_space = spaces.MultiDiscrete(parts * len(simulator.all_agent_names))
+        count, self._layout = len(simulator.all_agent_names), FlatLayout(self._shape)
+        self.state_space: spaces.Space[Any] = spaces.MultiDiscrete(([*self._shape] or [1]) * count)
+        if self._layout.floats:
+            self.state_space = spaces.Box(*np.tile(self._layout.bounds(), count), dtype=np.float32)
         self._switch_member(simulator)
         self._limit, self._steps, self._has_masks = limit, 0, action_masks
         self._random: np.random.Generator | None = None
@@ -110,11 +113,14 @@ class _MultiAgentEnvironment(FamilyEnvironment):
         """Return an agent's observation of the current state, whoever acts next."""
         return self._view.from_index(self.simulator.agents.observation_index(self._number[agent]))
 
-    def state(self) -> NDArray[np.int64]:
-        """Return the observation components of all agents in the current state, one agent after the other."""
+    def state(self) -> NDArray[np.int64] | NDArray[np.float32]:
+        """Return the observation components of all agents in the current state, one agent after the other.
+
+        If floats are observed, these are the observations "flat".
+        """
         agents = self.simulator.agents
         seen = [split_index(agents.observation_index(number), self._shape) for number in self._number.values()]
-        return np.concatenate(seen)
+        return np.concatenate([self._layout.encode(one) for one in seen] if self._layout.floats else seen)
 
     def render(self) -> str | NDArray[np.uint8] | None:
         """Return the current state as text ("ansi") or pixels [height, width, 3] ("rgb_array"); None without a mode."""

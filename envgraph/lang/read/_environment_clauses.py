@@ -29,7 +29,6 @@ from envgraph.behaviour import (
     RuleCall,
     Token as DrawnToken,
 )
-from envgraph.errors import Span
 from envgraph.lang.read._expression_parser import parse_expression, parse_expressions, parse_variable
 from envgraph.lang.read._file_reading import FileReading, resolve_type, type_name_span
 from envgraph.lang.read._query_conditions import parse_condition, parse_pattern_call
@@ -79,13 +78,13 @@ def _parse_domain(reading: FileReading, tree: Tree[Token]) -> Domain:
     """Parse the domain of a parameter; store the name of an enum in `cls` too, which `with_enums` moves to `enum`."""
     part = select_trees(tree.children)[0]
     if part.data == "range":
-        low, high = _parse_bounds(part)
+        low, high = map(int, _parse_bounds(part))
         return Domain(low=low, high=high, span=reading.span(part))
     return Domain(cls=resolve_type(reading, part), span=type_name_span(reading, part))
 
 
-def _parse_bounds(tree: Tree[Token]) -> tuple[int, int]:
-    low, high = (int(signed_number_of(part)) for part in select_trees(tree.children))
+def _parse_bounds(tree: Tree[Token]) -> tuple[int | float, int | float]:
+    low, high = map(signed_number_of, select_trees(tree.children))
     return low, high
 
 
@@ -269,12 +268,14 @@ def parse_observation(reading: FileReading, tree: Tree[Token]) -> Observation:
     every, visibles = select_trees(tree.children, "each_object"), select_trees(tree.children, "visible")
     each, visible = reading.first_or_report("`for`", every), reading.first_or_report("`if`", visibles)
     span = reading.span(tree)
-    if observed.data in ("holds", "count"):
-        return _parse_observe_find(reading, observed, every, visibles, span)
     parameter = _parse_each_object(reading, each) if each else None
     only = parse_pattern_call(reading, select_trees(visible.children)[0]) if visible else None
     inner = select_trees(observed.children)
     match observed.data:
+        case "holds" | "count":
+            bounds = select_tokens(observed.children, "INT")
+            up_to = int(bounds[0]) if bounds else None
+            return ObserveFind(parse_pattern_call(reading, inner[0]), up_to, parameter, only, span)
         case "among":
             or_none = bool(select_trees(inner, "or_none"))
             type_ = resolve_type(reading, inner[1])
@@ -284,23 +285,6 @@ def parse_observation(reading: FileReading, tree: Tree[Token]) -> Observation:
         case "within":
             return ObserveRange(parse_path(reading, inner[0]), *_parse_bounds(inner[1]), parameter, only, span)
     return ObserveAttribute(parse_path(reading, inner[0]), parameter, only, span)
-
-
-def _parse_observe_find(
-    reading: FileReading, tree: Tree[Token], each: list[Tree[Token]], visible: list[Tree[Token]], span: Span
-) -> ObserveFind:
-    for part in each:
-        parameter = _parse_each_object(reading, part)
-        path = f"`observe {parameter.name}.attribute for {parameter.name} : {parameter.type}`"
-        hint = f"store the value in an attribute and write {path}, or write `observe count find p(..) up to n`"
-        reading.error("misplaced-part", "`for` is allowed after a path, not after `find`", part, hint)
-    for part in visible:
-        hint = "put both conditions into one pattern, and observe it"
-        reading.error("misplaced-part", "`if` is allowed after a path, not after `find`", part, hint)
-    bounds = select_tokens(tree.children, "INT")
-    return ObserveFind(
-        parse_pattern_call(reading, select_trees(tree.children)[0]), int(bounds[0]) if bounds else None, span
-    )
 
 
 def _parse_each_object(reading: FileReading, tree: Tree[Token]) -> Parameter:

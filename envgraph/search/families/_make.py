@@ -246,7 +246,7 @@ def make_environment(
     variant: int | str | None = None,
     *,
     render_mode: str | None = None,
-    observation: ObservationKind = "index",
+    observation: ObservationKind | None = None,
     cell: int = 32,
     engine: EngineKind | None = None,
     live: bool = False,
@@ -260,7 +260,8 @@ def make_environment(
         render_mode: None, "ansi", "rgb_array" or "human".
         observation: "index" for a single number, "multi" for its components, "flat" for one-hot vectors of them, "dict"
             for components by name, "image" for planes over the grid, "graph" for the model. The last two are computed
-            from the model, so that the environment is compiled or live; see `ImageView` and `GraphView`.
+            from the model, so that the environment is compiled or live; see `ImageView` and `GraphView`. None: "flat"
+            if a float is observed, otherwise "index".
         cell: side of a cell in pixels.
         engine: "table" for the transition table, which requires a limited number of states; "compiled" for the compiled
             behaviour; "live" for the engine of the model. None: the first of these that works. Episodes are the same.
@@ -310,10 +311,10 @@ def _make_member_environment(
 
     Without a `engine` engine, warn if the live engine is used because tables and compiled programs are impossible.
     """
-    kind = view_options.get("observation", "index")
+    kind: ObservationKind | None = view_options.get("observation")
     of_model, pictures = kind in MODEL_KINDS, view_options.get("render_mode") is not None
     found = opened.tables_or_program([place], engine, needs_pictures=pictures, needs_models=of_model)
-    if of_model:
+    if kind is not None and of_model:
         view_options = {**view_options, "observation": opened.make_model_view(kind)}
     if isinstance(found, list):
         return EnvgraphEnv(found[0].tabular, pictures=found[0].pictures, **view_options), "table"
@@ -333,7 +334,7 @@ def make_vector_environment(
     variant: int | str | Sequence[int | str] | None = None,
     *,
     render_mode: str | None = None,
-    observation: ObservationKind = "index",
+    observation: ObservationKind | None = None,
     max_episode_steps: int | None = None,
     autoreset_mode: str | None = None,
     engine: EngineKind | None = None,
@@ -388,7 +389,7 @@ def make_vector_environment(
             found = opened.tables_or_program(places, "table", needs_pictures=render_mode is not None)
     if found is None:
         raise opened.not_compiled_error()
-    if observation in MODEL_KINDS:
+    if observation is not None and observation in MODEL_KINDS:
         options["observation"] = opened.make_model_view(observation)
     environment: EnvgraphVectorEnv | CompiledVectorEnv
     if isinstance(found, list):
@@ -412,7 +413,7 @@ def _requested_engine(engine: EngineKind | None, live: bool) -> EngineKind | Non
     return "live" if live else engine
 
 
-def _check_observation(kind: ObservationKind, engine: EngineKind | None) -> None:
+def _check_observation(kind: ObservationKind | None, engine: EngineKind | None) -> None:
     """Raise `InvalidArgument` if the kind of observation is unknown, or if the engine cannot make it."""
     check_observation_kind(kind)
     if kind in MODEL_KINDS and engine == "table":

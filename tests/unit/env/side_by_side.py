@@ -6,6 +6,8 @@ from collections.abc import Callable, Iterable, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, replace
 from functools import cached_property
+from math import prod
+from operator import mul
 from pathlib import Path
 from re import sub
 from typing import Any
@@ -16,7 +18,7 @@ from envgraph.env import Behaviour, GraphView, KeyIndex, Simulator, Tabular, ind
 from envgraph.env.compiled import CompiledBatch, CompiledProgram, program_of
 from envgraph.env.compiled.batches._batch import INT_ERROR
 from envgraph.env.compiled.kernels.step_kernels import FULL, OVERFLOW
-from envgraph.errors import EvaluationError, RuleError
+from envgraph.errors import LARGEST_INT, EvaluationError, RuleError
 from envgraph.graph import Model
 from envgraph.lang import load_workspace
 from envgraph.metamodel import Reference
@@ -174,7 +176,7 @@ def compare_random_steps(family: Family, steps: int, *, native: bool, seed: int 
             if not enough or any(one.error for one in begun.values()):
                 break
             for number, wanted in begun.items():
-                assert batch.observation[number] == wanted.observation, f"before step {step}, member {number}"
+                assert observation_numbers(batch)[number] == wanted.observation, f"before step {step}, member {number}"
                 same[number].see(f"before step {step}, member {number}")
         actions = chosen.integers(len(program.action_names), size=len(engines))
         allowed = [one.present.allowed for one in live]
@@ -186,7 +188,7 @@ def compare_random_steps(family: Family, steps: int, *, native: bool, seed: int 
         if not _agree(batch, _raised_error(batch.step, actions, resets_ended=False), expected, said):
             break
         over = (batch.ended != 0) | (batch.steps >= (behaviour.limit or 200))
-        found = zip(batch.reward.tolist(), batch.ended.tolist(), batch.observation.tolist(), strict=True)
+        found = zip(batch.reward.tolist(), batch.ended.tolist(), observation_numbers(batch), strict=True)
         for number, (outcome, results) in enumerate(zip(expected, found, strict=True)):
             if outcome.error is not None:
                 over[number] = True
@@ -197,6 +199,15 @@ def compare_random_steps(family: Family, steps: int, *, native: bool, seed: int 
             assert results == (outcome.reward, outcome.terminated, outcome.observation), at
             same[number].see(at)
     return program
+
+
+def observation_numbers(batch: CompiledBatch) -> list[int]:
+    """Return the number of each environment's observation, also if it has more than 64 bits."""
+    shape = batch.program.observation_shape
+    if prod(shape) <= LARGEST_INT:
+        return batch.observation.tolist()
+    weights = [prod(shape[:place]) for place in range(len(shape))]
+    return [sum(map(mul, row, weights)) for row in batch.components.tolist()]
 
 
 class SameStates:

@@ -18,7 +18,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from envgraph.env import Tabular, explore
+from envgraph.env import FloatRange, Tabular, explore
 from envgraph.env.compiled import (
     CompiledProgram,
     CompiledVectorEnv,
@@ -41,6 +41,7 @@ from tests.unit.env.corners import (
     domains,
     links,
     meetings,
+    observations,
     queries,
     refusals,
     units,
@@ -62,6 +63,7 @@ CORNERS = (
     | units.CORNERS
     | refusals.CORNERS
     | meetings.CORNERS
+    | observations.CORNERS
     | test_sight.CORNERS
     | test_together.CORNERS
     | test_truncation.CORNERS
@@ -157,7 +159,8 @@ def threads_by_numba(family: Family) -> None:
 def package(family: Family) -> None:
     """Compare what an exported package does where there is no envgraph, and no numba."""
     program, members = family.program, range(len(family.engines))
-    options = [{"streams": one, "observation": other} for one in ("shared", "each") for other in ("index", "multi")]
+    kinds = ("flat",) if any(isinstance(size, FloatRange) for size in program.observation_shape) else ("index", "multi")
+    options = [{"streams": one, "observation": other} for one in ("shared", "each") for other in kinds]
     with TemporaryDirectory() as folder, pytest.MonkeyPatch.context() as elsewhere:
         name = f"corner_{len(sys.modules)}"
         export_package(program, Path(folder) / name, name="Corner", members=[f"E{n}" for n in members], limit=9)

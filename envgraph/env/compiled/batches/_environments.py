@@ -47,7 +47,7 @@ class CompiledEnv(SingleEnvironment):
         member: int = 0,
         *,
         render_mode: str | None = None,
-        observation: ObservationKind | ModelView = "index",
+        observation: ObservationKind | ModelView | None = None,
         cell: int = 32,
         action_masks: bool = False,
     ) -> None:
@@ -156,7 +156,7 @@ class CompiledVectorEnv(VectorEnvironmentBase):
         members: Sequence[int] | None = None,
         max_episode_steps: int | None = None,
         render_mode: str | None = None,
-        observation: ObservationKind | ModelView = "index",
+        observation: ObservationKind | ModelView | None = None,
         autoreset_mode: AutoresetMode | str = AutoresetMode.NEXT_STEP,
         streams: StreamMode = "shared",
         threads: int = 1,

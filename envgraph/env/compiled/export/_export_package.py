@@ -12,6 +12,8 @@ from typing import Final
 
 import numpy as np
 
+from envgraph.env import _flat_observations
+from envgraph.env._flat_observations import FloatRange
 from envgraph.env.compiled.batches._batch import CAPACITY_ERRORS
 from envgraph.env.compiled.export import _exported
 from envgraph.env.compiled.kernels import _python_kernels, step_kernels
@@ -109,7 +111,9 @@ def program_files(
         "members": [*members],
         "actions": program.action_names,
         "agents": [program.agent_names(number) for number in range(len(members))],
-        "observation_shape": program.observation_shape,
+        "observation_shape": [
+            one.__getnewargs__() if isinstance(one, FloatRange) else one for one in program.observation_shape
+        ],
         "limit": limit,
         "capacity": program.region_size,
         "levels": program.row_regions,
@@ -118,8 +122,11 @@ def program_files(
     }
     text = inspect.getsource(step_kernels)
     return {
-        "__init__.py": inspect.getsource(_exported).replace(_batch_arrays.__name__, "._batch_arrays"),
+        "__init__.py": inspect.getsource(_exported)
+        .replace(_batch_arrays.__name__, "._batch_arrays")
+        .replace(_flat_observations.__name__, "._flat_observations"),
         "_batch_arrays.py": inspect.getsource(_batch_arrays),
+        "_flat_observations.py": inspect.getsource(_flat_observations),
         "program.py": f"{text}\n\n{program.source}\n{_TAIL}",
         **{f"{name}.py": (Path(step_kernels.__file__).parent / f"_{name}.py").read_text("utf-8") for name in _NUMBA},
         "cache_files.py": inspect.getsource(_cache),

@@ -19,6 +19,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from envgraph.env._flat_observations import FlatLayout, component_sizes_of
 from envgraph.env.compiled.layout._batch_arrays import (
     NO_ACTIONS,
     NO_RANDOM_NUMBERS,
@@ -35,6 +36,9 @@ FOLDER = Path(__file__).parent
 ABOUT: dict[str, Any] = (
     json.loads((FOLDER / "about.json").read_text("utf-8")) if (FOLDER / "about.json").exists() else {}
 )
+SHAPE = component_sizes_of(ABOUT.get("observation_shape", []))
+FLAT = FlatLayout(SHAPE)
+DEFAULT_KIND = "flat" if FLAT.floats else "index"
 ERROR, TURN, SUCCESS = 0, 1, 1
 SHARED_STREAM, OWN_STREAMS = "shared", "each"
 
@@ -58,7 +62,8 @@ class Environments:
         max_episode_steps: steps after which an episode is truncated; -1 for the limit in `ABOUT`, None for no limit.
         streams: "shared": all environments sample from one generator. "each": environment i samples from its own
             generator, seeded with `seed + i`.
-        observation: "index" for one number, "multi" for its components.
+        observation: "index" for one number, "multi" for its components, "flat" for them as one-hot vectors; a float is
+            an entry of its own, and only of "flat". None: "flat" if floats are observed, otherwise "index".
 
     Raises:
         ValueError: a count, member or option is not valid.
@@ -71,27 +76,29 @@ class Environments:
         *,
         max_episode_steps: int | None = -1,
         streams: str = SHARED_STREAM,
-        observation: str = "index",
+        observation: str | None = None,
     ) -> None:
         names = ABOUT["members"]
         chosen = [len(names) - 1] if members is None else [_member_number(one, names) for one in members]
         count = len(chosen) if num_envs is None else num_envs
         if count < 1 or not chosen or streams not in (SHARED_STREAM, OWN_STREAMS):
             raise ValueError('`num_envs` must be at least 1, `members` not empty, and `streams` "shared" or "each"')
-        if observation not in ("index", "multi"):
-            raise ValueError('`observation` must be "index" or "multi"')
-        if observation == "index" and prod(ABOUT["observation_shape"]) >= 2**63:
-            raise ValueError('there are too many observations for an index: use `observation="multi"`')
+        self._kind = observation or DEFAULT_KIND
+        if self._kind not in ("index", "multi", "flat"):
+            raise ValueError('`observation` must be "index", "multi" or "flat"')
+        if self._kind != "flat" and FLAT.floats:
+            raise ValueError('floats are observed, which have no index: use `observation="flat"`')
+        if self._kind == "index" and prod(SHAPE) >= 2**63:
+            raise ValueError('there are too many observations for an index: use `observation="multi"` or "flat"')
         self.num_envs = count
         self.members = np.array([chosen[place % len(chosen)] for place in range(count)], dtype=np.int64)
         self._limit = (ABOUT["limit"] if max_episode_steps == -1 else max_episode_steps) or 0
         self._each = streams == OWN_STREAMS
-        self._multi = observation == "multi"
         self._batch = _BatchState(self.members)
         self._random: np.random.Generator | None = None
 
-    def reset(self, seed: int | None = None) -> tuple[NDArray[np.int64], dict[str, NDArray[Any]]]:
-        """Begin an episode in each environment. Return observations [n] or [n, components], and infos."""
+    def reset(self, seed: int | None = None) -> tuple[NDArray[Any], dict[str, NDArray[Any]]]:
+        """Begin an episode in each environment. Return observations [n] or [n, ..], and infos."""
         batch = self._batch
         if seed is not None or self._random is None:
             self._random = np.random.default_rng(seed)
@@ -104,7 +111,7 @@ class Environments:
     def step(
         self, actions: Any
     ) -> tuple[
-        NDArray[np.int64],
+        NDArray[Any],
         NDArray[np.float64],
         NDArray[np.bool_],
         NDArray[np.bool_],
@@ -130,8 +137,8 @@ class Environments:
         assert self._random is not None
         return NO_RANDOM_NUMBERS if self._each else self._random.random(self.num_envs)
 
-    def _observed(self) -> NDArray[np.int64]:
-        return (self._batch.rows.components if self._multi else self._batch.rows.observation).copy()
+    def _observed(self) -> NDArray[Any]:
+        return self._batch.observed(self._kind)
 
     def _infos(self) -> dict[str, NDArray[Any]]:
         batch = self._batch
@@ -146,7 +153,7 @@ class Environments:
         return infos
 
 
-def begin(members: Sequence[int], uniforms: Sequence[float]) -> tuple[State, NDArray[np.int64]]:
+def begin(members: Sequence[int], uniforms: Sequence[float]) -> tuple[State, NDArray[Any]]:
     """Begin episodes.
 
     Args:
@@ -154,17 +161,17 @@ def begin(members: Sequence[int], uniforms: Sequence[float]) -> tuple[State, NDA
         uniforms: numbers from [0, 1) that decide all random choices [n].
 
     Returns:
-        The states, and observations [n].
+        The states, and observations: indices [n], or if floats are observed, vectors [n, entries].
     """
     batch = _BatchState(np.asarray(members, dtype=np.int64))
     which = np.ones(len(batch.members), dtype=np.bool_)
     batch.advance(which, np.asarray(uniforms, dtype=np.float64), NO_ACTIONS, NO_RANDOM_NUMBERS, 0)
-    return batch.state(), batch.rows.observation
+    return batch.state(), batch.observed(DEFAULT_KIND)
 
 
 def step(
     state: State, actions: Sequence[int], uniforms: Sequence[float]
-) -> tuple[State, NDArray[np.int64], NDArray[np.float64], NDArray[np.int64]]:
+) -> tuple[State, NDArray[Any], NDArray[np.float64], NDArray[np.int64]]:
     """Do one step in each environment. `state` is not changed.
 
     Args:
@@ -173,15 +180,15 @@ def step(
         uniforms: numbers from [0, 1) that decide all random choices [n].
 
     Returns:
-        The states, observations [n], rewards [n], and ends [n]: 0 if the episode goes on, 1 for success, 2 for
-        failure, -1 for truncation.
+        The states, observations as those of `begin`, rewards [n], and ends [n]: 0 if the episode goes on, 1 for
+        success, 2 for failure, -1 for truncation.
     """
     batch = _BatchState(state.members)
     batch.rows.ints[:], batch.rows.floats[:] = state.ints, state.floats
     chosen = _checked_actions(actions, len(state.members))
     which = np.zeros(len(chosen), dtype=np.bool_)
     batch.advance(which, NO_RANDOM_NUMBERS, chosen, np.asarray(uniforms, dtype=np.float64), 0)
-    return batch.state(), batch.rows.observation, batch.rows.reward, batch.rows.ended
+    return batch.state(), batch.observed(DEFAULT_KIND), batch.rows.reward, batch.rows.ended
 
 
 class _BatchState:
@@ -190,7 +197,7 @@ class _BatchState:
     def __init__(self, members: NDArray[np.int64], rows: EnvironmentRows | None = None) -> None:
         program, arrays = _load_program(), _load_arrays()
         self.members = members
-        self.rows = rows or zero_rows(len(members), arrays, len(ABOUT["observation_shape"]))
+        self.rows = rows or zero_rows(len(members), arrays, len(SHAPE))
         space = ABOUT["capacity"] * ABOUT["levels"], ABOUT["width"]
         self._batch = BatchArrays(arrays, members, self.rows, space, program.advance, native=program.NATIVE)
 
@@ -208,6 +215,12 @@ class _BatchState:
         if failed >= 0:
             error = ABOUT["errors"][str(self.rows.ints[failed, ERROR])]
             raise RuntimeError(f"environment {failed}: {error}")
+
+    def observed(self, kind: str) -> NDArray[Any]:
+        """Return a copy of the current observations of a kind."""
+        if kind == "flat":
+            return FLAT.encode(self.rows.components)
+        return (self.rows.components if kind == "multi" else self.rows.observation).copy()
 
     def state(self) -> State:
         """Return the states of all environments, without copying their arrays."""

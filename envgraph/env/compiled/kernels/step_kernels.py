@@ -132,6 +132,12 @@ def put_back(S, F, ints, floats, RI, RF, top):
         F[number] = RF[top + number, 0]
 
 
+def float_rank(value):
+    """Return the rank of a number, rounded to float32, among all float32 numbers; that of 0.0 is 0."""
+    bits = np.int64(np.float32(value).view(np.int32))
+    return bits if bits >= 0 else -(2**31) - bits
+
+
 def place_of(V, first, count, value):
     """Return the position of a value among `count` entries of a table from `first` on; -1 if it is not there."""
     for number in range(count):

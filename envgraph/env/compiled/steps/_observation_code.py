@@ -12,12 +12,12 @@ from envgraph.behaviour import (
     ObserveFind,
     ObserveObject,
     ObservePath,
-    ObserveRange,
     condition_helper,
     count_helper,
     path_root,
 )
-from envgraph.env._observation_components import component_size
+from envgraph.env._flat_observations import float_rank
+from envgraph.env._observation_components import component_size, observed_range
 from envgraph.env._prepared_behaviour import add_helper_pattern
 from envgraph.env._prepared_clauses import NameClasses
 from envgraph.env.compiled.layout._not_compiled import add_missing_span
@@ -37,7 +37,7 @@ from envgraph.env.compiled.matching._term_code import CodeTerm, variable_term
 from envgraph.env.compiled.steps._clause_code import FunctionEmitter, key_pattern
 from envgraph.errors import LARGEST_INT
 from envgraph.match.plan import PatternQuery
-from envgraph.metamodel import EnumType
+from envgraph.metamodel import EnumType, Scalar
 from envgraph.pattern import ObjectType, PatternCall
 
 COMPONENTS, NEXT_COMPONENT, OBSERVATION_INDEX = (
@@ -80,10 +80,7 @@ class ObservationEmitter:
         """
         for observation, types in observations:
             with add_missing_span(observation.span):
-                if isinstance(observation, ObserveFind):
-                    self._emit_match_component(observation, types, scope)
-                else:
-                    self._emit_path_components(observation, types, scope)
+                self._emit_clause_components(observation, types, scope)
 
     def emit_end(self) -> None:
         """Emit code that sets the remaining components to 0, and returns the index."""
@@ -100,17 +97,17 @@ class ObservationEmitter:
         writer.append(code.Assign(OBSERVATION_INDEX, code.Operation("*", (value, weight)), "+="))
         writer.append(code.Assign(NEXT_COMPONENT, ONE, "+="))
 
-    def _emit_match_component(
-        self, observation: ObserveFind, types: NameClasses, scope: Mapping[str, CodeTerm]
+    def _emit_match_count(
+        self, observation: ObserveFind, types: NameClasses, scope: Mapping[str, CodeTerm], local: code.Local
     ) -> None:
+        """Emit code that assigns the number of matches, at most 1 or `up_to`, to a variable."""
         writer = self._writer
-        local, name = writer.module.new_local("seen"), writer.behaviour
+        name = writer.behaviour
         if observation.up_to is None:
             writer.append_assignment(
                 local,
                 code.ConditionalExpression(self._emit_condition_test(observation.call, types, scope), ONE, ZERO),
             )
-            self.emit_component(local)
             return
         writer.append_assignment(local, ZERO)
         question = add_helper_pattern(writer.engine, name, lambda n: count_helper(n, observation.call, types))
@@ -119,18 +116,19 @@ class ObservationEmitter:
         most = code.emit_call("min", emit_entry(RI, writer.first_row, 0), code.Constant(observation.up_to))
         some = [*writer.bound_alive_tests(question, scope), code.Operation(">", (rows, ZERO))]
         writer.append(code.If(code.emit_joined("and", some, True), (code.Assign(local, most),)))
-        self.emit_component(local)
 
-    def _emit_path_components(
+    def _emit_clause_components(
         self,
-        observation: ObservePath,
+        observation: Observation,
         types: NameClasses,
         scope: Mapping[str, CodeTerm],
     ) -> None:
         writer, each = self._writer, observation.each
         if each is None:
-            root = path_root(observation.path).name
-            gone = writer.deleted_test(scope[root], types[root])
+            gone = None
+            if not isinstance(observation, ObserveFind):
+                root = path_root(observation.path).name
+                gone = writer.deleted_test(scope[root], types[root])
             self._emit_value_component(observation, types, scope, gone)
             return
         cls = each.type or ""
@@ -146,12 +144,12 @@ class ObservationEmitter:
 
     def _emit_value_component(
         self,
-        observation: ObservePath,
+        observation: Observation,
         types: NameClasses,
         scope: Mapping[str, CodeTerm],
         gone: code.Expression | None,
     ) -> None:
-        """Emit code for one component: the number of the object, int or literal at the end of a path.
+        """Emit code for one component: the number of the object, number or literal at the end of a path, or of matches.
 
         The component is the padding value (0, or the value for `none`) if `gone` is true: the path's first object is
         deleted. `gone` is None if this cannot happen. If the object is not visible, the component is the largest
@@ -166,8 +164,11 @@ class ObservationEmitter:
             missing = (code.Assign(local, padding),)
 
         def emit_read() -> None:
+            if isinstance(observation, ObserveFind):
+                self._emit_match_count(observation, types, scope, local)
+                return
             term = writer.emit_value(observation.path, scope)
-            found = writer.collect(lambda: self._emit_component_value(observation, term, local, missing))
+            found = writer.collect(lambda: self._emit_component_value(observation, types, term, local, missing))
             if term.tests:
                 found = (code.If(code.emit_joined("and", term.tests, True), found, missing),)
             writer.append(*found)
@@ -202,7 +203,7 @@ class ObservationEmitter:
         )
         return code.emit_joined("and", [*writer.bound_alive_tests(question, scope), exists], True)
 
-    def _emit_hidden_value(self, observation: ObservePath, types: NameClasses) -> code.Expression:
+    def _emit_hidden_value(self, observation: Observation, types: NameClasses) -> code.Expression:
         """Return code for the component's value if the object is not visible: the number after all other values."""
         if isinstance(observation, ObserveObject):
             return emit_sum(self._emit_index_count(observation.among), int(observation.or_none))
@@ -211,6 +212,7 @@ class ObservationEmitter:
     def _emit_component_value(
         self,
         observation: ObservePath,
+        types: NameClasses,
         term: CodeTerm,
         local: code.Local,
         missing: code.Body,
@@ -230,13 +232,18 @@ class ObservationEmitter:
                 if not self._metamodel.covers(among, term.type.cls):
                     found = (code.If(writer.facts.emit_is_instance(node, among), found, missing),)
                 writer.append(*found)
-            case ObserveRange(low=low, high=high):
-                clipped = code.emit_call(
-                    "min", code.emit_call("max", term.value, code.Constant(low)), code.Constant(high)
-                )
-                writer.append_assignment(local, code.Operation("-", (clipped, code.Constant(low))))
-            case _:
-                writer.append_assignment(local, _emit_literal_index(term, self._layout))
+                return
+        limits = observed_range(observation, types, self._metamodel)
+        if limits is None:
+            writer.append_assignment(local, _emit_literal_index(term, self._layout))
+            return
+        low, high = map(float if term.type is Scalar.FLOAT else int, limits)
+        rank: code.Expression = code.emit_call(
+            "min", code.emit_call("max", term.value, code.Constant(low)), code.Constant(high)
+        )
+        if term.type is Scalar.FLOAT:
+            rank, low = code.emit_call("float_rank", rank), float_rank(low)
+        writer.append_assignment(local, code.Operation("-", (rank, code.Constant(low))))
 
     def _emit_find_index(self, cls: str, node: code.Local, local: code.Local) -> code.Body:
         """Emit code that finds the index of an object that a rule has created, by its key; no code if none has one."""

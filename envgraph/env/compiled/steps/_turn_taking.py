@@ -3,10 +3,9 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from itertools import zip_longest
 
 from envgraph import code
-from envgraph.env._observation_components import component_names, component_sizes
+from envgraph.env._observation_components import component_names, component_sizes, merge_sizes
 from envgraph.env.compiled.layout._program_layout import (
     NOBODY,
     ONE,
@@ -46,7 +45,7 @@ class TurnStepEmitter:
         self.action_names = tuple(clauses.block_actions[0].names)
         sizes = [component_sizes(clauses.observed(block), clauses.keys, clauses.metamodel) for block in clauses.blocks]
         lead = (len(clauses.blocks),) if len(clauses.blocks) > 1 else ()
-        self.shape: tuple[int, ...] = (*lead, *(max(each) for each in zip_longest(*sizes, fillvalue=1)))
+        self.shape: tuple[int, ...] = (*lead, *merge_sizes(sizes))
         self.observation_names = component_names(clauses.behaviour, clauses.keys, len(self.shape))
 
     def emit_bodies(self) -> tuple[code.Body, code.Body, code.Body]:

@@ -59,7 +59,7 @@ def _explore_compiled(
 
     If the program has too little space for created objects, the visit is repeated with more space.
     """
-    check_observation_count(program.behaviour, program.observation_shape)
+    check_observation_count(program.behaviour, program.observation_shape, program.observation_names)
     while True:
         try:
             visit = TableVisit(program, member, limit, progress)
