@@ -56,7 +56,7 @@ class ObservationCache:
         if isinstance(found, spaces.GraphInstance):
             parts: Any = found
             return spaces.GraphInstance(*(part.copy() for part in parts))
-        return found.copy()
+        return {name: part.copy() for name, part in found.items()} if isinstance(found, dict) else found.copy()
 
 
 class ComponentView:
@@ -107,10 +107,7 @@ class ComponentView:
                 return spaces.Box(*self._layout.bounds(), dtype=np.float32)
             case _:
                 sizes = zip(self._names, self._shape, strict=True)
-                found: dict[str, spaces.Space[Any]] = {name: spaces.Discrete(size) for name, size in sizes}
-                for place, _, size in self._layout.floats:
-                    found[self._names[place]] = spaces.Box(*FlatLayout([size]).bounds(), dtype=np.float32)
-                return spaces.Dict(found)
+                return spaces.Dict({name: _component_space(size) for name, size in sizes})
 
     def from_index(self, index: int) -> Any:
         """Return a copy of the observation with an index, which may be larger than int64 allows."""
@@ -139,6 +136,12 @@ class ComponentView:
 
     def __reduce__(self) -> tuple[type[ComponentView], tuple[Any, ...]]:
         return ComponentView, (self.kind, self._shape, self._names)
+
+
+def _component_space(size: int) -> spaces.Space[Any]:
+    if isinstance(size, FloatRange):
+        return spaces.Box(*FlatLayout([size]).bounds(), dtype=np.float32)
+    return spaces.Discrete(size)
 
 
 def split_index(observation: NDArray[np.int64] | int, shape: Sequence[int]) -> NDArray[np.int64]:

@@ -43,15 +43,15 @@ def check_observation_count(behaviour: Behaviour, shape: Sequence[int], names: S
         name = next(name for name, size in zip(names, shape, strict=True) if isinstance(size, FloatRange))
         raise TooManyStates.from_message(
             behaviour,
-            f"environment `{behaviour.name}` observes the float `{name}`, which has no index for a table",
-            'use `engine="compiled"` with `observation="flat"`, or observe an int instead',
+            f"environment `{behaviour.name}` observes the float `{name}`, which has no index in a table",
+            'use `envgraph.make` with `observation="flat"` and a network as the agent, or observe an int instead',
         )
     if prod(shape) > LARGEST_INT:
         count = f"{Decimal(prod(shape)):.3g}"
         raise TooManyStates.from_message(
             behaviour,
             f"environment `{behaviour.name}` has {count} observations, but a table can have at most {LARGEST_INT:,}",
-            'observe less, or use `engine="compiled"` or `envgraph.learn.train_program`, which need no table',
+            'observe less, or use `engine="compiled"` with `observation="flat"`, which needs no table',
         )
 
 

@@ -11,7 +11,7 @@ from unicodedata import normalize
 import numpy as np
 
 from envgraph import __version__
-from envgraph.env import Agent, Behaviour, EnvgraphEnv, Tabular, TooManyStates
+from envgraph.env import Agent, Behaviour, EnvgraphEnv, FloatRange, Tabular, TooManyStates
 from envgraph.env.compiled import CompiledEnv, CompiledProgram, NotCompiled, check_package_name, program_files
 from envgraph.errors import EvaluationError, InvalidArgument
 from envgraph.files import check_empty_folder, replace_file
@@ -36,6 +36,7 @@ _ENVIRONMENT_VALUES: Final = (
     "environment",
     "actions",
     "observation_shape",
+    "floats",
     "observed",
     "agents",
     "tables",
@@ -164,6 +165,7 @@ class _EnvironmentData:
             "environment": name,
             "actions": tuple(given.action_names),
             "observation_shape": tuple(given.observation_shape) or (1,),
+            "floats": any(isinstance(size, FloatRange) for size in given.observation_shape),
             "observed": [" ".join(one.text.split()) for one in sorted(observed, key=lambda one: one.start)],
             "agents": bool(behaviour.agents) and not behaviour.together,
             "tables": bool(self.tables),
@@ -200,14 +202,14 @@ def record_episodes(environment: EnvgraphEnv | CompiledEnv, member: str, seed: i
     """Play 40 random actions, and return actions and results as JSON-ready data. Reset whenever an episode ends."""
     actions = np.random.default_rng(seed).integers(len(environment.action_names), size=_RECORDED_STEPS).tolist()
     observation, _ = environment.reset(seed=seed)
-    observations, rewards, ends = [int(observation)], [], []
+    observations, rewards, ends = [observation.tolist()], [], []
     for action in actions:
         observation, reward, terminated, truncated, _ = environment.step(action)
-        observations.append(int(observation))
+        observations.append(observation.tolist())
         rewards.append(reward)
         ends.append([terminated, truncated])
         if terminated or truncated:
-            observations.append(int(environment.reset()[0]))
+            observations.append(environment.reset()[0].tolist())
     return {
         "member": member,
         "seed": seed,

@@ -7,6 +7,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from envgraph.code import dataclass
+from envgraph.env._size_errors import check_observation_count
 from envgraph.env.compiled.batches._batch import padded_to
 from envgraph.env.compiled.batches._program_player import ProgramPlayer
 from envgraph.env.compiled.kernels._learning_kernels import OUTCOMES, SPACE, STARTS, WRONG
@@ -43,6 +44,9 @@ class Learner:
         initial: the first value of every action.
         of_states: True for values of states, False for values of observations.
 
+    Raises:
+        TooManyStates: values of observations, which have no index of 64 bits.
+
     Attributes:
         count: number of known keys.
         keys: int64 [space, ..]; each of the first `count` rows is a state or an observation.
@@ -50,6 +54,8 @@ class Learner:
     """
 
     def __init__(self, program: CompiledProgram, initial: float = 0.0, *, of_states: bool = False) -> None:
+        if not of_states:
+            check_observation_count(program.behaviour, program.observation_shape, program.observation_names)
         self._initial, self._of_states = initial, of_states
         self._player = ProgramPlayer(program, "learn")
         width = program.arrays.ints.shape[1] + program.arrays.floats.shape[1] if of_states else 1
