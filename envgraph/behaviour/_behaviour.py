@@ -160,10 +160,7 @@ class ObserveRange:
 
 @dataclass(frozen=True, slots=True)
 class ObserveFind:
-    """An observation of matches: `observe find p(..)` (0, 1) or `observe count find p(..) up to n` (min(count, n)).
-
-    With `each`, it observes the matches of every object of a class: `observe find p(x) for x : Class`.
-    """
+    """An observation of matches: `observe find p(..)` (0, 1) or `observe count find p(..) up to n` (min(count, n))."""
 
     call: PatternCall
     up_to: int | None = None
@@ -174,10 +171,7 @@ class ObserveFind:
 
 @dataclass(frozen=True, slots=True)
 class ObserveAttribute:
-    """An observation of a bool, of an enum's index, or of a number with a `@range`: `observe x.attr (for x : Class)`.
-
-    With `each`, it observes the attribute of every object of a class.
-    """
+    """An observation of a bool, an enum's index, or a number with a `@range`, as `observe x.attr (for x : Class)`."""
 
     path: Expression
     each: Parameter | None = None

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from dataclasses import replace
 from math import ceil, floor
-from typing import Final
 
 from envgraph.behaviour._behaviour import (
     DrawGraph,
@@ -14,20 +13,15 @@ from envgraph.behaviour._behaviour import (
     ObserveAttribute,
     ObserveFind,
     ObserveObject,
-    ObservePath,
     ObserveRange,
     Token,
 )
 from envgraph.behaviour._clause_checks import CheckBase, Scope, type_names, type_with_article
 from envgraph.behaviour._drawn_edges import edge_ends
-from envgraph.behaviour._helper_patterns import condition_helper, count_helper, mentioned_names
-from envgraph.behaviour._lost_objects import path_root
+from envgraph.behaviour._helper_patterns import condition_helper, count_helper
 from envgraph.errors import Severity, Span, did_you_mean, name_hint
 from envgraph.metamodel import Attribute, EnumType, Reference, Scalar
-from envgraph.pattern import Expression, Navigation, ObjectType, Parameter, StaticType
-
-LARGEST_FLOAT32: Final = 3.4e38
-"""Largest bound of the range of an observed float."""
+from envgraph.pattern import Expression, Navigation, ObjectType, StaticType
 
 
 class ViewChecks(CheckBase):
@@ -43,7 +37,6 @@ class ViewChecks(CheckBase):
         """
         scope = dict(outer)
         if (each := observation.each) is not None:
-            self._check_used(each, observation)
             if outer.get(each.name) is not None:
                 message = f"`{each.name}` is already a parameter"
                 self.report("duplicate-definition", message, each.span, "choose another name after `for`")
@@ -62,17 +55,6 @@ class ViewChecks(CheckBase):
                 return self._check_observe_range(observation, scope) + unseen
             case ObserveAttribute():
                 return self._check_observe_attribute(observation, scope) + unseen
-
-    def _check_used(self, each: Parameter, observation: Observation) -> None:
-        """Warn if an observation for each object does not depend on the object."""
-        if isinstance(observation, ObserveFind):
-            names = mentioned_names(observation.call)
-        else:
-            names = {path_root(observation.path).name}
-        if each.name not in names:
-            message = f"this observes the same for each `{each.name}`"
-            hint = f"name `{each.name}` before `for`, or remove `for`"
-            self.report("unused-variable", message, each.span, hint, Severity.WARNING)
 
     def _check_observed_path(self, path: Expression, scope: Scope) -> StaticType | None:
         """Return the type of an observed path; report an invalid path and return None.
@@ -148,16 +130,7 @@ class ViewChecks(CheckBase):
         if low > high or (type_ is Scalar.FLOAT and low == high):
             hint = f"write `{high}..{low}`" if low > high else "write a higher number after `..`"
             self.report("empty-range", f"the range {low}..{high} is empty", observation.span, hint)
-        return self._range_size(type_, low, high, observation)
-
-    def _range_size(self, type_: StaticType | None, low: float, high: float, observation: ObservePath) -> int:
-        """Return the number of ints in a range, or 1 for a float; report a range beyond float32."""
-        if type_ is not Scalar.FLOAT:
-            return max(1, floor(high - low) + 1)
-        if max(-low, high) > LARGEST_FLOAT32:
-            message = f"floats are observed as float32, but the range {low:g}..{high:g} is wider"
-            self.report("wide-range", message, observation.span, f"stay within {LARGEST_FLOAT32:g}")
-        return 1
+        return 1 if type_ is Scalar.FLOAT else max(1, floor(high - low) + 1)
 
     def _check_observe_attribute(self, observation: ObserveAttribute, scope: Scope) -> int:
         type_ = self._check_observed_path(observation.path, scope)
@@ -165,13 +138,9 @@ class ViewChecks(CheckBase):
             return 2 if type_ is Scalar.BOOL else len(type_.literals) if isinstance(type_, EnumType) else 1
         feature = self.last_feature(observation.path, scope)
         if isinstance(feature, Attribute) and feature.range is not None:
-            return self._range_size(type_, *feature.range[:2], observation)
-        if type_ in (Scalar.INT, Scalar.FLOAT):
-            message, hint = f"{type_with_article(type_)} cannot be observed without a range", _data_hint(type_)
-            self.report("wrong-type", message, observation.path.span, hint)
-            return 1
+            return 1 if type_ is Scalar.FLOAT else int(feature.range[1] - feature.range[0]) + 1
         hint = f"write `among {type_.cls}`" if isinstance(type_, ObjectType) else _data_hint(type_)
-        message = f"{type_with_article(type_)} cannot be observed, because its number of values is not fixed"
+        message = f"{type_with_article(type_)} cannot be observed, because its values have no range"
         self.report("wrong-type", message, observation.path.span, hint)
         return 1
 

@@ -130,8 +130,8 @@ def _write_channel(
     if isinstance(node, int):
         value, size = MAX_PIXEL * (component.read() + 1) // component.size, component.size
         if isinstance(size, FloatRange):
-            share = (float(size.decode(np.array(component.read()))[0]) - size.low) / (size.high - size.low)
-            value = round(MAX_PIXEL * min(max(share, 0.0), 1.0))
+            low, high, _ = size.limits
+            value = round(MAX_PIXEL * (float(size.decode(np.array(component.read()))[0]) - low) / (high - low))
         where = places.get(node, ...)
         channel[where] = MAX_PIXEL if isinstance(component.observation, ObserveObject) and node in places else value
 

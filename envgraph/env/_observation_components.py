@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import replace
 from itertools import count as count_from, zip_longest
+from typing import Any
 
 from envgraph.behaviour import (
     Behaviour,
@@ -20,7 +21,7 @@ from envgraph.behaviour import (
     key_attributes,
     key_reader,
 )
-from envgraph.env._flat_observations import FloatRange
+from envgraph.env._flat_observations import LARGEST_FLOAT32, FloatRange
 from envgraph.env._prepared_clauses import NameClasses, NameValues, merge_clauses
 from envgraph.errors import EvaluationError
 from envgraph.graph import Model
@@ -79,27 +80,32 @@ def component_size(observation: Observation, types: NameClasses, keys: KeyIndex,
             return (2 if up_to is None else up_to + 1) + unseen
         case ObserveObject(among=among, or_none=or_none):
             return keys.size(among) + or_none + unseen
-    type_ = path_type(observation, types, metamodel)
     limits = observed_range(observation, types, metamodel)
     if limits is not None:
-        low, high = limits
-        return FloatRange(low, high, unseen) if type_ is Scalar.FLOAT else int(high - low) + 1 + unseen
+        low, high, is_float = limits
+        return FloatRange(low, high, unseen) if is_float else int(high - low) + 1 + unseen
+    type_ = path_type(observation, types, metamodel)
     return (len(type_.literals) if isinstance(type_, EnumType) else 2) + unseen
 
 
 def observed_range(
     observation: ObservePath, types: NameClasses, metamodel: Metamodel
-) -> tuple[int | float, int | float] | None:
-    """Return the range of an observed number: that of the clause, or the `@range` of its attribute; None for others."""
+) -> tuple[float, float, bool] | None:
+    """Return the range of an observed number, in the clause or by `@range`, and True for a float; None for others."""
     if isinstance(observation, ObserveRange):
-        return observation.low, observation.high
-    if isinstance(observation, ObserveAttribute) and isinstance(observation.path, Navigation):
+        low, high = observation.low, observation.high
+    elif isinstance(observation, ObserveAttribute) and isinstance(observation.path, Navigation):
         owner = path_type(replace(observation, path=observation.path.object), types, metamodel)
         assert isinstance(owner, ObjectType), "the behaviour was checked"
         attribute = metamodel.feature(owner.cls, observation.path.feature)
-        if isinstance(attribute, Attribute) and attribute.range is not None:
-            return attribute.range[:2]
-    return None
+        if not isinstance(attribute, Attribute) or attribute.range is None:
+            return None
+        low, high, _ = attribute.range
+    else:
+        return None
+    if path_type(observation, types, metamodel) is not Scalar.FLOAT:
+        return low, high, False
+    return max(float(low), -LARGEST_FLOAT32), min(float(high), LARGEST_FLOAT32), True
 
 
 def component_sizes(
@@ -119,16 +125,13 @@ def merge_sizes(sizes_of_blocks: Iterable[Sequence[int]]) -> list[int]:
     Raises:
         EvaluationError: a component is a float for one block, and something else for another.
     """
-    found = []
-    for place, sizes in enumerate(zip_longest(*sizes_of_blocks), start=1):
-        given = [size for size in sizes if size is not None]
-        kinds = {one.__getnewargs__() if isinstance(one, FloatRange) else None for one in given}
-        if len(kinds) > 1:
+    columns = [[size for size in column if size is not None] for column in zip_longest(*sizes_of_blocks)]
+    for place, column in enumerate(columns, start=1):
+        if len({getattr(size, "limits", None) for size in column}) > 1:
             message = f"component {place} of an observation is a float for agents of one block, but not for all others"
             hint = "observe floats first in each `agent` block, in the same order and with equal ranges"
             raise EvaluationError(message, hint=hint)
-        found.append(max(given))
-    return found
+    return [max(column) for column in columns]
 
 
 def path_type(observation: ObservePath, types: NameClasses, metamodel: Metamodel) -> StaticType | None:
@@ -141,7 +144,7 @@ def path_type(observation: ObservePath, types: NameClasses, metamodel: Metamodel
 
 def component_reader(
     path: Expression,
-    owner: tuple[str, Callable[[], Value | None]] | None,
+    owner: tuple[str, Callable[[], Value | None]],
     model: Model,
     read: FeatureReader,
     index: Callable[[Value | None], int],
@@ -153,24 +156,21 @@ def component_reader(
     Args:
         path: the observed path.
         owner: the name at which the path begins, and a function that returns its object, or None if it is missing; then
-            the component is `padding`. None if the path begins at a bound name.
+            the component is `padding`.
         model: the model, which names objects for messages.
         read: a function that reads features of objects.
         index: converts the value of the path to the component.
         padding: the component if the owner's object is missing.
         bound: the values of the other names; if it contains the owner's name, the owner never changes.
     """
-    name, value = owner or ("", None)
+    name, value = owner
     fixed = name in bound
 
     def observe() -> int:
-        scope = bound
-        if value is not None:
-            node = value()
-            if node is None:
-                return padding
-            if not fixed:
-                scope = {**bound, name: node}
+        node = value()
+        if node is None:
+            return padding
+        scope = bound if fixed else {**bound, name: node}
         found: Value | int | None = 0
         try:
             found = follow_path(path, scope, read)
@@ -328,26 +328,13 @@ def object_indexer(
     return index
 
 
-def range_indexer(rank: Callable[[int | float], int]) -> Callable[[Value | None], int]:
-    """Return a function that returns the rank of a number in its range, or raises EvaluationError for no number."""
-
-    def index(value: Value | None) -> int:
-        if not isinstance(value, int | float):
-            message = "an observed path has no value, but a component with a range needs one"
-            hint = "give the attribute a value in each state, or observe a pattern with `find`"
-            raise EvaluationError(message, hint=hint)
-        return rank(value)
-
-    return index
-
-
-def literal_indexer(literals: Sequence[Value]) -> Callable[[Value | None], int]:
-    places = {literal: position for position, literal in enumerate(literals)}
+def value_indexer(rank: Callable[[Any], int]) -> Callable[[Value | None], int]:
+    """Return a function that returns the rank of a value, or raises EvaluationError if the value is missing."""
 
     def index(value: Value | None) -> int:
         if value is None:
             hint = "give the attribute a value in each state, or observe a pattern with `find`"
             raise EvaluationError("an observed attribute has no value", hint=hint)
-        return places[value]
+        return rank(value)
 
     return index

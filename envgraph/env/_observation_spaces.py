@@ -35,9 +35,8 @@ def check_observation_kind(kind: object) -> None:
     Raises:
         InvalidArgument: the kind is unknown.
     """
-    if kind is None:
-        return
-    check_known(kind, OBSERVATION_KINDS, f"unknown kind of observation {kind!r}")
+    if kind is not None:
+        check_known(kind, OBSERVATION_KINDS, f"unknown kind of observation {kind!r}")
 
 
 class ObservationCache:
@@ -106,8 +105,11 @@ class ComponentView:
             case "flat":
                 return spaces.Box(*self._layout.bounds(), dtype=np.float32)
             case _:
-                sizes = zip(self._names, self._shape, strict=True)
-                return spaces.Dict({name: _component_space(size) for name, size in sizes})
+                found: dict[str, spaces.Space[Any]] = {}
+                for name, size in zip(self._names, self._shape, strict=True):
+                    bounds = FlatLayout([size]).bounds() if isinstance(size, FloatRange) else None
+                    found[name] = spaces.Discrete(size) if bounds is None else spaces.Box(*bounds, dtype=np.float32)
+                return spaces.Dict(found)
 
     def from_index(self, index: int) -> Any:
         """Return a copy of the observation with an index, which may be larger than int64 allows."""
@@ -136,12 +138,6 @@ class ComponentView:
 
     def __reduce__(self) -> tuple[type[ComponentView], tuple[Any, ...]]:
         return ComponentView, (self.kind, self._shape, self._names)
-
-
-def _component_space(size: int) -> spaces.Space[Any]:
-    if isinstance(size, FloatRange):
-        return spaces.Box(*FlatLayout([size]).bounds(), dtype=np.float32)
-    return spaces.Discrete(size)
 
 
 def split_index(observation: NDArray[np.int64] | int, shape: Sequence[int]) -> NDArray[np.int64]:

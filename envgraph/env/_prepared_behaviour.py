@@ -35,17 +35,16 @@ from envgraph.behaviour import (
     path_root,
     read_variables,
 )
-from envgraph.env._flat_observations import FloatRange
+from envgraph.env._flat_observations import float_rank
 from envgraph.env._observation_components import (
     KeyedObjects,
     component_reader,
     component_size,
-    literal_indexer,
     object_indexer,
     observed_range,
     path_target_reader,
     path_type,
-    range_indexer,
+    value_indexer,
 )
 from envgraph.env._prepared_clauses import (
     NameClasses,
@@ -63,7 +62,7 @@ from envgraph.env._prepared_clauses import (
 from envgraph.env._random_choices import missing_probability
 from envgraph.env._rule_calls import prepare_call
 from envgraph.env._tabular import MAX_REWARD
-from envgraph.errors import EvaluationError, Span
+from envgraph.errors import LARGEST_INT, EvaluationError, Span
 from envgraph.graph import Model
 from envgraph.match import Row
 from envgraph.metamodel import EnumType, Scalar, Value
@@ -72,7 +71,6 @@ from envgraph.pattern import (
     Navigation,
     Negation,
     ObjectType,
-    Parameter,
     PatternCall,
     Variable,
     evaluate,
@@ -83,6 +81,7 @@ from envgraph.rewrite import Engine
 
 Owner = tuple[str, Callable[[], Value | None]]
 """The name at which an observation begins, and a function that returns its object, or None if it is missing."""
+NO_OWNER: Owner = "", lambda: 0
 
 END_NUMBERS = {None: 0, "success": 1, "failure": 2, "truncation": -1}
 """The numbers of ends: positive if the episode is terminated, negative if it is truncated, 0 if it continues."""
@@ -367,7 +366,7 @@ class PreparedBehaviour:
         The matches are those of `on neg find .. terminate` clauses.
         """
         questions = [
-            self._match_counter(effect.condition.relation, types)
+            self._match_reader(ObserveFind(effect.condition.relation, LARGEST_INT), types, NO_OWNER)
             for effect, types in self.effect_clauses
             if isinstance(effect, OnFind)
             and END_NUMBERS[effect.end] == end
@@ -383,11 +382,11 @@ class PreparedBehaviour:
         size = component_size(observation, types, self._keys, metamodel)
         names = types if each is None else {**types, each.name: each.type or ""}
         is_range = isinstance(observation, ObservePath) and bool(observed_range(observation, types, metamodel))
-        for owner in self._each_owners(each) if each else [self._observed_owner(observation, types)]:
+        for owner in self._owners(observation, types):
             if isinstance(observation, ObserveFind):
                 seen, shown = self._match_reader(observation, names, owner), owner[1] if each else None
             else:
-                path, (index, padding) = observation.path, self._index_function(observation, types, size)
+                path, (index, padding) = observation.path, self._index_function(observation, types)
                 seen = component_reader(path, owner, self.model, read, index, padding, self.bound_values)
                 owned = isinstance(path, Navigation) and not isinstance(observation, ObserveObject)
                 target = path.object if owned else path  # type: ignore[union-attr]
@@ -429,25 +428,21 @@ class PreparedBehaviour:
         find, value = self._owned_matches(self._add_condition(call, names), owner), owner[1]
         return lambda: seen() if value() is None or find() else hidden
 
-    def _observed_owner(self, observation: Observation, types: NameClasses) -> Owner:
-        """Return the name at which a path begins, and a function that returns its object, or None if it was deleted.
-
-        The matches of a pattern have no such object: for them the function returns 0.
-        """
-        if isinstance(observation, ObserveFind):
-            return "", lambda: 0
-        name = path_root(observation.path).name
-        node, cls = self.bound_values[name], types[name]
-        return name, lambda: None if is_lost(self.model, node, cls) else node
-
-    def _each_owners(self, each: Parameter) -> Iterator[Owner]:
-        """Yield for each component of a `for` observation the variable and a function that returns its object."""
-        assert each.type is not None
-        objects = self._keyed_objects(each.type)
-        yield from ((each.name, _object_getter(objects, i)) for i in range(len(objects.keys)))
+    def _owners(self, observation: Observation, types: NameClasses) -> Iterator[Owner]:
+        """Yield the owner of each component of a clause: an object of `for`, or the one at which the path begins."""
+        each = observation.each
+        if each is not None:
+            objects = self._keyed_objects(each.type or "")
+            yield from ((each.name, _object_getter(objects, i)) for i in range(len(objects.keys)))
+        elif isinstance(observation, ObserveFind):
+            yield NO_OWNER
+        else:
+            name = path_root(observation.path).name
+            node, cls = self.bound_values[name], types[name]
+            yield name, lambda: None if is_lost(self.model, node, cls) else node
 
     def _index_function(
-        self, observation: ObservePath, types: NameClasses, size: int
+        self, observation: ObservePath, types: NameClasses
     ) -> tuple[Callable[[Value | None], int], int]:
         """Return a function from the value of a path to its index, and the index if the owner is missing."""
         metamodel = self.model.metamodel
@@ -459,22 +454,12 @@ class PreparedBehaviour:
                 assert isinstance(type_, ObjectType), "the behaviour was checked"
                 index = object_indexer(self.model, indexer, missing, among, type_.cls)
                 return index, missing or 0
-        if isinstance(size, FloatRange):
-            return range_indexer(size.rank), 0
         limits = observed_range(observation, types, metamodel)
         if limits is not None:
-            low, high = map(int, limits)
-            return range_indexer(lambda value: int(min(max(value, low), high)) - low), 0
-        return literal_indexer(type_.literals if isinstance(type_, EnumType) else (False, True)), 0
-
-    def _match_counter(self, call: PatternCall, types: NameClasses) -> Callable[[], int]:
-        counted, _ = self._match_functions(self._add_pattern(lambda name: count_helper(name, call, types)))
-
-        def count() -> int:
-            rows = counted()
-            return int(rows[0][0]) if rows else 0
-
-        return count
+            low, high, is_float = limits
+            rank: Callable[[float], int] = float_rank if is_float else int
+            return value_indexer(lambda value: rank(min(max(value, low), high)) - rank(low)), 0
+        return value_indexer((type_.literals if isinstance(type_, EnumType) else (False, True)).index), 0
 
 
 def add_helper_pattern(engine: Engine, behaviour: str, make_question: Callable[[str], HelperPattern]) -> HelperPattern:

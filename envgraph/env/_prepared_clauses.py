@@ -250,11 +250,6 @@ class ObservationComponent:
     target_object: Callable[[], Value | None] | None = None
     is_range: bool = False
 
-    @property
-    def span(self) -> Span | None:
-        """Return the source position of the clause."""
-        return self.observation.span
-
 
 Clause = TypeVar("Clause", bound=Action | Effect | Observation)
 

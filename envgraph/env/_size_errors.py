@@ -39,19 +39,15 @@ def check_observation_count(behaviour: Behaviour, shape: Sequence[int], names: S
     Raises:
         TooManyStates: the number of observations is too large, or a component is a float.
     """
-    if any(isinstance(size, FloatRange) for size in shape):
-        name = next(name for name, size in zip(names, shape, strict=True) if isinstance(size, FloatRange))
+    floats = [names[place] for place, size in enumerate(shape) if isinstance(size, FloatRange)]
+    if floats or prod(shape) > LARGEST_INT:
+        what = f"has {Decimal(prod(shape)):.3g} observations, but a table can have at most {LARGEST_INT:,}"
+        if floats:
+            what = f"observes the float `{floats[0]}`, which has no index in a table"
         raise TooManyStates.from_message(
             behaviour,
-            f"environment `{behaviour.name}` observes the float `{name}`, which has no index in a table",
-            'use `envgraph.make` with `observation="flat"` and a network as the agent, or observe an int instead',
-        )
-    if prod(shape) > LARGEST_INT:
-        count = f"{Decimal(prod(shape)):.3g}"
-        raise TooManyStates.from_message(
-            behaviour,
-            f"environment `{behaviour.name}` has {count} observations, but a table can have at most {LARGEST_INT:,}",
-            'observe less, or use `engine="compiled"` with `observation="flat"`, which needs no table',
+            f"environment `{behaviour.name}` {what}",
+            'observe less, or use `envgraph.make` with `observation="flat"`, which needs no table',
         )
 
 

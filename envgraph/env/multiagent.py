@@ -114,10 +114,7 @@ class _MultiAgentEnvironment(FamilyEnvironment):
         return self._view.from_index(self.simulator.agents.observation_index(self._number[agent]))
 
     def state(self) -> NDArray[np.int64] | NDArray[np.float32]:
-        """Return the observation components of all agents in the current state, one agent after the other.
-
-        If floats are observed, these are the observations "flat".
-        """
+        """Return the components, or with floats the observations "flat", of all agents in the current state."""
         agents = self.simulator.agents
         seen = [split_index(agents.observation_index(number), self._shape) for number in self._number.values()]
         return np.concatenate([self._layout.encode(one) for one in seen] if self._layout.floats else seen)

@@ -8,7 +8,6 @@ from itertools import pairwise
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from envgraph.env import FloatRange
 from envgraph.env.compiled import CompiledProgram, ProgramPlayer
 from envgraph.errors import InvalidArgument
 from envgraph.solve._evaluation import Evaluation
@@ -73,9 +72,6 @@ def _pack_layers(program: CompiledProgram, layers: Sequence[Layer]) -> tuple[NDA
     Raises:
         InvalidArgument: the layers do not fit each other, or the program.
     """
-    if any(isinstance(size, FloatRange) for size in program.observation_shape):
-        hint = "play the episodes in `envgraph.make_vec`"
-        raise InvalidArgument(f"`{program.behaviour.name}` observes floats, which these networks do not read", hint)
     pairs = [(np.asarray(one, np.float64), np.asarray(bias, np.float64)) for one, bias in layers]
     ends = sum(program.observation_shape or (1,)), len(program.action_names)
     sizes = [ends[0], *(bias.size for _, bias in pairs)]

@@ -13,7 +13,6 @@ from typing import Final
 import numpy as np
 
 from envgraph.env import _flat_observations
-from envgraph.env._flat_observations import FloatRange
 from envgraph.env.compiled.batches._batch import CAPACITY_ERRORS
 from envgraph.env.compiled.export import _exported
 from envgraph.env.compiled.kernels import _python_kernels, step_kernels
@@ -111,9 +110,7 @@ def program_files(
         "members": [*members],
         "actions": program.action_names,
         "agents": [program.agent_names(number) for number in range(len(members))],
-        "observation_shape": [
-            one.__getnewargs__() if isinstance(one, FloatRange) else one for one in program.observation_shape
-        ],
+        "observation_shape": [getattr(size, "limits", size) for size in program.observation_shape],
         "limit": limit,
         "capacity": program.region_size,
         "levels": program.row_regions,

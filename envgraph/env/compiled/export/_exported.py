@@ -19,7 +19,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from envgraph.env._flat_observations import FlatLayout, component_sizes_of
+from envgraph.env._flat_observations import FlatLayout, FloatRange
 from envgraph.env.compiled.layout._batch_arrays import (
     NO_ACTIONS,
     NO_RANDOM_NUMBERS,
@@ -36,7 +36,7 @@ FOLDER = Path(__file__).parent
 ABOUT: dict[str, Any] = (
     json.loads((FOLDER / "about.json").read_text("utf-8")) if (FOLDER / "about.json").exists() else {}
 )
-SHAPE = component_sizes_of(ABOUT.get("observation_shape", []))
+SHAPE = [FloatRange(*one) if isinstance(one, list) else one for one in ABOUT.get("observation_shape", [])]
 FLAT = FlatLayout(SHAPE)
 DEFAULT_KIND = "flat" if FLAT.floats else "index"
 ERROR, TURN, SUCCESS = 0, 1, 1
@@ -84,10 +84,8 @@ class Environments:
         if count < 1 or not chosen or streams not in (SHARED_STREAM, OWN_STREAMS):
             raise ValueError('`num_envs` must be at least 1, `members` not empty, and `streams` "shared" or "each"')
         self._kind = observation or DEFAULT_KIND
-        if self._kind not in ("index", "multi", "flat"):
-            raise ValueError('`observation` must be "index", "multi" or "flat"')
-        if self._kind != "flat" and FLAT.floats:
-            raise ValueError('floats are observed, which have no index: use `observation="flat"`')
+        if self._kind not in ("index", "multi", "flat") or (FLAT.floats and self._kind != "flat"):
+            raise ValueError('`observation` must be "flat", or if no floats are observed, "index" or "multi"')
         if self._kind == "index" and prod(SHAPE) >= 2**63:
             raise ValueError('there are too many observations for an index: use `observation="multi"` or "flat"')
         self.num_envs = count
@@ -106,7 +104,7 @@ class Environments:
                 seeds = [None if seed is None else seed + place for place in range(self.num_envs)]
                 batch.rows.streams[:] = generator_states([np.random.default_rng(one) for one in seeds])
         batch.advance(np.ones(self.num_envs, dtype=np.bool_), self._draw_uniforms(), NO_ACTIONS, NO_RANDOM_NUMBERS, 0)
-        return self._observed(), self._infos()
+        return batch.observed(self._kind), self._infos()
 
     def step(
         self, actions: Any
@@ -131,14 +129,11 @@ class Environments:
         starts = self._draw_uniforms() if batch.rows.over.any() else NO_RANDOM_NUMBERS
         batch.advance(batch.rows.over, starts, chosen, uniforms, self._limit)
         terminated, truncated = batch.rows.ended > 0, batch.rows.cut.copy()
-        return self._observed(), batch.rows.reward.copy(), terminated, truncated, self._infos()
+        return batch.observed(self._kind), batch.rows.reward.copy(), terminated, truncated, self._infos()
 
     def _draw_uniforms(self) -> NDArray[np.float64]:
         assert self._random is not None
         return NO_RANDOM_NUMBERS if self._each else self._random.random(self.num_envs)
-
-    def _observed(self) -> NDArray[Any]:
-        return self._batch.observed(self._kind)
 
     def _infos(self) -> dict[str, NDArray[Any]]:
         batch = self._batch

@@ -37,7 +37,7 @@ from envgraph.env.compiled.matching._term_code import CodeTerm, variable_term
 from envgraph.env.compiled.steps._clause_code import FunctionEmitter, key_pattern
 from envgraph.errors import LARGEST_INT
 from envgraph.match.plan import PatternQuery
-from envgraph.metamodel import EnumType, Scalar
+from envgraph.metamodel import EnumType
 from envgraph.pattern import ObjectType, PatternCall
 
 COMPONENTS, NEXT_COMPONENT, OBSERVATION_INDEX = (
@@ -237,11 +237,11 @@ class ObservationEmitter:
         if limits is None:
             writer.append_assignment(local, _emit_literal_index(term, self._layout))
             return
-        low, high = map(float if term.type is Scalar.FLOAT else int, limits)
+        low, high, is_float = limits
         rank: code.Expression = code.emit_call(
             "min", code.emit_call("max", term.value, code.Constant(low)), code.Constant(high)
         )
-        if term.type is Scalar.FLOAT:
+        if is_float:
             rank, low = code.emit_call("float_rank", rank), float_rank(low)
         writer.append_assignment(local, code.Operation("-", (rank, code.Constant(low))))
 
