@@ -19,7 +19,7 @@ class FloatRange(int):
     The component is the rank of the float, cut to the range, among these values. Engines thus observe only ints.
 
     Attributes:
-        limits: the range, and True if the component has one more value, the last, which means "out of sight".
+        limits: the range, and True if the component has one more value, the last, which means "not visible".
     """
 
     limits: tuple[float, float, bool]
@@ -36,7 +36,7 @@ class FloatRange(int):
         return self.limits
 
     def decode(self, ranks: NDArray[np.int64]) -> NDArray[np.float32]:
-        """Return the floats on a new last axis; if they may hide, the lowest one and 1 out of sight, otherwise 0."""
+        """Return the floats on a new last axis; with a second entry, 1 beside the lowest float if it is not visible."""
         low, _, may_hide = self.limits
         hidden = (ranks == self - 1) & may_hide
         bits = np.where(hidden, 0, ranks) + float_rank(low)

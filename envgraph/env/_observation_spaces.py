@@ -84,7 +84,7 @@ class ComponentView:
         self._layout = FlatLayout(tuple(shape) or (1,))
         if kind in ("index", "multi") and self._layout.floats:
             name = names[self._layout.floats[0][0]]
-            hint = 'use `observation="flat"`, "dict", "image" or "graph"'
+            hint = 'use `observation="flat"` or "dict"'
             raise InvalidArgument(f'the float `{name}` has no index, which an observation "{kind}" needs', hint)
         if kind == "index" and prod(shape) > LARGEST_INT:
             message = f"{Decimal(prod(shape)):.3g} observations cannot be numbered: the maximum is {LARGEST_INT:,}"

@@ -10,7 +10,7 @@ from typing import Protocol, TypeVar
 
 from envgraph.behaviour import Action, Effect, Observation, RuleCall
 from envgraph.code import dataclass
-from envgraph.errors import EvaluationError, RuleError, Span
+from envgraph.errors import EvaluationError, RuleError
 from envgraph.graph import Model
 from envgraph.match import Row
 from envgraph.metamodel import Value

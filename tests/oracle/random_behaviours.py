@@ -494,7 +494,7 @@ class _Builder:
         if dice.chance(35):
             condition, _ = self._condition(False)
             assert isinstance(condition, PatternCall)
-            return ObserveFind(condition, dice.one([None, 1, 3]))
+            return self._for_each(ObserveFind(condition, dice.one([None, 1, 3])))
         each = None
         if dice.chance(50):
             each = Parameter("each", dice.one(list(self._metamodel.classes)))
@@ -511,7 +511,24 @@ class _Builder:
             return ObserveObject(path, type_.cls, dice.chance(80), each, visible)
         if type_ is Scalar.INT:
             return ObserveRange(path, dice.number(-1, 0), dice.number(1, 3), each, visible)
+        if type_ is Scalar.FLOAT:
+            low, high = self._operations.one([(0.0, 1.0), (-2.5, 0.6), (0, 3), (0.1, 1e200)])
+            return ObserveRange(path, low, high, each, visible)
         return ObserveAttribute(path, each, visible)
+
+    def _for_each(self, seen: ObserveFind) -> ObserveFind:
+        """The observation, half of the time for each object of a class that its pattern takes."""
+        other, call = self._operations, seen.call
+        types = self._engine.library.parameter_types(call.pattern)
+        places = [number for number, type_ in enumerate(types) if isinstance(type_, ObjectType)]
+        if not places or other.chance(50):
+            return seen
+        place, each = other.one(places), Variable("each")
+        arguments = tuple(each if number == place else one for number, one in enumerate(call.arguments))
+        others = tuple(each if number == place else Variable("_") for number in range(len(types)))
+        visible = replace(call, arguments=others) if other.chance(40) else None
+        parameter = Parameter("each", getattr(types[place], "cls", None))
+        return ObserveFind(replace(call, arguments=arguments), seen.up_to, parameter, visible)
 
     # --- values
 
