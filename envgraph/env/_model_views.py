@@ -15,7 +15,7 @@ from gymnasium import spaces
 from numpy.typing import NDArray
 
 from envgraph.behaviour import Behaviour, DrawGrid, ObserveObject
-from envgraph.env._flat_observations import FloatRange
+from envgraph.env._flat_observations import FlatLayout, FloatRange
 from envgraph.env._observation_components import clause_name, observe_clauses
 from envgraph.env._observation_spaces import ObservationKind
 from envgraph.env._prepared_clauses import ObservationComponent
@@ -131,7 +131,8 @@ def _write_channel(
         value, size = MAX_PIXEL * (component.read() + 1) // component.size, component.size
         if isinstance(size, FloatRange):
             low, high, _ = size.limits
-            value = round(MAX_PIXEL * (float(size.decode(np.array(component.read()))[0]) - low) / (high - low))
+            number = float(FlatLayout([size]).encode(np.array([component.read()]))[0])
+            value = round(MAX_PIXEL * (number - low) / (high - low))
         where = places.get(node, ...)
         channel[where] = MAX_PIXEL if isinstance(component.observation, ObserveObject) and node in places else value
 

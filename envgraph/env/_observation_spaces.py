@@ -82,10 +82,10 @@ class ComponentView:
                 f'an observation "{kind}" is computed from the model, which a table does not have', hint
             )
         self._layout = FlatLayout(tuple(shape) or (1,))
-        if kind in ("index", "multi") and self._layout.floats:
-            name = names[self._layout.floats[0][0]]
-            hint = 'use `observation="flat"` or "dict"'
-            raise InvalidArgument(f'the float `{name}` has no index, which an observation "{kind}" needs', hint)
+        self._floats = {names[place]: (place, FlatLayout([shape[place]])) for place in self._layout.floats}
+        if kind in ("index", "multi") and self._floats:
+            message = f'the float `{next(iter(self._floats))}` has no index, which an observation "{kind}" needs'
+            raise InvalidArgument(message, 'use `observation="flat"` or "dict"')
         if kind == "index" and prod(shape) > LARGEST_INT:
             message = f"{Decimal(prod(shape)):.3g} observations cannot be numbered: the maximum is {LARGEST_INT:,}"
             hint = 'observe less, or use `observation="flat"`, "multi", "dict", "image" or "graph"'
@@ -105,10 +105,9 @@ class ComponentView:
             case "flat":
                 return spaces.Box(*self._layout.bounds(), dtype=np.float32)
             case _:
-                found: dict[str, spaces.Space[Any]] = {}
-                for name, size in zip(self._names, self._shape, strict=True):
-                    bounds = FlatLayout([size]).bounds() if isinstance(size, FloatRange) else None
-                    found[name] = spaces.Discrete(size) if bounds is None else spaces.Box(*bounds, dtype=np.float32)
+                sizes = zip(self._names, map(int, self._shape), strict=True)
+                found: dict[str, spaces.Space[Any]] = {name: spaces.Discrete(size) for name, size in sizes}
+                found |= {name: spaces.Box(*one.bounds(), dtype=np.float32) for name, (_, one) in self._floats.items()}
                 return spaces.Dict(found)
 
     def from_index(self, index: int) -> Any:
@@ -133,8 +132,8 @@ class ComponentView:
             case _:
                 columns = np.moveaxis(parts, -1, 0)
                 found: dict[str, NDArray[Any]] = {name: columns[place] for place, name in enumerate(self._names)}
-                found |= {self._names[place]: size.decode(columns[place]) for place, _, size in self._layout.floats}
-                return found
+                floats = self._floats.items()
+                return found | {name: one.encode(parts[..., place : place + 1]) for name, (place, one) in floats}
 
     def __reduce__(self) -> tuple[type[ComponentView], tuple[Any, ...]]:
         return ComponentView, (self.kind, self._shape, self._names)

@@ -13,7 +13,7 @@ from gymnasium import spaces
 
 import envgraph
 from envgraph.env import EnvgraphLiveEnv, FloatRange, Simulator
-from envgraph.env._flat_observations import LARGEST_FLOAT32
+from envgraph.env._flat_observations import LARGEST_FLOAT32, FlatLayout
 from envgraph.env.compiled import CompiledEnv, Learner, program_of
 from envgraph.errors import EnvgraphError, EvaluationError
 from envgraph.lang import TextFiles, load_workspace
@@ -184,4 +184,5 @@ def test_sizes_of_floats_can_be_copied() -> None:
     for other in (deepcopy(size), pickle.loads(pickle.dumps(size))):
         assert (other, other.limits) == (size, size.limits)
     lowest = [-LARGEST_FLOAT32, 0.0]
-    assert size.decode(np.array([0, size - 2, size - 1])).tolist() == [lowest, [0.0, 0.0], [lowest[0], 1.0]]
+    parts = np.array([[0], [size - 2], [size - 1]])
+    assert FlatLayout([size]).encode(parts).tolist() == [lowest, [0.0, 0.0], [lowest[0], 1.0]]
