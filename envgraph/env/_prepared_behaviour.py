@@ -458,7 +458,8 @@ class PreparedBehaviour:
         if limits is not None:
             low, high, is_float = limits
             rank: Callable[[float], int] = float_rank if is_float else int
-            return value_indexer(lambda value: rank(min(max(value, low), high)) - rank(low)), 0
+            first = rank(low)
+            return value_indexer(lambda value: rank(min(max(value, low), high)) - first), 0
         return value_indexer((type_.literals if isinstance(type_, EnumType) else (False, True)).index), 0
 
 

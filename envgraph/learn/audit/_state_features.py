@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from envgraph.behaviour import ObserveFind, ObserveObject
+from envgraph.behaviour import ObserveObject
 from envgraph.env import KeyIndex, Tabular, key_reader
 from envgraph.learn.audit._audit_settings import AuditSettings
 from envgraph.match import FREE
@@ -116,8 +116,7 @@ def _component_classes(domain: Domain, engine: Engine, keys: KeyIndex) -> Iterat
     behaviour = domain.behaviour
     assert behaviour is not None, "the settings were checked"
     for one in behaviour.observations:
-        each = None if isinstance(one, ObserveFind) else one.each
-        times = keys.size(each.type) if each and each.type else 1
+        times = keys.size(one.each.type) if one.each and one.each.type else 1
         yield from [one.among if isinstance(one, ObserveObject) else None] * times
 
 
