@@ -1,11 +1,14 @@
-"""Read levels of other tools as rows of named cells: Sokoban texts (XSB), MAP parts of des-files, and maps of Tiled."""
+"""Read levels of other tools as rows of named cells: Sokoban texts (XSB), des-files of MiniHack, and maps of Tiled."""
 
 from __future__ import annotations
 
 import re
+import struct
+import zlib
+from base64 import b64decode
 from collections.abc import Collection, Iterator, Mapping, Sequence
 from itertools import groupby
-from typing import Any
+from typing import Any, cast
 
 from envgraph.code import dataclass
 from envgraph.errors import (
@@ -13,6 +16,7 @@ from envgraph.errors import (
     RAISE_LIMIT_HINT,
     Diagnostic,
     LoadError,
+    Note,
     Source,
     Span,
     parse_int,
@@ -53,25 +57,32 @@ _XSB = ("xsb", "sok")
 _BEFORE = re.compile(r"\s*;\s*(.*)")
 _BEHIND = re.compile(r"\s*title\s*:\s*(.*)", re.IGNORECASE)
 _KEY = re.compile(r"\s*\w[\w ]*:")
-_DES = re.compile(r"(?:MAZE|LEVEL)\s*:\s*\"([^\"]*)\"")
+
+_DES_TITLE = re.compile(r"(?:MAZE|LEVEL)\s*:\s*\"([^\"]*)\"")
+_DES_SETTING = re.compile(r"(FLAGS|GEOMETRY|MESSAGE|REGION|NON_DIGGABLE|NON_PASSWALL|INIT_MAP\s*:\s*solidfill)\b|#")
+"""Lines of a des-file that put nothing on the map."""
+_DES_THING = re.compile(r"([A-Z]+)\s*:([^{]*?)\(\s*(\d+)\s*,\s*(\d+)\s*(?:,\s*\3\s*,\s*\4\s*)?\)([^{]*)")
+"""A thing at a place of the map: `OBJECT:('`',"boulder"),(2,3)`, `STAIR:(6,6),down`, `BRANCH:(6,4,6,4),(0,0,0,0)`."""
+_DES_NAMES = (re.compile(r"\"([^\"]+)\""), re.compile(r"'(.)'"), re.compile(r"[a-z]\w*"))
+"""The names of a thing: those in double quotes, else its letter, else the words about it."""
 
 
 def read_levels(source: Source, letters: Collection[str]) -> tuple[Level, ...]:
     """Return the levels of a file, in order; the suffix of the file determines its format.
 
-    `.tmx`, `.tmj` and `.json` are maps of Tiled. In `.des`, each level is between `MAP` and `ENDMAP`. In other files a
-    level is a run of adjacent rows: lines with more than half of their characters in `letters`. Its title is `; name`
-    before it, or `Title: name` behind it.
+    `.tmx`, `.tmj` and `.json` are maps of Tiled. In `.des`, each level is between `MAP` and `ENDMAP`, and lines
+    behind it put things on its cells. In other files a level is a run of adjacent rows: lines with more than half of
+    their characters in `letters`. Its title is `; name` before it, or `Title: name` behind it.
 
     Raises:
-        LoadError: the file has no level, the map cannot be read, or a line adjacent to a row is probably a mistyped
-            row. All problems are reported.
+        LoadError: the file has no level, the map cannot be read, a line of a des-file is not understood, or a line
+            adjacent to a row is probably a mistyped row. All problems are reported.
     """
     suffix = suffix_of(source.name)
     if suffix in ("tmx", "tmj", "json"):
         return (read_tiled(source),)
     found, cells = list[Level](), 0
-    for title, rows in _des_levels(source) if suffix == "des" else _text_levels(source, letters):
+    for title, rows, things in _des_levels(source) if suffix == "des" else _text_levels(source, letters):
         width = max(len(row.text) for row in rows)
         cells += width * len(rows)
         if len(found) == scaled_limit("levels") or cells > scaled_limit("cells"):
@@ -81,7 +92,9 @@ def read_levels(source: Source, letters: Collection[str]) -> tuple[Level, ...]:
             raise LoadError.from_problem(
                 "too-many-cells", message, rows[0].span, f"divide the file; {RAISE_LIMIT_HINT}"
             )
-        found.append(Level(title, rows[0].span, tuple(tuple(_row_cells(row, width)) for row in rows)))
+        plain = (enumerate(_row_cells(row, width)) for row in rows)
+        level = tuple(tuple(things.get((x, y), cell) for x, cell in row) for y, row in enumerate(plain))
+        found.append(Level(title, rows[0].span, level))
     if not found:
         hint = "write a map between `MAP` and `ENDMAP`" if suffix == "des" else _letters_hint(letters)
         raise LoadError.from_problem("no-level", "the file has no level", source.span_between(0, 0), hint)
@@ -106,8 +119,12 @@ def _lines(source: Source) -> Iterator[_LevelLine]:
         start += len(line) + 1
 
 
-def _text_levels(source: Source, letters: Collection[str]) -> Iterator[tuple[str, list[_LevelLine]]]:
-    """Yield the title and the rows of each level in a text of letters; raise LoadError for mistyped rows."""
+_LevelLines = tuple[str, list[_LevelLine], dict[tuple[int, int], LevelCell]]
+"""The title and the lines of a level, and the cells with things on them by column and row."""
+
+
+def _text_levels(source: Source, letters: Collection[str]) -> Iterator[_LevelLines]:
+    """Yield the lines of each level in a text of letters; raise LoadError for mistyped rows."""
     known = {*letters, *(FLOOR_LETTERS if suffix_of(source.name) in _XSB else (BLANK_LETTER,))}
     problems = list(_doubtful_line_errors(source, known, letters))
     if problems:
@@ -119,14 +136,14 @@ def _text_levels(source: Source, letters: Collection[str]) -> Iterator[tuple[str
             continue
         if rows:
             if level[1]:
-                yield level
+                yield *level, {}
             level, rows, title = (title, rows), [], ""
         if before := _BEFORE.fullmatch(line.text):
             title = before.group(1)
         elif behind := _BEHIND.fullmatch(line.text):
             level = behind.group(1), level[1]
     if level[1]:
-        yield level
+        yield *level, {}
 
 
 def _doubtful_line_errors(
@@ -177,27 +194,51 @@ def _floor_names(letter: str) -> tuple[str, ...]:
     return (*first, *(one for one in FLOOR_LETTERS[1:] if one != letter), BLANK_LETTER)
 
 
-def _des_levels(source: Source) -> Iterator[tuple[str, list[_LevelLine]]]:
-    """Yield the title and the rows of each level in a des-file."""
-    title, rows, inside = "", list[_LevelLine](), False
+def _des_levels(source: Source) -> Iterator[_LevelLines]:
+    """Yield the lines and things of each level in a des-file; raise LoadError for lines that are not understood."""
+    title, inside, levels, problems = "", cast("_LevelLine | None", None), list[_LevelLines](), list[Diagnostic]()
     for line in _lines(source):
         word = line.text.strip()
-        if inside and word == "ENDMAP":
-            if rows:
-                yield title, rows
-            inside = False
-        elif inside:
-            rows.append(line)
-        elif word == "MAP":
-            inside, rows = True, []
-        elif found := _DES.match(word):
-            title = found.group(1)
+        span = source.span_between(line.span.end - len(word), line.span.end)
+        if inside and word != "ENDMAP":
+            levels[-1][1].append(line)
+        elif word == ("ENDMAP" if inside else "MAP"):
+            inside = None if inside else line
+            levels += [(title, [], {})] if inside else []
+        elif named := _DES_TITLE.match(word):
+            title = named.group(1)
+        elif thing := _DES_THING.fullmatch(word):
+            problems += _put_thing(thing, span, levels)
+        elif word and not _DES_SETTING.match(word):
+            hint = "remove it, give it a fixed place as in `STAIR:(2,3),down`, or write its letter into the map"
+            problems.append(Diagnostic("unknown-line", "this line is not understood", span, hint))
+    if inside:
+        problems.append(Diagnostic("unclosed", "this map is never closed", inside.span, "write `ENDMAP` behind it"))
+    if problems:
+        raise LoadError(problems[:MAX_ERRORS])
+    yield from (level for level in levels if level[1])
+
+
+def _put_thing(thing: re.Match[str], span: Span, levels: Sequence[_LevelLines]) -> Iterator[Diagnostic]:
+    """Put a thing of a des-file on its cell of the last map; yield a problem if it is not free."""
+    word, before, column, row, behind = thing.groups()
+    _, rows, things = levels[-1] if levels else ("", [], {})
+    place = int(column), int(row)
+    if place[1] >= len(rows) or place[0] >= max(len(one.text) for one in rows):
+        yield Diagnostic("bad-place", f"column {column}, row {row} is not in a map before this line", span)
+    elif place in things:
+        note = Note("the first thing is here", things[place].span)
+        yield Diagnostic("bad-place", "a cell can have one thing", span, "remove one of the lines", notes=(note,))
+    said = (pattern.findall(before + behind) for pattern in _DES_NAMES)
+    things[place] = LevelCell(tuple(next(filter(None, said), [word])), span)
 
 
 _FLIPPED = 0xF000_0000
 """Bits of a tile number that encode how the tile is flipped or rotated."""
 _NUMBER = re.compile(r"[^\s,]+")
-_CSV_HINT = "choose `Tile Layer Format: CSV` in the properties of the map"
+_CSV_HINT = (
+    "choose `Tile Layer Format: CSV`, or Base64 without compression or with zlib or gzip, in the map's properties"
+)
 
 
 @dataclass(frozen=True, slots=True)
@@ -284,12 +325,30 @@ def _xml_map(source: Source) -> _TiledMap:
 def _xml_layer(places: XmlPositions, layer: XmlElement) -> _TileLayer:
     data = next((one for one in layer.children if one.tag == "data"), None)
     where = places.tag_span((data or layer).byte)
-    if data is None or data.attributes.get("encoding") != "csv":
-        raise LoadError.from_problem("bad-map", "the data of this layer is not CSV", where, _CSV_HINT)
+    said = {} if data is None else data.attributes
+    if said.get("encoding") not in ("csv", "base64"):
+        raise LoadError.from_problem("bad-map", "the data of this layer is neither CSV nor base64", where, _CSV_HINT)
     start = places.source.text.index(">", where.end) + 1
     end = places.source.text.index("<", start)
+    if said["encoding"] == "base64":
+        return _TileLayer(where, _decode_tiles(places.source.text[start:end], said.get("compression"), where))
     words = _NUMBER.finditer(places.source.text, start, end)
     return _TileLayer(where, [(word.group(), places.source.span_between(*word.span())) for word in words])
+
+
+def _decode_tiles(text: str, compression: object, where: Span) -> list[tuple[str, Span]]:
+    """Return the tile numbers of a layer that is written in base64, as 4 bytes each, the lowest first."""
+    if compression not in (None, "", "zlib", "gzip"):
+        message = f"the data of this layer is compressed with `{compression}`, which is not supported"
+        raise LoadError.from_problem("bad-map", message, where, _CSV_HINT)
+    try:
+        data = b64decode("".join(text.split()), validate=True)
+        if compression:
+            data = zlib.decompressobj(wbits=zlib.MAX_WBITS | 32).decompress(data, 4 * scaled_limit("cells") + 4)
+        return [(str(number), where) for (number,) in struct.iter_unpack("<I", data)]
+    except (ValueError, zlib.error, struct.error) as error:
+        message = f"the data of this layer cannot be decoded: {error}"
+        raise LoadError.from_problem("bad-map", message, where, _CSV_HINT) from error
 
 
 def _xml_classes(root: XmlElement) -> Iterator[tuple[int, str]]:
@@ -317,8 +376,11 @@ def _json_layers(layers: Sequence[Any], spans: Mapping[JsonPath, Span]) -> Itera
     for number, layer in enumerate(layers):
         if isinstance(layer, dict) and layer.get("type") == "tilelayer":
             data, path = layer.get("data"), ("layers", number)
+            if isinstance(data, str):
+                yield _TileLayer(spans[path], _decode_tiles(data, layer.get("compression"), spans[path]))
+                continue
             if not isinstance(data, list):
-                raise LoadError.from_problem("bad-map", "the data of this layer is not CSV", spans[path], _CSV_HINT)
+                raise LoadError.from_problem("bad-map", "the layer has no list of tiles", spans[path], _CSV_HINT)
             yield _TileLayer(spans[path], [(str(one), spans[(*path, "data", at)]) for at, one in enumerate(data)])
 
 

@@ -2,7 +2,11 @@
 
 from __future__ import annotations
 
+import base64
+import gzip
 import json
+import struct
+import zlib
 from pathlib import Path
 
 import pytest
@@ -151,7 +155,15 @@ def test_layers_of_tiled_maps_are_merged(envgraph: Envgraph, suffix: str) -> Non
         (TMX.format(infinite="", encoding="csv", last="9" * 5000), "9` is not a tile number"),
         (TMX.format(infinite="", encoding="csv", last="٣"), "`٣` is not a tile number"),
         (f'<map width="{"9" * 5000}" height="9"/>', "it has no `width` and `height`"),
-        (TMX.format(infinite="", encoding="base64", last="1"), "the data of this layer is not CSV"),
+        (TMX.format(infinite="", encoding="xml", last="1"), "the data of this layer is neither CSV nor base64"),
+        (
+            TMX.format(infinite="", encoding="base64", last="1"),
+            "map.tmx:3:10: the data of this layer cannot be decoded: ",
+        ),
+        (
+            TMX.format(infinite="", encoding='base64" compression="zstd', last="1"),
+            "map.tmx:3:10: the data of this layer is compressed with `zstd`, which is not supported",
+        ),
         (TMX.format(infinite=' infinite="1"', encoding="csv", last="1"), "infinite maps are not supported"),
         ('<map width="5" height="0"/>', "it has no `width` and `height`"),
         ('<map width="9999" height="9999"/>', "more than 100,000 cells"),
@@ -169,7 +181,12 @@ def test_unsupported_tmx_maps_are_refused_with_a_reason(envgraph: Envgraph, text
 @pytest.mark.parametrize(
     ("text", "said"),
     [
-        ('{"layers": [{"type": "tilelayer", "data": "eJw="}], "width": 1, "height": 1}', "not CSV"),
+        (
+            '{"layers": [{"type": "tilelayer", "data": "eJw=", "compression": "zlib"}], "width": 1, "height": 1}',
+            "map.tmj:1:13: the layer has 0 tiles, not 1 x 1",
+        ),
+        ('{"layers": [{"type": "tilelayer", "data": "eJw="}], "width": 1, "height": 1}', "map.tmj:1:13: the data of"),
+        ('{"layers": [{"type": "tilelayer", "data": 3}], "width": 1, "height": 1}', "the layer has no list of tiles"),
         ('{"layers": 3}', "this is not a map of Tiled"),
         ('{"layers": [], "width": "a", "height": 1}', "no `width` and `height`"),
         ('{"layers": [', "map.tmj:1"),
@@ -181,15 +198,77 @@ def test_unsupported_json_maps_are_refused_with_a_reason(envgraph: Envgraph, tex
     assert done.code == 1 and said in done.err
 
 
-def test_maps_of_des_files_are_read_between_map_and_endmap(envgraph: Envgraph) -> None:
-    write(
-        "level.des",
-        "MAZE: \"boxes\", ' '\nGEOMETRY:center,center\nMAP\n-----\n|.$@|\n-----\nENDMAP\nSTAIR:(1,1),down\n",
-    )
-    done = ok(envgraph("import", "level.des", "--legend", "-=#", "--legend", "|=#"))
-    assert "wrote level/level.model" in done.out and rows("level/level.model") == ["#####", "#.$@#", "#####"]
+@pytest.mark.parametrize("suffix", ["tmx", "tmj"])
+@pytest.mark.parametrize("compression", ["", "zlib", "gzip"])
+def test_layers_in_base64_are_those_in_csv(envgraph: Envgraph, suffix: str, compression: str) -> None:
+    tiles = struct.pack("<15I", 1, 1, 1, 1, 1, 1, 0x80000007, 9, 8, 1, 1, 1, 1, 1, 1)
+    packed = {"": tiles, "zlib": zlib.compress(tiles), "gzip": gzip.compress(tiles)}
+    text = base64.b64encode(packed[compression]).decode()
+    value = {"type": "tilelayer", "encoding": "base64", "compression": compression, "data": text}
+    written = {
+        "tmj": json.dumps({"width": 5, "height": 3, "layers": [value]}),
+        "tmx": f'<map width="5" height="3"><layer><data encoding="base64" compression="{compression}">\n  {text}\n'
+        "</data></layer></map>",
+    }
+    write(f"map.{suffix}", written[suffix])
+    legend = [part for entry in ("1=#", "7=@", "8=.", "9=$") for part in ("--legend", entry)]
+    ok(envgraph("import", f"map.{suffix}", *legend))
+    assert rows("map/map.model") == ["#####", "#@$.#", "#####"]
+
+
+DES = """\
+# A room.
+MAZE: "boxes", ' '
+GEOMETRY:center,center
+INIT_MAP: solidfill, ' '
+MAP
+-----
+|   |
+-----
+ENDMAP
+BRANCH:(01,01,01,01),(0,0,0,0)
+OBJECT:('`',"boulder"),(2,1)
+STAIR:(3, 1),down
+REGION:(0,0,4,2),lit,"ordinary"
+"""
+ROOM = [part for entry in ("-=#", "|=#", "BRANCH=@", "boulder=$", "down=.") for part in ("--legend", entry)]
+
+
+def test_things_of_des_files_are_put_on_cells_of_their_map(envgraph: Envgraph) -> None:
+    write("level.des", DES)
+    done = ok(envgraph("import", "level.des", *ROOM))
+    assert "wrote level/level.model" in done.out and rows("level/level.model") == ["#####", "#@$.#", "#####"]
+    assert "// boxes\nmodel level" in Path("level/level.model").read_text(encoding="utf-8")
+    assert "level.des:11:1: `boulder` has no meaning in the model" in envgraph("import", "level.des", *ROOM[:6]).err
     write("none.des", "MAZE: \"x\", ' '\n")
     assert "hint: write a map between `MAP` and `ENDMAP`" in envgraph("import", "none.des").err
+
+
+def test_all_lines_of_a_des_file_that_are_not_understood_are_reported(envgraph: Envgraph) -> None:
+    write(
+        "level.des",
+        "STAIR:(1,1),up\n" + DES + "  OBJECT:'%',random\nTRAP:\"pit\",(2,1)\nMONSTER:'Z',(5,1)\n"
+        "INIT_MAP:mines,'.',' ',true\nROOM:\"ordinary\",lit,(3,3),(1,1),(5,5) {\nENDMAP\nMAP\n---\n",
+    )
+    done = envgraph("import", "level.des", *ROOM)
+    assert done.code == 1 and not Path("level").exists()
+    assert [line for line in done.err.splitlines() if line.startswith(("level.des", "note", "hint"))] == [
+        "level.des:1:1: column 1, row 1 is not in a map before this line",
+        "level.des:15:3: this line is not understood",
+        hint := "hint: remove it, give it a fixed place as in `STAIR:(2,3),down`, or write its letter into the map",
+        "level.des:16:1: a cell can have one thing",
+        "note: level.des:12:1: the first thing is here",
+        "hint: remove one of the lines",
+        "level.des:17:1: column 5, row 1 is not in a map before this line",
+        "level.des:18:1: this line is not understood",
+        hint,
+        "level.des:19:1: this line is not understood",
+        hint,
+        "level.des:20:1: this line is not understood",
+        hint,
+        "level.des:21:1: this map is never closed",
+        "hint: write `ENDMAP` behind it",
+    ]
 
 
 @pytest.mark.parametrize(
