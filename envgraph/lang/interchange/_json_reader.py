@@ -11,7 +11,7 @@ from functools import cached_property
 from math import isfinite
 from typing import TYPE_CHECKING, Any
 
-from envgraph.errors import Diagnostic, LoadError, Source, Span, sort_diagnostics
+from envgraph.errors import Diagnostic, LoadError, Source, Span, name_hint, sort_diagnostics
 from envgraph.graph import JsonPath, Model, json_place, model_from_json
 from envgraph.lang.read._model_reader import ModelFile, ModelText
 from envgraph.metamodel import LARGEST_INT, Metamodel
@@ -107,12 +107,16 @@ def check_json(value: object, spans: Mapping[JsonPath, Span], schema: Mapping[st
     """
     from jsonschema import Draft202012Validator  # slow to import, and few commands need it
 
-    problems = [_schema_problem(error, spans) for error in Draft202012Validator(schema).iter_errors(value)]
-    return sort_diagnostics(problems)
+    found = Draft202012Validator(schema).iter_errors(value)
+    return sort_diagnostics([problem for error in found for problem in _schema_problems(error, spans)])
 
 
-def _schema_problem(error: ValidationError, spans: Mapping[JsonPath, Span]) -> Diagnostic:
+def _schema_problems(error: ValidationError, spans: Mapping[JsonPath, Span]) -> Iterator[Diagnostic]:
     path: JsonPath = tuple(error.absolute_path)
+    if error.validator == "additionalProperties" and (known := error.schema.get("properties")):
+        for key in (one for one in error.instance if one not in known):
+            yield Diagnostic("unknown-key", f"unknown key `{key}`", spans[(*path, key)], name_hint(key, known))
+        return
     what, wanted = f"`{json_place(path)}`" if path else "the document", error.validator_value
     match error.validator:
         case "type":
@@ -126,7 +130,7 @@ def _schema_problem(error: ValidationError, spans: Mapping[JsonPath, Span]) -> D
             message = f"{what} is empty"
         case _:
             message = f"{what}: {error.message[:200]}"
-    return Diagnostic("bad-format", message, spans[path])
+    yield Diagnostic("bad-format", message, spans[path])
 
 
 def model_at(value: object, metamodel: Metamodel, spans: Mapping[JsonPath, Span], path: JsonPath, file: str) -> Model:
