@@ -89,7 +89,7 @@ def generate_family(
     if resume and (len(short) > (generations is not None) or overrides or force):
         raise InvalidArgument("`--resume` allows only --generations: leave the other options out")
     domain = Domain.load(family, overrides=[] if resume else [*short, *overrides])
-    path = _run_path(directory, name or domain.spec.name)
+    path = run_path(directory, name or domain.spec.name)
     total = domain.spec.search.generations
     if resume:
         with RunStore.open(path) as store:
@@ -140,7 +140,7 @@ def generate_family(
         raise
     with RunStore.open(path) as store:
         low, about = why_low(made, store), describe_search(made, store)
-    _print_family(made, path, low)
+    print_family(made, path, low)
     for line in about:
         print_line(line)
     print_diagnostics([low] if low else [])
@@ -149,7 +149,8 @@ def generate_family(
         raise EnvgraphError(f"the family has a value of {value:.3f}, but `--require` is {require:g}")
 
 
-def _run_path(directory: Path, name: str) -> Path:
+def run_path(directory: Path, name: str) -> Path:
+    """Return the path of the run of this name. Raise `InvalidArgument` if it cannot be the name of a directory."""
     if Path(name).name != name or name == ".." or "\\" in name or "\0" in name:
         raise InvalidArgument(f"`{name}` cannot be the name of a run: leave out `/` and `\\`, or use --directory")
     return directory / name / "run.sqlite"
@@ -171,7 +172,7 @@ def show_family(run: str, directory: Path, variant: str | None) -> None:
     ):
         return
     if variant is None:
-        _print_family(family, None)
+        print_family(family, None)
     if len(members) > SHOWN.rows:
         print_line(f"`--variant {members[0].name}` shows an environment")
         return
@@ -232,10 +233,10 @@ def import_family(
     """Read a ga4cl file, store it as a run, and print its family; `force` replaces an existing run of this name."""
     check_file_format(str(file), ("json",), "a ga4cl family")
     source = read_source(DiskFiles(), str(file))
-    path = _run_path(directory, name or file.stem)
+    path = run_path(directory, name or file.stem)
     family, warnings = import_ga4cl(source, domain, path, overwrite=force, overrides=overrides)
     print_diagnostics(warnings)
-    _print_family(family, path)
+    print_family(family, path)
 
 
 def _member_data(family: Family, member: Member, *, full: bool = False) -> dict[str, Any]:
@@ -261,7 +262,8 @@ def _outcome_data(outcome: Outcome) -> dict[str, Any]:
     return found
 
 
-def _print_family(family: Family, path: Path | None, low: Diagnostic | None = None) -> None:
+def print_family(family: Family, path: Path | None, low: Diagnostic | None = None) -> None:
+    """Print the measures of a family: of each member, or a summary of more than 100."""
     outcome = Outcome.of(family)
     if print_json(
         lambda: {

@@ -170,12 +170,19 @@ def templates_() -> None:
 @click.argument(
     "file",
     type=PATH,
-    help="A published family (ga4cl); or levels: of letters (.xsb, .sok, .txt), MiniHack (.des), Tiled (.tmx, .tmj).",
+    help="A published family (ga4cl); or levels, also a directory of them: of letters (.xsb, .sok, .txt), MiniHack "
+    "(.des), Tiled (.tmx, .tmj).",
 )
 @click.option(
     "--domain",
     show_default="burning_forest/paper.toml; for levels the family.toml of the directory, or sokoban",
     help="Domain of the environments: a family.toml, its directory, or a bundled domain.",
+)
+@click.option(
+    "--to",
+    type=click.Choice(["models", "family"]),
+    show_default="models for levels",
+    help="Write levels as models, or store those that satisfy the constraints of the domain as a family.",
 )
 @click.option("--name", show_default="that of the file", help="Name of the run for a family.")
 @click.option(
@@ -196,7 +203,7 @@ def templates_() -> None:
 @format_option
 @implemented_in("_import_levels", "import_file")
 def import_() -> None:
-    """Read a published family, compute its measures, and store it as a run; or write levels as models."""
+    """Read a published family or levels, compute their measures, and store them as a run; or write levels as models."""
 
 
 @app.command()

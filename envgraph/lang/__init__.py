@@ -34,7 +34,11 @@ if TYPE_CHECKING:
         parse_json as parse_json,
         parse_model as parse_model,
     )
-    from envgraph.lang.interchange._level_files import Level as Level, read_levels as read_levels
+    from envgraph.lang.interchange._level_files import (
+        Level as Level,
+        LevelCell as LevelCell,
+        read_levels as read_levels,
+    )
     from envgraph.lang.interchange._level_template import LevelTemplate as LevelTemplate
     from envgraph.lang.interchange._pyecore import (
         metamodel_from_pyecore as metamodel_from_pyecore,

@@ -137,8 +137,13 @@ if TYPE_CHECKING:
         export_ga4cl as export_ga4cl,
         generate as generate,
         generate_from_domain as generate_from_domain,
-        import_ga4cl as import_ga4cl,
         resume as resume,
+    )
+    from envgraph.search.runs._level_models import (
+        LevelModel as LevelModel,
+        import_ga4cl as import_ga4cl,
+        import_levels as import_levels,
+        level_models as level_models,
     )
     from envgraph.search.runs._lineage import lineage as lineage
     from envgraph.search.runs._outcome import (

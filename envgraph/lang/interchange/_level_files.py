@@ -25,7 +25,7 @@ from envgraph.errors import (
 from envgraph.graph import JsonPath
 from envgraph.lang.interchange._json_reader import parse_json
 from envgraph.lang.syntax._file_formats import suffix_of
-from envgraph.lang.syntax._xml_parser import XmlElement, XmlPositions, read_tree
+from envgraph.lang.syntax._xml_parser import XmlPositions, read_tree
 
 BLANK_LETTER = " "
 
@@ -43,19 +43,26 @@ class LevelCell:
 
 @dataclass(frozen=True, slots=True)
 class Level:
-    """A level with its title ("" if none), the span of its first row, and its rows, top first and equally long."""
+    """A level with its title ("" if none), the span of its first row, and its rows, top first and equally long.
+
+    `picture` has the spans of all lines if the level is a picture as `envgraph.env.scene_text` draws it; otherwise ().
+    """
 
     title: str
     span: Span
     rows: tuple[tuple[LevelCell, ...], ...]
+    picture: tuple[Span, ...] = ()
 
 
 FLOOR_LETTERS = (BLANK_LETTER, "_", "-")
 """Letters for an empty floor in files of Sokoban. If a legend has only some of them, the others mean the same."""
-_XSB = ("xsb", "sok")
+_XSB = frozenset("#@$.")
+"""Letters of Sokoban; a domain that has them reads floors so in `.txt` files, too."""
 
 _BEFORE = re.compile(r"\s*;\s*(.*)")
 _BEHIND = re.compile(r"\s*title\s*:\s*(.*)", re.IGNORECASE)
+_PICTURE_ROW = re.compile(r"(?: \S |\(\S\)|   )*(?: \S|\(\S\))")
+_PICTURE_MARK = re.compile(r".+: (?:column [0-9]{1,6}, row [0-9]{1,6}|nowhere)")
 _KEY = re.compile(r"\s*\w[\w ]*:")
 
 _DES_TITLE = re.compile(r"(?:MAZE|LEVEL)\s*:\s*\"([^\"]*)\"")
@@ -72,7 +79,8 @@ def read_levels(source: Source, letters: Collection[str]) -> tuple[Level, ...]:
 
     `.tmx`, `.tmj` and `.json` are maps of Tiled. In `.des`, each level is between `MAP` and `ENDMAP`, and lines
     behind it put things on its cells. In other files a level is a run of adjacent rows: lines with more than half of
-    their characters in `letters`. Its title is `; name` before it, or `Title: name` behind it.
+    their characters in `letters`. Its title is `; name` before it, or `Title: name` behind it. If a `.txt` file has
+    pictures of grids, only these are read.
 
     Raises:
         LoadError: the file has no level, the map cannot be read, a line of a des-file is not understood, or a line
@@ -81,9 +89,12 @@ def read_levels(source: Source, letters: Collection[str]) -> tuple[Level, ...]:
     suffix = suffix_of(source.name)
     if suffix in ("tmx", "tmj", "json"):
         return (read_tiled(source),)
-    found, cells = list[Level](), 0
-    for title, rows, things in _des_levels(source) if suffix == "des" else _text_levels(source, letters):
-        width = max(len(row.text) for row in rows)
+    found, cells, pictures = list[Level](), 0, _pictures(source) if suffix == "txt" else []
+    floors = FLOOR_LETTERS if suffix in ("xsb", "sok") or (suffix == "txt" and {*letters} >= _XSB) else ()
+    texts = pictures or (_des_levels(source) if suffix == "des" else _text_levels(source, letters, floors))
+    for title, rows, things, marks in texts:
+        step = 3 if pictures else 1
+        width = -(-max(len(row.text) for row in rows) // step)
         cells += width * len(rows)
         if len(found) == scaled_limit("levels") or cells > scaled_limit("cells"):
             most = f"{scaled_limit('levels'):,} levels and {scaled_limit('cells'):,} cells"
@@ -92,9 +103,10 @@ def read_levels(source: Source, letters: Collection[str]) -> tuple[Level, ...]:
             raise LoadError.from_problem(
                 "too-many-cells", message, rows[0].span, f"divide the file; {RAISE_LIMIT_HINT}"
             )
-        plain = (enumerate(_row_cells(row, width)) for row in rows)
-        level = tuple(tuple(things.get((x, y), cell) for x, cell in row) for y, row in enumerate(plain))
-        found.append(Level(title, rows[0].span, level))
+        numbered = (enumerate(_row_cells(row, width, step, floors)) for row in rows)
+        level = tuple(tuple(things.get((x, y), cell) for x, cell in row) for y, row in enumerate(numbered))
+        picture = tuple(line.span for line in (*rows, *marks)) if pictures else ()
+        found.append(Level(title, rows[0].span, level, picture))
     if not found:
         hint = "write a map between `MAP` and `ENDMAP`" if suffix == "des" else _letters_hint(letters)
         raise LoadError.from_problem("no-level", "the file has no level", source.span_between(0, 0), hint)
@@ -119,13 +131,13 @@ def _lines(source: Source) -> Iterator[_LevelLine]:
         start += len(line) + 1
 
 
-_LevelLines = tuple[str, list[_LevelLine], dict[tuple[int, int], LevelCell]]
-"""The title and the lines of a level, and the cells with things on them by column and row."""
+_LevelLines = tuple[str, list[_LevelLine], dict[tuple[int, int], LevelCell], list[_LevelLine]]
+"""The title and the rows of a level, the cells with things on them by column and row, and lines below the rows."""
 
 
-def _text_levels(source: Source, letters: Collection[str]) -> Iterator[_LevelLines]:
+def _text_levels(source: Source, letters: Collection[str], floors: Collection[str]) -> Iterator[_LevelLines]:
     """Yield the lines of each level in a text of letters; raise LoadError for mistyped rows."""
-    known = {*letters, *(FLOOR_LETTERS if suffix_of(source.name) in _XSB else (BLANK_LETTER,))}
+    known = {*letters, *floors, BLANK_LETTER}
     problems = list(_doubtful_line_errors(source, known, letters))
     if problems:
         raise LoadError(problems[:MAX_ERRORS])
@@ -136,14 +148,14 @@ def _text_levels(source: Source, letters: Collection[str]) -> Iterator[_LevelLin
             continue
         if rows:
             if level[1]:
-                yield *level, {}
+                yield *level, {}, []
             level, rows, title = (title, rows), [], ""
         if before := _BEFORE.fullmatch(line.text):
             title = before.group(1)
         elif behind := _BEHIND.fullmatch(line.text):
             level = behind.group(1), level[1]
     if level[1]:
-        yield *level, {}
+        yield *level, {}, []
 
 
 def _doubtful_line_errors(
@@ -178,20 +190,40 @@ def _begins_like_a_row(line: str, letters: Collection[str]) -> bool:
     return first in {*letters} - {*FLOOR_LETTERS} and _KEY.match(line) is None
 
 
-def _row_cells(row: _LevelLine, width: int) -> Iterator[LevelCell]:
-    """Yield the cells of a row, padded with blank cells to the given width."""
-    source, start = row.span.source, row.span.start
-    floors = FLOOR_LETTERS if suffix_of(source.name) in _XSB else ()
-    for column, letter in enumerate(row.text.ljust(width)):
-        place = min(start + column, row.span.end)
+def _row_cells(row: _LevelLine, width: int, step: int, floors: Collection[str]) -> Iterator[LevelCell]:
+    """Yield the cells of a row, padded with blank cells to the given width; each has `step` characters."""
+    source, start, end = row.span.source, row.span.start, row.span.end
+    text = row.text.ljust(step * width)
+    for place in range(0, step * width, step):
+        letter = text[place + step // 2]
         names = _floor_names(letter) if letter in floors else (letter,)
-        yield LevelCell(names, source.span_between(place, min(place + 1, row.span.end)))
+        yield LevelCell(names, source.span_between(min(start + place, end), min(start + place + step, end)))
 
 
 def _floor_names(letter: str) -> tuple[str, ...]:
     """Return the names of an empty floor cell; a blank comes last, because trailing blanks cannot be seen in a text."""
     first = () if letter == BLANK_LETTER else (letter,)
     return (*first, *(one for one in FLOOR_LETTERS[1:] if one != letter), BLANK_LETTER)
+
+
+def _pictures(source: Source) -> list[_LevelLines]:
+    """Return the lines of each picture: its rows, and below them lines about its marks. One title may be above."""
+    found, problems = list[_LevelLines](), list[Diagnostic]()
+    for _, block in groupby(_lines(source), key=lambda line: bool(line.text)):
+        lines = list(block)
+        are_rows = (_PICTURE_ROW.fullmatch(line.text) for line in lines)
+        are_marks = (_PICTURE_MARK.fullmatch(line.text) for line in lines)
+        kinds = "".join("r" if row else "m" if mark else "?" for row, mark in zip(are_rows, are_marks, strict=True))
+        first = kinds.find("r")
+        if re.fullmatch(r"\??r+m*", kinds):
+            end = kinds.rindex("r") + 1
+            found.append(("".join(line.text.strip("; ") for line in lines[:first]), lines[first:end], {}, lines[end:]))
+        elif first >= 0:
+            wrong = lines[max(0, kinds.find("?", 1))].span
+            problems.append(Diagnostic("unknown-row", "this line is not part of the picture around it", wrong))
+    if found and problems:
+        raise LoadError(problems[:MAX_ERRORS])
+    return found
 
 
 def _des_levels(source: Source) -> Iterator[_LevelLines]:
@@ -204,7 +236,7 @@ def _des_levels(source: Source) -> Iterator[_LevelLines]:
             levels[-1][1].append(line)
         elif word == ("ENDMAP" if inside else "MAP"):
             inside = None if inside else line
-            levels += [(title, [], {})] if inside else []
+            levels += [(title, [], {}, [])] if inside else []
         elif named := _DES_TITLE.match(word):
             title = named.group(1)
         elif thing := _DES_THING.fullmatch(word):
@@ -222,7 +254,7 @@ def _des_levels(source: Source) -> Iterator[_LevelLines]:
 def _put_thing(thing: re.Match[str], span: Span, levels: Sequence[_LevelLines]) -> Iterator[Diagnostic]:
     """Put a thing of a des-file on its cell of the last map; yield a problem if it is not free."""
     word, before, column, row, behind = thing.groups()
-    _, rows, things = levels[-1] if levels else ("", [], {})
+    _, rows, things, _ = levels[-1] if levels else ("", [], {}, [])
     place = int(column), int(row)
     if place[1] >= len(rows) or place[0] >= max(len(one.text) for one in rows):
         yield Diagnostic("bad-place", f"column {column}, row {row} is not in a map before this line", span)
@@ -236,26 +268,7 @@ def _put_thing(thing: re.Match[str], span: Span, levels: Sequence[_LevelLines]) 
 _FLIPPED = 0xF000_0000
 """Bits of a tile number that encode how the tile is flipped or rotated."""
 _NUMBER = re.compile(r"[^\s,]+")
-_CSV_HINT = (
-    "choose `Tile Layer Format: CSV`, or Base64 without compression or with zlib or gzip, in the map's properties"
-)
-
-
-@dataclass(frozen=True, slots=True)
-class _TileLayer:
-    """A layer of a Tiled map: the tile numbers row by row with their spans; 0 means no tile."""
-
-    span: Span
-    tiles: Sequence[tuple[str, Span]]
-
-
-@dataclass(frozen=True, slots=True)
-class _TiledMap:
-    width: int
-    height: int
-    span: Span
-    layers: Sequence[_TileLayer]
-    classes: Mapping[int, str]
+_CSV_HINT = "choose CSV, or Base64 that is not compressed with Zstandard, as the `Tile Layer Format` of the map"
 
 
 def read_tiled(source: Source) -> Level:
@@ -264,29 +277,38 @@ def read_tiled(source: Source) -> Level:
     Raises:
         LoadError: the file is not a map, or has unsupported data.
     """
-    found = _xml_map(source) if suffix_of(source.name) == "tmx" else _json_map(source)
-    cells = [LevelCell((BLANK_LETTER,), found.span)] * (found.width * found.height)
-    problems: list[Diagnostic] = []
-    for layer in found.layers:
-        if len(layer.tiles) != len(cells):
-            message = f"the layer has {len(layer.tiles)} tiles, not {found.width} x {found.height}"
-            problems.append(
-                Diagnostic("bad-map", message, layer.span, "give the layer the width and height of the map")
-            )
+    value, spans = _xml_map(source) if suffix_of(source.name) == "tmx" else parse_json(source)
+    where = spans[()]
+    if not isinstance(value, dict) or not isinstance(value.get("layers"), list):
+        raise LoadError.from_problem("bad-map", "this is not a map of Tiled", where, "give a file with layers")
+    if value.get("infinite") in ("1", True):
+        hint = "uncheck `Infinite` in the properties of the map"
+        raise LoadError.from_problem("bad-map", "infinite maps are not supported", where, hint)
+    width, height = _parse_size(value.get("width"), value.get("height"), where)
+    cells, classes = [LevelCell((BLANK_LETTER,), where)] * (width * height), dict(_tile_classes(value))
+    problems, layers = list[Diagnostic](), 0
+    for place, layer in enumerate(value["layers"]):
+        if not isinstance(layer, dict) or layer.get("type") != "tilelayer":
             continue
-        for place, (text, where) in enumerate(layer.tiles):
+        layers += 1
+        tiles = _layer_tiles(layer, ("layers", place), spans)
+        if len(tiles) != len(cells):
+            message = f"the layer has {len(tiles)} tiles, not {width} x {height}"
+            hint = "give the layer the width and height of the map"
+            problems.append(Diagnostic("bad-map", message, spans["layers", place], hint))
+            continue
+        for at, (text, span) in enumerate(tiles):
             number = parse_int(text)
             if number is None or number < 0:
-                problems.append(Diagnostic("bad-map", f"`{text}` is not a tile number", where))
+                problems.append(Diagnostic("bad-map", f"`{text}` is not a tile number", span))
             elif number := number & ~_FLIPPED:
-                names = (found.classes.get(number), str(number))
-                cells[place] = LevelCell(tuple(name for name in names if name), where)
-    if not found.layers:
-        problems.append(Diagnostic("no-level", "the map has no tile layer", found.span))
+                names = (classes.get(number), str(number))
+                cells[at] = LevelCell(tuple(name for name in names if name), span)
+    if not layers:
+        problems.append(Diagnostic("no-level", "the map has no tile layer", where))
     if problems:
         raise LoadError(problems[:MAX_ERRORS])
-    rows = (tuple(cells[at : at + found.width]) for at in range(0, len(cells), found.width))
-    return Level("", found.span, tuple(rows))
+    return Level("", where, tuple(tuple(cells[at : at + width]) for at in range(0, len(cells), width)))
 
 
 def _parse_size(width: object, height: object, where: Span) -> tuple[int, int]:
@@ -299,97 +321,64 @@ def _parse_size(width: object, height: object, where: Span) -> tuple[int, int]:
     return columns, rows
 
 
-def _xml_map(source: Source) -> _TiledMap:
+def _xml_map(source: Source) -> tuple[object, Mapping[JsonPath, Span]]:
+    """Return the map of a `.tmx` file as a `.tmj` file has it, and the spans of the map, its layers and their tiles."""
     places = XmlPositions(source)
     root, problem = read_tree(places)
     if root is None or problem:
         raise LoadError([problem] if problem else [])
-    where = places.tag_span(root.byte)
-    size = root.attributes
+    spans: dict[JsonPath, Span] = {(): places.tag_span(root.byte)}
     if root.tag != "map":
-        raise LoadError.from_problem(
-            "bad-map", f"`<{root.tag}>` is not a map of Tiled", where, "give a file with a tag `<map>`"
-        )
-    if size.get("infinite") == "1":
-        raise LoadError.from_problem(
-            "bad-map",
-            "infinite maps are not supported",
-            where,
-            "uncheck `Infinite` in the properties of the map",
-        )
-    width, height = _parse_size(size.get("width"), size.get("height"), where)
-    layers = tuple(_xml_layer(places, layer) for layer in root.children if layer.tag == "layer")
-    return _TiledMap(width, height, where, layers, dict(_xml_classes(root)))
+        return None, spans
+    layers = list[dict[str, object]]()
+    for number, layer in enumerate(one for one in root.children if one.tag == "layer"):
+        tag = next((one for one in layer.children if one.tag == "data"), layer)
+        where = spans["layers", number] = places.tag_span(tag.byte)
+        start, data = source.text.index(">", where.end) + 1, cast(object, None)
+        end = source.text.find("<", start)
+        if tag.get("encoding") == "csv":
+            words = list(_NUMBER.finditer(source.text, start, end))
+            spans |= {("layers", number, "data", n): source.span_between(*word.span()) for n, word in enumerate(words)}
+            data = [word.group() for word in words]
+        elif tag.get("encoding") == "base64":
+            data = source.text[start:end]
+        layers.append({"type": "tilelayer", "data": data, "compression": tag.get("compression")})
+    sets = [
+        {**one.attributes, "tiles": [{**tile.attributes} for tile in one.children if tile.tag == "tile"]}
+        for one in root.children
+        if one.tag == "tileset"
+    ]
+    return {**root.attributes, "layers": layers, "tilesets": sets}, spans
 
 
-def _xml_layer(places: XmlPositions, layer: XmlElement) -> _TileLayer:
-    data = next((one for one in layer.children if one.tag == "data"), None)
-    where = places.tag_span((data or layer).byte)
-    said = {} if data is None else data.attributes
-    if said.get("encoding") not in ("csv", "base64"):
-        raise LoadError.from_problem("bad-map", "the data of this layer is neither CSV nor base64", where, _CSV_HINT)
-    start = places.source.text.index(">", where.end) + 1
-    end = places.source.text.index("<", start)
-    if said["encoding"] == "base64":
-        return _TileLayer(where, _decode_tiles(places.source.text[start:end], said.get("compression"), where))
-    words = _NUMBER.finditer(places.source.text, start, end)
-    return _TileLayer(where, [(word.group(), places.source.span_between(*word.span())) for word in words])
-
-
-def _decode_tiles(text: str, compression: object, where: Span) -> list[tuple[str, Span]]:
-    """Return the tile numbers of a layer that is written in base64, as 4 bytes each, the lowest first."""
-    if compression not in (None, "", "zlib", "gzip"):
+def _layer_tiles(
+    layer: Mapping[str, Any], path: JsonPath, spans: Mapping[JsonPath, Span]
+) -> Sequence[tuple[str, Span]]:
+    """Return the tile numbers of a layer with their spans: a list, or base64 of 4 bytes each, the lowest first."""
+    data, compression, where = layer.get("data"), layer.get("compression"), spans[path]
+    if isinstance(data, list):
+        return [(str(one), spans[(*path, "data", at)]) for at, one in enumerate(data)]
+    message = "the data of this layer is neither CSV nor base64"
+    if isinstance(data, str) and compression not in (None, "", "zlib", "gzip"):
         message = f"the data of this layer is compressed with `{compression}`, which is not supported"
-        raise LoadError.from_problem("bad-map", message, where, _CSV_HINT)
-    try:
-        data = b64decode("".join(text.split()), validate=True)
-        if compression:
-            data = zlib.decompressobj(wbits=zlib.MAX_WBITS | 32).decompress(data, 4 * scaled_limit("cells") + 4)
-        return [(str(number), where) for (number,) in struct.iter_unpack("<I", data)]
-    except (ValueError, zlib.error, struct.error) as error:
-        message = f"the data of this layer cannot be decoded: {error}"
-        raise LoadError.from_problem("bad-map", message, where, _CSV_HINT) from error
+    elif isinstance(data, str):
+        try:
+            found = b64decode("".join(data.split()), validate=True)
+            if compression:
+                found = zlib.decompressobj(zlib.MAX_WBITS | 32).decompress(found, 4 * scaled_limit("cells") + 4)
+            return [(str(number), where) for (number,) in struct.iter_unpack("<I", found)]
+        except (ValueError, zlib.error, struct.error) as error:
+            message = f"the data of this layer cannot be decoded: {error}"
+    raise LoadError.from_problem("bad-map", message, where, _CSV_HINT)
 
 
-def _xml_classes(root: XmlElement) -> Iterator[tuple[int, str]]:
+def _tile_classes(value: Mapping[str, Any]) -> Iterator[tuple[int, str]]:
     """Yield the number and class of each tile with a class; its key is `type`, or `class` in Tiled 1.9."""
-    for tileset in (one for one in root.children if one.tag == "tileset"):
-        for tile in (one for one in tileset.children if one.tag == "tile"):
-            name = tile.attributes.get("type") or tile.attributes.get("class")
-            given = tileset.attributes.get("firstgid", ""), tile.attributes.get("id", "")
-            first, number = map(parse_int, given)
-            if name and first is not None and number is not None:
-                yield first + number, name
-
-
-def _json_map(source: Source) -> _TiledMap:
-    value, spans = parse_json(source)
-    where = spans[()]
-    if not isinstance(value, dict) or not isinstance(value.get("layers"), list):
-        raise LoadError.from_problem("bad-map", "this is not a map of Tiled", where, "give a file with `layers`")
-    width, height = _parse_size(value.get("width"), value.get("height"), where)
-    layers = tuple(_json_layers(value["layers"], spans))
-    return _TiledMap(width, height, where, layers, dict(_json_classes(value)))
-
-
-def _json_layers(layers: Sequence[Any], spans: Mapping[JsonPath, Span]) -> Iterator[_TileLayer]:
-    for number, layer in enumerate(layers):
-        if isinstance(layer, dict) and layer.get("type") == "tilelayer":
-            data, path = layer.get("data"), ("layers", number)
-            if isinstance(data, str):
-                yield _TileLayer(spans[path], _decode_tiles(data, layer.get("compression"), spans[path]))
-                continue
-            if not isinstance(data, list):
-                raise LoadError.from_problem("bad-map", "the layer has no list of tiles", spans[path], _CSV_HINT)
-            yield _TileLayer(spans[path], [(str(one), spans[(*path, "data", at)]) for at, one in enumerate(data)])
-
-
-def _json_classes(value: Mapping[str, Any]) -> Iterator[tuple[int, str]]:
     for tileset in _dicts_in(value.get("tilesets")):
         for tile in _dicts_in(tileset.get("tiles")):
             name = tile.get("type") or tile.get("class")
-            first, number = tileset.get("firstgid"), tile.get("id")
-            if isinstance(name, str) and isinstance(first, int) and isinstance(number, int):
+            first, number = (parse_int(str(one)) for one in (tileset.get("firstgid"), tile.get("id")))
+            if isinstance(name, str) and first is not None and number is not None:
                 yield first + number, name
 
 

@@ -10,15 +10,7 @@ from collections.abc import Iterator, Mapping
 from lark import Token, Tree
 
 from envgraph.code import dataclass
-from envgraph.errors import (
-    MAX_ERRORS,
-    Diagnostic,
-    InvalidArgument,
-    LoadError,
-    Source,
-    Span,
-    escape_unprintable,
-)
+from envgraph.errors import MAX_ERRORS, Diagnostic, InvalidArgument, LoadError, Source, Span, escape_unprintable
 from envgraph.lang.interchange._level_files import BLANK_LETTER, Level, LevelCell
 from envgraph.lang.read._grid import grid_letters
 from envgraph.lang.syntax._parser import parse, select_tokens, select_trees
@@ -31,13 +23,15 @@ class LevelTemplate:
 
     Attributes:
         source: the text of the model.
-        letters: by letter of the grid's legend: its class, or None if the legend says more than a class.
+        letters: by letter of the grid's legend: its class and the words about its features; () for no object.
+        glyphs: by class, its glyph.
         model: the token of the model's name.
         rows: the token of the grid's rows.
     """
 
     source: Source
-    letters: Mapping[str, str | None]
+    letters: Mapping[str, tuple[str, ...]]
+    glyphs: Mapping[str, str]
     model: Token
     rows: Token
 
@@ -53,7 +47,8 @@ class LevelTemplate:
             for grid in model.find_data("grid"):
                 for rows in select_trees(grid.children, "rows"):
                     name, text = _first_token(model), _first_token(rows)
-                    return cls(source, grid_letters(parsed, grid, metamodel), name, text)
+                    glyphs = {one.name: one.glyph.letter for one in metamodel.class_list if one.glyph}
+                    return cls(source, grid_letters(parsed, grid, metamodel), glyphs, name, text)
         message = "the model has no grid whose rows a level could replace"
         raise LoadError.from_problem("missing-rows", message, source.span_between(0, 0))
 
@@ -64,7 +59,7 @@ class LevelTemplate:
             level: the level.
             name: the name of the new model.
             chosen_letters: by letter, tile class or tile number of the level: the letter of the grid that it means.
-                Without an entry, it means the letter that is equal or has this class.
+                Without an entry, it means the letter that is equal, has this class, or a class with this glyph.
 
         Raises:
             InvalidArgument: a value of `chosen_letters` is not a letter of the grid.
@@ -79,8 +74,7 @@ class LevelTemplate:
 
     def level_span(self, level: Level, text: str, span: Span) -> Span:
         """Return the span in the level's file for a span in its model's text; outside of cells, the level's span."""
-        tail = len(self.source.text) - (self.rows.end_pos or 0)
-        end = len(text) - tail  # behind the quotes that end the rows
+        end = text.index('"""', text.index('"""') + 3) + 3  # behind the quotes that end the rows
         line = text.rfind("\n", 0, end) + 1
         row = len(level.rows) - text.count("\n", span.start, end)
         column = span.start - (text.rfind("\n", 0, span.start) + 1) - (end - 3 - line)
@@ -93,8 +87,9 @@ class LevelTemplate:
             if letter not in self.letters:
                 message = f"`{name}` cannot mean `{letter}`: {self._legend_text()}"
                 raise InvalidArgument(message)
-        classes = {cls: letter for letter, cls in reversed([*self.letters.items()]) if cls}
-        return {**classes, **{letter: letter for letter in self.letters}, **given}
+        classes = {words[0]: letter for letter, words in reversed([*self.letters.items()]) if len(words) == 1}
+        glyphs = {self.glyphs[cls]: letter for cls, letter in classes.items() if cls in self.glyphs}
+        return {**glyphs, **classes, **{letter: letter for letter in self.letters}, **given}
 
     def _cell_letter(self, cell: LevelCell, known: Mapping[str, str], problems: dict[str, Diagnostic]) -> str:
         """Return the letter of the first of a cell's names that is in `known`; a blank if none is.

@@ -73,11 +73,15 @@ def parse_grid(reading: FileReading, tree: Tree[Token], metamodel: Metamodel | N
     return GridText(name, cells, max((len(line.text) for line in lines), default=0), len(lines), axes)
 
 
-def grid_letters(parsed: ParseResult, tree: Tree[Token], metamodel: Metamodel) -> dict[str, str | None]:
-    """Map each letter of a valid `grid` tree to its class; None if the letter stands for no object or sets features."""
+def grid_letters(parsed: ParseResult, tree: Tree[Token], metamodel: Metamodel) -> dict[str, tuple[str, ...]]:
+    """Map each letter of a valid `grid` tree to the words of its entry in the legend: the class, then its features.
+
+    A letter that stands for no object has no words.
+    """
     part = next(iter(select_trees(tree.children, "legend")), None)
     legend, _ = _parse_legend(FileReading(parsed), part, metamodel)
-    return {letter: None if entry.body else entry.cls for letter, entry in legend.items()}
+    bodies = {letter: entry.body.scan_values(lambda _: True) if entry.body else () for letter, entry in legend.items()}
+    return {letter: tuple(filter(None, (legend[letter].cls, *map(str, body)))) for letter, body in bodies.items()}
 
 
 def _grid_parts(reading: FileReading, tree: Tree[Token]) -> dict[str, Tree[Token]]:

@@ -11,19 +11,26 @@ from __future__ import annotations
 import json
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import field
+from typing import Any
 
 from envgraph.code import dataclass
-from envgraph.env import DrawGrid
-from envgraph.errors import Diagnostic, LoadError, Source, Span, name_hint
-from envgraph.graph import Model
-from envgraph.lang import JsonPath, parse_json
+from envgraph.env import GridScene
+from envgraph.errors import Diagnostic, LoadError, Source, Span
+from envgraph.lang import JsonPath, check_json, parse_json
 
-_KEY_TYPES = {
-    "env_id": "a string",
-    "desc": "a list of strings",
-    "reward_schedule": "a list of numbers",
-    "complexity": "a number",
+_ENTRY = {
+    "type": "object",
+    "required": ["desc"],
+    "additionalProperties": False,
+    "properties": {
+        "env_id": {"type": "string"},
+        "desc": {"type": "array", "minItems": 1, "items": {"type": "string"}},
+        "reward_schedule": {"type": "array", "items": {"type": "number"}},
+        "complexity": {"type": "number"},
+    },
 }
+_LIST = {"type": "array", "minItems": 1, "items": _ENTRY}
+_SCHEMA = {"type": "object", "required": ["environments"], "properties": {"environments": _LIST}}
 
 
 @dataclass(frozen=True, slots=True)
@@ -81,7 +88,7 @@ def parse_ga4cl(source: Source) -> tuple[GridVariant, ...]:
         LoadError: the text is not JSON or not of this format; it contains all problems.
     """
     value, spans = parse_json(source)
-    problems = list(_check_file(value, spans))
+    problems = [*check_json(value, spans, _SCHEMA), *_check_rows(value, spans)]
     if problems:
         raise LoadError(problems)
     assert isinstance(value, dict)
@@ -101,125 +108,21 @@ def _parse_variant(entry: Mapping[str, object], index: int, spans: Mapping[JsonP
     )
 
 
-def _check_file(value: object, spans: Mapping[JsonPath, Span]) -> Iterator[Diagnostic]:
-    if not isinstance(value, dict) or not isinstance(value.get("environments"), list):
-        hint = 'write an object with a list under "environments"'
-        yield Diagnostic("bad-format", "this is not a ga4cl file", spans.get(("environments",), spans[()]), hint)
-        return
-    if not value["environments"]:
-        yield Diagnostic(
-            "bad-format",
-            "the family is empty",
-            spans["environments",],
-            "add at least one environment",
-        )
-    for index, entry in enumerate(value["environments"]):
-        yield from _check_entry(entry, ("environments", index), spans)
+def _check_rows(value: Any, spans: Mapping[JsonPath, Span]) -> Iterator[Diagnostic]:
+    """Yield an error for each row whose length differs from that of the first row; ignore values of wrong types."""
+    entries = value.get("environments") if isinstance(value, dict) else None
+    for index, entry in enumerate(entries if isinstance(entries, list) else ()):
+        rows = entry.get("desc") if isinstance(entry, dict) else None
+        lengths = [len(row) if isinstance(row, str) else 0 for row in rows] if isinstance(rows, list) else []
+        for number, length in enumerate(lengths):
+            if length != lengths[0] or not length:
+                message = f"this row has {length} letters, but the first row has {lengths[0]}"
+                place = spans["environments", index, "desc", number]
+                yield Diagnostic("bad-format", message, place, "write as many letters in every row")
 
 
-def _check_entry(entry: object, path: JsonPath, spans: Mapping[JsonPath, Span]) -> Iterator[Diagnostic]:
-    if not isinstance(entry, dict):
-        yield Diagnostic(
-            "bad-format", "an environment must be an object", spans[path], 'write `{"desc": ["..", ".."]}`'
-        )
-        return
-    if "desc" not in entry:
-        yield Diagnostic(
-            "bad-format",
-            'the environment has no "desc", which contains its rows of letters',
-            spans[path],
-            'write `"desc": ["..", ".."]`',
-        )
-    for key, value in entry.items():
-        here = (*path, key)
-        if key not in _KEY_TYPES:
-            yield Diagnostic("unknown-key", f"unknown key `{key}`", spans[here], name_hint(key, _KEY_TYPES))
-        elif not _has_right_type(key, value):
-            yield Diagnostic("wrong-type", f"`{key}` must be {_KEY_TYPES[key]}", spans[here])
-        elif key == "desc":
-            yield from _check_rows(value, here, spans)
-
-
-def _has_right_type(key: str, value: object) -> bool:
-    match key:
-        case "env_id":
-            return isinstance(value, str)
-        case "desc":
-            return isinstance(value, list) and bool(value) and all(isinstance(row, str) for row in value)
-        case "reward_schedule":
-            return isinstance(value, list) and all(type(reward) in (int, float) for reward in value)
-        case _:
-            return type(value) in (int, float)
-
-
-def _check_rows(rows: Sequence[str], path: JsonPath, spans: Mapping[JsonPath, Span]) -> Iterator[Diagnostic]:
-    width = len(rows[0])
-    for number, row in enumerate(rows):
-        if len(row) != width or not row:
-            message = f"this row has {len(row)} letters, but the first row has {width}"
-            yield Diagnostic("bad-format", message, spans[(*path, number)], "write as many letters in every row")
-
-
-def grid_rows(model: Model, draw: DrawGrid) -> tuple[str, ...]:
-    """Return the drawn grid of a model as rows of letters, from the top; a cell without object or glyph is a space."""
-    cells = grid_cells(model, draw)
-    classes = model.metamodel.classes
-    letters = {
-        place: glyph.letter for place, node in cells.items() if (glyph := classes[model.graph.class_of(node)].glyph)
-    }
-    if not cells:
-        return ()
-    columns = range(min(column for column, _ in cells), max(column for column, _ in cells) + 1)
-    lines = range(min(row for _, row in cells), max(row for _, row in cells) + 1)
-    return tuple("".join(letters.get((column, row), " ") for column in columns) for row in lines)
-
-
-def grid_cells(model: Model, draw: DrawGrid) -> dict[tuple[int, int], int]:
-    """Return the id of the object at each (column, row) of the drawn grid."""
-    column = model.metamodel.feature(draw.cls, draw.column)
-    row = model.metamodel.feature(draw.cls, draw.row)
-    cells: dict[tuple[int, int], int] = {}
-    for node in model.graph.extent(draw.cls):
-        x, y = model.graph.value(node, column), model.graph.value(node, row)  # type: ignore[arg-type]
-        if isinstance(x, int) and isinstance(y, int):
-            cells[x, y] = node
-    return cells
-
-
-def retype_grid(model: Model, draw: DrawGrid, variant: GridVariant) -> None:
-    """Retype every cell of the grid to the class whose glyph is at its place in the rows of a variant.
-
-    Raises:
-        LoadError: the size differs, or a letter is not the glyph of a concrete cell class; it contains all problems.
-    """
-    cells = grid_cells(model, draw)
-    mm = model.metamodel
-    by_letter = {glyph.letter: name for name in mm.concrete_classes(draw.cls) if (glyph := mm.classes[name].glyph)}
-    problems = list(_check_grid(variant, cells, by_letter))
-    if problems:
-        raise LoadError(problems)
-    left, top = min(column for column, _ in cells), min(row for _, row in cells)
-    for (column, row), node in cells.items():
-        wanted = by_letter[variant.rows[row - top][column - left]]
-        if model.graph.class_of(node) != wanted:
-            model.graph.retype(node, wanted)
-
-
-def _check_grid(
-    variant: GridVariant, cells: Mapping[tuple[int, int], int], by_letter: Mapping[str, str]
-) -> Iterator[Diagnostic]:
-    spans = variant.row_spans or (None,) * len(variant.rows)
-    width, height = (len({place[axis] for place in cells}) for axis in (0, 1))
-    if (len(variant.rows[0]), len(variant.rows)) != (width, height):
-        size = f"{len(variant.rows[0])} x {len(variant.rows)}"
-        message = f"the size of `{variant.name}` is {size}, but that of the domain's model is {width} x {height}"
-        yield Diagnostic(
-            "bad-format", message, spans[0], "name a domain whose model has this size: `--domain DIRECTORY`"
-        )
-        return
-    for row, span in zip(variant.rows, spans, strict=True):
-        for place, letter in enumerate(row):
-            if letter not in by_letter:
-                at = span and span.source.span_between(span.start + 1 + place, span.start + 2 + place)
-                hint = "use one of the letters " + ", ".join(f"`{known}` {name}" for known, name in by_letter.items())
-                yield Diagnostic("unknown-glyph", f"no cell class has the glyph `{letter}`", at, hint)
+def grid_rows(scene: GridScene) -> tuple[str, ...]:
+    """Return a grid as rows of letters, from the top; a place without a cell is a space."""
+    letters = [scene.glyphs[kind].letter if kind < len(scene.glyphs) else " " for kind in scene.cells]
+    starts = range(0, len(letters), scene.width)
+    return tuple("".join(letters[start : start + scene.width]) for start in starts)

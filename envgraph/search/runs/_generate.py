@@ -1,13 +1,13 @@
-"""Generate, resume, import and export families: whole runs from the files of a family to a run store."""
+"""Generate, resume and export families: whole runs from the files of a family to a run store."""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
-from envgraph.env import DrawGrid, GridScene, Scene
-from envgraph.errors import TOLERANCE, Diagnostic, InvalidArgument, LoadError, Severity, Source, list_names
+from envgraph.env import DrawGrid, GridScene
+from envgraph.errors import Diagnostic, InvalidArgument, LoadError, Source, list_names
 from envgraph.files import report_progress
 from envgraph.graph import model_to_json
 from envgraph.lang import FamilySpec
@@ -20,7 +20,7 @@ from envgraph.search.evolution._model_sampler import ModelSampler, SampleProgres
 from envgraph.search.families._member_family import Family, load_stored_domain, load_stored_family
 from envgraph.search.problem._objective import Objective
 from envgraph.search.problem._problem import Problem
-from envgraph.search.runs._ga4cl import GridVariant, format_ga4cl, grid_rows, parse_ga4cl, retype_grid
+from envgraph.search.runs._ga4cl import GridVariant, format_ga4cl, grid_rows
 from envgraph.search.runs._parallel_measures import MeasureWorkers
 from envgraph.search.runs._reward_schedule import reward_schedule
 
@@ -236,90 +236,6 @@ def _write_curriculum(
     store.write_generation(Generation(0, members, diversity, len(born), rejected), born, settings)
 
 
-def import_ga4cl(
-    source: Source,
-    location: str,
-    store_path: Path,
-    *,
-    overwrite: bool = False,
-    overrides: Sequence[str] = (),
-) -> tuple[Family, tuple[Diagnostic, ...]]:
-    """Read a family in the ga4cl format into a run store, and return the family and warnings.
-
-    Each map becomes the initial model of the domain with its cells retyped. Constraints are not checked. Measures are
-    computed. There are warnings if a published complexity differs by more than 1e-9 from the measure that orders the
-    curriculum, and if rewards differ from those of the behaviour.
-
-    Args:
-        source: text of the file.
-        location: the domain: a family file, its directory, or a bundled domain.
-        store_path: path of the new run store.
-        overwrite: True if an existing run is to be replaced.
-        overrides: settings that replace those of the family file.
-
-    Raises:
-        LoadError: the file or the domain's files have errors; it contains all of them.
-        InvalidArgument: the store exists already, or the domain has no grid.
-    """
-    domain = Domain.load(location, None, overrides)
-    draw = domain.behaviour.draw if domain.behaviour else None
-    if not isinstance(draw, DrawGrid):
-        raise InvalidArgument(f"domain `{domain.spec.name}` does not draw a grid, which ga4cl files need")
-    variants = parse_ga4cl(source)
-    individuals = tuple(_import_individuals(domain, draw, variants))
-    settings, texts = stored_settings_and_texts(domain)
-    settings["imported"] = source.name
-    problem = domain.problem(domain.engine())
-    score = problem.diversity.score([one.measures[problem.diversity_measure_name] for one in individuals])
-    with RunStore.create(store_path, settings, texts, overwrite=overwrite) as store:
-        ids = tuple(one.id for one in individuals)
-        store.write_generation(Generation(0, ids, score, len(ids)), individuals)
-        family = load_stored_family(store, domain)
-    return family, tuple(_import_warnings(family, variants, individuals))
-
-
-def _import_individuals(domain: Domain, draw: DrawGrid, variants: Sequence[GridVariant]) -> Iterator[Individual]:
-    problems: list[Diagnostic] = []
-    for place, variant in enumerate(variants):
-        engine = domain.engine()
-        try:
-            retype_grid(engine.model, draw, variant)
-        except LoadError as error:
-            problems.extend(error.diagnostics)
-            continue
-        yield Individual(
-            id=place,
-            generation=0,
-            child=place,
-            parent=None,
-            trace=(),
-            measures=domain.problem(engine).compute_measures(),
-            state_hash=f"{engine.model.state_hash():016x}",
-            model=dump_json(model_to_json(engine.model)),
-        )
-    if problems:
-        raise LoadError(problems)
-
-
-def _import_warnings(
-    family: Family, variants: Sequence[GridVariant], individuals: Sequence[Individual]
-) -> Iterator[Diagnostic]:
-    order = family.domain.spec.curriculum.order or family.domain.spec.diversity.options["of"]
-    schedule = reward_schedule(family) if any(variant.rewards for variant in variants) else ()
-    for variant, individual in zip(variants, individuals, strict=True):
-        span = variant.row_spans[0] if variant.row_spans else None
-        measured = individual.measures[str(order)]
-        if variant.complexity is not None and abs(variant.complexity - measured) > TOLERANCE:
-            message = f"`{variant.name}`: `{order}` is {measured!r}, but the file has {variant.complexity!r}"
-            hint = "check the measure: the computed value is used, and the file may come from another measure"
-            yield Diagnostic("different-measure", message, span, hint, Severity.WARNING)
-        if variant.rewards and variant.rewards != schedule:
-            said = list(variant.rewards)
-            message = f"`{variant.name}`: the behaviour's rewards are {list(schedule)}, but the file has {said}"
-            hint = "change the behaviour to use other rewards: those of the file are ignored"
-            yield Diagnostic("different-rewards", message, span, hint, Severity.WARNING)
-
-
 def export_ga4cl(family: Family) -> str:
     """Return the family as the text of a ga4cl file, with its members in order as env_1, env_2, ...
 
@@ -334,24 +250,21 @@ def export_ga4cl(family: Family) -> str:
     draw = family.behaviour.draw
     if not isinstance(draw, DrawGrid):
         raise InvalidArgument(f"family `{family.name}` does not draw a grid, which the ga4cl format needs")
-    for member in family.members:
-        lost = _lost_tokens(family.scene(member))
+    order = str(family.domain.spec.curriculum.order or family.domain.spec.diversity.options["of"])
+    schedule, variants = reward_schedule(family), list[GridVariant]()
+    for place, member in enumerate(family.members, start=1):
+        scene = family.scene(member)
+        assert isinstance(scene, GridScene)
+        lost = _lost_tokens(scene)
         if lost:
             message = f"the ga4cl format cannot express {list_names(lost)} of `{member.name}`"
             raise InvalidArgument(message, "use `--format family`")
-    order = str(family.domain.spec.curriculum.order or family.domain.spec.diversity.options["of"])
-    schedule = reward_schedule(family)
-    return format_ga4cl(
-        [
-            GridVariant(f"env_{place}", grid_rows(family.model(member), draw), schedule, member.measures[order])
-            for place, member in enumerate(family.members, start=1)
-        ]
-    )
+        variants.append(GridVariant(f"env_{place}", grid_rows(scene), schedule, member.measures[order]))
+    return format_ga4cl(variants)
 
 
-def _lost_tokens(scene: Scene | None) -> list[str]:
+def _lost_tokens(scene: GridScene) -> list[str]:
     """Return the names of the tokens that the format loses: all but a token on the only cell of its class."""
-    assert isinstance(scene, GridScene)
     marks = scene.marks
     if len(marks) == 1:
         column, row = marks[0].place

@@ -5,13 +5,18 @@ from __future__ import annotations
 import base64
 import gzip
 import json
+import re
 import struct
 import zlib
 from pathlib import Path
 
 import pytest
 
+import envgraph as envgraph_env
+from envgraph.env import scene_of, scene_text
+from envgraph.errors import Source
 from envgraph.lang import open_workspace
+from envgraph.search import Domain, level_models, open_family
 from tests.unit.cli.test_commands import Envgraph, envgraph, ok
 
 __all__ = ["envgraph"]
@@ -168,7 +173,7 @@ def test_layers_of_tiled_maps_are_merged(envgraph: Envgraph, suffix: str) -> Non
         ('<map width="5" height="0"/>', "it has no `width` and `height`"),
         ('<map width="9999" height="9999"/>', "more than 100,000 cells"),
         ('<map width="9" height="9"/>', "the map has no tile layer"),
-        ("<tileset/>", "`<tileset>` is not a map of Tiled"),
+        ("<tileset/>", "map.tmx:1:2: this is not a map of Tiled"),
         ("<map", "is never closed"),
     ],
 )
@@ -186,7 +191,7 @@ def test_unsupported_tmx_maps_are_refused_with_a_reason(envgraph: Envgraph, text
             "map.tmj:1:13: the layer has 0 tiles, not 1 x 1",
         ),
         ('{"layers": [{"type": "tilelayer", "data": "eJw="}], "width": 1, "height": 1}', "map.tmj:1:13: the data of"),
-        ('{"layers": [{"type": "tilelayer", "data": 3}], "width": 1, "height": 1}', "the layer has no list of tiles"),
+        ('{"layers": [{"type": "tilelayer", "data": 3}], "width": 1, "height": 1}', "is neither CSV nor base64"),
         ('{"layers": 3}', "this is not a map of Tiled"),
         ('{"layers": [], "width": "a", "height": 1}', "no `width` and `height`"),
         ('{"layers": [', "map.tmj:1"),
@@ -307,3 +312,176 @@ def test_a_file_without_levels_and_a_domain_without_a_grid_are_refused(envgraph:
     write("note.txt", "Nothing to see.\n")
     assert "note.txt:1:1: the file has no level" in envgraph("import", "note.txt").err
     assert "no grid whose rows" in envgraph("import", "note.txt", "--domain", "network").err
+
+
+COLLECTION = {
+    "levels/b.xsb": "; far\n#######\n#@ $ .#\n#######\n\n; near\n#####\n#@$.#\n#####\n",
+    "levels/more/a.sok": "#####\n#@$.#\n#####\n\n#####\n# $.#\n#####\n\n######\n#@$..#\n######\n",
+    "levels/b-1.txt": "#####\n#.$@#\n#####\n",
+    "levels/notes.md": "These are levels.\n",
+}
+
+
+def write_collection() -> None:
+    Path("levels/more").mkdir(parents=True)
+    for name, text in COLLECTION.items():
+        write(name, text)
+
+
+def test_a_directory_of_levels_becomes_a_family_in_the_order_of_its_measure(envgraph: Envgraph) -> None:
+    write_collection()
+    done = ok(envgraph("import", "levels", "--to", "family", "--domain", "sokoban"))
+    assert "3 of 6 levels; next: envgraph verify runs/levels\n" in done.out
+    family = open_family("levels")
+    models = [family.model(member) for member in family.members]
+    assert [(member.name, member.individual, member.measures) for member in family.members] == [
+        ("E1", 0, {"plan": 1.0}),
+        ("E2", 2, {"plan": 1.0}),
+        ("E3", 1, {"plan": 3.0}),
+    ]
+    assert [model.name for model in models] == ["b_1", "b_2", "b_1_"]
+    assert not any(member.initial for member in family.members)
+    assert [line for line in done.err.splitlines() if line.startswith(("levels/", "note"))] == [
+        "levels/more/a.sok:1:1: warning: the level is left out: it equals another one [left-out]",
+        "note: levels/b.xsb:7:1: the other level is here",
+        "levels/more/a.sok:5:1: warning: the level is left out: cannot bind parameter `worker`: the model has no "
+        "`Worker` [left-out]",
+        "levels/more/a.sok:9:1: warning: the level is left out: `forbid unbalanced` is violated [left-out]",
+    ]
+    again = envgraph("import", "levels", "--to", "family")
+    assert again.code == 1 and "runs/levels/run.sqlite exists already" in again.err
+    table = ok(envgraph("verify", "levels")).out
+    assert [row.split()[2] for row in table.splitlines()[2:5]] == ["1", "1", "3"]
+    envs = envgraph_env.make_vec("levels", 6)
+    assert envs.reset(seed=0)[0].shape == (6,)
+    (reason,) = [one for one in ok(envgraph("show", "levels", "--rejections")).out.splitlines() if "unbalanced" in one]
+    assert reason.split() == ["1", "33%", "`forbid", "unbalanced`", "is", "violated"]
+
+
+def test_settings_of_the_domain_can_be_changed_for_a_family_of_levels(envgraph: Envgraph) -> None:
+    write("one.xsb", "#####\n#@$.#\n#####\n")
+    ok(envgraph("import", "one.xsb", "--to", "family", "--name", "small", "--set", 'measures.plan.kind="count"',
+                "--set", 'measures.plan.of="goal"', "--set", 'constraints={}'))  # fmt: skip
+    assert [member.measures for member in open_family("small").members] == [{"plan": 1.0}]
+    assert "--to family" in envgraph("import", "one.xsb", "--set", "seed=3").err
+
+
+def test_a_family_without_a_valid_level_is_refused(envgraph: Envgraph) -> None:
+    write("bad.xsb", "#####\n# $.#\n#####\n\n######\n#@$..#\n######\n")
+    done = envgraph("import", "bad.xsb", "--to", "family")
+    assert done.code == 1 and not Path("runs").exists()
+    assert "bad.xsb:1:1: the level is left out: cannot bind parameter `worker`" in done.err
+    assert "bad.xsb:5:1: the level is left out: `forbid unbalanced` is violated" in done.err
+
+
+def test_all_files_of_a_directory_have_to_have_levels(envgraph: Envgraph) -> None:
+    write_collection()
+    write("levels/LICENSE.txt", "Free.\n")
+    write("levels/c.xsb", "#####\n#?$.#\n#####\n")
+    write("levels/d.des", "MAP\n#@$.#\nENDMAP\nLOOP\n")
+    done = envgraph("import", "levels", "--to", "family")
+    assert done.code == 1 and not Path("runs").exists()
+    assert "levels/LICENSE.txt:1:1: the file has no level" in done.err
+    assert "levels/d.des:4:1: this line is not understood" in done.err
+    for name in ("LICENSE.txt", "d.des"):
+        Path("levels", name).unlink()
+    assert "levels/c.xsb:2:2: `?` has no meaning" in envgraph("import", "levels", "--to", "family").err
+    Path("empty").mkdir()
+    assert "`empty` has no file of levels" in envgraph("import", "empty", "--to", "family").err
+    published = envgraph("import", "family.json", "--to", "models")
+    assert published.code == 1 and "only levels become models" in published.err
+
+
+def test_levels_of_different_sizes_have_the_same_observations(envgraph: Envgraph) -> None:
+    write("sizes.xsb", "#####\n#@$.#\n#####\n\n" + "#" * 9 + "\n#@  $  .#\n#       #\n" + "#" * 9 + "\n")
+    ok(envgraph("import", "sizes.xsb", "--to", "family", "--domain", "sokoban/levels.toml"))
+    small, large = (envgraph_env.make("sizes", variant=number) for number in (1, 2))
+    assert small.observation_space == large.observation_space
+
+
+ID = re.compile(r"(?<=^Key) [0-9]+(?=[,:])")
+GRIDS = ("burning_forest", "keydoor", "lava", "sokoban", "taxi", "warehouse")
+
+
+def picture(domain: str) -> str:
+    found = Domain.load(domain)
+    assert found.behaviour is not None and found.behaviour.draw is not None
+    return scene_text(scene_of(found.initial(), found.behaviour.draw, found.behaviour.parameters))
+
+
+@pytest.mark.parametrize("domain", GRIDS)
+def test_a_picture_of_a_grid_is_read_back(envgraph: Envgraph, domain: str) -> None:
+    write("picture.txt", picture(domain) + "\n")
+    ok(envgraph("import", "picture.txt", "--domain", domain))
+    found = Domain.load("picture", overrides=["model=picture.model"])
+    assert found.behaviour is not None and found.behaviour.draw is not None
+    assert scene_text(scene_of(found.initial(), found.behaviour.draw, found.behaviour.parameters)) == picture(domain)
+
+
+@pytest.mark.parametrize("domain", GRIDS)
+def test_pictures_of_a_random_walk_are_read_back_or_refused(domain: str) -> None:
+    found, read = Domain.load(domain), 0
+    assert found.behaviour is not None and found.behaviour.draw is not None
+    env = envgraph_env.make(domain=domain, render_mode="ansi")
+    env.reset(seed=1)
+    env.action_space.seed(1)
+    for _ in range(12):
+        text = env.render()
+        assert isinstance(text, str)
+        (level,) = level_models([("picture", Source("picture.txt", text))], found, {})
+        assert {one.code for one in level.problems} <= {"bad-picture"}
+        if not level.problems:
+            read += 1
+            assert level.model is not None
+            again = scene_text(scene_of(level.model, found.behaviour.draw, found.behaviour.parameters))
+            assert [ID.sub("", line) for line in again.split("\n")] == [ID.sub("", line) for line in text.split("\n")]
+        if any(env.step(env.action_space.sample())[2:4]):
+            env.reset()
+    assert read >= {"lava": 2, "taxi": 0}.get(domain, 10)
+
+
+def test_a_picture_says_what_lies_below_a_mark(envgraph: Envgraph) -> None:
+    text = " #  #  #  #\n #  . (@) #\n # ($)($) #\nFloor 2, 1, box: column 1, row 2\nGoal 2, 2, box: column 2, row 2\n"
+    write("boxes.txt", f"; two boxes\n{text}worker: column 2, row 1\n\nE4  plan 3\n{text}worker: column 2, row 1\n")
+    ok(envgraph("import", "boxes.txt"))
+    assert rows("boxes/boxes_1.model") == rows("boxes/boxes_2.model") == ["####", "#.@#", "#$*#"]
+    assert "// E4  plan 3\nmodel boxes_2" in Path("boxes/boxes_2.model").read_text(encoding="utf-8")
+
+
+def test_a_token_outside_of_the_grid_is_moved(envgraph: Envgraph) -> None:
+    write("forest.txt", picture("burning_forest").replace("(F) V ", " S (F)"))
+    ok(envgraph("import", "forest.txt", "--domain", "burning_forest"))
+    assert "currentState = tile[1, 0]" in Path("forest/forest.model").read_text(encoding="utf-8")
+    assert rows("forest/forest.model")[0][0] == "S"
+
+
+@pytest.mark.parametrize(
+    ("domain", "old", "new", "said"),
+    [
+        (
+            "lava",
+            "(>)",
+            "(v)",
+            "2:1: this line cannot be read: the model would be drawn with ` # (>) .",
+        ),
+        ("lava", "Key red: nowhere", "Key red: column 1, row 2", "9:1: this line cannot be read"),
+        ("keydoor", "hero: column 1", "hero: column 99", "2:4: `H` has no meaning in the model"),
+        ("keydoor", "hero: column 1, row 1", "", "2:4: `H` has no meaning in the model"),
+        ("sokoban", "(@)", "(?)", "2:1: this line cannot be read"),
+        ("sokoban", " _  _  _  _  _  #", " _  ?  _  _  _  #", "6:7: `?` has no meaning in the model"),
+    ],
+)
+def test_a_line_of_a_picture_that_cannot_be_read_is_an_error(
+    envgraph: Envgraph, domain: str, old: str, new: str, said: str
+) -> None:
+    write("picture.txt", picture(domain).replace(old, new, 1) + "\n")
+    done = envgraph("import", "picture.txt", "--domain", domain)
+    assert done.code == 1 and not Path("picture").exists()
+    assert f"picture.txt:{said}" in done.err
+
+
+def test_a_mistyped_row_among_pictures_is_an_error(envgraph: Envgraph) -> None:
+    text = picture("sokoban") + "\n"
+    write("pictures.txt", text + "\n" + text.replace(" #  _  _  .", " #  _ _  .") + "\nOther text.\n")
+    done = envgraph("import", "pictures.txt")
+    assert done.code == 1 and "pictures.txt:15:1: this line is not part of the picture around it" in done.err

@@ -87,7 +87,6 @@ def test_directories_are_refused(monkeypatch: pytest.MonkeyPatch, capsys: pytest
     for kind, command in (
         ("query", "match forest/running_4x4.model FILE p"),
         ("trace", "replay forest/running_4x4.model forest/burning_forest.rules FILE"),
-        ("txt", "import FILE"),
     ):
         os.makedirs(f"one.{kind}", exist_ok=True)
         output = printed_output(command.replace("FILE", f"one.{kind}"), monkeypatch, capsys)

@@ -65,7 +65,7 @@ def problems(text: str, tmp_path: Path) -> list[str]:
 
 def test_unknown_letter_is_reported_with_its_row_and_column(published: Path, tmp_path: Path) -> None:
     (problem,) = problems(published.read_text().replace('"RVVVRRVV"', '"RVXVRRVV"', 1), tmp_path)
-    assert problem.split("\n")[0] == "maps.json:7:12: no cell class has the glyph `X`"
+    assert problem.split("\n")[0] == "maps.json:7:12: `X` has no meaning in the model"
     assert problem.split("\n")[2].index("^") == problem.split("\n")[1].index("X")
 
 
@@ -84,9 +84,11 @@ def test_files_that_are_not_ga4cl_are_refused(text: str, tmp_path: Path) -> None
     assert not (tmp_path / "run.sqlite").exists()
 
 
-def test_a_map_of_another_size_is_refused(tmp_path: Path) -> None:
-    (problem,) = problems('{"environments": [{"env_id": "a", "desc": ["SR", "RG"]}]}', tmp_path)
-    assert "the size of `a` is 2 x 2, but that of the domain's model is 8 x 8" in problem
+def test_a_map_of_another_size_is_read_in_its_size(tmp_path: Path) -> None:
+    text = Source("maps.json", '{"environments": [{"env_id": "a", "desc": ["SR", "RG"]}]}')
+    family, _ = import_ga4cl(text, "burning_forest/paper.toml", tmp_path / "run.sqlite")
+    assert [member.measures["complexity"] for member in family.members] == [0.0]
+    assert json.loads(export_ga4cl(family))["environments"][0]["desc"] == ["SR", "RG"]
 
 
 def test_another_complexity_or_reward_is_a_warning(published: Path, tmp_path: Path) -> None:
