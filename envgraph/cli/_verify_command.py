@@ -120,7 +120,8 @@ def _print_certificates(family: Family, found: Sequence[Verification]) -> None:
     rows = []
     for one, texts in zip(found, facts, strict=True):
         states = f"{one.states:,}" if one.states else "too many" if one.reason else ""
-        again = "differs" if one.differences else "same" if one.states or one.reason else "same (verified earlier)"
+        again = "same" if one.states or one.reason else "same (verified earlier)"
+        again = "differs" if one.differences else again if one.visited_again else "same (by the same table)"
         rows.append((one.member.name, states, *(texts.get(fact, "") for fact in names), again))
     title = f"{family.name}: within {found[0].certificates['limit']:.0f} steps"
     print_table(title, ("environment", "states", *names, "again"), rows, range(1, 2 + len(names)))

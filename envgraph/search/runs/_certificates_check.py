@@ -28,6 +28,10 @@ _CHECKED_EPISODES, _PLAN_OUTCOMES = 10, 1_000_000
 """Sampled episodes that the live engine repeats in a second, and outcomes of a search for a plan with numba, in two."""
 
 
+_MOST_VISITED_AGAIN = 500_000
+"""Entries of the largest table whose states the live engine visits again, in about a minute."""
+
+
 @dataclass(frozen=True, slots=True)
 class Verification:
     """The certificates of a member, computed in two ways.
@@ -40,6 +44,7 @@ class Verification:
         states: number of states, None if there are too many for a table.
         reason: message about the number of states, if there are too many.
         plan: the best plan that was found without a table.
+        visited_again: False if the second computation uses the same table, because it is large.
     """
 
     member: Member
@@ -48,6 +53,7 @@ class Verification:
     states: int | None = None
     reason: str = ""
     plan: ActionPlan | None = None
+    visited_again: bool = True
 
 
 def _differences(known: Certificates, again: Certificates, said: Mapping[str, float | None]) -> Iterator[str]:
@@ -139,9 +145,8 @@ def certificates(family: Family, member: Member) -> Certificates:
 def verify(family: Family, members: Iterable[Member] | None = None, *, seed: int = 0) -> Iterator[Verification]:
     """Compute the certificates of members in two ways, and yield the results.
 
-    The second computation visits states with the live engine and uses other recurrences. The live engine computes about
-    ten thousand outcomes per second, so that several random objects can take minutes. For members with too many states
-    for a table, random walks are sampled and a plan is searched.
+    The second computation visits states with the live engine, unless there are many, and uses other recurrences. For
+    members with too many states for a table, random walks are sampled and a plan is searched.
 
     Args:
         family: a family with an environment.
@@ -160,12 +165,15 @@ def verify(family: Family, members: Iterable[Member] | None = None, *, seed: int
         except TooManyStates as error:
             yield replace(_estimate(family, member, engine, plans, seed), reason=error.message)
             continue
-        with report_counting(f"states of {family.behaviour.name} again") as progress:
-            live = explore(engine, family.behaviour, family.keys, progress=progress).tabular
+        live, again = known, known.next_state.size <= _MOST_VISITED_AGAIN
+        if again:
+            with report_counting(f"states of {family.behaviour.name} again") as progress:
+                live = explore(engine, family.behaviour, family.keys, progress=progress).tabular
         found = certify(known, limit=limit)
         differing = [*_differences(found, recomputed(live, limit=limit), member.certificates)]
         differing += ["states"] * (known.n_states != live.n_states)
-        yield Verification(member, _certificate_values(found), tuple(differing), live.n_states)
+        values = _certificate_values(found)
+        yield Verification(member, values, tuple(differing), live.n_states, visited_again=again)
 
 
 def _estimate(family: Family, member: Member, engine: Engine, plans: Plans, seed: int) -> Verification:
