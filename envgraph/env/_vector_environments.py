@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from abc import abstractmethod
 from collections.abc import Sequence
-from typing import Any
+from typing import Any, Final
 
 import numpy as np
 from gymnasium import spaces
@@ -28,6 +28,10 @@ from envgraph.errors import InvalidArgument, list_names
 Ints = NDArray[np.int64]
 Bools = NDArray[np.bool_]
 Floats = NDArray[np.float64]
+
+
+_BLOCK: Final = 64
+"""The quantity of random numbers that are drawn at once from the generator of an environment."""
 
 
 class VectorEnvironmentBase(VectorEnv[Any, Any, Any]):
@@ -94,6 +98,7 @@ class VectorEnvironmentBase(VectorEnv[Any, Any, Any]):
         self._n_actions = n_actions
         self._has_begun = False
         self._has_masks = action_masks
+        self._each_by_default = self._each = False  # True if each environment has its own random generator
         self._member_numbers: Ints = np.arange(num_envs) % members
         self._scheduled_members = None if schedule is None else MemberAssignment(schedule, num_envs, members)
         self._steps: Ints = np.zeros(num_envs, dtype=np.int64)
@@ -116,6 +121,10 @@ class VectorEnvironmentBase(VectorEnv[Any, Any, Any]):
         """
 
     @abstractmethod
+    def _seed_streams(self, generators: Sequence[np.random.Generator | None]) -> None:
+        """Let each environment sample from its own generator from now on; None keeps the present one."""
+
+    @abstractmethod
     def _reset_environments(self, mask: Bools) -> None:
         """Put each environment in the mask into a sampled start state."""
 
@@ -134,8 +143,13 @@ class VectorEnvironmentBase(VectorEnv[Any, Any, Any]):
     def _own_infos(self) -> dict[str, NDArray[Any]]:
         """Return the info entries that only this kind of environment has, such as `state` for tables."""
 
-    def reset(self, *, seed: int | None = None, options: dict[str, Any] | None = None) -> tuple[Any, dict[str, Any]]:
+    def reset(
+        self, *, seed: int | Sequence[int | None] | None = None, options: dict[str, Any] | None = None
+    ) -> tuple[Any, dict[str, Any]]:
         """Begin an episode in every environment, or in those of `options={"reset_mask": mask}`.
+
+        With a list of seeds each environment has its own generator, with the random numbers of a single environment of
+        this seed; None keeps a generator. The first seed of the list also seeds the schedule.
 
         `options={"variant": v}` switches to another available member, or to one member for each environment. It is
         refused if a schedule chooses the members.
@@ -144,7 +158,7 @@ class VectorEnvironmentBase(VectorEnv[Any, Any, Any]):
         wanted = check_options(options, ("reset_mask", "variant") if variants else ("reset_mask",))
         mask, variant = self._parse_mask(wanted.get("reset_mask")), wanted.get("variant")
         members = None if variants is None or variant is None else variants.member_numbers(variant, self.num_envs)
-        super().reset(seed=seed)
+        self._seed(seed, mask)
         if members is not None:
             self._set_members(mask, members)
         if self._scheduled_members and (seed is not None or not self._has_begun):
@@ -153,6 +167,32 @@ class VectorEnvironmentBase(VectorEnv[Any, Any, Any]):
         self._choose_members(mask)
         self._reset_environments(mask)
         return self._observations(), self._info(np.zeros(self.num_envs, dtype=np.bool_), mask, mask)
+
+    def _seed(self, seed: int | Sequence[int | None] | None, mask: Bools) -> None:
+        """Seed the generator of all environments or, for a list or by default, those of the environments in `mask`."""
+        if seed is None and self._has_begun:
+            return
+        seeds = self._parse_seeds(seed)
+        super().reset(seed=next((one for one in seeds if one is not None), None))
+        had_each, self._each = self._each, self._each_by_default or not isinstance(seed, int | None)
+        if self._each:
+            generators = [
+                None if had_each and (one is None or not is_reset) else np.random.Generator(np.random.PCG64(one))
+                for one, is_reset in zip(seeds, mask.tolist(), strict=True)
+            ]
+            self._seed_streams(generators)
+
+    def _parse_seeds(self, given: Any) -> Sequence[int | None]:
+        """Return a seed for each environment; raise an error if a list is not one of so many seeds."""
+        if isinstance(given, int | None):
+            return [None if given is None else given + number for number in range(self.num_envs)]
+        seeds = list(given) if isinstance(given, Sequence | np.ndarray) else []
+        if len(seeds) != self.num_envs or not all(
+            isinstance(one, int | np.integer | None) and (one or 0) >= 0 for one in seeds
+        ):
+            hint = f"give an int from 0, or a list of {self.num_envs} such ints, or None where a generator is kept"
+            raise InvalidArgument(f"`seed` is {given!r}, which is no seed of {self.num_envs} environments", hint)
+        return [None if one is None else int(one) for one in seeds]
 
     def _set_members(self, mask: Bools, members: Ints) -> None:
         self._member_numbers = np.where(mask, members, self._member_numbers)
@@ -315,6 +355,7 @@ class EnvgraphVectorEnv(VectorEnvironmentBase):
         self._pictures = pictures
         self._join_tables(tables)
         self._state: Ints = np.zeros(self.num_envs, dtype=np.int64)
+        self._streams: dict[int, np.random.Generator] = {}
 
     def _join_tables(self, tables: Sequence[Tabular]) -> None:
         """Concatenate the arrays of all tables; states of later tables get higher numbers."""
@@ -350,8 +391,25 @@ class EnvgraphVectorEnv(VectorEnvironmentBase):
         """Return bool [environments, actions]: True for each action that does something now; all True if none does."""
         return np.asarray(self._allowed[self._state])
 
+    def _seed_streams(self, generators: Sequence[np.random.Generator | None]) -> None:
+        if not self._streams:
+            self._block, self._used = np.empty((self.num_envs, _BLOCK)), np.full(self.num_envs, _BLOCK)
+        for place, generator in enumerate(generators):
+            if generator is not None:
+                self._streams[place], self._used[place] = generator, _BLOCK
+
+    def _uniforms(self, mask: Bools) -> Floats:
+        """Return a number from [0, 1) for each environment. Own generators of those outside `mask` do not advance."""
+        if not self._each:
+            return self.np_random.random(self.num_envs)
+        for place in np.flatnonzero(self._used == _BLOCK).tolist():
+            self._block[place], self._used[place] = self._streams[place].random(_BLOCK), 0
+        found: Floats = self._block[np.arange(self.num_envs), self._used]
+        self._used += mask
+        return found
+
     def _reset_environments(self, mask: Bools) -> None:
-        uniform, which = self.np_random.random(self.num_envs)[mask], self._member_numbers[mask]
+        uniform, which = self._uniforms(mask)[mask], self._member_numbers[mask]
         place = (self._start_sums[which] <= uniform[:, None]).sum(axis=1)
         self._state[mask] = self._starts[which, place]
         self._steps = np.where(mask, 0, self._steps)
@@ -359,7 +417,7 @@ class EnvgraphVectorEnv(VectorEnvironmentBase):
 
     def _step_environments(self, actions: Ints) -> tuple[Floats, Ints, Bools]:
         state, again = self._state, self._is_done
-        uniform = self.np_random.random(self.num_envs)  # also for deterministic tables: equal draws for all
+        uniform = self._uniforms(~again)  # also for deterministic tables: equal draws for all
         at = state * self._n_actions + actions
         if self._outcomes > 1:
             at = at * self._outcomes + (self._sums[at] <= uniform[:, None]).sum(axis=1)

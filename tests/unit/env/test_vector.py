@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+from copy import deepcopy
 from functools import partial
+from typing import Any
 
 import gymnasium
 import numpy as np
@@ -150,6 +152,46 @@ def test_every_autoreset_mode_behaves_like_a_gymnasium_vector(mode: AutoresetMod
             options = {"reset_mask": over}
             assert same(ours.reset(options=dict(options)), theirs.reset(options=dict(options)))
     assert ends > 20
+
+
+@pytest.mark.parametrize("engine", ["table", "compiled"])
+@pytest.mark.parametrize("mode", AutoresetMode)
+def test_a_list_of_seeds_gives_each_environment_its_own_generator(mode: AutoresetMode, engine: str) -> None:
+    """Step by step the same as Gymnasium's vector of single environments with the same list."""
+    table = explore(*loaded(RANDOM)).tabular
+
+    def single() -> gymnasium.Env[object, object]:
+        return gymnasium.wrappers.TimeLimit(EnvgraphEnv(table), 5)
+
+    theirs = SyncVectorEnv([single] * 4, autoreset_mode=mode)
+    options: dict[str, Any] = {"max_episode_steps": 5, "autoreset_mode": mode}
+    if engine == "table":
+        ours: EnvgraphVectorEnv | CompiledVectorEnv = EnvgraphVectorEnv(table, 4, **options)
+    else:
+        ours = CompiledVectorEnv(program_of(*loaded(RANDOM), native=False), 4, **options)
+    actions, ends = np.zeros(4, dtype=np.int64), 0
+    ours.reset(seed=9)  # one generator for all, until there is a list
+    for seeds in ([4, 4, 2**70, 0], [None, 7, None, 1], np.array([5, 6, 7, 8]), None):
+        given: Any = seeds.tolist() if isinstance(seeds, np.ndarray) else seeds  # theirs takes no array
+        assert same(ours.reset(seed=seeds)[0], theirs.reset(seed=given)[0])
+        for _ in range(80):  # more steps than numbers are drawn at once
+            found, wanted = ours.step(actions), theirs.step(actions)
+            assert same(found[:4], wanted[:4])
+            over = found[2] | found[3]
+            ends += int(over.sum())
+            if mode is AutoresetMode.DISABLED and over.any():
+                reset = {"seed": [3, None, 3, None], "options": {"reset_mask": over}}
+                assert same(ours.reset(**deepcopy(reset))[0], theirs.reset(**deepcopy(reset))[0])
+            ours = deepcopy(ours) if over.all() else ours
+    assert ends > 200
+    ours.reset(seed=9)  # and again one for all
+    assert ours.reset(seed=9)[0].tolist() != ours.reset(seed=[9, 10, 11, 12])[0].tolist()
+
+
+@pytest.mark.parametrize("seed", [[1], [1, -1], [1, "2"], [0.5, 1], "12", 1.0, {1, 2}])
+def test_wrong_seeds_of_vectors_are_refused(seed: Any) -> None:
+    with pytest.raises(InvalidArgument, match="which is no seed of 2 environments"):
+        EnvgraphVectorEnv(TABLES[:2]).reset(seed=seed)
 
 
 def same(one: object, other: object) -> bool:

@@ -117,9 +117,10 @@ class CompiledBatch:
         if self._pool is not None:
             self._pool.shutdown()
 
-    def seed(self, generators: Sequence[np.random.Generator]) -> None:
-        """Set the random stream of each environment to a copy of a generator's state, one generator per environment."""
-        self._streams[:] = generator_states(generators)
+    def seed(self, generators: Sequence[np.random.Generator | None]) -> None:
+        """Set the random stream of each environment to a copy of its generator's state; None keeps the stream."""
+        which = [place for place, generator in enumerate(generators) if generator is not None]
+        self._streams[which] = generator_states([generator for generator in generators if generator is not None])
 
     def copy_streams(self, other: CompiledBatch) -> None:
         """Replace the random streams by copies of those of another batch with the same number of environments."""

@@ -188,16 +188,12 @@ class CompiledVectorEnv(VectorEnvironmentBase):
         self.program = program
         self._members = chosen
         self._memory = ObservationCache()
-        self._each = streams == "each"
+        self._each_by_default = streams == "each"
         self._steps, self._is_done = self._batch.steps, self._batch.over
         self._names = {one: np.array(program.agent_names(one), dtype=object) for one in chosen.tolist()}
 
-    def reset(self, *, seed: int | None = None, options: dict[str, Any] | None = None) -> tuple[Any, dict[str, Any]]:
-        """Begin an episode in every environment, or in those of `options={"reset_mask": mask}`."""
-        if self._each and (seed is not None or not self._has_begun):
-            seeds: list[Any] = [None if seed is None else seed + number for number in range(self.num_envs)]
-            self._batch.seed([np.random.Generator(np.random.PCG64(each)) for each in seeds])
-        return super().reset(seed=seed, options=options)
+    def _seed_streams(self, generators: Sequence[np.random.Generator | None]) -> None:
+        self._batch.seed(generators)
 
     def action_masks(self) -> Bools:
         """Return the action masks, bool [environments, actions]. All actions of an episode that has ended are True."""
