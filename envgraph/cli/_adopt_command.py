@@ -48,7 +48,7 @@ def adopt_environment(environment: str, output: Path | None, options: Iterable[s
         "id": environment,
         "name": name,
         "environment": "".join(word.capitalize() for word in name.split("_")),
-        "limit": limit or 200,
+        "limit": limit,
     }
     for kind, more in _candidate_templates(adopted):
         texts = _render_files(kind, {**words, **more})

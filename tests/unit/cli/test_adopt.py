@@ -54,7 +54,7 @@ Chances = Counter[tuple[int, float, bool]]
 LAKE = {"desc": ["SFFHS", "FHFFF", "FFFHG"], "success_rate": 0.8, "reward_schedule": (10, -1, -0.25)}
 CASES: list[tuple[str, dict[str, Any], str]] = [
     ("FrozenLake-v1", {}, "grid"),
-    ("FrozenLake8x8-v1", {"is_slippery": False}, "grid"),
+    ("FrozenLake8x8-v1", {"is_slippery": False, "max_episode_steps": -1}, "grid"),
     ("FrozenLake-v1", LAKE, "grid"),
     ("CliffWalking-v1", {"is_slippery": True}, "states"),
     ("Odd-v0", {}, "states"),
@@ -70,10 +70,12 @@ def have_equal_probabilities(one: Chances, other: Chances) -> bool:
 
 
 def assert_same_transitions(directory: Path, id: str, options: dict[str, Any]) -> None:
-    """Compare each reachable state of a domain with the table `P` of an environment."""
-    inner: Any = gymnasium.make(id, **options).unwrapped
+    """Compare each reachable state of a domain with the table `P` of an environment, and the limits."""
+    made = gymnasium.make(id, **options)
+    inner: Any = made.unwrapped
     domain = Domain.load(str(directory))
-    assert domain.behaviour is not None
+    assert domain.behaviour is not None and made.spec is not None
+    assert domain.behaviour.limit == made.spec.max_episode_steps
     table = explore(domain.engine(), domain.behaviour).tabular
     seen = table.observation.tolist()
     assert len(set(seen)) == len(seen) and table.n_actions == inner.action_space.n
