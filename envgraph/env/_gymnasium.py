@@ -384,10 +384,8 @@ class EnvgraphLiveEnv(SingleEnvironment):
 
     Args:
         simulator: the engine and its behaviour; nothing else may change its model in the meantime.
-        render_mode: None, "ansi", "rgb_array" or "human".
         observation: "index", "multi", "flat", "dict", "image" or "graph"; or a view made for several members.
-        cell: the side of a cell in pixels.
-        action_masks: add `action_mask` to the infos.
+        render_mode, cell, action_masks: as in `EnvgraphEnv`.
     """
 
     def __init__(

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from abc import abstractmethod
 from collections.abc import Sequence
+from operator import index
 from typing import Any, Final
 
 import numpy as np
@@ -38,15 +39,10 @@ class VectorEnvironmentBase(VectorEnv[Any, Any, Any]):
     """The base class of vector environments over tables and over compiled programs: spaces, order of a step, infos.
 
     Args:
-        num_envs: the number of environments.
         n_actions: the number of actions of each environment.
         view: converts observations.
-        max_episode_steps: the number of steps after which an episode is truncated; None for no limit.
-        render_mode: None or "rgb_array".
-        autoreset_mode: one of `gymnasium.vector.AutoresetMode`, or its value.
         members: the number of members that the environments use.
-        schedule: chooses the member of each episode; None: each environment keeps its member.
-        action_masks: add `action_mask` to the infos.
+        num_envs, max_episode_steps, render_mode, autoreset_mode, schedule, action_masks: as in `EnvgraphVectorEnv`.
 
     Raises:
         InvalidArgument: a count below 1, or an unknown mode.
@@ -148,8 +144,8 @@ class VectorEnvironmentBase(VectorEnv[Any, Any, Any]):
     ) -> tuple[Any, dict[str, Any]]:
         """Begin an episode in every environment, or in those of `options={"reset_mask": mask}`.
 
-        With a list of seeds each environment has its own generator, with the random numbers of a single environment of
-        this seed; None keeps a generator. The first seed of the list also seeds the schedule.
+        With a list of seeds each environment has its own generator, like a single environment; None keeps a generator.
+        The first seed of the list also seeds the schedule.
 
         `options={"variant": v}` switches to another available member, or to one member for each environment. It is
         refused if a schedule chooses the members.
@@ -172,7 +168,14 @@ class VectorEnvironmentBase(VectorEnv[Any, Any, Any]):
         """Seed the generator of all environments or, for a list or by default, those of the environments in `mask`."""
         if seed is None and self._has_begun:
             return
-        seeds = self._parse_seeds(seed)
+        if isinstance(seed, int | None):
+            seeds = [None if seed is None else seed + number for number in range(self.num_envs)]
+        else:
+            seeds = [None if one is None else index(one) for one in seed]
+        if len(seeds) != self.num_envs:
+            raise InvalidArgument(
+                f"`seed` lists {len(seeds)} seeds, but must list {self.num_envs}, one per environment"
+            )
         super().reset(seed=next((one for one in seeds if one is not None), None))
         had_each, self._each = self._each, self._each_by_default or not isinstance(seed, int | None)
         if self._each:
@@ -181,18 +184,6 @@ class VectorEnvironmentBase(VectorEnv[Any, Any, Any]):
                 for one, is_reset in zip(seeds, mask.tolist(), strict=True)
             ]
             self._seed_streams(generators)
-
-    def _parse_seeds(self, given: Any) -> Sequence[int | None]:
-        """Return a seed for each environment; raise an error if a list is not one of so many seeds."""
-        if isinstance(given, int | None):
-            return [None if given is None else given + number for number in range(self.num_envs)]
-        seeds = list(given) if isinstance(given, Sequence | np.ndarray) else []
-        if len(seeds) != self.num_envs or not all(
-            isinstance(one, int | np.integer | None) and (one or 0) >= 0 for one in seeds
-        ):
-            hint = f"give an int from 0, or a list of {self.num_envs} such ints, or None where a generator is kept"
-            raise InvalidArgument(f"`seed` is {given!r}, which is no seed of {self.num_envs} environments", hint)
-        return [None if one is None else int(one) for one in seeds]
 
     def _set_members(self, mask: Bools, members: Ints) -> None:
         self._member_numbers = np.where(mask, members, self._member_numbers)

@@ -35,10 +35,7 @@ class CompiledEnv(SingleEnvironment):
     Args:
         program: the compiled behaviour.
         member: number of the member of the family.
-        render_mode: None, "ansi", "rgb_array" or "human".
-        observation: "index", "multi", "flat", "dict", "image" or "graph"; or a view over more members than these.
-        cell: side of a cell of the picture in pixels.
-        action_masks: True to add `action_mask` to the infos.
+        render_mode, observation, cell, action_masks: as in `EnvgraphLiveEnv`.
     """
 
     def __init__(
@@ -130,19 +127,14 @@ class CompiledVectorEnv(VectorEnvironmentBase):
 
     Args:
         program: the compiled behaviour.
-        num_envs: number of environments; as many as members if None.
         members: numbers of members; all of them if None.
-        max_episode_steps: number of steps after which an episode is truncated; None for no limit.
-        render_mode: None or "rgb_array".
         observation: "index", "multi", "flat", "dict", "image" or "graph"; or a view over more members than these.
-        autoreset_mode: one of `gymnasium.vector.AutoresetMode`, or its value.
         streams: "shared": all environments sample from one generator, with the same results as `EnvgraphVectorEnv`.
             "each": environment i samples from its own generator, seeded with `seed + i` as in Gymnasium's
             `SyncVectorEnv`, with the same results as a single environment with that seed.
         threads: number of threads that step the environments; does not change results. Starting them takes about ten
             microseconds a step, so threads pay for thousands of environments. `close` ends them.
-        schedule: as in `EnvgraphVectorEnv`; its members are indices of `members`.
-        action_masks: True to add `action_mask` to the infos.
+        schedule: as in `EnvgraphVectorEnv`, as are the other arguments; its members are indices of `members`.
 
     Raises:
         InvalidArgument: a count, mode or member is not valid.
