@@ -75,7 +75,7 @@ class DeepAgent(TableAgent):
         members, view = self._family.members, self._env.view
         observed = [self._family.stages[(place,)].observation for place in range(len(members))]
         seen, first = np.unique(np.concatenate(observed), return_index=True)
-        actions, _ = self._model.predict(np.stack([view.of_index(int(one)) for one in seen]), deterministic=True)
+        actions, _ = self._model.predict(np.stack([view.from_index(int(one)) for one in seen]), deterministic=True)
         values = np.zeros((members[0].n_observations, members[0].n_actions))
         values[np.concatenate([one.observation for one in members])[first], actions] = 1.0
         return values
