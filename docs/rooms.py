@@ -30,8 +30,9 @@ def contracts() -> dict[str, list[list[str]]]:
 
 
 def purpose(package: str) -> str:
-    """The first sentence of a package's docstring."""
-    tree = ast.parse((PACKAGE / package / "__init__.py").read_text("utf-8"))
+    """The first sentence of a package's docstring, or of a module's."""
+    path = PACKAGE / package / "__init__.py"
+    tree = ast.parse((path if path.exists() else PACKAGE / f"{package}.py").read_text("utf-8"))
     return (ast.get_docstring(tree) or "").split("\n")[0].rstrip(".")
 
 

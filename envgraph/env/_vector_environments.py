@@ -5,7 +5,7 @@ from __future__ import annotations
 from abc import abstractmethod
 from collections.abc import Sequence
 from operator import index
-from typing import Any, Final
+from typing import Any
 
 import numpy as np
 from gymnasium import spaces
@@ -29,10 +29,6 @@ from envgraph.errors import InvalidArgument, list_names
 Ints = NDArray[np.int64]
 Bools = NDArray[np.bool_]
 Floats = NDArray[np.float64]
-
-
-_BLOCK: Final = 64
-"""The quantity of random numbers that are drawn at once from the generator of an environment."""
 
 
 class VectorEnvironmentBase(VectorEnv[Any, Any, Any]):
@@ -287,10 +283,8 @@ class EnvgraphVectorEnv(VectorEnvironmentBase):
     within a family), and, if several agents take turns, `agent`, the names of the agents that act next; `_state` and
     so on mark the environments that have the entry.
 
-    The autoreset mode is Gymnasium's. NEXT_STEP: after the end of an episode, the next step ignores the action of that
-    environment, and resets it. SAME_STEP: the step that ends an episode also resets; `final_obs` and `final_info` are
-    those of the end. DISABLED: `reset(options={"reset_mask": mask})` resets the environments that the mask, an array of
-    bools, selects; stepping an environment that has ended is an error.
+    The autoreset modes are Gymnasium's. In mode DISABLED `reset(options={"reset_mask": mask})` resets the environments
+    that the mask, an array of bools, selects; stepping an environment that has ended is an error.
 
     With a schedule, each episode uses the table that the schedule chooses, whose number is `member` in the infos;
     `learn` is True if the agent should learn from the episode. The schedule is notified of each episode that ends. It
@@ -383,18 +377,18 @@ class EnvgraphVectorEnv(VectorEnvironmentBase):
         return np.asarray(self._allowed[self._state])
 
     def _seed_streams(self, generators: Sequence[np.random.Generator | None]) -> None:
-        if not self._streams:
-            self._block, self._used = np.empty((self.num_envs, _BLOCK)), np.full(self.num_envs, _BLOCK)
+        if not self._streams:  # numbers are drawn in blocks, because a call for each takes long
+            self._block, self._used = np.empty((self.num_envs, 64)), np.full(self.num_envs, 64)
         for place, generator in enumerate(generators):
             if generator is not None:
-                self._streams[place], self._used[place] = generator, _BLOCK
+                self._streams[place], self._used[place] = generator, 64
 
     def _uniforms(self, mask: Bools) -> Floats:
         """Return a number from [0, 1) for each environment. Own generators of those outside `mask` do not advance."""
         if not self._each:
             return self.np_random.random(self.num_envs)
-        for place in np.flatnonzero(self._used == _BLOCK).tolist():
-            self._block[place], self._used[place] = self._streams[place].random(_BLOCK), 0
+        for place in np.flatnonzero(self._used == 64).tolist():
+            self._block[place], self._used[place] = self._streams[place].random(64), 0
         found: Floats = self._block[np.arange(self.num_envs), self._used]
         self._used += mask
         return found

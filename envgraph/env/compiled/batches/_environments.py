@@ -130,8 +130,7 @@ class CompiledVectorEnv(VectorEnvironmentBase):
         members: numbers of members; all of them if None.
         observation: "index", "multi", "flat", "dict", "image" or "graph"; or a view over more members than these.
         streams: "shared": all environments sample from one generator, with the same results as `EnvgraphVectorEnv`.
-            "each": environment i samples from its own generator, seeded with `seed + i` as in Gymnasium's
-            `SyncVectorEnv`, with the same results as a single environment with that seed.
+            "each": a seed means the list of seeds [seed, seed + 1, ..], as in Gymnasium's `SyncVectorEnv`.
         threads: number of threads that step the environments; does not change results. Starting them takes about ten
             microseconds a step, so threads pay for thousands of environments. `close` ends them.
         schedule: as in `EnvgraphVectorEnv`, as are the other arguments; its members are indices of `members`.

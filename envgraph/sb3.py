@@ -1,0 +1,121 @@
+"""Vector environments for Stable-Baselines3: `PPO("MlpPolicy", envgraph.sb3.make_vec("family.json", 64))`."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Sequence
+from itertools import chain
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from envgraph.env import VectorEnvironment
+from envgraph.errors import InvalidArgument
+from envgraph.search import make_vec as make_gymnasium_vec
+
+try:
+    from stable_baselines3.common.monitor import Monitor
+    from stable_baselines3.common.vec_env import VecEnv
+except ModuleNotFoundError as error:
+    raise ImportError("`envgraph.sb3` needs Stable-Baselines3: pip install 'envgraph[sb3]'") from error
+
+
+def make_vec(family: Any = None, num_envs: int = 1, variant: Any = None, **options: Any) -> SB3VectorEnv:
+    """Return the vector environment of `envgraph.make_vec` as a `VecEnv`; the arguments and errors are the same.
+
+    `observation` is by default "flat", and `autoreset_mode` cannot be given.
+    """
+    options = {"observation": "flat", **options}
+    return SB3VectorEnv(make_gymnasium_vec(family, num_envs, variant, autoreset_mode="SameStep", **options))
+
+
+class SB3VectorEnv(VecEnv):  # type: ignore[misc]
+    """A `VecEnv` over `envs`, a vector environment of Gymnasium whose autoreset mode is SAME_STEP.
+
+    Only the infos of environments whose episode ended have entries: the infos of the last step, `terminal_observation`,
+    `TimeLimit.truncated`, and `episode` (return, length, seconds) as of `Monitor`. `reset_infos` has the infos of the
+    resets. Attributes are those of `envs`, the same for all environments, and `action_masks` is the only method. With
+    `vectorization_mode="sync"` attributes and methods are those of single environments.
+    """
+
+    def __init__(self, envs: VectorEnvironment) -> None:
+        self.envs: Any = envs
+        super().__init__(envs.num_envs, envs.single_observation_space, envs.single_action_space)
+        self.metadata = envs.metadata
+        self._start = time.time()
+
+    def reset(self) -> Any:
+        """Begin an episode in each environment, with the seeds and options that were set; return the observations."""
+        names = dict.fromkeys(chain.from_iterable(self._options))
+        options = {name: [one[name] for one in self._options] for name in names}
+        seeds = None if self._seeds[0] is None else self._seeds
+        observations, infos = self.envs.reset(seed=seeds, options=options)
+        self.reset_infos = [_info_of(infos, place) for place in range(self.num_envs)]
+        self._returns = np.zeros(self.num_envs)
+        self._reset_seeds()
+        self._reset_options()
+        return observations
+
+    def step_async(self, actions: NDArray[Any]) -> None:
+        """Store the actions for `step_wait`."""
+        self._actions = actions
+
+    def step_wait(self) -> tuple[Any, NDArray[np.float32], NDArray[np.bool_], list[dict[str, Any]]]:
+        """Do the stored actions; return the observations, rewards, ends and infos."""
+        observations, rewards, terminated, truncated, found = self.envs.step(self._actions)
+        over = terminated | truncated
+        self._returns += rewards
+        infos: list[dict[str, Any]] = [{} for _ in range(self.num_envs)]
+        for place in np.flatnonzero(over).tolist():
+            last, total = _info_of(found["final_info"], place), self._returns[place].item()
+            last["episode"] = {"r": round(total, 6), "l": last["step"], "t": round(time.time() - self._start, 6)}
+            last["TimeLimit.truncated"] = not terminated[place]
+            last["terminal_observation"] = found["final_obs"][place]
+            infos[place], self.reset_infos[place] = last, _info_of(found, place)
+        self._returns[over] = 0.0
+        return observations, rewards.astype(np.float32), over, infos
+
+    def close(self) -> None:
+        """Close the vector environment."""
+        self.envs.close()
+
+    def get_images(self) -> Sequence[NDArray[np.uint8] | None]:
+        """Return a picture of each environment; None without a render mode."""
+        return self.envs.render() or [None] * self.num_envs
+
+    def get_attr(self, attr_name: str, indices: Any = None) -> list[Any]:
+        """Return an attribute of each environment."""
+        each = hasattr(self.envs, "get_attr")
+        found = self.envs.get_attr(attr_name) if each else [getattr(self.envs, attr_name)] * self.num_envs
+        return [found[place] for place in self._get_indices(indices)]
+
+    def set_attr(self, attr_name: str, value: Any, indices: Any = None) -> None:
+        """Set an attribute of all environments; `indices` must be None."""
+        if indices is not None:
+            raise InvalidArgument("`set_attr` sets an attribute of all environments", "leave out `indices`")
+        self.envs.set_attr(attr_name, value) if hasattr(self.envs, "set_attr") else setattr(self.envs, attr_name, value)
+
+    def env_method(self, method_name: str, *method_args: Any, indices: Any = None, **method_kwargs: Any) -> list[Any]:
+        """Return the results of a method of each environment."""
+        if hasattr(self.envs, "call"):
+            found = self.envs.call(method_name, *method_args, **method_kwargs)
+        elif method_name == "action_masks":
+            found = self.envs.action_masks()
+        else:
+            raise AttributeError(f'`{method_name}` needs single environments: use `vectorization_mode="sync"`')
+        return [found[place] for place in self._get_indices(indices)]
+
+    def env_is_wrapped(self, wrapper_class: type, indices: Any = None) -> list[bool]:
+        """Return True for `Monitor`, because the infos have its statistics, and False for other wrappers."""
+        return [wrapper_class is Monitor for _ in self._get_indices(indices)]
+
+
+def _info_of(infos: dict[str, Any], place: int) -> dict[str, Any]:
+    """Return the infos of one environment, without those of an episode that ended, from the infos of a vector."""
+    found = {}
+    for name, value in infos.items():
+        if not name.startswith(("_", "final_")) and infos[f"_{name}"][place]:
+            one = _info_of(value, place) if isinstance(value, dict) else value[place]
+            found[name] = one.item() if isinstance(one, np.generic) else one
+    return found
