@@ -47,3 +47,14 @@ def test_a_schedule_says_what_is_played(
     monkeypatch.setattr(Weighted, "tell", noted)
     run_section(first, last, {**names, "named_schedule": named_schedule})
     assert told == {0, 1, 2}
+
+
+def test_rllib_learns_with_the_documented_masks(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    pytest.importorskip("ray.rllib", exc_type=ImportError)
+    import gymnasium
+
+    monkeypatch.chdir(tmp_path)
+    family = generate("burning_forest/paper.toml", Path("run.sqlite"), seed=2, generations=30)
+    Path("family.json").write_text(write_family(family))
+    names = {"envgraph": envgraph, "np": np, "gymnasium": gymnasium}
+    assert run_section("## RLlib", "## CleanRL", names) == ["True\n"]
