@@ -100,7 +100,7 @@ class TrainingSettings:
         _check_choice("agent", self.agent, AGENTS)
         _check_choice("student", self.student, STUDENTS)
         if self.student != "tabular" and not find_spec("stable_baselines3"):
-            raise InvalidArgument(f"`{self.student}` needs Stable-Baselines3: pip install 'envgraph[integrations]'")
+            raise InvalidArgument(f"`{self.student}` needs Stable-Baselines3: pip install 'envgraph[sb3]'")
         _check_range("learning_rate", self.learning_rate, 0.0, 1.0)
         if self.learning_rate == 0:
             raise InvalidArgument("`learning_rate` must be positive")

@@ -347,7 +347,7 @@ def test_students_are_named_and_need_their_package(
 ) -> None:
     monkeypatch.setattr("envgraph.solve.learning._training_settings.find_spec", lambda name: None)
     code, _, messages = command(*TRAIN, "--student", "sb3:ppo")
-    wanted = "error: `sb3:ppo` needs Stable-Baselines3: pip install 'envgraph[integrations]'\n"
+    wanted = "error: `sb3:ppo` needs Stable-Baselines3: pip install 'envgraph[sb3]'\n"
     assert (code, messages) == (1, wanted)
     code, _, messages = command(*TRAIN, "--student", "sb3:pppo")
     assert code == 1 and "`student` is 'sb3:pppo', it must be 'tabular' or 'sb3:ppo' or 'sb3:dqn'" in messages
