@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import time
 from collections.abc import Sequence
-from itertools import chain
 from typing import Any
 
 import numpy as np
@@ -47,8 +46,9 @@ class SB3VectorEnv(VecEnv):  # type: ignore[misc]
 
     def reset(self) -> Any:
         """Begin an episode in each environment, with the seeds and options that were set; return the observations."""
-        names = dict.fromkeys(chain.from_iterable(self._options))
-        options = {name: [one[name] for one in self._options] for name in names}
+        options: Any = self._options[0]
+        if any(one != options for one in self._options):
+            options = {name: [one[name] for one in self._options] for name in max(self._options, key=len)}
         seeds = None if self._seeds[0] is None else self._seeds
         observations, infos = self.envs.reset(seed=seeds, options=options)
         self.reset_infos = [_info_of(infos, place) for place in range(self.num_envs)]

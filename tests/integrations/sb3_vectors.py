@@ -110,6 +110,14 @@ def test_attributes_methods_and_options_are_those_of_the_vector(family: Path) ->
     envs.set_options([{"variant": name} for name in ("E1", "E6", "E1")])
     envs.reset()
     assert [info["variant"] for info in envs.reset_infos] == ["E1", "E6", "E1"]
+    single = envgraph.sb3.make_vec(family, 2, "E1", vectorization_mode="sync")
+    single.set_options({"variant": "E6"})
+    single.reset()
+    assert [info["variant"] for info in single.reset_infos] == ["E6"] * 2
+    assert single.get_attr("action_names", 1) == [("left", "down", "right", "up")]
+    assert single.env_method("get_wrapper_attr", "render_mode", indices=0) == [None]
+    single.set_attr("mark", 7)
+    assert single.get_attr("mark") == [7, 7]
     assert len(envs.env_method("action_masks", indices=[0, 2])) == 2
     picture = envs.render()
     assert picture is not None and picture.shape == (512, 512, 3)
