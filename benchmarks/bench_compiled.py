@@ -58,10 +58,6 @@ DOMAINS = {
     "wildfire": (ROOT / "tests/data/compiled/wildfire", "wild", 300),
 }
 """The folder of a domain, a model, and how many times as fast as the live engine it has to be."""
-ALONE: tuple[tuple[str, dict[str, str]], ...] = (
-    ("envgraph/KeyDoor-v0", {"engine": "compiled"}),
-    ("FrozenLake-v1", {}),
-)
 PEERS = ("numba", "minigrid", "torch")
 
 
@@ -124,13 +120,10 @@ def main(sizes: Sizes) -> None:
         engine, behaviour = opened(name)
         program = program_of(engine, behaviour)
         live = EnvgraphLiveEnv(Simulator(opened(name)[0], behaviour))
-        fast, slow = alternating(sizes, many(program, sizes), alone(live, behaviour.limit, 200))
-        one, frozen = alternating(sizes, alone(CompiledEnv(program), behaviour.limit, 1000), alone(lake, None, 300))
+        fast, slow = alternating(bursts, many(program, sizes), alone(live, behaviour.limit, 200))
+        one, frozen = alternating(bursts, alone(CompiledEnv(program), behaviour.limit, 1000), alone(lake, None, 300))
         rates = f"{1e-6 / min(fast):7.1f} {1e-6 / median(fast):7.1f}"
         print(f"{name:16} {rates} {ratios(slow, fast)} {needed:7}   {ratios(frozen, one, 2):>21}", flush=True)
-    made = [gymnasium.make(name, **options) for name, options in ALONE]
-    one, frozen = alternating(sizes, *(alone(env, None, 300) for env in made))
-    print(f"one, made by Gymnasium as FrozenLake is: {ratios(frozen, one, 2)} times (>= 3)")
     _by_hand(sizes)
     _doorkey(sizes)
     _tables(sizes)
@@ -190,15 +183,15 @@ def alone(env: gymnasium.Env[Any, Any], limit: int | None, steps: int) -> Job:
     return burst
 
 
-def alternating(sizes: Sizes, *jobs: Job) -> list[list[float]]:
+def alternating(bursts: int, *jobs: Job, clock: Callable[[], float] = perf_counter) -> list[list[float]]:
     """Seconds that a step takes, for each burst of each job, after one that does not count."""
     seconds: list[list[float]] = [[] for _ in jobs]
-    for number in range(sizes.bursts + 1):
+    for number in range(bursts + 1):
         for job, found in zip(jobs, seconds, strict=True):
-            start = perf_counter()
+            start = clock()
             steps = job()
             if number:
-                found.append((perf_counter() - start) / steps)
+                found.append((clock() - start) / steps)
     return seconds
 
 
@@ -238,7 +231,7 @@ def _by_hand(sizes: Sizes) -> None:
             other.step(row)
         return chosen.size
 
-    ours, hand = alternating(sizes, many(program, sizes), burst)
+    ours, hand = alternating(sizes.bursts, many(program, sizes), burst)
     print(f"keydoor by hand, with numba: {1e-6 / min(hand):.1f} M steps/s, {ratios(ours, hand, 2)} of ours (<= 2.0)")
 
 
@@ -247,7 +240,7 @@ def _doorkey(sizes: Sizes) -> None:
         return
     env = gymnasium.make("MiniGrid-DoorKey-6x6-v0")
     engine, behaviour = opened("keydoor")
-    fast, slow = alternating(sizes, many(program_of(engine, behaviour), sizes), alone(env, None, 50))
+    fast, slow = alternating(sizes.bursts, many(program_of(engine, behaviour), sizes), alone(env, None, 50))
     print(f"MiniGrid-DoorKey-6x6: {1 / min(slow):,.0f} steps/s; keydoor {ratios(slow, fast)} times")
 
 
@@ -333,9 +326,9 @@ def _networks(sizes: Sizes) -> None:
         return round(found.mean_length * sizes.environments)
 
     if peer("torch") is None:
-        (inside,) = alternating(sizes, burst)
+        (inside,) = alternating(sizes.bursts, burst)
     else:
-        inside, beside = alternating(sizes, burst, _with_torch(layers, sizes))
+        inside, beside = alternating(sizes.bursts, burst, _with_torch(layers, sizes))
         made = f"torch, make_vec of {sizes.environments:,}: {_rates(beside)} M steps/s"
         print(f"{made}; inside {ratios(beside, inside, 1)} times")
     print(f"network of 64 units, in the program: {_rates(inside)} M steps/s", flush=True)

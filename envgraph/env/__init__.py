@@ -17,6 +17,7 @@ from envgraph.env.registration import register_bundled
 
 if TYPE_CHECKING:
     from gymnasium.envs.registration import EnvSpec as EnvSpec
+    from gymnasium.wrappers import FrameStackObservation as FrameStackObservation
 
     from envgraph.behaviour import (
         Action as Action,
@@ -69,6 +70,7 @@ if TYPE_CHECKING:
         GraphView as GraphView,
         ImageView as ImageView,
         ModelView as ModelView,
+        PaddedGraphView as PaddedGraphView,
         model_view as model_view,
         torch_graph as torch_graph,
     )

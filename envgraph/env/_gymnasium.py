@@ -7,7 +7,7 @@ from bisect import bisect_right
 from collections.abc import Sequence
 from numbers import Integral
 from operator import index
-from typing import TYPE_CHECKING, Any, Final
+from typing import TYPE_CHECKING, Any, Final, TypedDict, Unpack
 
 import gymnasium
 import numpy as np
@@ -42,16 +42,6 @@ RENDER_MODES: Final = ("ansi", "rgb_array", "human")
 """Render modes: text, pixels, and a window."""
 
 
-def view_of_table(tabular: Tabular, kind: ObservationKind | None) -> ComponentView:
-    """Return the view that converts the observation indices of a table to an observation kind.
-
-    Raises:
-        InvalidArgument: tables do not support the kind.
-    """
-    shape = tabular.observation_shape or (1,)
-    return ComponentView(kind, shape, tabular.observation_names or [str(place) for place in range(1, len(shape) + 1)])
-
-
 def view_for(
     observation: ObservationKind | ModelView | None, source: Simulator | CompiledProgram, models: Sequence[Model]
 ) -> ComponentView | ModelView:
@@ -67,7 +57,7 @@ def view_for(
     check_observation_kind(observation)
     if observation is not None and observation in MODEL_KINDS:
         return model_view(observation, source.behaviour, models)
-    return ComponentView(observation, source.observation_shape or (1,), source.observation_names)
+    return ComponentView(observation, source.observation_shape, source.observation_names)
 
 
 def check_render_mode(render_mode: str | None, modes: Sequence[str] = RENDER_MODES, *, drawn: bool) -> None:
@@ -148,8 +138,26 @@ class FamilyEnvironment:
         return info if self._facts is None else {**info, "certificates": dict(self._facts["certificates"])}
 
 
+class ViewOptions(TypedDict, total=False):
+    """Options of single environments of all kinds.
+
+    Attributes:
+        render_mode: None, "ansi", "rgb_array" or "human".
+        cell: the side of a cell in pixels.
+        action_masks: add `action_mask` to the infos.
+    """
+
+    render_mode: str | None
+    cell: int
+    action_masks: bool
+
+
 class SingleEnvironment(FamilyEnvironment, gymnasium.Env[Any, Any]):
-    """The base class of environments over a table, over a live engine, and over a compiled program."""
+    """The base class of environments over a table, over a live engine, and over a compiled program.
+
+    Raises:
+        InvalidArgument: a render mode that is unknown, or that needs pictures if the environment is not `drawn`.
+    """
 
     metadata: dict[str, Any] = {  # noqa: RUF012
         "render_modes": [mode for mode in RENDER_MODES if mode != "human" or has_window()],
@@ -160,10 +168,13 @@ class SingleEnvironment(FamilyEnvironment, gymnasium.Env[Any, Any]):
         self,
         action_names: Sequence[str],
         view: ComponentView | ModelView,
-        render_mode: str | None,
-        cell: int,
-        action_masks: bool,
+        drawn: bool,
+        *,
+        render_mode: str | None = None,
+        cell: int = 32,
+        action_masks: bool = False,
     ) -> None:
+        check_render_mode(render_mode, drawn=drawn)
         self.render_mode = render_mode
         self.action_names = tuple(action_names)
         self._action_count = len(self.action_names)
@@ -175,6 +186,7 @@ class SingleEnvironment(FamilyEnvironment, gymnasium.Env[Any, Any]):
         self._is_running = False
         self._steps = 0
         self._has_masks = action_masks
+        self._has_begun = False
 
     def action_masks(self) -> NDArray[np.bool_]:
         """Return an array [actions] that is True for each action that does something now; all True if none does.
@@ -189,10 +201,8 @@ class SingleEnvironment(FamilyEnvironment, gymnasium.Env[Any, Any]):
     def _current_mask(self) -> NDArray[np.bool_]:
         """Return the action mask of the current state; an episode must have begun."""
 
-    def _complete_info(self, info: dict[str, Any], agent: str | None) -> dict[str, Any]:
-        """Add the agent, variant and action mask, if they apply, to an info, and return it; update an open window."""
-        if agent is not None:
-            info["agent"] = agent
+    def _complete_info(self, info: dict[str, Any]) -> dict[str, Any]:
+        """Add the variant and action mask, if they apply, to an info, and return it; update an open window."""
         if self._variant is not None:
             info["variant"] = self._variant
         if self._has_masks:
@@ -202,7 +212,7 @@ class SingleEnvironment(FamilyEnvironment, gymnasium.Env[Any, Any]):
         return info
 
     def _begin_episode(self) -> None:
-        self._is_running = True
+        self._is_running = self._has_begun = True
         self._steps = 0
 
     def _check_step(self, action: Any) -> int:
@@ -220,8 +230,11 @@ class SingleEnvironment(FamilyEnvironment, gymnasium.Env[Any, Any]):
     def render(self) -> str | NDArray[np.uint8] | None:
         """Return the current state as text ("ansi") or as pixels [height, width, 3] ("rgb_array"); None without a mode.
 
-        With "human", each reset and step shows the state in a window, and this method returns None.
+        With "human", each reset and step shows the state in a window, and this method returns None. Before the first
+        reset it raises `ResetNeeded`.
         """
+        if not self._has_begun:
+            raise ResetNeeded("call `reset` before `render`")
         if self.render_mode is None or self._window is not None:
             return None
         scene = self._scene()
@@ -252,10 +265,8 @@ class EnvgraphEnv(SingleEnvironment):
     Args:
         tabular: the states.
         pictures: one scene for each state; only needed for rendering.
-        render_mode: None, "ansi", "rgb_array" or "human".
         observation: "index", "multi", "flat" or "dict".
-        cell: the side of a cell in pixels.
-        action_masks: add `action_mask` to the infos.
+        options: see `ViewOptions`.
 
     Raises:
         InvalidArgument: an unknown mode, a mode without pictures, or an observation that tables do not support.
@@ -266,28 +277,19 @@ class EnvgraphEnv(SingleEnvironment):
         tabular: Tabular,
         *,
         pictures: Sequence[Scene] = (),
-        render_mode: str | None = None,
         observation: ObservationKind | None = None,
-        cell: int = 32,
-        action_masks: bool = False,
+        **options: Unpack[ViewOptions],
     ) -> None:
-        check_render_mode(render_mode, drawn=len(pictures) == tabular.n_states)
-        view = view_of_table(tabular, observation)
+        view = ComponentView(observation, tabular.observation_shape, tabular.observation_names)
         self._convert_observation = np.int64 if view.kind == "index" else view.from_index
-        super().__init__(
-            tabular.action_names,
-            view,
-            render_mode,
-            cell,
-            action_masks,
-        )
+        super().__init__(tabular.action_names, view, len(pictures) == tabular.n_states, **options)
         self._state = 0
+        self._source: Any = None
         self._switch_member(ExploredEnvironment(tabular, tuple(pictures)))
 
     def _switch_member(self, member_data: ExploredEnvironment) -> None:
         self.tabular, self._pictures = member_data.tabular, member_data.pictures
         self._flat_table = _TabularViews(member_data.tabular)
-        self._has_simple_info = member_data.tabular.turn is None and not self._has_masks and self._window is None
 
     def _current_mask(self) -> NDArray[np.bool_]:
         found: NDArray[np.bool_] = self.tabular.action_masks[self._state].copy()
@@ -297,15 +299,23 @@ class EnvgraphEnv(SingleEnvironment):
         """Begin an episode in a sampled start state or that of option `state`; option `variant` switches the member."""
         wanted = self._apply_options(options, ("state",)).get("state")
         super().reset(seed=seed)
-        self._state = self._sample_start(wanted, self.np_random)
+        if self.np_random is not self._source:
+            self._source = self.np_random
+            self._uniforms: list[float] = []
+        self._state = self._sample_start(wanted)
         self._begin_episode()
-        return self._convert_observation(self._flat_table.observation[self._state]), self._reset_info(
-            self._info(success=False)
-        )
+        observed = self._convert_observation(self._flat_table.observation[self._state])
+        return observed, self._reset_info(self._info(success=False))
 
-    def _sample_start(self, state_option: Any, generator: np.random.Generator) -> int:
+    def _next_uniform(self) -> float:
+        """Return the next random number. They are sampled in blocks, since single ones take several times as long."""
+        if not self._uniforms:
+            self._uniforms = self._source.random(64)[::-1].tolist()
+        return self._uniforms.pop()
+
+    def _sample_start(self, state_option: Any) -> int:
         if state_option is None:
-            place = bisect_right(self._flat_table.start_sums, generator.random())
+            place = bisect_right(self._flat_table.start_sums, self._next_uniform())
             return int(self.tabular.start_states[place])
         if not isinstance(state_option, Integral) or not 0 <= int(state_option) < self.tabular.n_states:
             raise InvalidArgument(
@@ -317,11 +327,10 @@ class EnvgraphEnv(SingleEnvironment):
         """Do one action. `truncated` is True only if the behaviour truncates the episode, not for a time limit."""
         if type(action) is not int or not self._is_running or not 0 <= action < self._action_count:
             action = self._check_step(action)
-        flat, generator = self._flat_table, self._np_random
-        assert generator is not None, "an episode has begun"
+        flat = self._flat_table
         outcomes = flat.outcomes
         place = self._state * flat.entries_per_state + action * outcomes
-        uniform = generator.random()  # also for deterministic actions, as in the live environment
+        uniform = self._next_uniform()  # also for deterministic actions, as in the live environment
         if outcomes > 1:
             place = bisect_right(flat.sums, uniform, place, place + outcomes)
         self._state = flat.next_state[place]
@@ -332,18 +341,11 @@ class EnvgraphEnv(SingleEnvironment):
         return observed, flat.reward[place], ended > 0, ended < 0, self._info(success=ended == SUCCESS)
 
     def _info(self, success: bool) -> dict[str, Any]:
-        info: dict[str, Any] = {
-            "state": self._state,
-            "step": self._steps,
-            "success": success,
-            "is_success": success,
-        }
-        if self._has_simple_info:  # fast path of the most frequent case
-            if self._variant is not None:
-                info["variant"] = self._variant
-            return info
+        info: dict[str, Any] = {"state": self._state, "step": self._steps, "success": success, "is_success": success}
         turn = self.tabular.turn
-        return self._complete_info(info, None if turn is None else self.tabular.agent_names[turn[self._state]])
+        if turn is not None:
+            info["agent"] = self.tabular.agent_names[turn[self._state]]
+        return self._complete_info(info)
 
     def _scene(self) -> Scene:
         return self._pictures[self._state]
@@ -384,22 +386,19 @@ class EnvgraphLiveEnv(SingleEnvironment):
 
     Args:
         simulator: the engine and its behaviour; nothing else may change its model in the meantime.
-        observation: "index", "multi", "flat", "dict", "image" or "graph"; or a view made for several members.
-        render_mode, cell, action_masks: as in `EnvgraphEnv`.
+        observation: see `make_environment`; or a view that was made for several members.
+        options: see `ViewOptions`.
     """
 
     def __init__(
         self,
         simulator: Simulator,
         *,
-        render_mode: str | None = None,
         observation: ObservationKind | ModelView | None = None,
-        cell: int = 32,
-        action_masks: bool = False,
+        **options: Unpack[ViewOptions],
     ) -> None:
-        check_render_mode(render_mode, drawn=simulator.behaviour.draw is not None)
         view = view_for(observation, simulator, [simulator.engine.model])
-        super().__init__(simulator.action_names, view, render_mode, cell, action_masks)
+        super().__init__(simulator.action_names, view, simulator.behaviour.draw is not None, **options)
         self._switch_member(simulator)
 
     def _switch_member(self, member_data: Simulator) -> None:
@@ -412,7 +411,7 @@ class EnvgraphLiveEnv(SingleEnvironment):
         view, simulator = self.view, self.simulator
         if isinstance(view, ComponentView):
             return view.from_index(index)
-        return self._memory.get(simulator.state_key(), lambda: view.observe(simulator))
+        return view.present(self._memory.get(simulator.state_key(), lambda: view.observe(simulator)))
 
     def _current_mask(self) -> NDArray[np.bool_]:
         return self.simulator.action_mask()
@@ -435,9 +434,10 @@ class EnvgraphLiveEnv(SingleEnvironment):
         return observed, outcome.reward, outcome.terminated > 0, outcome.terminated < 0, info
 
     def _info(self, success: bool) -> dict[str, Any]:
-        info = {"step": self._steps, "success": success, "is_success": success}
-        names = self.simulator.agent_names
-        return self._complete_info(info, names[self.simulator.turn] if names else None)
+        info: dict[str, Any] = {"step": self._steps, "success": success, "is_success": success}
+        if self.simulator.agent_names:
+            info["agent"] = self.simulator.agent_names[self.simulator.turn]
+        return self._complete_info(info)
 
     def _scene(self) -> Scene:
         return self.simulator.painter().draw()

@@ -21,9 +21,9 @@ from envgraph.env._observation_spaces import ObservationKind
 from envgraph.env._prepared_clauses import ObservationComponent
 from envgraph.env._simulator import Simulator
 from envgraph.env.scene._scene import Painter
-from envgraph.errors import InvalidArgument
+from envgraph.errors import EvaluationError, InvalidArgument
 from envgraph.graph import Model
-from envgraph.metamodel import Attribute, EnumType, Metamodel, Scalar, Value
+from envgraph.metamodel import Attribute, EnumType, Metamodel, Reference, Scalar, Value
 
 MAX_PIXEL = 255
 """Brightness of what is present; observations of trained agents depend on it."""
@@ -42,9 +42,13 @@ class ModelView(ABC):
     def observe(self, simulator: Simulator) -> Any:
         """Return the observation of the current state, for the agent that acts next."""
 
+    def present(self, observation: Any) -> Any:
+        """Return the form in which users get an observation. The argument is a copy of what `observe` returned."""
+        return observation
+
 
 def model_view(kind: ObservationKind, behaviour: Behaviour, models: Sequence[Model]) -> ModelView:
-    """Return the view of kind "image" or "graph" for the models of all members of a family.
+    """Return the view of kind "image", "graph" or "padded_graph" for the models of all members of a family.
 
     Raises:
         InvalidArgument: agents may not see the whole model, or an image is wanted but no grid is drawn.
@@ -55,7 +59,9 @@ def model_view(kind: ObservationKind, behaviour: Behaviour, models: Sequence[Mod
         raise InvalidArgument(
             message, 'use "index", "multi", "flat" or "dict", or remove `if` from the `observe` clauses'
         )
-    return ImageView(behaviour, models) if kind == "image" else GraphView(behaviour, models[0].metamodel)
+    if kind == "graph":
+        return GraphView(behaviour, models[0].metamodel)
+    return ImageView(behaviour, models) if kind == "image" else PaddedGraphView(behaviour, models)
 
 
 class ImageView(ModelView):
@@ -196,6 +202,48 @@ class GraphView(ModelView):
         for source in sorted(model.graph.extent(reference.owner)):
             for target in sorted(model.graph.targets(source, reference)):
                 yield index, number[source], number[target]
+
+
+class PaddedGraphView(GraphView):
+    """A view of the graph as a dictionary of arrays of one size, for learners that do not take graphs.
+
+    `nodes`, `edges` and `edge_links` are those of `GraphView`, padded with 0; `node_mask` and `edge_mask`, int8, are 1
+    for objects and links. There is space for the objects of the largest member, and for the links that they can have
+    by the limits of references at either end. A reference without a limit has space for the links of the member.
+    """
+
+    def __init__(self, behaviour: Behaviour, models: Sequence[Model]) -> None:
+        super().__init__(behaviour, models[0].metamodel)
+        nodes = max(len(model.nodes()) for model in models)
+        links = max(sum(_link_limit(model, one) for one in model.metamodel.references) for model in models)
+        self._boxes: dict[str, spaces.Box] = {
+            "nodes": spaces.Box(-np.inf, np.inf, (nodes, len(self.features)), np.float32),
+            "node_mask": spaces.Box(0, 1, (nodes,), np.int8),
+            "edges": spaces.Box(0, max(len(self.references) - 1, 0), (links,), np.int64),
+            "edge_links": spaces.Box(0, nodes - 1, (links, 2), np.int64),
+            "edge_mask": spaces.Box(0, 1, (links,), np.int8),
+        }
+        self.space = spaces.Dict({**self._boxes})
+
+    def present(self, observation: spaces.GraphInstance) -> dict[str, NDArray[Any]]:
+        """Return a graph as arrays; raise EvaluationError if it has more objects or links than there is space for."""
+        found = {name: np.zeros(box.shape, box.dtype) for name, box in self._boxes.items()}
+        for name, part in observation._asdict().items():
+            mask = found["node_mask" if name == "nodes" else "edge_mask"]
+            if len(part) > len(mask):
+                message = f'a state has {len(part)} {name}, but an observation "padded_graph" has space for {len(mask)}'
+                raise EvaluationError(message, None, 'use `observation="graph"`')
+            found[name][: len(part)], mask[: len(part)] = part, 1
+        return found
+
+
+def _link_limit(model: Model, reference: Reference) -> int:
+    """Return how many links of a reference are possible between the objects of a model, or exist without a limit."""
+    sources, targets = model.graph.extent(reference.owner), model.graph.extent(reference.target)
+    back = model.metamodel.opposite(reference)
+    into = 1 if reference.containment else None if back is None else back.upper
+    limits = [upper * len(ends) for upper, ends in ((reference.upper, sources), (into, targets)) if upper is not None]
+    return min(limits, default=sum(len(model.graph.targets(node, reference)) for node in sources))
 
 
 def torch_graph(graph: spaces.GraphInstance) -> Any:

@@ -10,7 +10,7 @@ from __future__ import annotations
 from collections.abc import Callable, Hashable, Sequence
 from decimal import Decimal
 from math import prod
-from typing import Any, Final, Literal
+from typing import Any, Final, Literal, get_args
 
 import numpy as np
 from gymnasium import spaces
@@ -19,10 +19,10 @@ from numpy.typing import NDArray
 from envgraph.env._flat_observations import FlatLayout, FloatRange
 from envgraph.errors import LARGEST_INT, InvalidArgument, check_known
 
-ObservationKind = Literal["index", "multi", "flat", "dict", "image", "graph"]
+ObservationKind = Literal["index", "multi", "flat", "dict", "image", "graph", "padded_graph"]
 
-OBSERVATION_KINDS: Final = ("index", "multi", "flat", "dict", "image", "graph")
-MODEL_KINDS: Final = ("image", "graph")
+OBSERVATION_KINDS: Final = get_args(ObservationKind)
+MODEL_KINDS: Final = ("image", "graph", "padded_graph")
 """The kinds that are computed from the model; tables do not support them."""
 
 MAX_CACHED_OBSERVATIONS: Final = 2**14
@@ -52,10 +52,9 @@ class ObservationCache:
             if len(self._known) >= MAX_CACHED_OBSERVATIONS:
                 self._known.clear()
             found = self._known[key] = compute()
-        if isinstance(found, spaces.GraphInstance):
-            parts: Any = found
-            return spaces.GraphInstance(*(part.copy() for part in parts))
-        return {name: part.copy() for name, part in found.items()} if isinstance(found, dict) else found.copy()
+        if isinstance(found, dict):
+            return {name: part.copy() for name, part in found.items()}
+        return spaces.GraphInstance(*map(np.copy, found)) if isinstance(found, tuple) else found.copy()
 
 
 class ComponentView:
@@ -63,14 +62,15 @@ class ComponentView:
 
     Args:
         kind: "index", "multi", "flat" or "dict". None: "flat" if a component is a float, otherwise "index".
-        shape: sizes of the components; the first varies fastest in an index.
-        names: the names of the components.
+        shape: sizes of the components; the first varies fastest in an index. If empty, there is one of size 1.
+        names: the names of the components; if empty, these are numbers from 1.
 
     Raises:
         InvalidArgument: another kind, a float with "index" or "multi", or more observations than "index" can number.
 
     Attributes:
         space: the space of the observations.
+        is_one_hot: True for "flat" without floats.
     """
 
     def __init__(self, kind: ObservationKind | None, shape: Sequence[int], names: Sequence[str]) -> None:
@@ -91,8 +91,9 @@ class ComponentView:
             hint = 'observe less, or use `observation="flat"`, "multi", "dict", "image" or "graph"'
             raise InvalidArgument(message, hint)
         self.kind: ObservationKind = kind
+        self.is_one_hot = kind == "flat" and not self._floats
         self._shape = tuple(shape) or (1,)
-        self._names = tuple(names)
+        self._names = tuple(names) or tuple(str(place) for place in range(1, len(self._shape) + 1))
         self._memory = ObservationCache()
         self.space = self._space()
 
@@ -121,10 +122,8 @@ class ComponentView:
         return self._memory.get(parts.tobytes(), lambda: self.from_components(parts.copy()))
 
     def from_components(self, parts: NDArray[np.int64]) -> Any:
-        """Convert components, on the last axis of `parts`, to observations; "dict" gives an array for each name."""
+        """Convert components, on the last axis of `parts`, to observations; not for "index"."""
         match self.kind:
-            case "index":
-                return np.ravel_multi_index(tuple(np.moveaxis(parts, -1, 0)), self._shape, order="F")
             case "multi":
                 return parts
             case "flat":

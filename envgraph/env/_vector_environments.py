@@ -4,8 +4,9 @@ from __future__ import annotations
 
 from abc import abstractmethod
 from collections.abc import Sequence
+from copy import deepcopy
 from operator import index
-from typing import Any
+from typing import Any, TypedDict, Unpack
 
 import numpy as np
 from gymnasium import spaces
@@ -15,7 +16,7 @@ from gymnasium.vector.utils import batch_space
 from numpy.typing import NDArray
 
 from envgraph.env._family_members import VectorVariants
-from envgraph.env._gymnasium import check_options, view_of_table
+from envgraph.env._gymnasium import check_options, check_render_mode
 from envgraph.env._model_views import ModelView
 from envgraph.env._observation_spaces import ComponentView, ObservationKind, split_index
 from envgraph.env._random_choices import cumulative_sums
@@ -31,6 +32,24 @@ Bools = NDArray[np.bool_]
 Floats = NDArray[np.float64]
 
 
+class VectorOptions(TypedDict, total=False):
+    """Options of vector environments of all kinds.
+
+    Attributes:
+        max_episode_steps: the number of steps after which an episode is truncated; None for no limit.
+        render_mode: None or "rgb_array".
+        autoreset_mode: one of `gymnasium.vector.AutoresetMode`, or its value.
+        schedule: chooses the member of each episode; None: each environment keeps its member.
+        action_masks: add `action_mask` to the infos.
+    """
+
+    max_episode_steps: int | None
+    render_mode: str | None
+    autoreset_mode: AutoresetMode | str
+    schedule: Schedule | None
+    action_masks: bool
+
+
 class VectorEnvironmentBase(VectorEnv[Any, Any, Any]):
     """The base class of vector environments over tables and over compiled programs: spaces, order of a step, infos.
 
@@ -38,7 +57,7 @@ class VectorEnvironmentBase(VectorEnv[Any, Any, Any]):
         n_actions: the number of actions of each environment.
         view: converts observations.
         members: the number of members that the environments use.
-        num_envs, max_episode_steps, render_mode, autoreset_mode, schedule, action_masks: as in `EnvgraphVectorEnv`.
+        max_episode_steps, render_mode, autoreset_mode, schedule, action_masks: see `VectorOptions`.
 
     Raises:
         InvalidArgument: a count below 1, or an unknown mode.
@@ -49,10 +68,18 @@ class VectorEnvironmentBase(VectorEnv[Any, Any, Any]):
 
     variants: VectorVariants | None = None
     _variant_names: NDArray[Any]
+    _history: int | None = None
+    _last_observations: Any = None
 
     def set_variants(self, variants: VectorVariants) -> None:
         """Set the members of the environments, so that infos name them and `reset` can switch between them."""
         self.variants, self._variant_names = variants, variants.names_for(self._member_numbers)
+
+    def set_history(self, length: int) -> None:
+        """Let an observation consist of the last `length` ones, as Gymnasium's `FrameStackObservation` does."""
+        self._history = length
+        self.single_observation_space = batch_space(self.single_observation_space, length)
+        self.observation_space = batch_space(self.single_observation_space, self.num_envs)
 
     metadata: dict[str, Any] = {  # noqa: RUF012
         "render_modes": ["rgb_array"],
@@ -65,13 +92,13 @@ class VectorEnvironmentBase(VectorEnv[Any, Any, Any]):
         num_envs: int,
         n_actions: int,
         view: ComponentView | ModelView,
-        *,
-        max_episode_steps: int | None,
-        render_mode: str | None,
-        autoreset_mode: AutoresetMode | str,
         members: int,
-        schedule: Schedule | None,
-        action_masks: bool,
+        *,
+        max_episode_steps: int | None = None,
+        render_mode: str | None = None,
+        autoreset_mode: AutoresetMode | str = AutoresetMode.NEXT_STEP,
+        schedule: Schedule | None = None,
+        action_masks: bool = False,
     ) -> None:
         if num_envs < 1:
             raise InvalidArgument(f"`num_envs` is {num_envs}, it must be at least 1")
@@ -131,6 +158,14 @@ class VectorEnvironmentBase(VectorEnv[Any, Any, Any]):
     def _observations(self) -> Any:
         """Return the current observations of all environments."""
 
+    def _observe(self, begun: Bools, *, stepped: bool) -> Any:
+        """Return the observations after episodes began in `begun`, and, if `stepped`, after a step of the others."""
+        observed = self._observations()
+        if self._history is None:
+            return observed
+        self._last_observations = _append(self._last_observations, observed, begun, stepped, self._history)
+        return deepcopy(self._last_observations)
+
     @abstractmethod
     def _own_infos(self) -> dict[str, NDArray[Any]]:
         """Return the info entries that only this kind of environment has, such as `state` for tables."""
@@ -158,7 +193,7 @@ class VectorEnvironmentBase(VectorEnv[Any, Any, Any]):
         self._has_begun = True
         self._choose_members(mask)
         self._reset_environments(mask)
-        return self._observations(), self._info(np.zeros(self.num_envs, dtype=np.bool_), mask, mask)
+        return self._observe(mask, stepped=False), self._info(np.zeros(self.num_envs, dtype=np.bool_), mask, mask)
 
     def _seed(self, seed: int | Sequence[int | None] | None, mask: Bools) -> None:
         """Seed the generator of all environments or, for a list or by default, those of the environments in `mask`."""
@@ -222,17 +257,18 @@ class VectorEnvironmentBase(VectorEnv[Any, Any, Any]):
         success = ended == SUCCESS
         if self._scheduled_members:
             self._scheduled_members.record_step(reward, terminated | truncated, success, self._steps)
+        observed = self._observe(begun, stepped=True)
         if self.autoreset_mode is not AutoresetMode.SAME_STEP or not self._is_done.any():
-            return self._observations(), reward, terminated, truncated, self._info(success, None, begun)
-        final, begun = self._final_infos(success), self._is_done.copy()
+            return observed, reward, terminated, truncated, self._info(success, None, begun)
+        final, begun = self._final_infos(success, observed), self._is_done.copy()
         self._choose_members(begun)
         self._reset_environments(begun)
         infos = {**final, **self._info(success & ~begun, None, begun)}
-        return self._observations(), reward, terminated, truncated, infos
+        return self._observe(begun, stepped=False), reward, terminated, truncated, infos
 
-    def _final_infos(self, success: Bools) -> dict[str, Any]:
-        """Return the info entries about the final states of the episodes that just ended."""
-        over, observed = self._is_done.copy(), self._observations()
+    def _final_infos(self, success: Bools, observed: Any) -> dict[str, Any]:
+        """Return the info entries about the final states of the episodes that just ended, and their observations."""
+        over = self._is_done.copy()
         seen = np.full(self.num_envs, None, dtype=object)
         for place in np.flatnonzero(over).tolist():
             is_dict = isinstance(observed, dict)
@@ -293,13 +329,9 @@ class EnvgraphVectorEnv(VectorEnvironmentBase):
     Args:
         tabulars: one table, or several.
         num_envs: the number of environments; None: one for each table.
-        max_episode_steps: the number of steps after which an episode is truncated; None for no limit.
         pictures: scenes of every state of each table; only needed for rendering.
-        render_mode: None or "rgb_array".
         observation: "index", "multi", "flat" or "dict".
-        autoreset_mode: one of `gymnasium.vector.AutoresetMode`, or its value.
-        schedule: chooses the table of each episode.
-        action_masks: add `action_mask` to the infos.
+        options: see `VectorOptions`.
 
     Raises:
         InvalidArgument: no table, tables that differ in actions or observations, or a count below 1.
@@ -310,32 +342,17 @@ class EnvgraphVectorEnv(VectorEnvironmentBase):
         tabulars: Tabular | Sequence[Tabular],
         num_envs: int | None = None,
         *,
-        max_episode_steps: int | None = None,
         pictures: Sequence[Sequence[Scene]] = (),
-        render_mode: str | None = None,
         observation: ObservationKind | None = None,
-        autoreset_mode: AutoresetMode | str = AutoresetMode.NEXT_STEP,
-        schedule: Schedule | None = None,
-        action_masks: bool = False,
+        **options: Unpack[VectorOptions],
     ) -> None:
         tables = (tabulars,) if isinstance(tabulars, Tabular) else tuple(tabulars)
         _check_tables(tables)
-        if render_mode is not None and (render_mode != "rgb_array" or len(pictures) != len(tables)):
-            raise InvalidArgument(
-                'rendering needs `render_mode="rgb_array"`, and in `pictures` the scenes of every table'
-            )
+        check_render_mode(options.get("render_mode"), ("rgb_array",), drawn=len(pictures) == len(tables))
         first = tables[0]
-        super().__init__(
-            len(tables) if num_envs is None else num_envs,
-            first.n_actions,
-            view_of_table(first, observation),
-            max_episode_steps=max_episode_steps,
-            render_mode=render_mode,
-            autoreset_mode=autoreset_mode,
-            members=len(tables),
-            schedule=schedule,
-            action_masks=action_masks,
-        )
+        view = ComponentView(observation, first.observation_shape, first.observation_names)
+        count = len(tables) if num_envs is None else num_envs
+        super().__init__(count, first.n_actions, view, len(tables), **options)
         self._shape = first.observation_shape or (1,)
         self._pictures = pictures
         self._join_tables(tables)
@@ -435,6 +452,17 @@ class EnvgraphVectorEnv(VectorEnvironmentBase):
         states = self._state - self._first[self._member_numbers]
         places = zip(self._member_numbers.tolist(), states.tolist(), strict=True)
         return tuple(scene_rgb(self._pictures[table][state]) for table, state in places)
+
+
+def _append(past: Any, new: Any, begun: Bools, stepped: bool, length: int) -> Any:
+    """Return [n, `length`, ..]: `new` where episodes began, else `past`, with `new` at its end if `stepped`."""
+    if isinstance(new, dict):
+        return {name: _append(past and past[name], one, begun, stepped, length) for name, one in new.items()}
+    if past is None:
+        return np.repeat(new[:, None], length, axis=1)
+    found = np.concatenate([past[:, 1:], new[:, None]], axis=1) if stepped else past.copy()
+    found[begun] = new[begun, None]
+    return found
 
 
 def parse_autoreset_mode(wanted_mode: AutoresetMode | str) -> AutoresetMode:

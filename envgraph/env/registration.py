@@ -63,6 +63,7 @@ def environment_spec(
             entry_point=entry_point,
             vector_entry_point=vector_entry_point,
             max_episode_steps=limit,
+            order_enforce=entry_point != MAKE_ENVIRONMENT,  # our environments enforce the order themselves
             kwargs=kwargs,
         )
     except gymnasium.error.Error as error:
@@ -169,13 +170,7 @@ def register(
     )
     known = gymnasium.registry.get(wanted.id)
     if known is None:
-        gymnasium.register(
-            wanted.id,
-            entry_point=entry_point,
-            vector_entry_point=vector_entry_point,
-            max_episode_steps=limit,
-            kwargs=kwargs,
-        )
+        gymnasium.registry[wanted.id] = wanted
     elif known != wanted:
         raise InvalidArgument(f"`{wanted.id}` is already registered for another environment")
     return wanted.id

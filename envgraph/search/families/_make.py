@@ -16,6 +16,7 @@ from envgraph.env import (
     EnvgraphVectorEnv,
     Environment,
     EnvSpec,
+    FrameStackObservation,
     ObservationKind,
     SeparateRewards,
     SingleEnvironment,
@@ -252,22 +253,26 @@ def make_environment(
     live: bool = False,
     action_masks: bool = False,
     rewards: bool = False,
-) -> EnvgraphEnv | EnvgraphLiveEnv | CompiledEnv | SeparateRewards:
+    history: int | None = None,
+) -> Environment:
     """Return the environment of a member of a family, without a time limit; the entry point for `gymnasium.make`.
 
     Args:
         domain, family, variant: as for `make`. `domain` may also be a list of two files: a model, an environment.
         render_mode: None, "ansi", "rgb_array" or "human".
         observation: "index" for a single number, "multi" for its components, "flat" for one-hot vectors of them, "dict"
-            for components by name, "image" for planes over the grid, "graph" for the model. The last two are computed
-            from the model, so that the environment is compiled or live; see `ImageView` and `GraphView`. None: "flat"
-            if a float is observed, otherwise "index".
+            for components by name, "image" for planes over the grid, "graph" for the model, "padded_graph" for the same
+            as arrays of one size. The last three are computed from the model, so that the environment is compiled or
+            live; see `ImageView`, `GraphView` and `PaddedGraphView`. None: "flat" if a float is observed, otherwise
+            "index".
         cell: side of a cell in pixels.
         engine: "table" for the transition table, which requires a limited number of states; "compiled" for the compiled
             behaviour; "live" for the engine of the model. None: the first of these that works. Episodes are the same.
         live: True is the same as `engine="live"`.
         action_masks: True adds `action_mask`, int8 [actions], to infos. The method `action_masks` always exists.
         rewards: True adds `rewards`, each reward by name, to the infos of steps; see `SeparateRewards`.
+        history: how many last observations form one, as in Gymnasium's `FrameStackObservation`; not for "graph". None:
+            only the current one, without a further axis.
 
     Raises:
         InvalidArgument: the family, member or engine does not exist, neither a domain nor a family is given, or the
@@ -276,31 +281,25 @@ def make_environment(
         EvaluationError: as for `make`.
     """
     wanted = _requested_engine(engine, live)
-    _check_observation(observation, wanted)
+    _check_observation(observation, wanted, history)
     if not isinstance(variant, int | str | None):
         raise InvalidArgument("`variant` must be a single name or number", "use `envgraph.make_vec` for a list")
     opened = open_lazy_family(domain, family, () if variant is None else (variant,))
     check_render_mode(render_mode, drawn=opened.record.drawn)  # checked before all states are visited
     place = opened.member_place(variant)
-    shown = {
-        "render_mode": render_mode,
-        "observation": observation,
-        "cell": cell,
-        "action_masks": action_masks,
-    }
+    shown = {"render_mode": render_mode, "observation": observation, "cell": cell, "action_masks": action_masks}
     environment, steps_in = _make_member_environment(opened, place, wanted, shown)
     if family is not None:
         environment.set_family(LazyMembers(family, steps_in, render_mode is not None), place)
     if not opened.record.drawn:
         environment.metadata = {**environment.metadata, "render_modes": []}
-    if not rewards:
-        return environment
     parts: dict[str, SingleEnvironment] = {}
-    for name in reward_names(opened.family.behaviour):
+    for name in reward_names(opened.family.behaviour) if rewards else ():
         parts[name], _ = _make_member_environment(opened.paying(name), place, steps_in, {})
         if family is not None:
             parts[name].set_family(LazyMembers(family, steps_in, needs_pictures=False, reward_name=name), place)
-    return SeparateRewards(environment, parts)
+    made: Environment = SeparateRewards(environment, parts) if rewards else environment
+    return made if history is None else FrameStackObservation(made, history)
 
 
 def _make_member_environment(
@@ -343,6 +342,7 @@ def make_vector_environment(
     schedule: Schedule | str | None = None,
     action_masks: bool = False,
     rewards: bool = False,
+    history: int | None = None,
 ) -> EnvgraphVectorEnv | CompiledVectorEnv:
     """Return a vector environment of `num_envs` environments; the entry point for `gymnasium.make_vec`.
 
@@ -358,7 +358,7 @@ def make_vector_environment(
     if rewards:
         raise InvalidArgument("`rewards=True` needs single environments", 'use `vectorization_mode="sync"`')
     wanted = _requested_engine(engine, live=False)
-    _check_observation(observation, wanted)
+    _check_observation(observation, wanted, history)
     own = _without_none(streams=streams, threads=threads)
     if own:
         if wanted not in (None, "compiled"):
@@ -401,6 +401,8 @@ def make_vector_environment(
         environment = CompiledVectorEnv(found, num_envs, **options, **own)
     if family is not None:
         environment.set_variants(VectorVariants(LazyMembers(family, "table", needs_pictures=False), places))
+    if history is not None:
+        environment.set_history(history)
     return environment
 
 
@@ -413,9 +415,13 @@ def _requested_engine(engine: EngineKind | None, live: bool) -> EngineKind | Non
     return "live" if live else engine
 
 
-def _check_observation(kind: ObservationKind | None, engine: EngineKind | None) -> None:
+def _check_observation(kind: ObservationKind | None, engine: EngineKind | None, history: int | None) -> None:
     """Raise `InvalidArgument` if the kind of observation is unknown, or if the engine cannot make it."""
     check_observation_kind(kind)
+    if history is not None and (not isinstance(history, int) or history < 1):
+        raise InvalidArgument(f"`history` is {history!r}, but must be an int of at least 1")
+    if history is not None and kind == "graph":
+        raise InvalidArgument("`history` needs observations of one size", 'use `observation="padded_graph"`')
     if kind in MODEL_KINDS and engine == "table":
         hint = 'leave `engine` out, or give "compiled" or "live"'
         raise InvalidArgument(f'observation "{kind}" needs a model, which `engine="table"` does not have', hint)

@@ -98,6 +98,8 @@ def test_stepping_outside_an_episode_is_refused() -> None:
     env = EnvgraphEnv(explore(forest.engine(["SG"]), forest.behaviour()).tabular)
     with pytest.raises(ResetNeeded):
         env.step(0)
+    with pytest.raises(ResetNeeded):
+        env.render()
     env.reset()
     env.step(2)
     with pytest.raises(ResetNeeded):
@@ -156,6 +158,15 @@ def test_a_seed_decides_the_episode() -> None:
 
     assert episode(3) == episode(3)
     assert len({tuple(episode(seed)) for seed in range(20)}) > 1
+
+
+def test_replaced_random_generator_is_used_from_the_next_episode_on() -> None:
+    envs = make("coins"), make("live")
+    for env in envs:
+        env.reset(seed=1)
+        env.unwrapped.np_random = np.random.default_rng(3)
+    seen = [[env.reset()[0], *(env.step(1)[0] for _ in range(2))] for env in envs for _ in range(3)]
+    assert seen[:3] == seen[3:]
 
 
 @pytest.mark.parametrize("copied", [copy.deepcopy, lambda env: pickle.loads(pickle.dumps(env))])

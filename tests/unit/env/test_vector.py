@@ -13,8 +13,8 @@ from gymnasium import spaces
 from gymnasium.error import ResetNeeded
 from gymnasium.vector import AutoresetMode, SyncVectorEnv
 
-from envgraph.env import EnvgraphEnv, EnvgraphVectorEnv, explore
-from envgraph.env.compiled import CompiledVectorEnv, program_of
+from envgraph.env import EnvgraphEnv, EnvgraphLiveEnv, EnvgraphVectorEnv, Simulator, explore
+from envgraph.env.compiled import CompiledEnv, CompiledVectorEnv, program_of
 from envgraph.env.schedules import Batch, Outcomes, Shuffled
 from envgraph.errors import InvalidArgument
 from tests.unit.env import forest
@@ -197,15 +197,47 @@ def test_wrong_seeds_of_vectors_are_refused() -> None:
             many.reset(seed=seed)  # type: ignore[arg-type]
 
 
+@pytest.mark.parametrize("observation", ["index", "multi", "flat", "dict"])
+def test_returned_observations_are_not_changed_by_later_steps(observation: str) -> None:
+    engine, behaviour = loaded(RANDOM)
+    program, table = program_of(engine, behaviour), explore(engine, behaviour).tabular
+    options: Any = {"observation": observation}
+    envs: list[Any] = [EnvgraphEnv(table, **options), CompiledEnv(program, **options)]
+    envs += [EnvgraphVectorEnv(table, 3, **options), CompiledVectorEnv(program, 3, **options)]
+    for env in envs:
+        seen = [env.reset(seed=0)[0]]
+        before = deepcopy(seen)
+        for _ in range(12):
+            alone, action = isinstance(env, gymnasium.Env), np.zeros(3, dtype=np.int64)
+            observed, _, ended, _, _ = env.step(0 if alone else action)
+            seen += [observed, env.reset()[0]] if alone and ended else [observed]
+            before += deepcopy(seen[len(before) :])
+        assert all(map(same, seen, before)) and not all(same(seen[0], one) for one in seen)
+
+
+@pytest.mark.parametrize("observation", ["index", "multi", "flat", "dict"])
+def test_environment_that_observes_nothing_has_one_observation(observation: str) -> None:
+    engine, behaviour = loaded("action turn = turn()")
+    program, table = program_of(engine, behaviour), explore(engine, behaviour).tabular
+    options: Any = {"observation": observation}
+    envs: list[Any] = [EnvgraphEnv(table, **options), CompiledEnv(program, **options)]
+    envs += [EnvgraphLiveEnv(Simulator(engine, behaviour), **options), CompiledVectorEnv(program, 1, **options)]
+    seen = [env.reset(seed=0)[0] for env in envs]
+    assert all(one in env.observation_space for one, env in zip(seen, envs, strict=True))
+    assert same(seen[0], seen[1]) and same(seen[0], seen[2])
+
+
 def same(one: object, other: object) -> bool:
     """Whether results of vector environments are equal, arrays and what they are in."""
     if isinstance(one, dict) and isinstance(other, dict):
         return one.keys() == other.keys() and all(same(one[name], other[name]) for name in one)
     if isinstance(one, tuple) and isinstance(other, tuple):
         return len(one) == len(other) and all(map(same, one, other))
+    if one is None or other is None:
+        return one is other
     mine, others = np.asarray(one), np.asarray(other)
     if mine.dtype == object:
-        return mine.shape == others.shape and all(map(np.array_equal, mine, others))
+        return mine.shape == others.shape and all(map(same, mine, others))
     return mine.dtype == others.dtype and np.array_equal(mine, others, equal_nan=mine.dtype.kind == "f")
 
 

@@ -5,6 +5,8 @@ from __future__ import annotations
 import copy
 import pickle
 import sys
+from collections.abc import Callable
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -12,6 +14,8 @@ import pytest
 from gymnasium import spaces
 from gymnasium.spaces.utils import flatten
 from gymnasium.utils.env_checker import check_env
+from gymnasium.vector import AutoresetMode, SyncVectorEnv
+from gymnasium.wrappers import FrameStackObservation, TimeLimit
 
 import envgraph
 from envgraph.env import (
@@ -21,15 +25,17 @@ from envgraph.env import (
     GraphView,
     ImageView,
     ObservationKind,
+    PaddedGraphView,
     Simulator,
     explore,
     torch_graph,
 )
 from envgraph.env.compiled import CompiledEnv, CompiledVectorEnv, program_of
-from envgraph.errors import InvalidArgument
+from envgraph.errors import EvaluationError, InvalidArgument
 from envgraph.lang import load_workspace
 from envgraph.rewrite import Engine
 from tests.unit.env.coins import loaded
+from tests.unit.env.test_vector import same
 
 SEEN = """
 action turn = 0.5: turn()
@@ -177,6 +183,75 @@ def test_images_and_graphs_are_the_same_from_programs_and_the_live_engine(kind: 
         both = many.step(np.full(2, action % len(program.action_names)))[0]
 
 
+def test_padded_graph_holds_the_graph_and_has_the_size_of_the_largest_member() -> None:
+    (small, behaviour), (large, _) = maze(), maze()
+    with large.transaction():
+        large.model.create("Wall", x=9, y=3)
+    view = PaddedGraphView(behaviour, [small.model, large.model])
+    graph: Any = GraphView(behaviour, small.model.metamodel).observe(Simulator(small, behaviour))
+    found = view.present(view.observe(Simulator(small, behaviour)))
+    objects, links = len(graph.nodes), len(graph.edges)
+    assert found in view.space
+    assert (len(found["nodes"]), len(found["edges"])) == (objects + 1, len(found["edge_mask"]))
+    for name, own in graph._asdict().items():
+        assert np.array_equal(found[name][: len(own)], own)
+        assert not found[name][len(own) :].any()
+    assert found["node_mask"].tolist() == [1] * objects + [0]
+    assert found["edge_mask"].tolist() == [1] * links + [0] * (len(found["edges"]) - links)
+    with small.transaction():
+        for x in (9, 10):
+            small.model.create("Wall", x=x, y=3)
+    with pytest.raises(EvaluationError, match=f"a state has {objects + 2} nodes, but .* has space for {objects + 1}"):
+        view.present(view.observe(Simulator(small, behaviour)))
+
+
+def test_padded_graph_has_space_for_all_links_that_rules_can_add() -> None:
+    env, rng = EnvgraphLiveEnv(Simulator(*maze()), observation="padded_graph"), np.random.default_rng(0)
+    env.reset(seed=0)
+    links = set()
+    for _ in range(60):
+        observed, _, ended, _, _ = env.step(rng.choice(np.flatnonzero(env.action_masks())))
+        assert observed in env.observation_space
+        links.add(int(observed["edge_mask"].sum()))
+        if ended:
+            env.reset()
+    assert len(links) > 1
+
+
+@pytest.mark.parametrize("mode", AutoresetMode)
+@pytest.mark.parametrize("kind", ["index", "multi", *PLAIN, "image", "padded_graph"])
+def test_history_of_a_vector_equals_that_of_single_environments(kind: ObservationKind, mode: AutoresetMode) -> None:
+    program = program_of(*maze(), native=False)
+    options: dict[str, Any] = {"max_episode_steps": 4, "autoreset_mode": mode}
+    makers: list[Callable[[], Any]] = [
+        lambda: EnvgraphLiveEnv(Simulator(*maze()), observation=kind),
+        lambda: CompiledEnv(program, observation=kind),
+    ]
+    stacked = [partial(lambda make: TimeLimit(FrameStackObservation(make(), 3), 4), make) for make in makers]
+    theirs: Any = SyncVectorEnv(stacked, autoreset_mode=mode)
+    ours: list[Any] = [CompiledVectorEnv(program, 2, observation=kind, streams="each", **options)]
+    if kind in ("index", "multi", *PLAIN):
+        ours.append(EnvgraphVectorEnv(explore(*maze()).tabular, 2, observation=kind, **options))
+    for envs in ours:
+        envs.set_history(3)
+        assert envs.observation_space == theirs.observation_space
+    expected = theirs.reset(seed=1)
+    found = [envs.reset(seed=1) for envs in ours]
+    assert same(found[0], expected) and all(same(one[0], expected[0]) for one in found)
+    for action in (1, 2, 3, 0, 4, 1, 1, 4, 1, 2, 8):
+        actions = np.array([action, 0])
+        expected, found = theirs.step(actions), [envs.step(actions) for envs in ours]
+        over = expected[2] | expected[3]
+        assert same(found[0], expected) and all(same(one[:4], expected[:4]) for one in found)
+        if mode is AutoresetMode.SAME_STEP and over.any():
+            assert all(same(one[4]["final_obs"], expected[4]["final_obs"]) for one in found)
+        if mode is AutoresetMode.DISABLED and over.any():
+            over = np.array([True, bool(over[1])])
+            expected = theirs.reset(options={"reset_mask": over.copy()})
+            found = [envs.reset(options={"reset_mask": over.copy()}) for envs in ours]
+            assert same(found[0], expected) and all(same(one[0], expected[0]) for one in found)
+
+
 def test_pytorch_graph_without_torch_geometric_names_the_missing_extra(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
@@ -188,6 +263,10 @@ def test_pytorch_graph_without_torch_geometric_names_the_missing_extra(
 def test_kinds_of_observations_are_checked() -> None:
     with pytest.raises(InvalidArgument, match="unknown kind of observation 'imag'; did you mean `image`"):
         envgraph.make(domain="keydoor", observation="imag")
+    with pytest.raises(InvalidArgument, match="`history` is 0, but must be an int of at least 1"):
+        envgraph.make(domain="keydoor", history=0)
+    with pytest.raises(InvalidArgument, match=r'observations of one size; use `observation="padded_graph"`'):
+        envgraph.make_vec(domain="keydoor", history=2, observation="graph")
     with pytest.raises(InvalidArgument, match='"graph" needs a model'):
         envgraph.make_vec(domain="keydoor", observation="graph", engine="table")
     with pytest.raises(InvalidArgument, match='an observation "image" is computed from the model'):

@@ -45,6 +45,8 @@ ENVIRONMENTS: dict[str, Maker] = {
     ),
     "images": single_environment_maker(engine="live", observation="image"),
     "graphs": single_environment_maker(engine="compiled", observation="graph"),
+    "history": vector_environment_maker(engine="compiled", observation="flat", history=3),
+    "history, padded graphs": single_environment_maker(engine="compiled", observation="padded_graph", history=2),
     "rewards apart": domain_environment_maker("keydoor", engine="live", rewards=True),
     "random": domain_environment_maker("triage", engine="live"),
     "random, compiled": domain_environment_maker("triage", engine="compiled"),

@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from contextlib import contextmanager
+from functools import cached_property
 from itertools import pairwise
 from typing import Any, Final
 
@@ -12,11 +13,9 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from envgraph.env._simulator import Simulator
-from envgraph.env._tabular import nonempty_masks
 from envgraph.env.compiled.kernels._scripted_choices import LACKS, MOST, ROOM, SCRIPT
-from envgraph.env.compiled.kernels.step_kernels import CAPACITY, FULL, OVERFLOW
+from envgraph.env.compiled.kernels.step_kernels import BEGIN, CAPACITY, FULL, OVERFLOW, SKIP
 from envgraph.env.compiled.layout._batch_arrays import (
-    NO_ACTIONS,
     NO_RANDOM_NUMBERS,
     BatchArrays,
     EnvironmentRows,
@@ -46,12 +45,14 @@ class CompiledBatch:
         members: int [n], the number of the member of each environment; may change before an episode begins.
         threads: number of threads that step the environments; does not change results.
         rows: the state arrays of the environments; new arrays if None.
+        has_flat: True to compute `flat` in each step, if `rows` is None.
 
     Attributes:
         states, float_states: int64 and float64 [n, ..]; a row is the whole state of an environment except `steps`.
         steps: int64 [n], steps since the episode began.
         over: bool [n], True if the episode has terminated, was truncated, or stopped at an error.
-        observation: int64 [n]; components: int64 [n, ..].
+        observation: int64 [n]; components: int64 [n, ..]; flat: float32 [n, ..], the components as one-hot vectors.
+        actions: int64 [n], the actions of the next `advance`.
         reward: float64 [n]; cut: bool [n], True if truncated.
         ended: int64 [n]: 0, or 1 if the last step ended in success, 2 in failure, -1 if the episode was truncated.
     """
@@ -62,14 +63,16 @@ class CompiledBatch:
         members: ArrayLike,
         threads: int = 1,
         rows: EnvironmentRows | None = None,
+        *,
+        has_flat: bool = False,
     ) -> None:
         self.program = program
         self.members = np.array(members, dtype=np.int64)
-        n, arrays = len(self.members), program.arrays
-        self._rows = rows = rows or zero_rows(n, arrays, len(program.observation_shape))
+        n, arrays, sizes = len(self.members), program.arrays, program.observation_shape or (1,)
+        self._rows = rows = rows or zero_rows(n, arrays, len(sizes), sum(sizes) if has_flat else 0)
         self.states, self.float_states, self._streams, self.components = rows[:4]
-        self.steps, self.over, self.observation, self.reward, self.ended, self.cut, self._drawn = rows[4:]
-        self._none = np.zeros(n, dtype=np.bool_)
+        self.steps, self.over, self.observation, self.reward, self.ended, self.cut, self._drawn = rows[4:11]
+        self.actions, self.flat = rows[11:]
         bounds = [n * number // threads for number in range(threads + 1)]
         self._parts = [(part := slice(*ends), self._arrays_of(part)) for ends in pairwise(bounds) if ends[0] < ends[1]]
         self._threads = threads
@@ -84,16 +87,10 @@ class CompiledBatch:
 
     def _arrays_of(self, part: slice) -> BatchArrays:
         """Return the arrays and the program with which one thread steps a slice of the environments."""
-        program, rows = self.program, [array[part] for array in self._rows]
-        advance = program.functions_for("step")["advance"]
-        return BatchArrays(
-            program.arrays,
-            self.members[part],
-            EnvironmentRows._make(rows),
-            program.row_buffer_shape,
-            advance,
-            native=program.native,
-        )
+        program, rows = self.program, EnvironmentRows._make(array[part] for array in self._rows)
+        sizes, space = program.observation_shape or (1,), program.row_buffer_shape
+        function, members = program.functions_for("step")["advance"], self.members[part]
+        return BatchArrays(program.arrays, members, rows, space, sizes, function, native=program.native)
 
     def __reduce__(self) -> tuple[type[CompiledBatch], tuple[Any, ...]]:
         """Return a constructor call for pickle. Objects that share the batch's arrays share those of the copy, too."""
@@ -101,16 +98,22 @@ class CompiledBatch:
 
     def action_masks(self) -> NDArray[np.bool_]:
         """Return the action masks, bool [n, actions]: True for actions with an effect, or for all if none has one."""
-        actions = len(self.program.action_names)
-        found = np.zeros((len(self.members), actions), dtype=np.bool_)
-        masks = self.program.functions_for("mask")["masks"]
+        masks, own, agents = self._mask_function
+        found = np.empty((len(self.members), len(own) ** agents), dtype=np.bool_)
         self._script[MOST] = LIMITS["outcomes"]
         for part, batch_arrays in self._parts:
-            batch_arrays.call_function(masks, found[part].reshape(-1), actions, self._script)
+            batch_arrays.call_function(masks, found[part], own, agents, self._script)
             while self._script[LACKS]:
                 self._script = empty_script(len(self._script))
-                batch_arrays.call_function(masks, found[part].reshape(-1), actions, self._script)
-        return nonempty_masks(found)
+                batch_arrays.call_function(masks, found[part], own, agents, self._script)
+        return found
+
+    @cached_property
+    def _mask_function(self) -> tuple[Callable[..., None], NDArray[np.bool_], int]:
+        """Return the function that computes masks, its buffer for an agent's actions, and the number of agents."""
+        agents = self.program.acting_agents
+        own = np.empty(round(len(self.program.action_names) ** (1 / agents)), dtype=np.bool_)
+        return self.program.functions_for("mask")["masks"], own, agents
 
     def close(self) -> None:
         """Stop the threads, if the batch has several."""
@@ -136,9 +139,7 @@ class CompiledBatch:
         Raises:
             RuleError, EvaluationError: as the live engine does.
         """
-        failed = self._advance(which, uniforms, NO_ACTIONS, NO_RANDOM_NUMBERS, 0)
-        if failed >= 0:
-            self._raise_error(failed, None)
+        self.step(np.where(which, BEGIN, SKIP), resets_ended=False, uniforms=uniforms)
 
     def step(
         self,
@@ -160,43 +161,51 @@ class CompiledBatch:
         Raises:
             RuleError, EvaluationError: as the live engine does.
         """
-        begins = self.over if resets_ended else self._none
-        failed = self._advance(begins, starts, actions, uniforms, limit)
+        self.actions[:] = actions
+        if resets_ended and self.over.any():
+            self.actions[self.over] = BEGIN
+            uniforms = np.where(self.over, starts, uniforms) if len(starts) else uniforms
+        if len(uniforms):
+            self._drawn[:] = uniforms
+        for _, batch_arrays in self._parts:
+            batch_arrays.settings[1:] = len(uniforms) > 0, limit
+        self.advance()
+
+    def advance(self) -> None:
+        """Step the environments with the `actions`, and with the limit of the last call of `reset` or `step`.
+
+        The action `BEGIN` begins an episode; `SKIP` does nothing.
+
+        Raises:
+            RuleError, EvaluationError: as the live engine does.
+        """
+        failed = self._advance()
         if failed >= 0:
-            self._raise_error(failed, int(actions[failed]))
+            self._raise_error(failed, int(self.actions[failed]))
         if self._created_counters and 2 * self.states[:, self._created_counters[0]].max(initial=0) > self.program.spare:
             self._grow()
 
     def _grow(self) -> None:
         """Replace the program and all arrays by ones with more space for created objects, and copy all states."""
-        other = CompiledBatch(with_more_space(self.program), self.members, self._threads)
+        has_flat = self.flat.shape[1] > 0
+        other = CompiledBatch(with_more_space(self.program), self.members, self._threads, has_flat=has_flat)
         rows = copy_states(self.program, other.program, self.members, self.states, self.float_states)
-        for mine, other_rows in zip((*rows, *self._rows[2:]), other._rows, strict=True):
+        pairs: Any = zip((*rows, *self._rows[2:]), other._rows, strict=True)
+        for mine, other_rows in pairs:
             other_rows[...] = mine
         self.close()
         vars(self).update(vars(other))
 
-    def _advance_in_threads(
-        self,
-        which: NDArray[np.bool_],
-        starts: NDArray[np.float64],
-        actions: NDArray[np.int64],
-        uniforms: NDArray[np.float64],
-        limit: int,
-    ) -> int:
+    def _advance_in_threads(self) -> int:
         """Run `advance` in all threads. Return the highest index of an environment with an error, or -1 for none."""
         assert self._pool is not None
         (_, first), *others = self._parts
-        given = [(which[part], starts[part], actions[part], uniforms[part], limit) for part, _ in self._parts]
-        waiting = [
-            self._pool.submit(batch_arrays.advance, *each)
-            for (_, batch_arrays), each in zip(others, given[1:], strict=True)
-        ]
-        failed = [first.advance(*given[0]), *(one.result() for one in waiting)]
+        waiting = [self._pool.submit(batch_arrays.advance) for _, batch_arrays in others]
+        failed = [first.advance(), *(one.result() for one in waiting)]
         places = zip(failed, self._parts, strict=True)
         return max(part.start + row if row >= 0 else -1 for row, (part, _) in places)
 
-    def _raise_error(self, row: int, action: int | None) -> None:
+    def _raise_error(self, row: int, action: int) -> None:
         """Mark an environment's episode as over, and raise the error that its state holds.
 
         The live engine repeats the step, or the beginning of the episode, to raise its own error. Errors that the live
@@ -204,7 +213,7 @@ class CompiledBatch:
 
         Args:
             row: the environment.
-            action: of the step; None if an episode was begun.
+            action: of the step; `BEGIN` if an episode was begun.
 
         Raises:
             RuleError, EvaluationError: always.
@@ -214,14 +223,14 @@ class CompiledBatch:
         member = int(self.members[row])
         if error not in CAPACITY_ERRORS:
             counterpart = self._live_counterpart(member)
-            begun = action is None or self.steps[row] == 0
+            begun = action == BEGIN
             batch_arrays = next(batch_arrays for part, batch_arrays in self._parts if row < part.stop)
             arrays = self.program.arrays
             before = arrays.ints[member] if begun else batch_arrays.failed_state[0][1]
             floats = arrays.floats[member] if begun else batch_arrays.failed_state[1][1]
             with counterpart.in_state(before, floats) as simulator:
                 uniform = float(self._drawn[row])
-                if action is None or begun:
+                if begun:
                     simulator.reset_with(uniform)
                 else:
                     simulator.step_with(action, uniform)

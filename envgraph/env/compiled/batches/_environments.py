@@ -3,24 +3,26 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import Any, Literal
+from itertools import zip_longest
+from typing import Any, Literal, Unpack
 
 import numpy as np
 from gymnasium.vector import AutoresetMode
+from gymnasium.vector.utils import concatenate, create_empty_array
 from numpy.typing import NDArray
 
-from envgraph.env._gymnasium import SingleEnvironment, check_render_mode, view_for
+from envgraph.env._gymnasium import SingleEnvironment, ViewOptions, check_render_mode, view_for
 from envgraph.env._model_views import ModelView
 from envgraph.env._observation_spaces import ComponentView, ObservationCache, ObservationKind
 from envgraph.env._simulator import SUCCESS
-from envgraph.env._vector_environments import Bools, Floats, Ints, VectorEnvironmentBase
+from envgraph.env._vector_environments import Bools, Floats, Ints, VectorEnvironmentBase, VectorOptions
 from envgraph.env.compiled.batches._batch import CompiledBatch
+from envgraph.env.compiled.kernels.step_kernels import BEGIN
 from envgraph.env.compiled.layout._batch_arrays import NO_RANDOM_NUMBERS
 from envgraph.env.compiled.layout._program_layout import TURN
 from envgraph.env.compiled.programs._compiled_program import CompiledProgram
 from envgraph.env.scene._pixels import scene_rgb
 from envgraph.env.scene._scene import Scene
-from envgraph.env.schedules import Schedule
 from envgraph.errors import InvalidArgument
 
 StreamMode = Literal["shared", "each"]
@@ -35,7 +37,8 @@ class CompiledEnv(SingleEnvironment):
     Args:
         program: the compiled behaviour.
         member: number of the member of the family.
-        render_mode, observation, cell, action_masks: as in `EnvgraphLiveEnv`.
+        observation: see `make_environment`; or a view over more members than these.
+        options: see `ViewOptions`.
     """
 
     def __init__(
@@ -43,19 +46,15 @@ class CompiledEnv(SingleEnvironment):
         program: CompiledProgram,
         member: int = 0,
         *,
-        render_mode: str | None = None,
         observation: ObservationKind | ModelView | None = None,
-        cell: int = 32,
-        action_masks: bool = False,
+        **options: Unpack[ViewOptions],
     ) -> None:
-        check_render_mode(render_mode, drawn=program.behaviour.draw is not None)
         view = view_for(observation, program, [each.model for each in program.members])
-        super().__init__(program.action_names, view, render_mode, cell, action_masks)
-        self._action = np.zeros(1, dtype=np.int64)
+        super().__init__(program.action_names, view, program.behaviour.draw is not None, **options)
         self._source: np.random.Generator | None = None
-        self._one = np.ones(1, dtype=np.bool_)
         self._memory = ObservationCache()
-        self._batch = CompiledBatch(program, [member])
+        self._is_one_hot = isinstance(view, ComponentView) and view.is_one_hot
+        self._batch = CompiledBatch(program, [member], has_flat=self._is_one_hot)
         self._names = program.agent_names(member)
 
     @property
@@ -64,7 +63,7 @@ class CompiledEnv(SingleEnvironment):
         return self._batch.program
 
     def _switch_member(self, member_data: CompiledProgram) -> None:
-        batch = CompiledBatch(member_data, [0])
+        batch = CompiledBatch(member_data, [0], has_flat=self._is_one_hot)
         batch.copy_streams(self._batch)
         self._batch, self._names, self._memory = batch, member_data.agent_names(0), ObservationCache()
 
@@ -79,40 +78,39 @@ class CompiledEnv(SingleEnvironment):
         if seed is not None or self.np_random is not self._source:
             self._source = self.np_random
             self._batch.seed([self._source])
-        self._batch.reset(self._one)
+        self._batch.actions[0] = BEGIN
+        self._batch.advance()
         self._begin_episode()
         return self._observations(), self._reset_info(self._info(success=False))
 
     def step(self, action: Any) -> tuple[Any, float, bool, bool, dict[str, Any]]:
         """Do an action. Return the observation, the reward, True if terminated, True if truncated, and the infos."""
-        self._action[0] = self._check_step(action)
+        if type(action) is not int or not self._is_running or not 0 <= action < self._action_count:
+            action = self._check_step(action)
         batch = self._batch
-        batch.step(self._action, resets_ended=False)
+        batch.actions[0] = action
+        batch.advance()
         self._steps += 1
         ended = batch.ended.item()
         self._is_running = not ended
-        return (
-            self._observations(),
-            batch.reward.item(),
-            ended > 0,
-            ended < 0,
-            self._info(success=ended == SUCCESS),
-        )
+        info = self._info(success=ended == SUCCESS)
+        return self._observations(), batch.reward.item(), ended > 0, ended < 0, info
 
     def _observations(self) -> Any:
-        view = self.view
+        view, batch = self.view, self._batch
         if not isinstance(view, ComponentView):
-            return _cached_observation(self._memory, view, self._batch, 0)
-        return (
-            self._batch.observation[0]
-            if view.kind == "index"
-            else view.from_components_cached(self._batch.components[0])
-        )
+            return _cached_observation(self._memory, view, batch, 0)
+        if view.kind == "index":
+            return batch.observation[0]
+        if view.is_one_hot or view.kind == "multi":
+            return (batch.flat if view.is_one_hot else batch.components)[0].copy()
+        return view.from_components_cached(batch.components[0])
 
     def _info(self, success: bool) -> dict[str, Any]:
-        info = {"step": self._steps, "success": success, "is_success": success}
-        names = self._names
-        return self._complete_info(info, names[int(self._batch.states[0, TURN])] if names else None)
+        info: dict[str, Any] = {"step": self._steps, "success": success, "is_success": success}
+        if self._names:
+            info["agent"] = self._names[self._batch.states[0, TURN]]
+        return self._complete_info(info)
 
     def _scene(self) -> Scene:
         with self._batch.live_simulator(0) as simulator:
@@ -128,12 +126,12 @@ class CompiledVectorEnv(VectorEnvironmentBase):
     Args:
         program: the compiled behaviour.
         members: numbers of members; all of them if None.
-        observation: "index", "multi", "flat", "dict", "image" or "graph"; or a view over more members than these.
+        observation: see `make_environment`; or a view over more members than these.
         streams: "shared": all environments sample from one generator, with the same results as `EnvgraphVectorEnv`.
             "each": a seed means the list of seeds [seed, seed + 1, ..], as in Gymnasium's `SyncVectorEnv`.
         threads: number of threads that step the environments; does not change results. Starting them takes about ten
             microseconds a step, so threads pay for thousands of environments. `close` ends them.
-        schedule: as in `EnvgraphVectorEnv`, as are the other arguments; its members are indices of `members`.
+        options: see `VectorOptions`; the members of a schedule are indices of `members`.
 
     Raises:
         InvalidArgument: a count, mode or member is not valid.
@@ -145,16 +143,12 @@ class CompiledVectorEnv(VectorEnvironmentBase):
         num_envs: int | None = None,
         *,
         members: Sequence[int] | None = None,
-        max_episode_steps: int | None = None,
-        render_mode: str | None = None,
         observation: ObservationKind | ModelView | None = None,
-        autoreset_mode: AutoresetMode | str = AutoresetMode.NEXT_STEP,
         streams: StreamMode = "shared",
         threads: int = 1,
-        schedule: Schedule | None = None,
-        action_masks: bool = False,
+        **options: Unpack[VectorOptions],
     ) -> None:
-        check_render_mode(render_mode, ("rgb_array",), drawn=program.behaviour.draw is not None)
+        check_render_mode(options.get("render_mode"), ("rgb_array",), drawn=program.behaviour.draw is not None)
         chosen = np.arange(len(program.members)) if members is None else np.asarray(members, dtype=np.int64)
         if not len(chosen) or not ((chosen >= 0) & (chosen < len(program.members))).all():
             raise InvalidArgument(f"`members` must be one or more numbers from 0 to {len(program.members) - 1}")
@@ -164,24 +158,18 @@ class CompiledVectorEnv(VectorEnvironmentBase):
             raise InvalidArgument(f"`threads` is {threads}, but must be at least 1")
         count = len(chosen) if num_envs is None else num_envs
         which = chosen[np.arange(max(count, 0)) % len(chosen)]
-        self._batch = CompiledBatch(program, which, threads)
-        super().__init__(
-            count,
-            len(program.action_names),
-            view_for(observation, program, [each.model for each in program.members]),
-            max_episode_steps=max_episode_steps,
-            render_mode=render_mode,
-            autoreset_mode=autoreset_mode,
-            members=len(chosen),
-            schedule=schedule,
-            action_masks=action_masks,
-        )
+        view = view_for(observation, program, [each.model for each in program.members])
+        has_flat = isinstance(view, ComponentView) and view.is_one_hot
+        self._batch = CompiledBatch(program, which, threads, has_flat=has_flat)
+        super().__init__(count, len(program.action_names), view, len(chosen), **options)
         self.program = program
         self._members = chosen
         self._memory = ObservationCache()
         self._each_by_default = streams == "each"
         self._steps, self._is_done = self._batch.steps, self._batch.over
-        self._names = {one: np.array(program.agent_names(one), dtype=object) for one in chosen.tolist()}
+        used = {*chosen.tolist()}
+        names = [program.agent_names(one) if one in used else () for one in range(len(program.members))]
+        self._names = np.array([*zip_longest(*names)], dtype=object)  # [turns, members]
 
     def _seed_streams(self, generators: Sequence[np.random.Generator | None]) -> None:
         self._batch.seed(generators)
@@ -201,20 +189,14 @@ class CompiledVectorEnv(VectorEnvironmentBase):
         self._batch.members[mask] = self._members[members[mask]]
 
     def _reset_environments(self, mask: Bools) -> None:
-        self._batch.reset(mask.copy(), self._numbers())
+        self._batch.reset(mask, self._numbers())
 
     def _step_environments(self, actions: Ints) -> tuple[Floats, Ints, Bools]:
-        batch = self._batch
+        batch, limit = self._batch, self.max_episode_steps or 0
         again = self.autoreset_mode is AutoresetMode.NEXT_STEP
         uniforms = self._numbers()
         starts = self._numbers() if again and self._is_done.any() else NO_RANDOM_NUMBERS
-        batch.step(
-            actions.astype(np.int64, copy=False),
-            resets_ended=again,
-            limit=self.max_episode_steps or 0,
-            uniforms=uniforms,
-            starts=starts,
-        )
+        batch.step(actions, resets_ended=again, limit=limit, uniforms=uniforms, starts=starts)
         # The batch replaces its arrays when it makes space for new objects.
         self._steps, self._is_done = batch.steps, batch.over
         return batch.reward.copy(), batch.ended.copy(), batch.cut.copy()
@@ -222,18 +204,17 @@ class CompiledVectorEnv(VectorEnvironmentBase):
     def _observations(self) -> Any:
         view, batch = self.view, self._batch
         if isinstance(view, ComponentView):
-            index, parts = batch.observation.copy(), batch.components.copy()
-            return index if view.kind == "index" else view.from_components(parts)
+            if view.kind == "index":
+                return batch.observation.copy()
+            return batch.flat.copy() if view.is_one_hot else view.from_components(batch.components.copy())
         seen = [_cached_observation(self._memory, view, batch, place) for place in range(self.num_envs)]
-        return np.stack(seen) if isinstance(seen[0], np.ndarray) else tuple(seen)
+        batched: Any = create_empty_array(view.space, self.num_envs)
+        return concatenate(view.space, seen, batched)
 
     def _own_infos(self) -> dict[str, NDArray[Any]]:
         if not self.program.behaviour.agents or self.program.behaviour.together:
             return {}
-        turns = self._batch.states[:, TURN]
-        members = self._batch.members.tolist()
-        acting = [self._names[one][turn] for one, turn in zip(members, turns.tolist(), strict=True)]
-        return {"agent": np.array(acting, dtype=object)}
+        return {"agent": self._names[self._batch.states[:, TURN], self._batch.members]}
 
     def render(self) -> tuple[NDArray[np.uint8], ...] | None:
         """Return a picture of each environment, or None without a render mode."""
@@ -254,4 +235,4 @@ def _cached_observation(memory: ObservationCache, view: ModelView, batch: Compil
             return view.observe(simulator)
 
     key = int(batch.members[row]), batch.states[row].tobytes(), batch.float_states[row].tobytes()
-    return memory.get(key, make)
+    return view.present(memory.get(key, make))

@@ -21,7 +21,6 @@ from numpy.typing import NDArray
 
 from envgraph.env._flat_observations import FlatLayout, FloatRange
 from envgraph.env.compiled.layout._batch_arrays import (
-    NO_ACTIONS,
     NO_RANDOM_NUMBERS,
     BatchArrays,
     EnvironmentRows,
@@ -36,10 +35,10 @@ FOLDER = Path(__file__).parent
 ABOUT: dict[str, Any] = (
     json.loads((FOLDER / "about.json").read_text("utf-8")) if (FOLDER / "about.json").exists() else {}
 )
-SHAPE = [FloatRange(*one) if isinstance(one, list) else one for one in ABOUT.get("observation_shape", [])]
+SHAPE = [FloatRange(*one) if isinstance(one, list) else one for one in ABOUT.get("observation_shape") or [1]]
 FLAT = FlatLayout(SHAPE)
 DEFAULT_KIND = "flat" if FLAT.floats else "index"
-ERROR, TURN, SUCCESS = 0, 1, 1
+ERROR, TURN, SUCCESS, BEGIN = 0, 1, 1, -1
 SHARED_STREAM, OWN_STREAMS = "shared", "each"
 
 
@@ -103,7 +102,8 @@ class Environments:
             if self._each:
                 seeds = [None if seed is None else seed + place for place in range(self.num_envs)]
                 batch.rows.streams[:] = generator_states([np.random.default_rng(one) for one in seeds])
-        batch.advance(np.ones(self.num_envs, dtype=np.bool_), self._draw_uniforms(), NO_ACTIONS, NO_RANDOM_NUMBERS, 0)
+        batch.rows.actions[:] = BEGIN
+        batch.advance(self._draw_uniforms())
         return batch.observed(self._kind), self._infos()
 
     def step(
@@ -125,9 +125,10 @@ class Environments:
         chosen = _checked_actions(actions, self.num_envs)
         if self._random is None:
             raise ValueError("call `reset` before `step`")
-        uniforms = self._draw_uniforms()
-        starts = self._draw_uniforms() if batch.rows.over.any() else NO_RANDOM_NUMBERS
-        batch.advance(batch.rows.over, starts, chosen, uniforms, self._limit)
+        uniforms, over = self._draw_uniforms(), batch.rows.over
+        starts = self._draw_uniforms() if over.any() else uniforms
+        batch.rows.actions[:] = np.where(over, BEGIN, chosen)
+        batch.advance(uniforms if self._each else np.where(over, starts, uniforms), self._limit)
         terminated, truncated = batch.rows.ended > 0, batch.rows.cut.copy()
         return batch.observed(self._kind), batch.rows.reward.copy(), terminated, truncated, self._infos()
 
@@ -159,8 +160,8 @@ def begin(members: Sequence[int], uniforms: Sequence[float]) -> tuple[State, NDA
         The states, and observations: indices [n], or if floats are observed, vectors [n, entries].
     """
     batch = _BatchState(np.asarray(members, dtype=np.int64))
-    which = np.ones(len(batch.members), dtype=np.bool_)
-    batch.advance(which, np.asarray(uniforms, dtype=np.float64), NO_ACTIONS, NO_RANDOM_NUMBERS, 0)
+    batch.rows.actions[:] = BEGIN
+    batch.advance(np.asarray(uniforms, dtype=np.float64))
     return batch.state(), batch.observed(DEFAULT_KIND)
 
 
@@ -180,9 +181,8 @@ def step(
     """
     batch = _BatchState(state.members)
     batch.rows.ints[:], batch.rows.floats[:] = state.ints, state.floats
-    chosen = _checked_actions(actions, len(state.members))
-    which = np.zeros(len(chosen), dtype=np.bool_)
-    batch.advance(which, NO_RANDOM_NUMBERS, chosen, np.asarray(uniforms, dtype=np.float64), 0)
+    batch.rows.actions[:] = _checked_actions(actions, len(state.members))
+    batch.advance(np.asarray(uniforms, dtype=np.float64))
     return batch.state(), batch.observed(DEFAULT_KIND), batch.rows.reward, batch.rows.ended
 
 
@@ -194,19 +194,24 @@ class _BatchState:
         self.members = members
         self.rows = rows or zero_rows(len(members), arrays, len(SHAPE))
         space = ABOUT["capacity"] * ABOUT["levels"], ABOUT["width"]
-        self._batch = BatchArrays(arrays, members, self.rows, space, program.advance, native=program.NATIVE)
+        self._batch = BatchArrays(arrays, members, self.rows, space, SHAPE, program.advance, native=program.NATIVE)
 
     def __reduce__(self) -> tuple[type[_BatchState], tuple[NDArray[np.int64], EnvironmentRows]]:
         """Return a constructor call for pickle, without the program, which holds memory addresses of its arrays."""
         return _BatchState, (self.members, self.rows)
 
-    def advance(self, *arguments: Any) -> None:
-        """Begin episodes in the environments that the first argument marks, and do a step in the others.
+    def advance(self, uniforms: NDArray[np.float64], limit: int = 0) -> None:
+        """Step the environments with the actions in `rows.actions`; the action `BEGIN` begins an episode.
+
+        `uniforms` are the random numbers; if empty, each environment samples from its own stream.
 
         Raises:
             RuntimeError: a rule cannot be applied, or an expression has no value.
         """
-        failed = self._batch.advance(*arguments)
+        if len(uniforms):
+            self.rows.drawn[:] = uniforms
+        self._batch.settings[1:] = len(uniforms) > 0, limit
+        failed = self._batch.advance()
         if failed >= 0:
             error = ABOUT["errors"][str(self.rows.ints[failed, ERROR])]
             raise RuntimeError(f"environment {failed}: {error}")
@@ -241,9 +246,9 @@ def _member_number(member: int | str, names: Sequence[str]) -> int:
     return member
 
 
-def _checked_actions(actions: Any, count: int) -> NDArray[np.int64]:
+def _checked_actions(actions: Any, count: int) -> NDArray[Any]:
     chosen = np.asarray(actions)
     most = len(ABOUT["actions"])
     if chosen.shape != (count,) or not ((chosen >= 0) & (chosen < most)).all():
         raise ValueError(f"`actions` must be {count} numbers from 0 to {most - 1}")
-    return chosen.astype(np.int64, copy=False)
+    return chosen

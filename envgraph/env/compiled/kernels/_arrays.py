@@ -214,16 +214,20 @@ TABLES, REALS = Matrix(types.int32, True), Matrix(types.float64, True)
 INTS, FLOATS, WORDS = (Matrix(each, False) for each in (types.int64, types.float64, types.uint64))
 INT, FLOAT, BOOL = (Vector(each, False) for each in (types.int64, types.float64, types.bool_))
 GIVEN = TABLES, REALS, Vector(types.int64, True), INTS, FLOATS, INTS, FLOATS, FLOAT, INT, INTS, FLOATS, WORDS
-BATCH = types.Tuple((*GIVEN, INTS, INT, BOOL, INT, FLOAT, INT, BOOL, FLOAT, INTS, FLOATS))
+HOT, COLUMNS = Matrix(types.float32, False), Vector(types.int64, True)
+BATCH = types.Tuple((*GIVEN, INTS, INT, BOOL, INT, FLOAT, INT, BOOL, FLOAT, INT, HOT, INTS, FLOATS, COLUMNS, INT))
 """The types of the arrays of a batch, in the order of `BatchArrays`."""
 
 
 @intrinsic
-def arrays_at(typing, addresses):
-    """Return a tuple of the arrays of a batch. Each row of `addresses` holds the address and the shape of an array."""
+def arrays_at(typing, address):
+    """Return a tuple of the arrays of a batch. `address` is that of a table with the address and shape of each array.
+
+    Programs are given the address alone, because numba takes longer to unpack an array.
+    """
 
     def code(context, builder, sig, args):
-        numbers = data_and_shape(context, builder, addresses, args[0])[0]
+        numbers = builder.inttoptr(args[0], ir.IntType(64).as_pointer())
         found = []
         for row, type_ in enumerate(BATCH):
             address, width = (
@@ -235,7 +239,7 @@ def arrays_at(typing, addresses):
             found.append(emit_matrix(context, builder, type_, first, width) if held is not type_ else first)
         return context.make_tuple(builder, BATCH, found)
 
-    return BATCH(addresses), code
+    return BATCH(types.int64), code
 
 
 # --- bits

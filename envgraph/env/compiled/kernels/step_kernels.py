@@ -21,6 +21,8 @@ NAN, INFINITY = nan, inf
 FAILED, REFUSED, OVERFLOW, FULL = 1, 2, 3, 5
 """Error codes of an environment: a missing value or another error that ends a run, a refused rule, too many rows, or
 too many created objects."""
+BEGIN, SKIP = -1, -2
+"""Entries of `A` that are not actions: begin an episode, and leave the environment as it is."""
 NO_INT, INT_LIMIT = -(2**63), 2.0**63
 """Represents a missing int; and the smallest float that is larger than all ints."""
 WHOLE = 2**32 - 1
@@ -347,24 +349,26 @@ def reset_one(T, G, L, K, S, F, RI, RF, D, e, m, S0, F0):
     begin(T[m], G[m], L, K, S[e], F[e], RI, RF, D, 0)
 
 
-def advance(W, WHICH, STARTS, A, UNIFORM, LIMIT):
-    """Reset the environments marked in `WHICH`, and step the others with actions `A`; without actions, only reset.
+def advance(W):
+    """Step each environment with its action in `A`: `BEGIN` begins an episode, and `SKIP` changes nothing.
 
-    Random numbers are taken from `STARTS` and `UNIFORM`, or, if these are empty, from the streams `R`. Returns the last
-    environment with an error, or -1; the second row of `B` and `BF` is its state before the step.
+    `Q` holds the number of environments, 1 if `U` contains random numbers or 0 if they are sampled from the streams `R`
+    into `U`, and the limit of steps, or 0. `J` holds the first column of each component in the one-hot rows `HOT`.
+    Returns the last environment with an error, or -1; the second row of `B` and `BF` is its state before the step.
     """
-    T, G, L, S, F, RI, RF, D, M, S0, F0, R, C, STEPS, OVER, OBS, REWARD, END, CUT, U, B, BF = arrays_at(W)
+    T, G, L, S, F, RI, RF, D, M, S0, F0, R, C, STEPS, OVER, OBS, REWARD, END, CUT, U, A, HOT, B, BF, J, Q = arrays_at(W)
     failed = -1
     K = places(L)
-    for e in range(len(WHICH)):
+    hot = width(C) if width(HOT) > 0 else 0
+    count, given, limit = Q[0], Q[1], Q[2]
+    for e in range(count):
         m = M[e]
-        begins = WHICH[e]
-        if not begins and len(A) == 0:
+        if A[e] == SKIP:
             continue
-        given = STARTS if begins else UNIFORM
-        D[0] = given[e] if len(given) else uniform(R, e)
-        U[e] = D[0]
-        if begins:
+        if given == 0:
+            U[e] = uniform(R, e)
+        D[0] = U[e]
+        if A[e] == BEGIN:
             reset_one(T, G, L, K, S, F, RI, RF, D, e, m, S0, F0)
             STEPS[e] = 0
             OVER[e] = False
@@ -379,11 +383,15 @@ def advance(W, WHICH, STARTS, A, UNIFORM, LIMIT):
             REWARD[e], end, _ = step_one(T[m], G[m], L, K, S[e], F[e], RI, RF, D, 0, A[e])
             END[e] = end
             STEPS[e] += 1
-            cut = end < 0 or (LIMIT > 0 and STEPS[e] >= LIMIT)
+            cut = end < 0 or (limit > 0 and STEPS[e] >= limit)
             CUT[e] = cut
             OVER[e] = end > 0 or cut
         if S[e, 0] == 0:
+            for column in range(hot):
+                HOT[e, J[column] + C[e, column]] = 0.0
             OBS[e] = look(T[m], G[m], L, K, S[e], F[e], RI, RF, D, 0, C[e])
+            for column in range(hot):
+                HOT[e, J[column] + C[e, column]] = 1.0
         if S[e, 0] != 0:
             failed = e
             for column in range(width(S)):

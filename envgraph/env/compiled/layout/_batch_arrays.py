@@ -11,7 +11,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-NO_RANDOM_NUMBERS, NO_ACTIONS = np.zeros(0), np.zeros(0, dtype=np.int64)
+NO_RANDOM_NUMBERS = np.zeros(0)
 
 
 class FamilyArrays(NamedTuple):
@@ -36,7 +36,13 @@ class FamilyArrays(NamedTuple):
 
 
 class EnvironmentRows(NamedTuple):
-    """The arrays of a batch of environments; each array has one row for each environment."""
+    """The arrays of a batch of environments; each array has one row for each environment.
+
+    Attributes:
+        drawn: the random number of the last step; `advance` takes its numbers from there, or stores them there.
+        actions: the next action of each environment, or `BEGIN` or `SKIP` of `step_kernels`.
+        flat: the components as one-hot vectors, one after the other; without columns if they are not needed.
+    """
 
     ints: NDArray[np.int64]
     floats: NDArray[np.float64]
@@ -49,14 +55,16 @@ class EnvironmentRows(NamedTuple):
     ended: NDArray[np.int64]
     cut: NDArray[np.bool_]
     drawn: NDArray[np.float64]
+    actions: NDArray[np.int64]
+    flat: NDArray[np.float32]
 
 
-def zero_rows(count: int, arrays: FamilyArrays, components: int) -> EnvironmentRows:
-    """Return zeroed arrays for `count` environments, with `components` components of an observation."""
+def zero_rows(count: int, arrays: FamilyArrays, components: int, flat: int = 0) -> EnvironmentRows:
+    """Return zeroed arrays for `count` environments, with a number of components, and of columns of `flat`."""
     ints, floats = arrays.ints.shape[1], arrays.floats.shape[1]
-    widths = {"ints": (ints,), "floats": (floats,), "streams": (4,), "components": (components,)}
-    reals, truths = ("floats", "reward", "drawn"), ("over", "cut")
-    kinds = {"streams": np.uint64} | dict.fromkeys(reals, np.float64) | dict.fromkeys(truths, np.bool_)
+    widths = {"ints": (ints,), "floats": (floats,), "streams": (4,), "components": (components,), "flat": (flat,)}
+    reals, truths = dict.fromkeys(("floats", "reward", "drawn"), np.float64), dict.fromkeys(("over", "cut"), np.bool_)
+    kinds = {"streams": np.uint64, "flat": np.float32} | reals | truths
     return EnvironmentRows._make(
         np.zeros((count, *widths.get(name, ())), kinds.get(name, np.int64)) for name in EnvironmentRows._fields
     )
@@ -75,12 +83,15 @@ class BatchArrays:
         members: the number of the member of each environment.
         rows: the arrays of the environments.
         space: the numbers of rows and columns of the row buffers.
+        sizes: the numbers of values of the components of an observation.
         function: `advance` of the program.
         native: True if `function` takes addresses of arrays.
 
     Attributes:
         failed_state: two arrays (ints, floats); their second row is the state before the last step that failed.
-        advance: resets or steps the environments; returns the last environment with an error, or -1.
+        settings: int64 [3]: the number of environments; 1 if the next random numbers are in `drawn`, or 0 if they are
+            sampled from the streams; the limit of steps, or 0.
+        advance: steps the environments with their `actions`; returns the last environment with an error, or -1.
     """
 
     def __init__(
@@ -89,6 +100,7 @@ class BatchArrays:
         members: NDArray[np.int64],
         rows: EnvironmentRows,
         space: tuple[int, int],
+        sizes: Sequence[int],
         function: Callable[..., int],
         *,
         native: bool,
@@ -98,9 +110,13 @@ class BatchArrays:
         self.failed_state = first, second
         fixed = arrays.tables_for(native), arrays.reals, arrays.offsets
         work = *zero_row_buffers(space), np.zeros(2)
-        self._arrays = (*fixed, ints, floats, *work, members, *arrays[3:], *others, *self.failed_state)
-        self._given: Any = _addresses(self._arrays) if native else self._arrays
-        self.advance: Callable[..., int] = partial(function, self._given)
+        columns = np.cumsum([0, *sizes])
+        self.settings = np.array([len(members), 0, 0])
+        batch = ints, floats, *work, members, *arrays[3:], *others, *self.failed_state
+        self._arrays = (*fixed, *batch, columns, self.settings)
+        self._addresses = _addresses(self._arrays)
+        self._given: Any = self._addresses.ctypes.data if native else self._arrays
+        self.advance: Callable[[], int] = partial(function, self._given)
 
     def call_function(self, function: Callable[..., Any], *arguments: Any) -> Any:
         """Call another function of the program with the arrays of the environments."""

@@ -33,7 +33,7 @@ from envgraph.env.compiled.layout._member_data import NO_OBJECT, MemberData, Sha
 from envgraph.env.compiled.layout._not_compiled import AssumptionViolated
 from envgraph.env.compiled.layout._program_layout import ProgramLayout
 from envgraph.env.compiled.programs._live_counterpart import LiveCounterpart
-from envgraph.env.compiled.steps._program_text import ProgramText, emit_program
+from envgraph.env.compiled.steps._program_text import emit_program
 from envgraph.errors import ResolutionError
 from envgraph.rewrite import Engine
 
@@ -63,6 +63,7 @@ class CompiledProgram:
         row_regions, row_width: the number of regions of the row buffers, and the number of columns of a row.
         native: True if numba compiles the program.
         spare: how many objects created by rules a state may contain.
+        acting_agents: the number of agents that act in the same step, 1 if agents take turns.
     """
 
     source: str
@@ -78,6 +79,7 @@ class CompiledProgram:
     row_width: int
     native: bool
     spare: int
+    acting_agents: int
 
     def functions_for(self, purpose: Purpose) -> Mapping[str, Callable[..., Any]]:
         """Return the functions for a purpose, by name; they are compiled at the first request."""
@@ -192,7 +194,22 @@ def program_of(
         if NO_OBJECT in strings.values():  # queries on the models have computed strings
             known.update(strings)
             continue
-        return _build_program(text, arrays, native, data, behaviour, keys, spare)
+        return CompiledProgram(
+            code.print_source(text.functions).text,
+            arrays,
+            text.action_names,
+            text.shape,
+            text.observation_names,
+            tuple(data),
+            text.layout,
+            behaviour,
+            keys,
+            text.levels,
+            text.width,
+            has_numba() if native is None else native,
+            spare,
+            len(seats) or 1,
+        )
 
 
 def compile_for_model(
@@ -233,34 +250,6 @@ def _joint_agents(behaviour: Behaviour, engine: Engine, keys: KeyIndex) -> tuple
     if behaviour.agents and not named:
         raise ResolutionError(unbound_names(behaviour, engine.model))
     return tuple((name, block) for name, (_, block) in named) if behaviour.together else ()
-
-
-def _build_program(
-    text: ProgramText,
-    arrays: FamilyArrays,
-    native: bool | None,
-    members: Sequence[MemberData],
-    behaviour: Behaviour,
-    keys: KeyIndex,
-    spare: int,
-) -> CompiledProgram:
-    source = code.print_source(text.functions).text
-    native = has_numba() if native is None else native
-    return CompiledProgram(
-        source,
-        arrays,
-        text.action_names,
-        text.shape,
-        text.observation_names,
-        tuple(members),
-        text.layout,
-        behaviour,
-        keys,
-        text.levels,
-        text.width,
-        native,
-        spare,
-    )
 
 
 def set_generator_state(generator: np.random.Generator, row: NDArray[np.uint64]) -> None:

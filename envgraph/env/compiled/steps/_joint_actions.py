@@ -48,8 +48,8 @@ class JointStepEmitter:
         self.observation_names = combined_component_names(clauses.behaviour, clauses.keys, seats)
 
     def emit_bodies(self) -> tuple[code.Body, code.Body, code.Body]:
-        """Return the bodies of three functions: a step, the test if a joint action is allowed, and the observations."""
-        return self._emit_step(), self._emit_joint_action_test(), self._emit_look()
+        """Return the bodies of three functions: a step, the test of an agent's action, and the observations."""
+        return self._emit_step(), self._emit_agent_action_test(), self._emit_look()
 
     def emit_begin(self, writer: FunctionEmitter) -> None:
         """Do nothing: agents that act together have no first agent."""
@@ -69,20 +69,26 @@ class JointStepEmitter:
             name = clauses.module.add_function("turn", (ACTION,), writer.all_statements())
         return (code.Return(emit_call(name, ACTION)),)
 
-    def _emit_joint_action_test(self) -> code.Body:
-        """Return the body of a test that each existing agent can do its part of a joint action, or can do nothing."""
+    def _emit_agent_action_test(self) -> code.Body:
+        """Return the body of a test if an agent can do an action; an agent whose object is missing can do all.
+
+        The number of the tested action is that of the agent times the number of actions, plus the agent's action.
+        """
         clauses = self._clauses
         may = [*map(clauses.emit_action_test, range(len(clauses.blocks)))]
         names = code.Constant(len(clauses.block_actions[0].names))
         with clauses.module.emitting_function():
             writer = clauses.new_writer(code.Return(ONE))
-            for block, node, digit in self._emit_agent_actions(writer):
-                there, other = self._emit_agent_exists(writer, node, block), clauses.module.new_local("a")
-                idle = [] if there is None else [code.emit_equal(there, ONE)]
-                idle.append(code.emit_equal(emit_call(may[block], node, digit), ZERO))
-                could = code.If(emit_call(may[block], node, other), (code.Return(ZERO),))
-                others = code.For(other, code.emit_call("range", names), (could,))
-                writer.append(code.If(code.emit_joined("and", idle, True), (others,)))
+            agent, own = (clauses.module.new_local(name) for name in ("agent", "a"))
+            writer.append_assignment(agent, code.emit_call("quotient", ACTION, names))
+            writer.append_assignment(own, code.Operation("%", (ACTION, names)))
+            for place, (_, block) in enumerate(self._seats):
+                node = self._emit_agent_object(writer, place)
+                there = self._emit_agent_exists(writer, node, block)
+                tests = [code.emit_equal(agent, code.Constant(place))]
+                tests += [] if there is None else [code.emit_equal(there, ONE)]
+                tested = code.Return(emit_call(may[block], node, own))
+                writer.append(code.If(code.emit_joined("and", tests, True), (tested,)))
             writer.append(code.Return(ONE))
             name = clauses.module.add_function("may", (ACTION,), writer.all_statements())
         return (code.Return(emit_call(name, ACTION)),)
