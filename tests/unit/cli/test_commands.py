@@ -887,8 +887,8 @@ def test_verify_computes_certificates_twice_and_reports_differences(
 
     whole = Family.explored
 
-    def damaged(family: Family, member: Any) -> Any:
-        found = whole(family, member)
+    def damaged(family: Family, member: Any, **options: Any) -> Any:
+        found = whole(family, member, **options)
         return replace(found, tabular=replace(found.tabular, reward=found.tabular.reward + 0.5))
 
     monkeypatch.setattr(Family, "explored", damaged)
@@ -901,11 +901,11 @@ def test_an_interrupted_verification_goes_on(envgraph: Envgraph, monkeypatch: py
     ok(envgraph(*DOORS, "--population", 3))
     whole, asked = Family.explored, list[str]()
 
-    def interrupted(family: Family, member: Any) -> Any:
+    def interrupted(family: Family, member: Any, **options: Any) -> Any:
         asked.append(member.name)
         if len(asked) == 2:
             raise KeyboardInterrupt
-        return whole(family, member)
+        return whole(family, member, **options)
 
     with monkeypatch.context() as patch:
         patch.setattr(Family, "explored", interrupted)

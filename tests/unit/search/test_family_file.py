@@ -83,8 +83,7 @@ def test_missing_and_unexpected_keys_are_reported(tmp_path: Path, text: str) -> 
     del document["roots"]
     document["root"] = []
     messages = [message for _, message in problems(tmp_path, json.dumps(document))]
-    assert "the document has no `roots`" in messages and len(messages) == 2
-    assert any("'root' was unexpected" in message for message in messages)
+    assert messages == ["the document has no `roots`", "unknown key `root`"]
 
 
 @pytest.mark.parametrize("number", ["NaN", "-Infinity", "1e999"])
