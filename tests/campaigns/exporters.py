@@ -249,8 +249,8 @@ def doors(said: str = "get to the goal") -> Family:
         SimpleNamespace(name="thing1", cls="Box", colour="red", place=(2, 1), inside="thing0"),
     ]
     level = SimpleNamespace(
-        mission=said, success_kind="goal", doors=[], things=things, rows=["####", "#..#", "#.G#", "####"],
-        start=(1, 2), facing="east", exit=None,
+        mission=said, success_kind="goal", doors=[], objects=things, rows=["####", "#..#", "#.G#", "####"],
+        start=(1, 2), start_direction="east", exit=None,
     )  # fmt: skip
     return of_texts("minigrid", {"level": level, "said": said, "id": said})
 
