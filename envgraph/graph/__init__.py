@@ -55,6 +55,7 @@ if TYPE_CHECKING:
         FeatureDefinition as FeatureDefinition,
         first_object_with_value as first_object_with_value,
     )
+    from envgraph.graph.store._followers import Follower as Follower
     from envgraph.graph.store._relation import ReferenceStorage as ReferenceStorage
     from envgraph.graph.store._store import Store as Store
     from envgraph.graph.store._undo_log import (

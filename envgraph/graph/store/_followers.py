@@ -1,9 +1,9 @@
-"""The protocol of listeners to changes of a model, and the list of interrupted writes that must be repaired."""
+"""The base class of listeners to changes of a model, and the list of interrupted writes that must be repaired."""
 
 from __future__ import annotations
 
 from collections.abc import Callable
-from typing import Any, Protocol
+from typing import Any
 
 
 class InterruptedWrites(list[Any]):
@@ -27,9 +27,18 @@ class InterruptedWrites(list[Any]):
 
     repair: Callable[[], None]
 
+    def run(self, function: Callable[..., None], *arguments: object) -> None:
+        """Call a function that writes; after an exception, end its work by another call, and raise the exception."""
+        try:
+            function(*arguments)
+        except BaseException:
+            self.append((function, arguments))
+            self.repair()
+            raise
 
-class Follower(Protocol):
-    """A listener that keeps its own data consistent with a model, as views do.
+
+class Follower:
+    """The base class of listeners that keep their own data consistent with a model, as views do.
 
     A follower is notified of changes through the callbacks that it registers in the store (`Relation.added` and
     `removing`, `Store.value_added` and `value_removing`, `class_added` and `class_removing`, `retyping`). `added`

@@ -158,12 +158,7 @@ def set_targets(graph: Graph, source: int, reference: Reference, targets: Sequen
     if len(old) == len(targets) and tuple(old) == tuple(targets):
         return
     if not targets:  # clearing is never refused, so no transaction is needed
-        try:
-            _clear_targets(graph, relation, source)
-        except BaseException:
-            graph.store.interrupted_writes.append((_clear_targets, (graph, relation, source)))
-            graph.store.interrupted_writes.repair()
-            raise
+        graph.store.interrupted_writes.run(_clear_targets, relation, source)
         return
     if len(targets) > relation.upper:
         raise refusals.full_reference_error(graph, source, reference)
@@ -173,7 +168,7 @@ def set_targets(graph: Graph, source: int, reference: Reference, targets: Sequen
         _replace_targets(graph, relation, source, targets)
 
 
-def _clear_targets(graph: Graph, relation: ReferenceStorage, source: int) -> None:
+def _clear_targets(relation: ReferenceStorage, source: int) -> None:
     for target in tuple(relation.forward[source]):
         relation.disconnect(source, target)
 

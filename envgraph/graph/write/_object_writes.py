@@ -86,20 +86,7 @@ def delete(graph: Graph, node: int, semantics: Semantics = "dpo") -> None:
     dangling = list(dangling_links(store, layout, tree)) if semantics == "dpo" else []
     if dangling:
         raise refusals.dangling_links_error(graph, node, dangling)
-    try:
-        _delete_tree(graph, tree)
-    except BaseException:
-        store.interrupted_writes.append(
-            (
-                _delete_tree,
-                (
-                    graph,
-                    tree,
-                ),
-            )
-        )
-        store.interrupted_writes.repair()
-        raise
+    store.interrupted_writes.run(_delete_tree, graph, tree)
 
 
 def _delete_tree(graph: Graph, tree: Sequence[int]) -> None:
@@ -149,12 +136,7 @@ def retype(graph: Graph, node: int, cls: str, lossy: bool = False) -> None:
     lost = list(links_in(node, forbidden))
     if lost and not lossy:
         raise refusals.lost_links_error(graph, node, cls, lost)
-    try:
-        _retype_object(graph, node, new, lost, dropped, gained)
-    except BaseException:
-        store.interrupted_writes.append((_retype_object, (graph, node, new, lost, dropped, gained)))
-        store.interrupted_writes.repair()
-        raise
+    store.interrupted_writes.run(_retype_object, graph, node, new, lost, dropped, gained)
 
 
 def _retype_object(

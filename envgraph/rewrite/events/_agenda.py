@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, overload
 
 from envgraph.code import shorten_repr
 from envgraph.errors import SHOWN, EvaluationError
-from envgraph.graph import guarded_contextmanager
+from envgraph.graph import Follower, guarded_contextmanager
 from envgraph.match import ViewMatcher
 from envgraph.rewrite._matches import Row
 from envgraph.rewrite.events._event_rules import Activation, EventRule
@@ -18,8 +18,12 @@ if TYPE_CHECKING:
     from envgraph.rewrite.engine._engine import Engine
 
 
-class ConflictSet:
-    """The event rules of an engine and their conflict set. A `Follower` of the model, notified after the matcher.
+class ConflictSet(Follower):
+    """The event rules of an engine and their conflict set. It follows the model, and is notified after the matcher.
+
+    It ignores savepoints and commits, because activations fire only when the outermost transaction ends; rollbacks,
+    because rolled back changes have never reached the conflict set; interruptions, because the matcher repairs its
+    matches itself; and loads, whose net change arrives with the next notification.
 
     Invariant: the conflict set is a heap in the order of firing. Activations with `live` False remain in the heap but
     do not belong to the conflict set.
@@ -183,9 +187,6 @@ class ConflictSet:
 
     # --- Follower
 
-    def process_pending(self) -> None:
-        """Do nothing before a savepoint or commit: activations fire only when the outermost transaction ends."""
-
     def on_release(self) -> None:
         """Fire pending activations after the outermost transaction or a commit, but not inside `muted`."""
         if not self._is_muted:
@@ -195,18 +196,6 @@ class ConflictSet:
         """Empty the conflict set, as the model was set to another version. Do nothing inside `hidden`."""
         if not self._is_hidden:
             self.drop_activations()
-
-    def on_rollback(self) -> None:
-        """Do nothing: rolled back changes have never reached the conflict set."""
-
-    def on_interruption(self) -> None:
-        """Do nothing: the matcher repairs its matches itself."""
-
-    def on_load_start(self) -> None:
-        """Do nothing before a model is loaded."""
-
-    def on_load_end(self) -> None:
-        """Do nothing after a model was loaded: its net change arrives with the next notification."""
 
 
 def _ignore_checkout(appeared: list[Row], disappeared: list[Row]) -> None:

@@ -7,7 +7,7 @@ from gc import collect
 from math import inf
 
 from envgraph.errors import EvaluationError, InvalidArgument
-from envgraph.graph import Model
+from envgraph.graph import Follower, Model
 from envgraph.match.demand._compiled_matcher import CompiledMatcher
 from envgraph.match.views.network._view_network import Network
 from envgraph.match.views.operators._materialized_view import RowOperator, unrecorded
@@ -20,7 +20,7 @@ GROWTH, LEAST = 4, 1000
 """The model is planned anew when it has `GROWTH` times as many objects as before, plus `LEAST`."""
 
 
-class WatchedViews:
+class WatchedViews(Follower):
     """The views of one matcher: a network of operators that follows the model and contains the watched patterns.
 
     A rollback or checkout restores the views without evaluating a query.
