@@ -87,11 +87,9 @@ class AssignmentReader:
         if (name, feature) in self._previous:
             earlier, where = self._previous[name, feature]
             if "=" in (operator, earlier):
-                notes = (Note("the first assignment is here", where),)
+                note = Note("the first assignment is here", where)
                 message = f"`{name}.{feature}` gets two values"
-                self.scope.problems.append(
-                    Diagnostic("duplicate-assignment", message, span, "leave one of the two out", notes=notes)
-                )
+                self.scope.error("duplicate-assignment", message, span, "leave one of the two out", note)
                 return None
         self._previous[name, feature] = operator, span
         return found

@@ -6,7 +6,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import field, replace
 
 from envgraph.code import dataclass
-from envgraph.errors import Diagnostic, Note, Span
+from envgraph.errors import Note, Span
 from envgraph.pattern import (
     Action,
     CreateAction,
@@ -248,10 +248,8 @@ class ActionReader:
             self.scope.warn("duplicate-action", f"`{name}` is deleted already", span, "leave one deletion out")
         elif name in self.changes.merge_spans:
             message = f"`{name}` is both deleted and changed"
-            notes = (Note("the other action is here", self.changes.merge_spans[name]),)
-            self.scope.problems.append(
-                Diagnostic("contradiction", message, span, "leave one of the two out", notes=notes)
-            )
+            note = Note("the other action is here", self.changes.merge_spans[name])
+            self.scope.error("contradiction", message, span, "leave one of the two out", note)
         else:
             self.changes.deletion_spans[name] = span
             self.scope.deleted[name] = None
@@ -413,14 +411,13 @@ class ActionReader:
         if earlier is None:
             return
         text = f"`{edge.source} -{edge.reference}-> {edge.target}`"
-        notes = (Note("the first action is here", earlier.span),)
+        note = Note("the first action is here", earlier.span)
         if key not in self.changes.redirected_edges and change == "deleted":
             self.scope.warn("duplicate-action", f"{text} is deleted already", edge.span, "leave one deletion out")
         else:
             word = "redirected" if key in self.changes.redirected_edges else "deleted"
             message = f"{text} is {word} already, and cannot be {change} " + ("again" if word == change else "too")
-            found = Diagnostic("duplicate-action", message, edge.span, "leave one of the two out", notes=notes)
-            self.scope.problems.append(found)
+            self.scope.error("duplicate-action", message, edge.span, "leave one of the two out", note)
 
     def _read_redirect(self, action: RedirectAction) -> None:
         edge = action.edge

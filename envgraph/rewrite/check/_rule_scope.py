@@ -8,6 +8,7 @@ from dataclasses import field
 from envgraph.code import dataclass
 from envgraph.errors import (
     Diagnostic,
+    Note,
     Severity,
     Span,
     did_you_mean,
@@ -94,9 +95,9 @@ class RuleScope:
 
     # --- problems
 
-    def error(self, code: str, message: str, span: Span | None, hint: str | None = None) -> None:
+    def error(self, code: str, message: str, span: Span | None, hint: str | None = None, *notes: Note) -> None:
         """Add an error to the diagnostics of the rule."""
-        self.problems.append(Diagnostic(code, message, span, hint))
+        self.problems.append(Diagnostic(code, message, span, hint, notes=notes))
 
     def warn(self, code: str, message: str, span: Span | None, hint: str | None = None) -> None:
         """Add a warning to the diagnostics of the rule."""
