@@ -62,6 +62,7 @@ class Library:
     """Patterns over one metamodel, checked together, with their types and their lowered forms.
 
     The meaning of a name in a registered pattern never changes: a pattern is removed together with its callers.
+    Methods that take a qualified name raise `InvalidArgument` if no pattern has it.
 
     Args:
         metamodel: the metamodel that defines classes and features.
@@ -156,11 +157,7 @@ class Library:
         self._checked = None
 
     def callees(self, qualified_name: str) -> tuple[str, ...]:
-        """Return the qualified names of the patterns that a pattern calls, or that define derived features it reads.
-
-        Raises:
-            InvalidArgument: no pattern has this name.
-        """
+        """Return the qualified names of the patterns that a pattern calls, or that define derived features it reads."""
         entry, defined = self._entry_of(qualified_name), self.definitions
         read = (defined[one.feature] for one in entry.reads if one.feature in defined)
         return tuple(dict.fromkeys((*entry.calls.values(), *read)))
@@ -214,44 +211,24 @@ class Library:
         return self._entries[calls[name]].pattern
 
     def get(self, qualified_name: str) -> Pattern:
-        """Return a registered or generated pattern.
-
-        Raises:
-            InvalidArgument: no pattern has this name.
-        """
+        """Return a registered or generated pattern."""
         return self._entry_of(qualified_name).pattern
 
     def parameter_types(self, qualified_name: str) -> tuple[StaticType, ...]:
-        """Return the types of the parameters, declared or inferred.
-
-        Raises:
-            InvalidArgument: no pattern has this name.
-        """
+        """Return the types of the parameters, declared or inferred."""
         return self._entry_of(qualified_name).known_types
 
     def inputs(self, qualified_name: str) -> tuple[int, ...]:
-        """Return the positions of `in` parameters that callers must bind, because the pattern does not enumerate them.
-
-        Raises:
-            InvalidArgument: no pattern has this name.
-        """
+        """Return the positions of `in` parameters that callers must bind: the pattern does not enumerate them."""
         return self._entry_of(qualified_name).inputs
 
     def relation_test(self, qualified_name: str, body: Body) -> Callable[[Relation], bool]:
-        """Return the method `BodyTypes.may_hold` of the given body of a registered pattern.
-
-        Raises:
-            InvalidArgument: no pattern has this name.
-        """
+        """Return the method `BodyTypes.may_hold` of the given body of a registered pattern."""
         entry = self._entry_of(qualified_name)
         return entry.bodies[entry.pattern.bodies.index(body)].allows_tuple
 
     def lowered_pattern(self, qualified_name: str) -> LoweredPattern:
-        """Return the lowered form of a registered or generated pattern. Its calls may name generated patterns.
-
-        Raises:
-            InvalidArgument: no pattern has this name.
-        """
+        """Return the lowered form of a registered or generated pattern. Its calls may name generated patterns."""
         if qualified_name not in self._lowered:
             self._lowered[qualified_name] = self._lower(self._entry_of(qualified_name))
         return self._lowered[qualified_name]
