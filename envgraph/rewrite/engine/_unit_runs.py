@@ -44,10 +44,7 @@ class EngineRuns:
 
     @property
     def rng(self) -> numpy.random.Generator:
-        """Return the random generator of all random choices, seeded with `seed` when it is first used. It can be set.
-
-        Without NumPy it is a `random.Random` with the same seed, which makes other choices.
-        """
+        """Return the random generator of all random choices; see `Engine.rng`."""
         if self._rng is None:
             try:
                 from numpy.random import default_rng

@@ -363,23 +363,20 @@ class GraphRule(RuleRunner):
 class ExactClassRule(GraphRule):
     """The runner of a rule whose LHS is one object of exactly one class: its matches are the objects of this class."""
 
-    def __init__(self, plan: RulePlan, model: Model, library: Library, matcher: Matcher, report: ReportLink) -> None:
-        super().__init__(plan, model, library, matcher, report)
-        assert plan.exact_class is not None
-        self._rows = ExtentRows(model.graph.exact_extent(plan.exact_class))
-
     def all_rows(self) -> Sequence[Row]:
         """Return all matches."""
-        return list(self._rows)
+        return list(self.live_rows())
 
     def rows_reader(self) -> FindRows:
         """Return a function that returns all matches in constant time."""
-        self._find_live = lambda: self._rows
+        assert self.plan.exact_class is not None
+        rows = ExtentRows(self.model.graph.exact_extent(self.plan.exact_class))
+        self._find_live = lambda: rows
         return self._find_live
 
     def exists(self, arguments: Mapping[str, object] = NO_ARGUMENTS) -> bool:
         """Return True if a match agrees with the arguments."""
-        return super().exists(arguments) if arguments else bool(self._rows)
+        return super().exists(arguments) if arguments else bool(self.live_rows())
 
 
 class ExtentRows(Sequence[Row]):
