@@ -112,68 +112,45 @@ class Tabular:
         self._check_distribution("start_probability", self.start_probability)
         bounded = bool((np.abs(self.reward) <= _MAX_STEP_REWARD).all())
         _require(
-            bounded,
-            f"`reward` has values outside of the range from {-_MAX_STEP_REWARD:g} to {_MAX_STEP_REWARD:g}",
+            bounded, f"`reward` has values outside of the range from {-_MAX_STEP_REWARD:g} to {_MAX_STEP_REWARD:g}"
         )
 
     def _check_shapes(self) -> None:
-        _require(self.next_state.ndim == 3, "`next_state` needs three axes: state, action, outcome")
-        _require(
-            0 not in self.next_state.shape,
-            "`next_state` needs at least one state, one action and one outcome",
-        )
+        shape, starts = self.next_state.shape, self.start_states.shape
+        _require(len(shape) == 3, "`next_state` needs three axes: state, action, outcome")
+        _require(0 not in shape, "`next_state` needs at least one state, one action and one outcome")
         for name in ("probability", "reward", "terminated"):
-            shape = getattr(self, name).shape
-            _require(
-                shape == self.next_state.shape,
-                f"`{name}` has shape {shape}, but `next_state` {self.next_state.shape}",
-            )
+            found = getattr(self, name).shape
+            _require(found == shape, f"`{name}` has shape {found}, but `next_state` {shape}")
         _require(self.observation.shape == (self.n_states,), "`observation` needs one value for each state")
-        starts = self.start_states.shape
         _require(len(starts) == 1 and starts[0] > 0, "`start_states` needs one axis and at least one state")
         _require(self.start_probability.shape == starts, "`start_probability` needs one value for each start state")
         _require(len(self.action_names) == self.n_actions, "`action_names` needs one name for each action")
         _require(len(set(self.action_names)) == self.n_actions, "`action_names` contains a name twice")
-        size = prod(self.observation_shape)
-        _require(
-            size == self.n_observations,
-            f"`observation_shape` gives {size} observations, `n_observations` is {self.n_observations}",
-        )
-        names, count = self.observation_names, len(self.observation_shape)
-        _require(
-            not names or len(set(names)) == count,
-            "`observation_names` needs one distinct name for each component",
-        )
-        _require(
-            (self.turn is None) == (not self.agent_names),
-            "`turn` must be given if and only if `agent_names` is not empty",
-        )
+        size, count = prod(self.observation_shape), self.n_observations
+        _require(size == count, f"`observation_shape` gives {size} observations, `n_observations` is {count}")
+        names = self.observation_names
+        fits = not names or len(set(names)) == len(self.observation_shape)
+        _require(fits, "`observation_names` needs one distinct name for each component")
+        both = (self.turn is None) == (not self.agent_names)
+        _require(both, "`turn` must be given if and only if `agent_names` is not empty")
         if self.turn is not None:
             _require(self.turn.shape == (self.n_states,), "`turn` needs one agent for each state")
         if self.allowed is not None:
-            _require(self.allowed.shape == self.next_state.shape[:2], "`allowed` needs the shape [states, actions]")
+            _require(self.allowed.shape == shape[:2], "`allowed` needs the shape [states, actions]")
             _require(bool(self.allowed.any(axis=1).all()), "`allowed` has a state without an allowed action")
 
     def _check_indices(self) -> None:
         _require(_all_in_range(self.next_state, self.n_states), "`next_state` contains a state that does not exist")
-        _require(
-            _all_in_range(self.start_states, self.n_states),
-            "`start_states` contains a state that does not exist",
-        )
-        _require(
-            len(np.unique(self.start_states)) == len(self.start_states),
-            "`start_states` contains a state twice",
-        )
-        _require(
-            _all_in_range(self.observation, self.n_observations),
-            "`observation` has a value outside of 0..`n_observations` - 1",
-        )
+        _require(_all_in_range(self.start_states, self.n_states), "`start_states` contains a state that does not exist")
+        distinct = len(np.unique(self.start_states)) == len(self.start_states)
+        _require(distinct, "`start_states` contains a state twice")
+        observed = _all_in_range(self.observation, self.n_observations)
+        _require(observed, "`observation` has a value outside of 0..`n_observations` - 1")
         _require(_all_in_range(self.terminated + 1, 4), "`terminated` must contain only 0, 1, 2 and -1")
         if self.turn is not None:
-            _require(
-                _all_in_range(self.turn, len(self.agent_names)),
-                "`turn` contains an agent that does not exist",
-            )
+            acting = _all_in_range(self.turn, len(self.agent_names))
+            _require(acting, "`turn` contains an agent that does not exist")
 
     @staticmethod
     def _check_distribution(name: str, values: NDArray[np.float64]) -> None:
