@@ -24,12 +24,9 @@ from envgraph.env._prepared_clauses import (
 )
 from envgraph.errors import LIMITS, Diagnostic, EvaluationError, InvalidArgument, ResolutionError
 from envgraph.graph import Model
-from envgraph.match import Row
 
 _Clause = tuple[PreparedOnFind | None, Reward | None, NameValues, list[int]]
 """A clause of a step: its condition, or None, its reward, the values of names, and the sums that it is added to."""
-
-_ONE_ROW: tuple[Row] = ((),)
 
 
 class AgentStepper:
@@ -120,7 +117,7 @@ class AgentStepper:
         ends, total = [0], 0.0
         pending: list[PendingMatch] = []
         for effect, reward, scope, accounts in clauses:
-            for row in _ONE_ROW if effect is None else effect.matches():
+            for row in ((),) if effect is None else effect.matches():
                 if reward is not None:
                     gain = reward(effect.match_scope(scope, row) if effect and row else scope)
                     for account in accounts:

@@ -30,9 +30,6 @@ _PETTINGZOO: Any = import_module("pettingzoo") if find_spec("pettingzoo") else N
 _AEC: Any = _PETTINGZOO.AECEnv if _PETTINGZOO else object  # a missing package is reported when an environment is made
 _PARALLEL: Any = _PETTINGZOO.ParallelEnv if _PETTINGZOO else object
 
-_IGNORED_OPTION = "options"
-"""An ignored reset option, which PettingZoo's own tests pass."""
-
 
 class _MultiAgentEnvironment(FamilyEnvironment):
     """The base class of both kinds of environments: agents, observations, and pictures.
@@ -131,8 +128,8 @@ class _MultiAgentEnvironment(FamilyEnvironment):
         self.simulator.close()
 
     def _begin_episode(self, seed: int | None, options: dict[str, Any] | None) -> None:
-        given = {name: value for name, value in (options or {}).items() if name != _IGNORED_OPTION}
-        self._apply_options(given)
+        # PettingZoo's own tests pass an option "options".
+        self._apply_options({name: value for name, value in (options or {}).items() if name != "options"})
         if seed is not None or self._random is None:
             self._random, _ = seeding.np_random(seed)
         self.simulator.reset(self._random)
@@ -148,6 +145,9 @@ class _MultiAgentEnvironment(FamilyEnvironment):
         gone = self.simulator.agents.is_deleted
         over = {name: end > 0 or gone(self._number[name]) for name in self.agents}
         return reward, end, over, end < 0 or (self._limit is not None and self._steps >= self._limit)
+
+    def _infos(self, success: bool) -> dict[str, dict[str, Any]]:
+        return {name: self._info(name, success) for name in self.agents}
 
     def _info(self, agent: str, success: bool) -> dict[str, Any]:
         info: dict[str, Any] = {"step": self._steps, "success": success}
@@ -184,10 +184,8 @@ class TurnEnv(_MultiAgentEnvironment, _AEC):  # type: ignore[misc]
         self._cumulative_rewards = dict.fromkeys(self.agents, 0.0)
         self.terminations = dict.fromkeys(self.agents, False)
         self.truncations = dict.fromkeys(self.agents, False)
-        self.infos: dict[str, dict[str, Any]] = {name: {} for name in self.agents}
         self.agent_selection = self.possible_agents[self.simulator.turn]
-        self._update_infos(success=False)
-        self.infos = {name: self._reset_info(info) for name, info in self.infos.items()}
+        self.infos = {name: self._reset_info(info) for name, info in self._infos(success=False).items()}
 
     def step(self, action: Any) -> None:
         """Do the action of `agent_selection`; for an agent that is over, the action must be None, and removes it."""
@@ -202,13 +200,9 @@ class TurnEnv(_MultiAgentEnvironment, _AEC):  # type: ignore[misc]
         self.terminations = over
         self.truncations = dict.fromkeys(self.agents, cut)
         self.agent_selection = self.possible_agents[self.simulator.turn]
-        self._update_infos(success=end == SUCCESS)
+        self.infos |= self._infos(success=end == SUCCESS)
         self._accumulate_rewards()
         self._deads_step_first()
-
-    def _update_infos(self, success: bool) -> None:
-        for name in self.agents:
-            self.infos[name] = self._info(name, success)
 
 
 class TogetherEnv(_MultiAgentEnvironment, _PARALLEL):  # type: ignore[misc]
@@ -262,9 +256,6 @@ class TogetherEnv(_MultiAgentEnvironment, _PARALLEL):  # type: ignore[misc]
 
     def _observations(self) -> dict[str, Any]:
         return {name: self.observe(name) for name in self.agents}
-
-    def _infos(self, success: bool) -> dict[str, dict[str, Any]]:
-        return {name: self._info(name, success) for name in self.agents}
 
 
 def _wrong_kind_error(simulator: Simulator, wanted_function: str | None) -> InvalidArgument:

@@ -49,6 +49,7 @@ class CompiledBatch:
 
     Attributes:
         states, float_states: int64 and float64 [n, ..]; a row is the whole state of an environment except `steps`.
+        streams: uint64 [n, 4], the states of the random streams.
         steps: int64 [n], steps since the episode began.
         over: bool [n], True if the episode has terminated, was truncated, or stopped at an error.
         observation: int64 [n]; components: int64 [n, ..]; flat: float32 [n, ..], the components as one-hot vectors.
@@ -70,7 +71,7 @@ class CompiledBatch:
         self.members = np.array(members, dtype=np.int64)
         n, arrays, sizes = len(self.members), program.arrays, program.observation_shape or (1,)
         self._rows = rows = rows or zero_rows(n, arrays, len(sizes), sum(sizes) if has_flat else 0)
-        self.states, self.float_states, self._streams, self.components = rows[:4]
+        self.states, self.float_states, self.streams, self.components = rows[:4]
         self.steps, self.over, self.observation, self.reward, self.ended, self.cut, self._drawn = rows[4:11]
         self.actions, self.flat = rows[11:]
         bounds = [n * number // threads for number in range(threads + 1)]
@@ -123,11 +124,7 @@ class CompiledBatch:
     def seed(self, generators: Sequence[np.random.Generator | None]) -> None:
         """Set the random stream of each environment to a copy of its generator's state; None keeps the stream."""
         which = [place for place, generator in enumerate(generators) if generator is not None]
-        self._streams[which] = generator_states([generator for generator in generators if generator is not None])
-
-    def copy_streams(self, other: CompiledBatch) -> None:
-        """Replace the random streams by copies of those of another batch with the same number of environments."""
-        self._streams[:] = other._streams
+        self.streams[which] = generator_states([generator for generator in generators if generator is not None])
 
     def reset(self, which: NDArray[np.bool_], uniforms: NDArray[np.float64] = NO_RANDOM_NUMBERS) -> None:
         """Begin episodes.

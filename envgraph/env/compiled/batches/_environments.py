@@ -64,7 +64,7 @@ class CompiledEnv(SingleEnvironment):
 
     def _switch_member(self, member_data: CompiledProgram) -> None:
         batch = CompiledBatch(member_data, [0], has_flat=self._is_one_hot)
-        batch.copy_streams(self._batch)
+        batch.streams[:] = self._batch.streams
         self._batch, self._names, self._memory = batch, member_data.agent_names(0), ObservationCache()
 
     def _current_mask(self) -> NDArray[np.bool_]:
