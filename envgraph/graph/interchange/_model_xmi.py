@@ -219,9 +219,8 @@ def _distinct_prefixes(wanted: Mapping[str, str]) -> dict[str, str]:
     """Return distinct XML prefixes of packages: a valid wanted prefix or `model`, lengthened by `_` if it is in use."""
     found: dict[str, str] = {}
     for path, prefix in wanted.items():
-        unused_prefix = (
-            prefix if re.fullmatch(r"[^\W\d][\w.-]*", prefix) and prefix not in ("xmi", "xsi", "xml") else "model"
-        )
+        is_valid = _ID_SYNTAX.fullmatch(prefix) and prefix not in ("xmi", "xsi", "xml")
+        unused_prefix = prefix if is_valid else "model"
         while unused_prefix in found.values():
             unused_prefix += "_"
         found[path] = unused_prefix

@@ -20,7 +20,7 @@ from envgraph.env.compiled.layout._relations import (
     StaticRelation,
 )
 from envgraph.errors import InvalidArgument
-from envgraph.metamodel import Attribute, EnumType, Reference, Scalar, Value
+from envgraph.metamodel import Attribute, EnumType, Reference, Scalar, Value, reachable_nodes
 from envgraph.pattern import Library, ObjectType, StaticType
 from envgraph.rewrite import Engine
 
@@ -224,12 +224,7 @@ class MemberData:
             following.setdefault(source, []).append(target)
         found: dict[Row, None] = {}
         for source, targets in following.items():
-            reached = dict.fromkeys(targets)
-            todo = [*reached]
-            for node in todo:  # grows during the loop
-                new = dict.fromkeys(other for other in following.get(node, ()) if other not in reached)
-                reached.update(new)
-                todo += new
+            reached = reachable_nodes(targets, lambda node: following.get(node, ()))
             found.update(((source, node), None) for node in reached)
         if star:
             type_ = self._library.parameter_types(step)[0]
