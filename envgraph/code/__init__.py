@@ -39,6 +39,7 @@ if TYPE_CHECKING:
         NONE as NONE,
         TRUE as TRUE,
         emit_call as emit_call,
+        emit_call_statement as emit_call_statement,
         emit_equal as emit_equal,
         emit_is_none as emit_is_none,
         emit_is_not_none as emit_is_not_none,

@@ -5,7 +5,16 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import Final
 
-from envgraph.code._syntax_tree import AttributeAccess, Call, Constant, Expression, Name, Operation, Tuple
+from envgraph.code._syntax_tree import (
+    AttributeAccess,
+    Call,
+    Constant,
+    Expression,
+    ExpressionStatement,
+    Name,
+    Operation,
+    Tuple,
+)
 
 NONE: Final = Constant(None)
 TRUE: Final = Constant(True)
@@ -15,6 +24,13 @@ FALSE: Final = Constant(False)
 def emit_call(function: Expression | str, *arguments: Expression) -> Call:
     """Return a call node; a string as `function` refers to a name of the namespace."""
     return Call(Name(function) if isinstance(function, str) else function, arguments)
+
+
+def emit_call_statement(
+    function: Expression | str, *arguments: Expression, origin: object = None
+) -> ExpressionStatement:
+    """Return a statement that calls a function, given as in `emit_call`, and discards the result."""
+    return ExpressionStatement(emit_call(function, *arguments), origin)
 
 
 def emit_method_call(object_: Expression, name: str, *arguments: Expression) -> Call:

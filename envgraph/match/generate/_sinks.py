@@ -156,7 +156,7 @@ def list_sink(
 ) -> SolutionSink:
     """Return a sink that appends an item of each solution to the list `out`."""
     head = (code.Assign(OUT, code.PythonText("[]")), code.Assign(ADD, code.AttributeAccess(OUT, "append")))
-    each = lambda names: (code.ExpressionStatement(code.emit_call(ADD, item(names))),)  # noqa: E731
+    each = lambda names: (code.emit_call_statement(ADD, item(names)),)  # noqa: E731
     return SolutionSink(variables, head, each, (code.Return(result),), (OUT, ADD), size=length(OUT))
 
 
@@ -189,8 +189,8 @@ def search_sink(variable: int, question: ClosureQuestion) -> SolutionSink:
         new = code.If(
             code.Operation("not in", (node, seen)),
             (
-                code.ExpressionStatement(code.emit_call(ADD, node)),
-                code.ExpressionStatement(code.emit_call(push, node)),
+                code.emit_call_statement(ADD, node),
+                code.emit_call_statement(push, node),
             ),
         )
         return (reached, new) if meets else (new,)

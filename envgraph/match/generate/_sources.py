@@ -65,7 +65,7 @@ def view_source(planner: Planner, key: PatternQuery, mode: ResultMode) -> Genera
         translation = PlanTranslation(planner, module, conjunction, block, given)
         translation.limit_check = bounded
         translation.emit_plan(body.plan, sink)
-    checked = (code.ExpressionStatement(code.emit_call(module.name_of(bounded))),) if bounded in module else ()
+    checked = (code.emit_call_statement(module.name_of(bounded)),) if bounded in module else ()
     whole = (*checked, *frame.head, *block.finish_body(), *frame.tail)
     alike = reach_aggregate_at(planner, key, key.bound) if mode is ResultMode.COUNT and key.outputs else None
     if alike is None:

@@ -453,7 +453,7 @@ class PlanTranslation(PlanTranslator):
         all_ = SolutionSink(
             (join.free_end,),
             (code.Assign(OUT, code.emit_call("set")),),
-            lambda names: (code.ExpressionStatement(code.emit_call(spread, names(join.free_end), OUT)),),
+            lambda names: (code.emit_call_statement(spread, names(join.free_end), OUT),),
             (code.Return(OUT),),
             (OUT,),
             repeatable=True,

@@ -81,7 +81,7 @@ def _compile_straight_line(plan: RulePlan, model: Model, again: ReportExistingLi
         writer.namespace.update(savepoint=model.graph.history.savepoint, release=model.graph.history.release)
         mark = code.Local("mark")
         protected = code.Try(
-            (*changes, code.ExpressionStatement(code.emit_call("release", mark))),
+            (*changes, code.emit_call_statement("release", mark)),
             (_emit_interruption_handler(mark),),
         )
         whole = (*computed, code.Assign(mark, code.emit_call("savepoint")), protected)

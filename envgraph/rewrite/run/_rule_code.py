@@ -135,7 +135,7 @@ class RuleCodeEmitter:
     def compute(self, plan: BlockPlan) -> list[code.Statement]:
         """Emit code that checks required links and computes all values on the state before the rule."""
         asked = [
-            code.ExpressionStatement(code.emit_call("_there", *self._link_arguments(u)), u)
+            code.emit_call_statement("_there", *self._link_arguments(u), origin=u)
             for u in plan.unlinks
             if u.is_required
         ]
@@ -162,9 +162,8 @@ class RuleCodeEmitter:
         node = code.NONE if op.object in fresh else self.slot(op.object)
         every = code.Constant(isinstance(op, SetTargets))
         return [
-            code.ExpressionStatement(
-                code.emit_call("_release", node, self.add_constant(op.reference), self.slot_tuple(known), every),
-                op,
+            code.emit_call_statement(
+                "_release", node, self.add_constant(op.reference), self.slot_tuple(known), every, origin=op
             )
         ]
 
@@ -182,13 +181,13 @@ class RuleCodeEmitter:
     def emit_preserved_check(self, slots: tuple[int, ...], plan: BlockPlan) -> code.Statement:
         """Emit code that checks that the rule's preserved objects were not deleted with their containers."""
         names = tuple(plan.names[slot] for slot in slots)
-        return code.ExpressionStatement(code.emit_call("_check_kept", self.slot_tuple(slots), self.add_constant(names)))
+        return code.emit_call_statement("_check_kept", self.slot_tuple(slots), self.add_constant(names))
 
     def retype(self, plan: BlockPlan) -> list[code.Statement]:
         """Emit code that retypes objects."""
         lossy = code.Constant(self.is_spo)
         return [
-            code.ExpressionStatement(code.emit_call("retype", self.slot(r.node), self.add_constant(r.cls), lossy), r)
+            code.emit_call_statement("retype", self.slot(r.node), self.add_constant(r.cls), lossy, origin=r)
             for r in plan.retypes
         ]
 
@@ -207,9 +206,8 @@ class RuleCodeEmitter:
     def link(self, plan: BlockPlan) -> list[code.Statement]:
         """Emit code for merges, moves and new links."""
         moves = [
-            code.ExpressionStatement(
-                code.emit_call("link", self.slot(m.container), self.add_constant(m.reference), self.slot(m.node)),
-                m,
+            code.emit_call_statement(
+                "link", self.slot(m.container), self.add_constant(m.reference), self.slot(m.node), origin=m
             )
             for m in plan.moves
         ]
@@ -236,12 +234,12 @@ class RuleCodeEmitter:
     def _emit_unlink(self, op: RemoveLink) -> code.Statement:
         """Emit code that removes a link if it exists."""
         if not self.has_certain_classes:
-            return code.ExpressionStatement(code.emit_call("unlink", *self._link_arguments(op)), op)
+            return code.emit_call_statement("unlink", *self._link_arguments(op), origin=op)
         relation = self.model.graph.store.relations[op.reference.index]
         source, target = self.slot(op.source), self.slot(op.target)
         forward, disconnect = self.add_constant(relation.forward), self.add_constant(relation.disconnect)
         there_ = code.Operation("in", (target, code.Subscript(forward, source)))
-        return code.If(there_, (code.ExpressionStatement(code.emit_call(disconnect, source, target)),), origin=op)
+        return code.If(there_, (code.emit_call_statement(disconnect, source, target),), origin=op)
 
     def _emit_add_link(self, op: AddLink, homeless: bool) -> code.Expression:
         """Emit an expression that adds a missing link; `homeless` if the contained end certainly has no container."""
@@ -270,8 +268,8 @@ class RuleCodeEmitter:
     def _emit_leave(self, op: MoveToContainer, fresh: bool) -> code.Statement:
         """Emit code that removes an object from its container; `fresh` if the new container is not created yet."""
         container = code.NONE if fresh else self.slot(op.container)
-        return code.ExpressionStatement(
-            code.emit_call("_leave", self.slot(op.node), container, self.add_constant(op.reference)), op
+        return code.emit_call_statement(
+            "_leave", self.slot(op.node), container, self.add_constant(op.reference), origin=op
         )
 
     def _emit_delete(self, op: DeleteObject, plan: BlockPlan) -> code.Statement:
@@ -286,14 +284,12 @@ class RuleCodeEmitter:
             test = code.Operation("and", (test, code.emit_not(code.emit_call("_inside", node, doomed))))
         return code.If(
             test,
-            (code.ExpressionStatement(code.emit_call("delete", node, code.Name("_semantics"))),),
+            (code.emit_call_statement("delete", node, code.Name("_semantics")),),
             origin=op,
         )
 
     def _emit_merge(self, op: MergeObjects) -> code.Statement:
-        return code.ExpressionStatement(
-            code.emit_call("_absorb", *map(self.slot, (op.kept, op.absorbed, op.links_slot))), op
-        )
+        return code.emit_call_statement("_absorb", *map(self.slot, (op.kept, op.absorbed, op.links_slot)), origin=op)
 
     def _emit_link(self, op: AddLink, *, fresh: bool, homeless: bool) -> code.Statement:
         """Emit code that adds a link unless it exists; `fresh` is True if the rule creates an end. See
@@ -304,7 +300,7 @@ class RuleCodeEmitter:
         made = code.ExpressionStatement(self._emit_add_link(op, homeless))
         again: code.Body = ()
         if self.report_existing is not None and not fresh:
-            again = (code.ExpressionStatement(code.emit_call("_again", self.add_constant(op), source, target)),)
+            again = (code.emit_call_statement("_again", self.add_constant(op), source, target),)
         missing = code.Operation("not in", (target, code.Subscript(forward, source)))
         return code.If(code.emit_is_not_none(target), (code.If(missing, (made,), again),), origin=op)
 
@@ -332,7 +328,7 @@ class RuleCodeEmitter:
         summed: code.Statement = code.Assign(total, new, origin=op)
         if self.is_redo:
             summed = code.If(code.Operation("is", (total, code.NONE)), (summed,), origin=op)
-        return [summed, code.ExpressionStatement(code.emit_call("set_value", node, attribute, total), op)]
+        return [summed, code.emit_call_statement("set_value", node, attribute, total, origin=op)]
 
     def _emit_set(
         self, op: SetAttribute | SetAttributeValues | SetTargets | ChangeTargets, origin: Assign_
@@ -341,26 +337,22 @@ class RuleCodeEmitter:
         match op:
             case SetAttribute(_, attribute):
                 value = code.NONE if op.value is None else self.slot(op.value)
-                return code.ExpressionStatement(
-                    code.emit_call("set_value", node, self.add_constant(attribute), value), origin
-                )
+                return code.emit_call_statement("set_value", node, self.add_constant(attribute), value, origin=origin)
             case SetAttributeValues(_, attribute):
                 name = self.add_constant(attribute)
                 values = code.emit_call("_listed", self.slot_tuple(op.values), name)
-                return code.ExpressionStatement(code.emit_call("set_value", node, name, values), origin)
+                return code.emit_call_statement("set_value", node, name, values, origin=origin)
             case SetTargets(_, reference) if reference.many:
                 targets = code.emit_call("_present", self.slot_tuple(op.values))
-                return code.ExpressionStatement(
-                    code.emit_call("set_targets", node, self.add_constant(reference), targets), origin
+                return code.emit_call_statement(
+                    "set_targets", node, self.add_constant(reference), targets, origin=origin
                 )
             case SetTargets(_, reference):
                 target = self.slot(op.values[0]) if op.values else code.NONE
-                return code.ExpressionStatement(
-                    code.emit_call("set_target", node, self.add_constant(reference), target), origin
-                )
+                return code.emit_call_statement("set_target", node, self.add_constant(reference), target, origin=origin)
             case ChangeTargets(_, reference):
                 change = "_extend" if op.operator == "+=" else "unlink"
-                changed = code.ExpressionStatement(code.emit_call(change, node, self.add_constant(reference), _TARGET))
+                changed = code.emit_call_statement(change, node, self.add_constant(reference), _TARGET)
                 return code.For(
                     _TARGET,
                     self.slot_tuple(op.values),

@@ -144,5 +144,5 @@ class UnitFunctions:
         left = code.AttributeAccess(RUN, "steps")
         over = code.Operation("<", (left, code.Constant(0)))
         return code.Assign(left, code.Constant(1), "-="), code.If(
-            over, (code.ExpressionStatement(code.emit_call("spent", RUN, call_site)),)
+            over, (code.emit_call_statement("spent", RUN, call_site),)
         )

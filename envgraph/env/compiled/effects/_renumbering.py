@@ -86,9 +86,7 @@ def _emit_move_matrix(
             )
             apart = (place, width, number, ONE) if classes is matrix.sources else (place, ONE, number, width)
             begin = [code.Operation("*", pair) for pair in (apart[:2], apart[2:])]
-            slid = code.ExpressionStatement(
-                code.emit_call("slide", S, emit_sum(start, *begin), step, used, RI, TOP, ZERO)
-            )
+            slid = code.emit_call_statement("slide", S, emit_sum(start, *begin), step, used, RI, TOP, ZERO)
             count = emit_table_entry(layout.offset(ExtentTable(across, "count")))
             found.append(code.For(number, code.emit_call("range", count), (slid,)))
     return found
@@ -107,16 +105,12 @@ def _emit_move_column(
     if not facts.changes.created.isdisjoint(classes):
         place = emit_table_entry(emit_sum(layout.offset(ExtentTable(classes, "places")), first))
         if isinstance(column, ClassSet):
-            found.append(code.ExpressionStatement(code.emit_call("slide_bits", S, start, place, used, RI, TOP)))
+            found.append(code.emit_call_statement("slide_bits", S, start, place, used, RI, TOP))
         else:
             nothing = emit_missing_value(column.attribute.type) if isinstance(column, AttributeColumn) else NOBODY
             array = F if column.is_float else S
-            found.append(
-                code.ExpressionStatement(
-                    code.emit_call("slide", array, emit_sum(start, place), ONE, used, RI, TOP, nothing)
-                )
-            )
+            found.append(code.emit_call_statement("slide", array, emit_sum(start, place), ONE, used, RI, TOP, nothing))
     if not isinstance(column, ClassSet | AttributeColumn):
         count = emit_table_entry(layout.offset(ExtentTable(classes, "count")))
-        found.append(code.ExpressionStatement(code.emit_call("renumber", S, start, count, first, RI, TOP)))
+        found.append(code.emit_call_statement("renumber", S, start, count, first, RI, TOP))
     return found

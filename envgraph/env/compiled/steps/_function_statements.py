@@ -58,8 +58,8 @@ class FunctionStatements(StatementList):
         ints, floats, rows = (self._layout.offset(width) for width in widths)
         with self.reserved_rows(rows) as first:
             state = S, F, ints, floats, RI, RF, first
-            self.append(code.ExpressionStatement(code.emit_call("keep", *state)))
-            yield (code.ExpressionStatement(code.emit_call("put_back", *state)),)
+            self.append(code.emit_call_statement("keep", *state))
+            yield (code.emit_call_statement("put_back", *state),)
 
     def emit_function_call(self, name: str, *arguments: code.Expression) -> code.Call:
         """Return code that calls a function of the program, and record that the current function calls it."""

@@ -142,7 +142,7 @@ class RuleAttempts:
             place = ZERO if in_order else code.emit_call("pick", D, self._left)
             writer.append(code.Assign(self._row, emit_sum(self._first, place)))
             writer.append(code.Assign(emit_state_entry(ERROR), ZERO), *self._load_match()[0])
-            drop = code.ExpressionStatement(code.emit_call("drop_row", RI, RF, self._row, last))
+            drop = code.emit_call_statement("drop_row", RI, RF, self._row, last)
             self._emit_fire(result, (*put_back, drop, code.Assign(self._left, ONE, "-=")))
 
         with writer.saved_state(self._may_be_refused) as put_back:

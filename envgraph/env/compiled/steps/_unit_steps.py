@@ -101,7 +101,7 @@ def emit_can_succeed(
     done, number = (outer.module.new_local(prefix) for prefix in "di")
     with writer.saved_state() as put_back:
         run = (
-            code.ExpressionStatement(code.emit_call("begin_outcome", D)),
+            code.emit_call_statement("begin_outcome", D),
             code.Assign(emit_state_entry(ERROR), ZERO),
             code.Assign(STEPS_LEFT, code.Constant(float(outer.engine.step_limit))),
             code.Assign(done, writer.emit_applied(rule, function.scope)),
@@ -111,7 +111,7 @@ def emit_can_succeed(
             code.If(code.emit_not(code.emit_call("next_script", D)), (code.Return(ZERO),)),
         )
         most = code.emit_call("int", code.Subscript(D, code.Name("MOST")))
-        writer.append(code.ExpressionStatement(code.emit_call("begin_script", D)))
+        writer.append(code.emit_call_statement("begin_script", D))
         writer.append(code.For(number, code.emit_call("range", most), run))
     return function.parameters, (*writer.all_statements(), code.Return(ZERO))
 

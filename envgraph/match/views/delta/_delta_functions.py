@@ -225,15 +225,10 @@ def view_sink(module: SourceBuilder, delta: Delta, adding: bool) -> SolutionSink
 def emit_change(module: SourceBuilder, delta: Delta, adding: bool, row_: code.Expression) -> code.ExpressionStatement:
     """Return code that adds or removes a derivation of a row; it queues the change if other operators read the view."""
     if delta.is_queued:
-        return code.ExpressionStatement(
-            code.emit_call(
-                module.name_of(OperatorSymbol("queue", delta.name)),
-                code.emit_tuple(row_, code.Constant(adding)),
-            )
+        return code.emit_call_statement(
+            module.name_of(OperatorSymbol("queue", delta.name)), code.emit_tuple(row_, code.Constant(adding))
         )
-    return code.ExpressionStatement(
-        code.emit_call(module.name_of(OperatorSymbol(DERIVATION_METHODS[adding], delta.name)), row_)
-    )
+    return code.emit_call_statement(module.name_of(OperatorSymbol(DERIVATION_METHODS[adding], delta.name)), row_)
 
 
 class ViewRelationCode(RelationCode):

@@ -135,7 +135,7 @@ def _emit_derive(form: ViewForm, skip: code.Statement) -> code.Body:
             _emit_log(True),
             _emit_undo_entry(_ROWS, _ROW, code.NONE, ADDED),
             code.Assign(code.Subscript(_POSITION, _ROW), code.emit_call("len", _ROWS)),
-            code.ExpressionStatement(code.emit_call("append", _ROW)),
+            code.emit_call_statement("append", _ROW),
             code.If(
                 code.AttributeAccess(_ROWS, "indexes"),
                 (code.ExpressionStatement(code.emit_method_call(_ROWS, "inserted", _ROW)),),
@@ -151,11 +151,11 @@ def _emit_derive(form: ViewForm, skip: code.Statement) -> code.Body:
             code.If(
                 code.Operation("and", (_emit_is_tuple(old), short)),
                 more,
-                (code.ExpressionStatement(code.emit_call(f"add{number}", _ROW)),),
+                (code.emit_call_statement(f"add{number}", _ROW),),
             ),
         ]
     if form.has_insert_hooks:
-        found.append(code.ExpressionStatement(code.emit_call("added", *map(_row_item, range(form.arity)))))
+        found.append(code.emit_call_statement("added", *map(_row_item, range(form.arity))))
     return tuple(found)
 
 
@@ -174,7 +174,7 @@ def _emit_underive(form: ViewForm, skip: code.Statement) -> code.Body:
             code.If(_RECORDING, (code.Assign(counted, code.Constant(0)),), (_deleted(counted),)),
         ]
     if form.has_delete_hooks:
-        found.append(code.ExpressionStatement(code.emit_call("removing", *map(_row_item, range(form.arity)))))
+        found.append(code.emit_call_statement("removing", *map(_row_item, range(form.arity))))
     for number, (positions, item) in enumerate(form.groups):
         key, old, table = _group(number)
         shorter = code.PythonText(f"({old.name}[:place] + {old.name}[place + 1:])", reads=(old, _PLACE))
@@ -185,7 +185,7 @@ def _emit_underive(form: ViewForm, skip: code.Statement) -> code.Body:
         )
         found += [
             *_emit_group_lookup(number, positions),
-            code.If(_emit_is_tuple(old), less, (code.ExpressionStatement(code.emit_call(f"drop{number}", _ROW)),)),
+            code.If(_emit_is_tuple(old), less, (code.emit_call_statement(f"drop{number}", _ROW),)),
         ]
     if form.stores_rows:
         place, last = code.Subscript(_POSITION, _ROW), code.Local("last")
@@ -212,11 +212,7 @@ def _emit_undo_entry(container: code.Name, key: code.Expression, old: code.Expre
     """Return code that writes an undo entry (container, key, old value, opcode) if the journal is on."""
     return code.If(
         _RECORDING,
-        (
-            code.ExpressionStatement(
-                code.emit_call("record", code.emit_tuple(container, key, old, code.Constant(opcode)))
-            ),
-        ),
+        (code.emit_call_statement("record", code.emit_tuple(container, key, old, code.Constant(opcode))),),
     )
 
 
