@@ -334,31 +334,26 @@ class RuleCodeEmitter:
         self, op: SetAttribute | SetAttributeValues | SetTargets | ChangeTargets, origin: Assign_
     ) -> code.Statement:
         node = self.slot(op.object)
+        value: code.Expression
         match op:
-            case SetAttribute(_, attribute):
+            case SetAttribute(_, feature):
+                change, name = "set_value", self.add_constant(feature)
                 value = code.NONE if op.value is None else self.slot(op.value)
-                return code.emit_call_statement("set_value", node, self.add_constant(attribute), value, origin=origin)
-            case SetAttributeValues(_, attribute):
-                name = self.add_constant(attribute)
-                values = code.emit_call("_listed", self.slot_tuple(op.values), name)
-                return code.emit_call_statement("set_value", node, name, values, origin=origin)
-            case SetTargets(_, reference) if reference.many:
-                targets = code.emit_call("_present", self.slot_tuple(op.values))
-                return code.emit_call_statement(
-                    "set_targets", node, self.add_constant(reference), targets, origin=origin
-                )
-            case SetTargets(_, reference):
-                target = self.slot(op.values[0]) if op.values else code.NONE
-                return code.emit_call_statement("set_target", node, self.add_constant(reference), target, origin=origin)
-            case ChangeTargets(_, reference):
+            case SetAttributeValues(_, feature):
+                change, name = "set_value", self.add_constant(feature)
+                value = code.emit_call("_listed", self.slot_tuple(op.values), name)
+            case SetTargets(_, feature) if feature.many:
+                change, name = "set_targets", self.add_constant(feature)
+                value = code.emit_call("_present", self.slot_tuple(op.values))
+            case SetTargets(_, feature):
+                change, name = "set_target", self.add_constant(feature)
+                value = self.slot(op.values[0]) if op.values else code.NONE
+            case ChangeTargets(_, feature):
                 change = "_extend" if op.operator == "+=" else "unlink"
-                changed = code.emit_call_statement(change, node, self.add_constant(reference), _TARGET)
-                return code.For(
-                    _TARGET,
-                    self.slot_tuple(op.values),
-                    (code.If(code.emit_is_not_none(_TARGET), (changed,)),),
-                    origin,
-                )
+                changed = code.emit_call_statement(change, node, self.add_constant(feature), _TARGET)
+                each = code.If(code.emit_is_not_none(_TARGET), (changed,))
+                return code.For(_TARGET, self.slot_tuple(op.values), (each,), origin)
+        return code.emit_call_statement(change, node, name, value, origin=origin)
 
     # --- values
 
