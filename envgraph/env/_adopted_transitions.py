@@ -13,6 +13,7 @@ import gymnasium
 import numpy as np
 
 from envgraph.code import dataclass, shorten_repr
+from envgraph.env._frozen_lake import action_outcomes
 from envgraph.env._minigrid import MiniGridLevel, minigrid_class
 from envgraph.env._tabular import MAX_REWARD, Tabular
 from envgraph.errors import LIMITS, TOLERANCE, EnvgraphError, InvalidArgument
@@ -99,16 +100,10 @@ class AdoptedTransitions:
             return
         for number, state in enumerate(seen):
             for action in range(self.n_actions if state not in self.final_states else 0):
-                wanted: dict[tuple[int, float, bool], float] = defaultdict(float)
-                for outcome in self.outcomes[state][action]:
-                    wanted[outcome[1:]] += outcome.probability
-                found: dict[tuple[int, float, bool], float] = defaultdict(float)
-                for k in range(table.next_state.shape[2]):
-                    at = number, action, k
-                    key = seen[table.next_state[at]], float(table.reward[at]), bool(table.terminated[at])
-                    found[key] += float(table.probability[at])
+                wanted = {one[1:]: one.probability for one in self.merged_outcomes(state, action)}
+                found = action_outcomes(table, seen, number, action)
                 if not _nearly_equal(found, wanted):
-                    yield f"in state {state} action {action} gives {dict(found)}, not {dict(wanted)}"
+                    yield f"in state {state} action {action} gives {found}, not {wanted}"
 
 
 def _nearly_equal(first: Mapping[Any, float], second: Mapping[Any, float]) -> bool:

@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from typing import Any, Final
+from collections.abc import Mapping, Sequence
+from typing import Any, Final, TypeVar
 
 import numpy as np
 from gymnasium.envs.toy_text.frozen_lake import FrozenLakeEnv
@@ -13,6 +13,7 @@ from envgraph.env._tabular import Tabular
 from envgraph.env.scene._scene import GridScene
 from envgraph.errors import TOLERANCE, InvalidArgument
 
+Place = TypeVar("Place")
 Position = tuple[int, int]
 """Column and row."""
 
@@ -72,8 +73,11 @@ def _walker_positions(explored: ExploredEnvironment) -> list[Position]:
     return places
 
 
-def action_outcomes(table: Tabular, places: list[Position], state: int, action: int) -> Outcomes:
-    found: dict[tuple[Position, float, bool], float] = {}
+def action_outcomes(
+    table: Tabular, places: Sequence[Place], state: int, action: int
+) -> dict[tuple[Place, float, bool], float]:
+    """Return the probability of each (place of the next state, reward, end) that an action may lead to."""
+    found: dict[tuple[Place, float, bool], float] = {}
     for number in np.flatnonzero(table.probability[state, action]).tolist():
         at = state, action, number
         key = places[table.next_state[at]], float(table.reward[at]), bool(table.terminated[at])
