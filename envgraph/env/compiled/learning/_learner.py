@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import astuple
 
 import numpy as np
 
@@ -18,7 +19,7 @@ from envgraph.errors import InvalidArgument
 
 @dataclass(frozen=True, slots=True)
 class LearningRates:
-    """The hyperparameters of learning: see `TrainingSettings` of `envgraph.learn`.
+    """The hyperparameters of learning, in the order of `learn`: see `TrainingSettings` of `envgraph.learn`.
 
     Attributes:
         agent: 0 for Q-learning, 1 for SARSA, 2 for expected SARSA.
@@ -121,28 +122,9 @@ class Learner:
             if self.count + 2 >= len(self.keys):
                 self._grow()
             how = self._player.call_function(
-                "learn",
-                member,
-                rng,
-                self.keys,
-                self._hashed,
-                self.values,
-                self._initial,
-                self._of_states,
-                draws,
-                rates.agent,
-                rates.samples_ties,
-                rates.rate,
-                rates.discount,
-                rates.step_decay,
-                rates.episode_decay,
-                rates.minimum,
-                limit,
-                marks,
-                *curve,
-                counts,
-                levels,
-            )
+                "learn", member, rng, self.keys, self._hashed, self.values, self._initial, self._of_states, draws,
+                *astuple(rates), limit, marks, *curve, counts, levels,
+            )  # fmt: skip
             self._player.check_success(how != WRONG)
             self.count = int(counts[2])
         rows = zip(*(column.tolist() for column in curve), strict=True)
