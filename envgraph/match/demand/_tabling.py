@@ -179,12 +179,12 @@ class TabledCalls:
 
     @cached_property
     def evaluate(self) -> Evaluate:
-        """Return the function that evaluates a call. It is created at first use, since calls may form long chains."""
-        return self._evaluation(self.pattern, self.bound)
+        """Return the function that evaluates a call. It is created at first use, since calls may form long chains.
 
-    def check_plannable(self) -> None:
-        """Create the evaluation function; raise `Unplannable` if these calls cannot be evaluated."""
-        _ = self.evaluate
+        Raises:
+            Unplannable: these calls cannot be evaluated.
+        """
+        return self._evaluation(self.pattern, self.bound)
 
     def table(self, values: tuple[Any, ...]) -> CallTable:
         """Return the table of a call; a new table is scheduled for evaluation."""
@@ -322,7 +322,7 @@ class RecursionEvaluator:
     def _plannable(self, pattern: str, bound: tuple[int, ...]) -> TabledCalls:
         """Return the calls of a pattern with values at some positions; raise `Unplannable` if they have no plan."""
         found = self.calls(pattern, bound)
-        found.check_plannable()
+        _ = found.evaluate
         return found
 
     def _is_repeated(self, calls: TabledCalls, row: Row) -> bool:

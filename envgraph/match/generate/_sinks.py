@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import replace
 from typing import Final
 
 from envgraph import code
@@ -144,11 +143,6 @@ def _generator_sink(variables: tuple[int, ...], is_distinct: bool) -> SolutionSi
         "each",
         repeatable=True,
     )
-
-
-def filtered_sink(mode: ResultMode, variables: tuple[int, ...]) -> SolutionSink:
-    """Return the sink for a result mode and a plan that ends with a duplicate filter, so no solution repeats."""
-    return replace(view_sink(mode, True, variables), variables=variables, repeatable=True, unique=True)
 
 
 def list_sink(

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import replace
 from functools import partial
 
 from envgraph import code
@@ -10,7 +11,6 @@ from envgraph.match.generate._relation_code import emit_shared_aggregate
 from envgraph.match.generate._sinks import (
     OUT,
     distinct_items_sink,
-    filtered_sink,
     row,
     search_sink,
     view_sink,
@@ -61,7 +61,9 @@ def view_source(planner: Planner, key: PatternQuery, mode: ResultMode) -> Genera
         wanted = mode in (ResultMode.VALUES, ResultMode.BAG)
         positions = key.outputs if wanted else range(len(conjunction.parameters))
         outputs = tuple(conjunction.parameters[p] for p in positions)
-        sink = filtered_sink(mode, outputs) if unique else view_sink(mode, view.is_distinct, outputs)
+        sink = view_sink(mode, view.is_distinct or unique, outputs)
+        if unique:  # the plan ends with a duplicate filter
+            sink = replace(sink, variables=outputs, repeatable=True, unique=True)
         translation = PlanTranslation(planner, module, conjunction, block, given)
         translation.limit_check = bounded
         translation.emit_plan(body.plan, sink)

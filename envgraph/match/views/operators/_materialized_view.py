@@ -7,6 +7,7 @@ present while the hooks run: it is inserted before, and deleted after.
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
+from collections import Counter
 from collections.abc import Callable, Collection, Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from typing import Any
@@ -188,9 +189,7 @@ class MaterializedView(RowOperator):
         if self.counts is None:
             self.set_rows(found)
             return
-        counts: dict[Row, int] = {}
-        for row in found:
-            counts[row] = counts.get(row, 0) + 1
+        counts = dict(Counter(found))
         set_contents(self.store, self.counts, counts, 0)
         self.set_rows(list(counts))
 
@@ -202,10 +201,7 @@ class MaterializedView(RowOperator):
         if self.counts is None:
             assert len(found) == len(set(found)), f"{self.name}: a tuple with two derivations"
             return
-        counts: dict[Row, int] = {}
-        for row in found:
-            counts[row] = counts.get(row, 0) + 1
-        assert {row: count for row, count in self.counts.items() if count} == counts, self.name
+        assert {row: count for row, count in self.counts.items() if count} == Counter(found), self.name
 
 
 def recompute_unrecorded(operator: Operator) -> None:
