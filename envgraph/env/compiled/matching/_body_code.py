@@ -452,7 +452,8 @@ class WordLoops:
         here = self._facts.module.new_local("n")
         node = self._body.bindings.expressions[self._variable]
         assert isinstance(node, code.Local)
-        chosen = code.Assign(node, self._facts.emit_nth_object(self.word, number))
+        place = code.emit_call("nth_bit", self.word.word, number)
+        chosen = code.Assign(node, self._facts.emit_object_at(self.word, place))
         return (
             code.Assign(here, code.emit_call("count_bits", self.word.word)),
             code.If(code.Operation("<", (number, here)), (chosen, *then())),

@@ -14,7 +14,6 @@ from envgraph.env.compiled.layout._program_layout import (
     STATE,
     G,
     ProgramLayout,
-    StringNumber,
     T,
     emit_bit_test,
     emit_state_entry,
@@ -208,10 +207,6 @@ class ModelReader:
             return code.Operation("!=", (value, code.Constant(missing_value(type_))))
         return code.Operation(">=", (value, code.Constant(0)))
 
-    def string_number(self, text: str) -> code.Expression:
-        """Return code for the number that represents a string."""
-        return self.layout.offset(StringNumber(text))
-
     # --- classes
 
     def emit_is_instance(self, node: code.Expression, cls: str, exact: bool = False) -> code.Expression:
@@ -345,16 +340,13 @@ class ModelReader:
         block.add(code.Assign(low, code.Operation("&", (set_word.word, code.Operation("-", (set_word.word,))))))
         block.add(code.Assign(set_word.word, code.Operation("^", (set_word.word, low))))
         node = self.module.new_local("v", "object")
-        block.add(code.Assign(node, self._object_at(set_word, code.emit_call("lowest_bit", low))))
+        block.add(code.Assign(node, self.emit_object_at(set_word, code.emit_call("lowest_bit", low))))
         return node
 
-    def _object_at(self, set_word: SetWord, place: code.Expression) -> code.Expression:
+    def emit_object_at(self, set_word: SetWord, place: code.Expression) -> code.Expression:
+        """Return code for the object of the bit at a place of a word."""
         first = code.Operation("*", (set_word.number, code.Constant(WORD_BITS)))
         return emit_table_entry(emit_sum(self.layout.offset(ExtentTable(set_word.group, "objects")), first, place))
-
-    def emit_nth_object(self, set_word: SetWord, number: code.Expression) -> code.Expression:
-        """Return code for the object of the nth bit (from 0) that is set in a word."""
-        return self._object_at(set_word, code.emit_call("nth_bit", set_word.word, number))
 
     def related_set(
         self, relation: StaticRelation, bound: Mapping[int, code.Expression], position: int

@@ -10,7 +10,7 @@ from envgraph import code
 from envgraph.code import dataclass
 from envgraph.env.compiled.layout._member_data import check_int_range, emit_missing_value, literal_ranks
 from envgraph.env.compiled.layout._not_compiled import NotCompiled
-from envgraph.env.compiled.layout._program_layout import L, S, emit_entry, emit_sum
+from envgraph.env.compiled.layout._program_layout import L, S, StringNumber, emit_entry, emit_sum
 from envgraph.env.compiled.layout._text_tables import TextTable
 from envgraph.env.compiled.matching._model_reading import ModelReader
 from envgraph.metamodel import LARGEST_INT, Attribute, EnumType, Reference, Scalar, Value
@@ -462,7 +462,7 @@ def emit_literal(facts: ModelReader, value: Value, type_: StaticType) -> CodeTer
         case EnumType():
             return CodeTerm(code.Constant(literal_ranks(type_)[str(value)]), type_)
         case Scalar.STRING:
-            return CodeTerm(facts.string_number(str(value)), type_)
+            return CodeTerm(facts.layout.offset(StringNumber(str(value))), type_)
         case Scalar.FLOAT:
             return CodeTerm(code.Constant(float(value)), type_)
         case Scalar.BOOL:
