@@ -21,6 +21,7 @@ if TYPE_CHECKING:
         Effect as Effect,
         End as End,
         Observation as Observation,
+        ObserveAround as ObserveAround,
         ObserveAttribute as ObserveAttribute,
         ObserveFind as ObserveFind,
         ObserveObject as ObserveObject,
@@ -36,6 +37,7 @@ if TYPE_CHECKING:
     from envgraph.behaviour._drawn_edges import edge_ends as edge_ends
     from envgraph.behaviour._helper_patterns import (
         HelperPattern as HelperPattern,
+        ObservedWindow as ObservedWindow,
         condition_helper as condition_helper,
         count_helper as count_helper,
         key_helper as key_helper,

@@ -11,7 +11,7 @@ from typing import ClassVar, Literal
 from envgraph.code import dataclass
 from envgraph.errors import Span
 from envgraph.metamodel import Annotation
-from envgraph.pattern import Expression, Negation, Parameter, PatternCall
+from envgraph.pattern import Expression, Negation, Parameter, PatternCall, Variable
 
 
 @dataclass(frozen=True, slots=True)
@@ -179,8 +179,24 @@ class ObserveAttribute:
     span: Span | None = field(default=None, compare=False, repr=False)
 
 
+@dataclass(frozen=True, slots=True)
+class ObserveAround:
+    """An observation of the grid around an object: `observe around centre width x height (if find p(centre, cell))`.
+
+    Attributes:
+        visible: a call that must have a match for a cell to be seen; the name in it that has no value is the cell.
+    """
+
+    centre: Variable
+    width: int
+    height: int
+    visible: PatternCall | None = None
+    span: Span | None = field(default=None, compare=False, repr=False)
+    each: ClassVar[None] = None
+
+
 ObservePath = ObserveObject | ObserveRange | ObserveAttribute
-Observation = ObservePath | ObserveFind
+Observation = ObservePath | ObserveFind | ObserveAround
 Effect = EachStep | OnFind | OnRefused
 
 

@@ -63,7 +63,8 @@ class _BehaviourChecker(CallChecks, ViewChecks):
         """Check all clauses of the behaviour."""
         scope: Scope = {**dict.fromkeys(behaviour.unread), **self._check_parameters(behaviour.parameters)}
         first: dict[str, Span | None] = {}
-        handled = self.handles_refusals = any(isinstance(effect, OnRefused) for effect in behaviour.effects)
+        self.draw, handled = behaviour.draw, any(isinstance(effect, OnRefused) for effect in behaviour.effects)
+        self.handles_refusals = handled
         self._check_clauses(behaviour, scope, first)
         for reset in behaviour.resets:
             self._check_effect(reset.as_effect, scope)

@@ -19,6 +19,7 @@ from envgraph.pattern import (
     PatternCall,
     StaticType,
     Variable,
+    base_of,
     check_expression,
     misspelling_warnings,
     static_type,
@@ -107,7 +108,7 @@ class CheckBase:
         """Return the type of the value at the end of a path; report an expression that is no path and return None."""
         type_, problems = check_expression(path, scope, self.metamodel)
         self.problems.extend(problems)
-        if not problems and not _is_path(path):
+        if not problems and not isinstance(base_of(path)[0], Variable):
             hint = "write a path, or observe each part of the expression"
             self.report("no-path", "a path such as `x.feature` is needed here", path.span, hint)
             return None
@@ -129,9 +130,3 @@ def type_names(scope: Mapping[str, StaticType | None]) -> dict[str, str]:
 def type_with_article(type_: StaticType) -> str:
     """Return the name of a type with its article, for messages."""
     return quote_with_article(type_text(type_))
-
-
-def _is_path(expression: Expression) -> bool:
-    while isinstance(expression, Navigation):
-        expression = expression.object
-    return isinstance(expression, Variable)

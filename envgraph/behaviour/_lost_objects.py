@@ -14,8 +14,8 @@ from envgraph.behaviour._behaviour import (
     Behaviour,
     EachStep,
     Effect,
-    ObserveFind,
     ObserveObject,
+    ObservePath,
     OnFind,
     RuleCall,
 )
@@ -24,7 +24,7 @@ from envgraph.behaviour._rule_call_checks import signature_of
 from envgraph.code import dataclass
 from envgraph.errors import SHOWN, Diagnostic, EvaluationError, Note, Severity, Span, list_names
 from envgraph.graph import Model
-from envgraph.pattern import Expression, Navigation, Negation, Variable, children
+from envgraph.pattern import Expression, Navigation, Negation, Variable, base_of, children
 from envgraph.rewrite import Engine, Loss
 
 PRESENT_VERBS = {"delete": "deletes", "merge": "merges", "retype": "retypes"}
@@ -76,10 +76,9 @@ def read_variables(expression: Expression) -> Iterator[Variable]:
 
 def path_root(path: Expression) -> Variable:
     """Return the variable at the beginning of a path."""
-    while isinstance(path, Navigation):
-        path = path.object
-    assert isinstance(path, Variable)
-    return path
+    root = base_of(path)[0]
+    assert isinstance(root, Variable)
+    return root
 
 
 def is_lost(model: Model, node: object, cls: str | None) -> bool:
@@ -152,7 +151,7 @@ class _BlockScope:
         too, because the observations of a deleted agent are not evaluated.
         """
         for observation in owner.observations:
-            if isinstance(observation, ObserveFind):
+            if not isinstance(observation, ObservePath):
                 continue
             if isinstance(observation, ObserveObject) and observation.or_none:
                 continue

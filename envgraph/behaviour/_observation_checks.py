@@ -10,6 +10,7 @@ from envgraph.behaviour._behaviour import (
     DrawGrid,
     DrawnLink,
     Observation,
+    ObserveAround,
     ObserveAttribute,
     ObserveFind,
     ObserveObject,
@@ -18,7 +19,7 @@ from envgraph.behaviour._behaviour import (
 )
 from envgraph.behaviour._clause_checks import CheckBase, Scope, type_names, type_with_article
 from envgraph.behaviour._drawn_edges import edge_ends
-from envgraph.behaviour._helper_patterns import condition_helper, count_helper
+from envgraph.behaviour._helper_patterns import ObservedWindow, condition_helper, count_helper
 from envgraph.errors import Severity, Span, did_you_mean, name_hint
 from envgraph.metamodel import Attribute, EnumType, Reference, Scalar
 from envgraph.pattern import Expression, Navigation, ObjectType, StaticType
@@ -26,6 +27,8 @@ from envgraph.pattern import Expression, Navigation, ObjectType, StaticType
 
 class ViewChecks(CheckBase):
     """The checks of observations and drawings."""
+
+    draw: DrawGraph | DrawGrid | None = None
 
     # --- observations
 
@@ -41,11 +44,15 @@ class ViewChecks(CheckBase):
                 message = f"`{each.name}` is already a parameter"
                 self.report("duplicate-definition", message, each.span, "choose another name after `for`")
             scope[each.name] = self.parameter_class(each)
+        if isinstance(observation, ObserveAround):
+            self._check_observe_around(observation, scope)
         if observation.visible is not None:
             question = condition_helper("#check", observation.visible, type_names(scope))
             self.check_helper(question, observation.visible, scope)
         unseen = observation.visible is not None
         match observation:
+            case ObserveAround():
+                return 1
             case ObserveFind():
                 return self._check_observe_find(observation, scope) + unseen
             case ObserveObject():
@@ -80,6 +87,27 @@ class ViewChecks(CheckBase):
                 self.report("empty-range", message, observation.span, "write `up to 1` or more")
         self.check_helper(question, observation.call, scope)
         return 2 if observation.up_to is None else max(1, observation.up_to + 1)
+
+    def _check_observe_around(self, observation: ObserveAround, scope: Scope) -> None:
+        """Check a window, and add the name in its condition that stands for the cell to the scope."""
+        name, types, draw = observation.centre.name, type_names(scope), self.draw
+        if not {observation.width, observation.height} <= {*range(1, 32, 2)}:
+            message = "the width and height of a window must be odd numbers from 1 to 31"
+            self.report("wrong-size", message, observation.span, "write `7 x 7`, for example")
+        self.check_path(observation.centre, scope)
+        if None in scope.values() or name not in types or (draw and draw.cls not in self.metamodel.classes):
+            return  # an error elsewhere
+        window = ObservedWindow(observation, draw, types, self.metamodel) if isinstance(draw, DrawGrid) else None
+        if window is None or window.centre is None:
+            lacking = "draws no grid" if window is None else f"does not draw `{name}` in its grid"
+            message = f"a window needs the place of `{name}`, but the environment {lacking}"
+            hint = f"write `draw grid Class at (x, y) with {name} : {types[name]} at {name}.place`"
+            self.report("no-place", message, observation.centre.span, hint)
+        elif len(window.cells) > 1:
+            message = f"`{window.cells[0]}` stands for the cell, so that `{window.cells[1]}` has no value"
+            self.report("unknown-variable", message, observation.span, "write `_` for any other value")
+        else:
+            scope.update(dict.fromkeys(window.cells, ObjectType(window.classes[0])))
 
     def _check_observe_object(self, observation: ObserveObject, scope: Scope) -> None:
         among = self.check_class(observation.among, observation.among_span or observation.span)

@@ -32,6 +32,7 @@ if TYPE_CHECKING:
         Effect as Effect,
         KeyIndex as KeyIndex,
         Observation as Observation,
+        ObserveAround as ObserveAround,
         ObserveAttribute as ObserveAttribute,
         ObserveFind as ObserveFind,
         ObserveObject as ObserveObject,

@@ -73,7 +73,7 @@ class AgentOrder:
             for action, _ in merge_clauses(block.actions, own, behaviour.actions, shared):
                 names.update((name, None) for name, _ in expand_action(action, keys, engine.model.metamodel))
             seen = merge_clauses(block.observations, own, behaviour.observations, shared)
-            shapes.append(component_sizes(seen, keys, engine.model.metamodel))
+            shapes.append(component_sizes(seen, keys, engine.model.metamodel, behaviour))
         self.action_names = tuple(names)
         lead = (len(behaviour.agents),) if len(behaviour.agents) > 1 else ()
         self.shape = (*lead, *merge_sizes(shapes))

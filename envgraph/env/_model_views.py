@@ -7,16 +7,17 @@ meaning in all members.
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Container, Iterable, Iterator, Sequence
+from itertools import product
 from typing import Any
 
 import numpy as np
 from gymnasium import spaces
 from numpy.typing import NDArray
 
-from envgraph.behaviour import Behaviour, DrawGrid, ObserveObject
+from envgraph.behaviour import Behaviour, DrawGrid, ObserveAround, ObserveObject, feature_reader
 from envgraph.env._flat_observations import FlatLayout, FloatRange
-from envgraph.env._observation_components import clause_name, observe_clauses
+from envgraph.env._observation_components import clause_name, observe_clauses, path_target_reader
 from envgraph.env._observation_spaces import ObservationKind
 from envgraph.env._prepared_clauses import ObservationComponent
 from envgraph.env._simulator import Simulator
@@ -24,6 +25,7 @@ from envgraph.env.scene._scene import Painter
 from envgraph.errors import EvaluationError, InvalidArgument
 from envgraph.graph import Model
 from envgraph.metamodel import Attribute, EnumType, Metamodel, Reference, Scalar, Value
+from envgraph.pattern import Navigation
 
 MAX_PIXEL = 255
 """Brightness of what is present; observations of trained agents depend on it."""
@@ -51,17 +53,39 @@ def model_view(kind: ObservationKind, behaviour: Behaviour, models: Sequence[Mod
     """Return the view of kind "image", "graph" or "padded_graph" for the models of all members of a family.
 
     Raises:
-        InvalidArgument: agents may not see the whole model, or an image is wanted but no grid is drawn.
+        InvalidArgument: an image is wanted, but no grid is drawn, or windows differ in size.
     """
-    hidden = any(one.visible is not None for one in observe_clauses(behaviour))
-    if hidden:
-        message = f'"{kind}" shows the whole model, but `{behaviour.name}` hides a part of it from its agents'
-        raise InvalidArgument(
-            message, 'use "index", "multi", "flat" or "dict", or remove `if` from the `observe` clauses'
-        )
     if kind == "graph":
         return GraphView(behaviour, models[0].metamodel)
     return ImageView(behaviour, models) if kind == "image" else PaddedGraphView(behaviour, models)
+
+
+def _unseen(simulator: Simulator) -> set[Any]:
+    """Return the objects, and the pairs of an object and a feature, that the acting agents do not see.
+
+    A window hides the objects of drawn classes, and the positions of cells. A clause with `if` hides the objects of
+    `for` and of `among`, and the feature that it reads. What one clause shows is not hidden by another.
+    """
+    model, hidden, seen = simulator.engine.model, set[Any](), set[Any]()
+    read = feature_reader(model)
+    for agent in simulator.agents.prepared_agents if simulator.joint_stepper else [simulator.current_agent]:
+        seen.add(agent.node)
+        for window, rows in agent.behaviour.windows:
+            hidden.update(node for cls in window.classes for node in model.graph.extent(cls))
+            hidden.update(product(model.graph.extent(window.grid.cls), (window.grid.column, window.grid.row)))
+            seen.update(window.seen(rows()))
+        for component in agent.behaviour.components:
+            clause, owner = component.observation, component.owner
+            if owner is None or clause.visible is None:
+                continue
+            path, shown = getattr(clause, "path", None), list[Any]()
+            if clause.each is not None or isinstance(clause, ObserveObject):
+                shown.append(owner[1]())
+            if isinstance(path, Navigation):
+                shown.append((path_target_reader(path.object, owner, read)(), path.feature))
+            hidden.update(model.graph.extent(clause.each.type or "") if clause.each is not None else ())
+            (seen if component.read() < component.size - 1 else hidden).update(shown)
+    return hidden - seen
 
 
 class ImageView(ModelView):
@@ -78,7 +102,7 @@ class ImageView(ModelView):
         models: the models of all members of the family.
 
     Raises:
-        InvalidArgument: the behaviour draws no grid.
+        InvalidArgument: the behaviour draws no grid, or windows differ in size.
 
     Attributes:
         channels: the content of each channel: a class, the text of an `observe` clause, or "agent".
@@ -97,9 +121,15 @@ class ImageView(ModelView):
         shown = {cls for root in drawn for cls in metamodel.concrete_classes(root)}
         self._classes = [one.name for one in metamodel.class_list if one.name in shown]
         clauses, agent = observe_clauses(behaviour), ["agent"] if behaviour.agents else []
+        windows = {(one.height, one.width) for one in clauses if isinstance(one, ObserveAround)}
+        clauses = [one for one in clauses if not isinstance(one, ObserveAround)]
         self.channels = (*self._classes, *map(clause_name, clauses), *agent)
         self._channel = {clause: place for place, clause in enumerate(clauses, start=len(self._classes))}
-        self._agents = bool(behaviour.agents)
+        if len(windows) > 1 or (windows and behaviour.together):
+            message = f'"image" needs windows of one size, for one agent at a time, unlike `{behaviour.name}`'
+            raise InvalidArgument(message, 'use "flat", "multi", "dict" or "graph"')
+        self._has_window = bool(windows)
+        ((height, width),) = windows or {(height, width)}
         self.space = spaces.Box(0, MAX_PIXEL, (height, width, len(self.channels)), np.uint8)
 
     def observe(self, simulator: Simulator) -> NDArray[np.uint8]:
@@ -108,39 +138,48 @@ class ImageView(ModelView):
         assert shape is not None
         image = np.zeros(shape, dtype=np.uint8)
         model, seat = simulator.engine.model, simulator.current_agent
-        _, _, places = simulator.painter().grid_places()
-        places = {node: (y, x) for node, (x, y) in places.items() if y < shape[0] and x < shape[1]}
+        _, _, drawn = simulator.painter().grid_places()
+        places: dict[int, Any] = dict.fromkeys(drawn)
+        if self._has_window:
+            for window, rows in seat.behaviour.windows[:1]:
+                places |= window.seen(rows())
+        else:
+            seen = drawn.keys() - _unseen(simulator)
+            places |= {n: (y, x) for n, (x, y) in drawn.items() if n in seen and y < shape[0] and x < shape[1]}
         channel = {cls: number for number, cls in enumerate(self._classes)}
         for node, place in places.items():
             number = channel.get(model.graph.class_of(node))
-            if number is not None:
+            if number is not None and place is not None:
                 image[(*place, number)] = MAX_PIXEL
         for component in seat.behaviour.components:
-            _write_channel(image[..., self._channel[component.observation]], component, places)
-        if self._agents and seat.node in places:
+            if component.observation in self._channel:
+                _write_channel(image[..., self._channel[component.observation]], component, places)
+        if seat.node is not None and places.get(seat.node) is not None:
             image[(*places[seat.node], -1)] = MAX_PIXEL
         return image
 
 
-def _write_channel(
-    channel: NDArray[np.uint8], component: ObservationComponent, places: dict[int, tuple[int, int]]
-) -> None:
+def _write_channel(channel: NDArray[np.uint8], component: ObservationComponent, places: dict[int, Any]) -> None:
     """Write a component to its channel of the image: at the object's (row, column), or everywhere without a position.
 
-    If the object is missing, write nothing.
+    If the object is missing or not seen, write nothing.
     """
+    value, size, clause = component.read(), component.size, component.observation
+    if clause.visible is not None and value == size - 1:
+        return
     if component.target_object is None:
-        channel[...] = MAX_PIXEL * component.read() // max(component.size - 1, 1)
+        channel[...] = MAX_PIXEL * value // max(size - 1, 1)
         return
     node = component.target_object()
-    if isinstance(node, int):
-        value, size = MAX_PIXEL * (component.read() + 1) // component.size, component.size
-        if isinstance(size, FloatRange):
-            low, high, _ = size.limits
-            number = float(FlatLayout([size]).encode(np.array([component.read()]))[0])
-            value = round(MAX_PIXEL * (number - low) / (high - low))
-        where = places.get(node, ...)
-        channel[where] = MAX_PIXEL if isinstance(component.observation, ObserveObject) and node in places else value
+    if not isinstance(node, int) or (where := places.get(node, ...)) is None:
+        return
+    if isinstance(size, FloatRange):
+        low, high, _ = size.limits
+        number = float(FlatLayout([size]).encode(np.array([value]))[0])
+        channel[where] = round(MAX_PIXEL * (number - low) / (high - low))
+    else:
+        is_place = isinstance(clause, ObserveObject) and node in places
+        channel[where] = MAX_PIXEL if is_place else MAX_PIXEL * (value + 1) // size
 
 
 class GraphView(ModelView):
@@ -178,30 +217,32 @@ class GraphView(ModelView):
     def observe(self, simulator: Simulator) -> spaces.GraphInstance:
         """Return the graph of the current state, for the agent that acts next."""
         model, seat = simulator.engine.model, simulator.current_agent
-        nodes = sorted(node for cls in self._classes for node in model.graph.exact_extent(cls))
+        hidden = _unseen(simulator)
+        nodes = sorted({node for cls in self._classes for node in model.graph.exact_extent(cls)} - hidden)
         number = {node: place for place, node in enumerate(nodes)}
         marked = [
             *(seat.behaviour.bound_values[name] for name in self._parameters),
             *[seat.node] * self._has_agents,
         ]
-        rows = [[*self._node_features(model, node), *(float(node == one) for one in marked)] for node in nodes]
-        edges = [edge for one in self._metamodel.references for edge in self._edges(model, one.index, number)]
+        rows = [[*self._node_features(model, node, hidden), *(float(node == one) for one in marked)] for node in nodes]
+        edges = [edge for one in self._metamodel.references for edge in self._edges(model, one, number, hidden)]
         table = np.array(edges, dtype=np.int64).reshape(len(edges), 3)
         features = np.array(rows, dtype=np.float32).reshape(len(nodes), len(self.features))
         return spaces.GraphInstance(features, table[:, 0].copy(), table[:, 1:].copy())
 
-    def _node_features(self, model: Model, node: int) -> Iterator[float]:
+    def _node_features(self, model: Model, node: int, hidden: Container[object]) -> Iterator[float]:
         cls = model.graph.class_of(node)
         yield from (float(cls == one) for one in self._classes)
         for attribute in self._attributes:
-            owned = self._metamodel.is_a(cls, attribute.owner)
-            yield from _feature_values(attribute, model.graph.value(node, attribute) if owned else None)
+            known = self._metamodel.is_a(cls, attribute.owner) and (node, attribute.name) not in hidden
+            yield from _feature_values(attribute, model.graph.value(node, attribute) if known else None)
 
-    def _edges(self, model: Model, index: int, number: dict[int, int]) -> Iterable[tuple[int, int, int]]:
-        reference = self._metamodel.references[index]
-        for source in sorted(model.graph.extent(reference.owner)):
-            for target in sorted(model.graph.targets(source, reference)):
-                yield index, number[source], number[target]
+    def _edges(self, model: Model, one: Reference, number: dict[int, int], hidden: set[Any]) -> Iterable[Sequence[int]]:
+        back = self._metamodel.opposite(one)
+        for source in sorted(model.graph.extent(one.owner)):
+            for target in sorted(model.graph.targets(source, one)):
+                if hidden.isdisjoint([source, target, (source, one.name), (target, back and back.name)]):
+                    yield one.index, number[source], number[target]
 
 
 class PaddedGraphView(GraphView):

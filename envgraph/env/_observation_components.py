@@ -12,7 +12,9 @@ from envgraph.behaviour import (
     FeatureReader,
     KeyIndex,
     Observation,
+    ObserveAround,
     ObserveAttribute,
+    ObservedWindow,
     ObserveFind,
     ObserveObject,
     ObservePath,
@@ -22,7 +24,7 @@ from envgraph.behaviour import (
     key_reader,
 )
 from envgraph.env._flat_observations import LARGEST_FLOAT32, FloatRange
-from envgraph.env._prepared_clauses import NameClasses, NameValues, merge_clauses
+from envgraph.env._prepared_clauses import NameClasses, NameValues, Owner, merge_clauses
 from envgraph.errors import EvaluationError
 from envgraph.graph import Model
 from envgraph.metamodel import Attribute, EnumType, Metamodel, Scalar, Value
@@ -69,7 +71,9 @@ class KeyedObjects:
         return self._key_of(node) == self.keys[position]
 
 
-def component_size(observation: Observation, types: NameClasses, keys: KeyIndex, metamodel: Metamodel) -> int:
+def component_size(
+    observation: ObservePath | ObserveFind, types: NameClasses, keys: KeyIndex, metamodel: Metamodel
+) -> int:
     """Return the number of values of a clause's components, with one more for `or none`, and one for hidden objects.
 
     For floats it is a `FloatRange`.
@@ -109,11 +113,14 @@ def observed_range(
 
 
 def component_sizes(
-    observations: Iterable[tuple[Observation, NameClasses]], keys: KeyIndex, metamodel: Metamodel
+    observations: Iterable[tuple[Observation, NameClasses]], keys: KeyIndex, metamodel: Metamodel, behaviour: Behaviour
 ) -> list[int]:
     """Return the number of values of each component of some `observe` clauses, each with the classes of its names."""
     found: list[int] = []
     for observation, types in observations:
+        if isinstance(observation, ObserveAround):
+            found += ObservedWindow(observation, behaviour.draw, types, metamodel).sizes
+            continue
         size = component_size(observation, types, keys, metamodel)
         found += [size] * (1 if observation.each is None else keys.size(observation.each.type or ""))
     return found
@@ -144,33 +151,28 @@ def path_type(observation: ObservePath, types: NameClasses, metamodel: Metamodel
 
 def component_reader(
     path: Expression,
-    owner: tuple[str, Callable[[], Value | None]],
+    owner: Owner,
     model: Model,
     read: FeatureReader,
     index: Callable[[Value | None], int],
     padding: int,
-    bound: NameValues,
 ) -> Callable[[], int]:
     """Return a function that reads a component of an observation.
 
     Args:
         path: the observed path.
-        owner: the name at which the path begins, and a function that returns its object, or None if it is missing; then
-            the component is `padding`.
+        owner: the name at which the path begins, and a function that returns its object, or None if it is missing.
         model: the model, which names objects for messages.
         read: a function that reads features of objects.
         index: converts the value of the path to the component.
         padding: the component if the owner's object is missing.
-        bound: the values of the other names; if it contains the owner's name, the owner never changes.
     """
     name, value = owner
-    fixed = name in bound
 
     def observe() -> int:
-        node = value()
-        if node is None:
+        scope = {name: value()}
+        if scope[name] is None:
             return padding
-        scope = bound if fixed else {**bound, name: node}
         found: Value | int | None = 0
         try:
             found = follow_path(path, scope, read)
@@ -182,21 +184,13 @@ def component_reader(
     return observe
 
 
-def path_target_reader(
-    path: Expression, owner: tuple[str, Callable[[], Value | None]], bound: NameValues, read: FeatureReader
-) -> Callable[[], int | None]:
-    """Return a function that returns the object at the end of a path, or None if the path leads to no object.
-
-    `owner` is the name at which the path begins, and a function that returns its object or None.
-    """
+def path_target_reader(path: Expression, owner: Owner, read: FeatureReader) -> Callable[[], int | None]:
+    """Return a function that returns the object at the end of a path, or None if the path leads to no object."""
     name, value = owner
 
     def read_target_index() -> int | None:
-        node = value()
-        if node is None:
-            return None
         try:
-            found = follow_path(path, {**bound, name: node}, read)
+            found = follow_path(path, {name: value()}, read)
         except EvaluationError:  # an object on the path was deleted
             return None
         return found if type(found) is int else None
@@ -212,6 +206,8 @@ def observe_clauses(behaviour: Behaviour) -> list[Observation]:
 
 def clause_name(observation: Observation) -> str:
     """Return the text of an `observe` clause, with spaces for dots (for PyTorch): `hero at`, `count reached(_)`."""
+    if isinstance(observation, ObserveAround):
+        return f"around {observation.centre.name}"
     if isinstance(observation, ObserveFind):
         what = _format_expression(observation.call)
         return what if observation.up_to is None else f"count {what}"
@@ -264,6 +260,9 @@ def _make_distinct(names: Iterable[str]) -> tuple[str, ...]:
 
 def _clause_component_names(observation: Observation, keys: KeyIndex) -> list[str]:
     name = clause_name(observation)
+    if isinstance(observation, ObserveAround):
+        rows, columns = (range(-(size // 2), size // 2 + 1) for size in (observation.height, observation.width))
+        return [f"{name} {x} {y} {kind}" for y in rows for x in columns for kind in ("cell", "object")]
     each = observation.each
     if each is None or each.type is None:
         return [name]

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Sequence
-from functools import partial
+from functools import lru_cache, partial
 from typing import Any
 
 from envgraph.behaviour import (
@@ -18,6 +18,8 @@ from envgraph.behaviour import (
     HelperPattern,
     KeyIndex,
     Observation,
+    ObserveAround,
+    ObservedWindow,
     ObserveFind,
     ObserveObject,
     ObservePath,
@@ -50,6 +52,7 @@ from envgraph.env._prepared_clauses import (
     NameClasses,
     NameValues,
     ObservationComponent,
+    Owner,
     PreparedAction,
     PreparedBranches,
     PreparedCall,
@@ -79,8 +82,6 @@ from envgraph.pattern import (
 )
 from envgraph.rewrite import Engine
 
-Owner = tuple[str, Callable[[], Value | None]]
-"""The name at which an observation begins, and a function that returns its object, or None if it is missing."""
 NO_OWNER: Owner = "", lambda: 0
 
 END_NUMBERS = {None: 0, "success": 1, "failure": 2, "truncation": -1}
@@ -104,6 +105,7 @@ class PreparedBehaviour:
         bound_values: the objects of the parameters and of the agent, by name.
         effects, components: the agent's prepared effects and observation components, in the order of the text.
         is_shared_effect, is_shared_component: for each of them, True if it stands outside of `agent` blocks.
+        windows: the windows, each with a function that returns the matches of its `helpers`.
         effect_clauses: the `effects` as clauses of the behaviour, with the classes of the names in their scope.
         refusals: the refused calls of a step: by False those of the agent's actions and block, by True those of shared
             clauses. A refusal whose list is missing is an error.
@@ -131,6 +133,7 @@ class PreparedBehaviour:
             block, self.bound_values[agent[0].variable] = agent
             own = {**shared, block.variable: block.cls}
         self._objects: dict[str, KeyedObjects] = {}
+        self.windows: list[tuple[ObservedWindow, Callable[[], list[Any]]]] = []
         effects = merge_clauses(block.effects, own, behaviour.effects, shared)
         handled = [types is shared for effect, types in effects if isinstance(effect, OnRefused)]
         self.refusals: dict[bool, list[RuleCall]] = {key: [] for key in ((False, True) if any(handled) else handled)}
@@ -324,23 +327,17 @@ class PreparedBehaviour:
 
     def _match_functions(self, question: HelperPattern) -> tuple[Callable[[], list[Row]], Callable[[Row], bool]]:
         name, count = question.pattern.qualified_name, len(question.bound)
-        find = self.engine.matcher.prepare(name, tuple(range(count)))
         exists = self.engine.matcher.prepare(name, tuple(range(count + len(question.free))))
         types = self.engine.library.parameter_types(name)
         is_object = [isinstance(type_, ObjectType) for type_ in types[count:]]
         bound = tuple(self.bound_values[name] for name in question.bound)
-        alive = self.model.graph.alive
-
-        def sorted_matches() -> list[Row]:
-            if not all(map(alive, bound)):  # type: ignore[arg-type]
-                return []
-            return sorted([row[count:] for row in find(*bound)])
+        alive, find = self.model.graph.alive, self._owned_matches(question, NO_OWNER)
 
         def still_matches(row: Row) -> bool:
             nodes = [*bound, *(value for value, known in zip(row, is_object, strict=True) if known)]
             return all(alive(node) for node in nodes) and bool(exists(*bound, *row))  # type: ignore[arg-type]
 
-        return sorted_matches, still_matches
+        return lambda: sorted(row[count:] for row in find()), still_matches
 
     def _negated_match_functions(
         self,
@@ -378,6 +375,9 @@ class PreparedBehaviour:
     # --- observations
 
     def _prepare_components(self, observation: Observation, types: NameClasses) -> Iterator[ObservationComponent]:
+        if isinstance(observation, ObserveAround):
+            yield from self._window_components(observation, types)
+            return
         each, read, metamodel = observation.each, self._read, self.model.metamodel
         size = component_size(observation, types, self._keys, metamodel)
         names = types if each is None else {**types, each.name: each.type or ""}
@@ -387,13 +387,13 @@ class PreparedBehaviour:
                 seen, shown = self._match_reader(observation, names, owner), owner[1] if each else None
             else:
                 path, (index, padding) = observation.path, self._index_function(observation, types)
-                seen = component_reader(path, owner, self.model, read, index, padding, self.bound_values)
+                seen = component_reader(path, owner, self.model, read, index, padding)
                 owned = isinstance(path, Navigation) and not isinstance(observation, ObserveObject)
                 target = path.object if owned else path  # type: ignore[union-attr]
-                shown = path_target_reader(target, owner, self.bound_values, read)
+                shown = path_target_reader(target, owner, read)
             if observation.visible is not None:
                 seen = self._visible_reader(observation.visible, names, owner, seen, hidden=size - 1)
-            yield ObservationComponent(size, seen, observation, shown, is_range)
+            yield ObservationComponent(size, seen, observation, shown, is_range, owner)
 
     def _match_reader(self, observation: ObserveFind, names: NameClasses, owner: Owner) -> Callable[[], int]:
         """Return a function that returns the number of matches, at most 1 or `up_to`; 0 if the owner is missing."""
@@ -418,6 +418,19 @@ class PreparedBehaviour:
 
         return matches
 
+    def _window_components(self, observation: ObserveAround, types: NameClasses) -> Iterator[ObservationComponent]:
+        window = ObservedWindow(observation, self._behaviour.draw, types, self.model.metamodel)
+        finders = [self._match_functions(self._add_pattern(make))[0] for make in window.helpers]
+
+        def rows() -> list[Any]:
+            return sorted(row for find in finders for row in find())
+
+        numbers = lru_cache(maxsize=1)(lambda _: {place: number for place, number, _ in rows()})
+        self.windows.append((window, rows))
+        for place, size in enumerate(window.sizes):
+            read = partial(lambda place: numbers(self.model.graph.store.revision).get(place, 0), place)
+            yield ObservationComponent(size, read, observation)
+
     def _visible_reader(
         self, call: PatternCall, names: NameClasses, owner: Owner, seen: Callable[[], int], hidden: int
     ) -> Callable[[], int]:
@@ -428,7 +441,7 @@ class PreparedBehaviour:
         find, value = self._owned_matches(self._add_condition(call, names), owner), owner[1]
         return lambda: seen() if value() is None or find() else hidden
 
-    def _owners(self, observation: Observation, types: NameClasses) -> Iterator[Owner]:
+    def _owners(self, observation: ObservePath | ObserveFind, types: NameClasses) -> Iterator[Owner]:
         """Yield the owner of each component of a clause: an object of `for`, or the one at which the path begins."""
         each = observation.each
         if each is not None:

@@ -19,6 +19,9 @@ from envgraph.rewrite import REFUSALS
 NameValues = Mapping[str, Value | None]
 """The values of names during a step: data values, ids of objects, or None for a missing object."""
 
+Owner = tuple[str, Callable[[], Value | None]]
+"""The name at which an observation begins, and a function that returns its object, or None if it is missing."""
+
 
 class ChoiceSource(Protocol):
     """A source of the random choices of a step, which are made in a fixed order."""
@@ -240,8 +243,9 @@ class ObservationComponent:
         read: returns the current value, from 0.
         observation: the `observe` clause.
         target_object: returns the object that the path leads to, whose attribute it reads, or of which it observes
-            matches, or None if it is missing; for `find` without `for`, `target_object` itself is None.
+            matches, or None if it is missing; for windows and `find` without `for`, `target_object` itself is None.
         is_range: True if the clause observes a number within a range.
+        owner: the name at which the path begins, and a function that returns its object, or None if it is missing.
     """
 
     size: int
@@ -249,6 +253,7 @@ class ObservationComponent:
     observation: Observation
     target_object: Callable[[], Value | None] | None = None
     is_range: bool = False
+    owner: Owner | None = None
 
 
 Clause = TypeVar("Clause", bound=Action | Effect | Observation)

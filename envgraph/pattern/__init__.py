@@ -53,6 +53,7 @@ if TYPE_CHECKING:
     from envgraph.pattern._library import PATHS as PATHS, VALUES as VALUES, Library as Library
     from envgraph.pattern._occurrences import (
         BodyVariables as BodyVariables,
+        base_of as base_of,
         children as children,
         constraint_terms as constraint_terms,
         required_paths as required_paths,

@@ -268,14 +268,13 @@ def none_test_path(expression: Expression) -> Navigation | None:
     return None
 
 
-def base_of(navigation: Navigation) -> tuple[Expression, tuple[str, ...]]:
+def base_of(path: Expression) -> tuple[Expression, tuple[str, ...]]:
     """Return the start of a path `x.f.g`, and its features in order."""
     features: list[str] = []
-    node: Expression = navigation
-    while isinstance(node, Navigation):
-        features.append(node.feature)
-        node = node.object
-    return node, tuple(reversed(features))
+    while isinstance(path, Navigation):
+        features.append(path.feature)
+        path = path.object
+    return path, tuple(reversed(features))
 
 
 def required_paths(expression: Expression) -> list[Navigation]:

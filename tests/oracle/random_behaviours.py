@@ -5,9 +5,10 @@ Rules and patterns are less wild than those of `rewriting_worlds`: mostly of con
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, replace
+from math import prod
 
 from envgraph.behaviour import (
     Action,
@@ -15,8 +16,10 @@ from envgraph.behaviour import (
     Behaviour,
     Branch,
     Domain,
+    DrawGrid,
     EachStep,
     Observation,
+    ObserveAround,
     ObserveAttribute,
     ObserveFind,
     ObserveObject,
@@ -25,10 +28,11 @@ from envgraph.behaviour import (
     OnRefused,
     OnReset,
     RuleCall,
+    Token,
     check_behaviour,
 )
 from envgraph.env.compiled import NotCompiled, program_of
-from envgraph.errors import EvaluationError, ResolutionError, Severity
+from envgraph.errors import LARGEST_INT, EvaluationError, ResolutionError, Severity
 from envgraph.metamodel import Attribute, Class, EnumType, Metamodel, Reference, Scalar
 from envgraph.pattern import (
     Alap,
@@ -121,7 +125,7 @@ def random_behaviour_case(seed: int) -> BehaviourCase:
         for _ in range(dice.number(1, 6)):
             edit(dice, other.model)
         engines.append(other)
-    builder = _Builder(dice, engines, Dice(seed + 1))
+    builder = _Builder(dice, engines, Dice(seed + 1), Dice(seed + 3))
     behaviour = builder.with_refusals(builder.behaviour(), Dice(seed + 2))
     return BehaviourCase(tuple(engines), behaviour, tuple(builder.refused))
 
@@ -205,9 +209,10 @@ class _Builder:
         refused: what is not compiled.
     """
 
-    def __init__(self, dice: Dice, engines: Sequence[Engine], operations: Dice) -> None:
+    def __init__(self, dice: Dice, engines: Sequence[Engine], operations: Dice, windows: Dice) -> None:
         self._dice = dice
         self._operations = operations
+        self._windows = windows
         self._engines = engines
         self._engine = engines[0]
         self._metamodel = engines[0].model.metamodel
@@ -233,7 +238,7 @@ class _Builder:
                 cls = dice.one(self._metamodel.supertypes(model.graph.class_of(node)))
                 found = self._with(found, parameters=(*found.parameters, Parameter(f"n{node}", cls)))
         self._scope = {one.name: ObjectType(one.type or "") for one in found.parameters}
-        found = self._clauses(found, dice.number(3, 9))
+        found = self._window(self._clauses(found, dice.number(3, 9)), self._scope)
         if dice.chance(35):
             together = dice.chance(40)
             for number in range(dice.number(1, 2)):
@@ -276,6 +281,7 @@ class _Builder:
         found = self._with(found, agents=(*found.agents, block), together=together)
         if found.agents and found.agents[-1] == block:
             found = self._clauses(found, self._dice.number(1, 4), agent=True)
+            found = self._window(found, {f"me{number}": ObjectType(cls)})
         self._scope = outer
         return found
 
@@ -299,6 +305,36 @@ class _Builder:
             found = self._with(found, **part)
         return found
 
+    def _window(self, found: Behaviour, names: Mapping[str, StaticType]) -> Behaviour:
+        """Often a grid of objects with ints, and a window around one of some objects, if it is drawn."""
+        dice, metamodel = self._windows, self._metamodel
+        ints = [one for one in metamodel.attributes if one.type is Scalar.INT and not one.many]
+        if not ints or not dice.chance(60):
+            return found
+        if found.draw is None:
+            cell = dice.one(ints)
+            axes = [one.name for one in metamodel.features(cell.owner).values() if one in ints]
+            ways = [
+                one for one in metamodel.references if not one.many and metamodel.may_overlap(one.target, cell.owner)
+            ]
+            tokens = [Token("it", Navigation(Variable("it"), one.name), one.owner) for one in ways if dice.chance(70)]
+            found = self._with(found, draw=DrawGrid(cell.owner, dice.one(axes), dice.one(axes), tuple(tokens)))
+        for name in names:
+            size = dice.one([(3, 3), (1, 5), (3, 1)])
+            window = ObserveAround(Variable(name), *size)
+            if dice.chance(40):
+                patterns = [one for one in self._engine.patterns if len(self._engine.library.inputs(one)) == 0]
+                pattern = dice.one(patterns)
+                count = len(self._engine.library.parameter_types(pattern))
+                terms = [Variable(dice.one([name, "cell", "_"])) for _ in range(count)]
+                window = replace(window, visible=PatternCall(pattern, tuple(terms)))
+            if names is self._scope:
+                found = self._with(found, observations=(*found.observations, window))
+            else:
+                block = replace(found.agents[-1], observations=(*found.agents[-1].observations, window))
+                found = self._with(found, agents=(*found.agents[:-1], block))
+        return found
+
     def _with(self, found: Behaviour, **changes: object) -> Behaviour:
         """The behaviour with a clause more, if that is one that can be compiled."""
         made = replace(found, **changes)  # type: ignore[arg-type]
@@ -307,13 +343,14 @@ class _Builder:
             return found
         try:
             keys = family_keys(self._engines, made)
-            program_of(self._engine.copy(), made, [one.copy() for one in self._engines], keys, native=False)
+            engines = [one.copy() for one in self._engines]
+            program = program_of(self._engine.copy(), made, engines, keys, native=False)
         except NotCompiled as reason:
             self.refused.append(reason.construct)
             return found
         except (EvaluationError, ResolutionError):
             return found
-        return made
+        return made if prod(program.observation_shape) <= LARGEST_INT else found
 
     # --- clauses
 

@@ -24,8 +24,8 @@ from envgraph.draw import LINE_COLOUR
 from envgraph.env.scene._appearance import Appearance, Appearances, glyph_of, token_colour
 from envgraph.errors import LIMITS, InvalidArgument
 from envgraph.graph import Model
-from envgraph.metamodel import Attribute, Class, Glyph, Metamodel, Scalar
-from envgraph.pattern import Expression, Navigation, Parameter
+from envgraph.metamodel import Attribute, Class, Glyph, Scalar
+from envgraph.pattern import Parameter, base_of
 
 Draw = DrawGrid | DrawGraph
 
@@ -171,7 +171,8 @@ class Painter:
         self._read: FeatureReader = feature_reader(model)
         self._looks = Appearances(model)
         self._tokens = list(_bound_tokens(model, draw.tokens, {p.name: p for p in parameters}))
-        self._may_lack_place = any(_may_be_empty(model.metamodel, token.path) for token in draw.tokens)
+        features = {feature for token in draw.tokens for feature in base_of(token.path)[1]}
+        self._may_lack_place = any(one.lower == 0 and one.name in features for one in model.metamodel.references)
         self._scene: Callable[[], Scene]
         if isinstance(draw, DrawGrid):
             self._grid = _CellGrid(model, draw)
@@ -263,7 +264,7 @@ class Painter:
         look = self._looks.appearance_of(node, declared or Glyph(cls[:1].upper(), token_colour(position)))
         name = token.variable if bound is not None else _object_label(model, node, None, self._read)
         if token.letter is not None:
-            way = _path_features(token.path)
+            way = " ".join(base_of(token.path)[1])
             look = Appearance(Glyph(token.letter, look.glyph.colour))
             name, cls = f"{name}, {way}", f"{cls}, {way}"
         return self._make_mark(name, cls, look, place)
@@ -317,24 +318,6 @@ def _bound_tokens(
             yield token, None
         else:
             yield token, bind_parameter(model, parameters.get(token.variable) or Parameter(token.variable))
-
-
-def _path_features(path: Expression) -> str:
-    """Return the names of the features of a path, in order, joined by spaces."""
-    found: list[str] = []
-    while isinstance(path, Navigation):
-        found.append(path.feature)
-        path = path.object
-    return " ".join(reversed(found))
-
-
-def _may_be_empty(metamodel: Metamodel, path: Expression) -> bool:
-    """Return True if a path contains the name of a reference that may have no target."""
-    while isinstance(path, Navigation):
-        if any(one.name == path.feature and one.lower == 0 for one in metamodel.references):
-            return True
-        path = path.object
-    return False
 
 
 def _object_label(model: Model, node: int, attribute: str | None, read: FeatureReader) -> str:

@@ -19,6 +19,7 @@ from envgraph.behaviour import (
     EachStep,
     End,
     Observation,
+    ObserveAround,
     ObserveAttribute,
     ObserveFind,
     ObserveObject,
@@ -263,13 +264,16 @@ def parse_on_reset(reading: FileReading, tree: Tree[Token]) -> OnReset | None:
 
 
 def parse_observation(reading: FileReading, tree: Tree[Token]) -> Observation:
-    """Parse an `observe ..` clause: the observation of a pattern, an object, a number in a range or an attribute."""
-    observed = select_trees(tree.children)[0]
+    """Parse an `observe ..` clause: of a window, a pattern, an object, a number in a range or an attribute."""
     every, visibles = select_trees(tree.children, "each_object"), select_trees(tree.children, "visible")
     each, visible = reading.first_or_report("`for`", every), reading.first_or_report("`if`", visibles)
-    span = reading.span(tree)
-    parameter = _parse_each_object(reading, each) if each else None
     only = parse_pattern_call(reading, select_trees(visible.children)[0]) if visible else None
+    span = reading.span(tree)
+    if tree.data == "around":
+        width, height = map(int, select_tokens(tree.children, "INT"))
+        return ObserveAround(parse_variable(reading, select_tokens(tree.children)[0]), width, height, only, span)
+    observed = select_trees(tree.children)[0]
+    parameter = _parse_each_object(reading, each) if each else None
     inner = select_trees(observed.children)
     match observed.data:
         case "holds" | "count":

@@ -132,4 +132,4 @@ def _parse_effects(reading: FileReading, clauses: Sequence[Tree[Token]]) -> tupl
 
 
 def _parse_observations(reading: FileReading, clauses: Sequence[Tree[Token]]) -> tuple[Observation, ...]:
-    return tuple(parse_observation(reading, part) for part in select_trees(clauses, "observation"))
+    return tuple(parse_observation(reading, part) for part in select_trees(clauses, "observation", "around"))

@@ -213,7 +213,7 @@ class _Scanner:
             kind, digits = "INT", "1"  # an INT is allowed wherever any number is
         following = re.compile(r"\w+").match(self._text, end)
         if following:
-            word = following.group()
+            word = re.sub(r"^x(?=\d)", "x ", following.group())  # the size `7x7` of a window
             self._report(
                 "touching-words",
                 f"`{self._text[start : following.end()]}` is neither a number nor a name",

@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from envgraph.behaviour import ObserveObject
+from envgraph.behaviour import ObserveAround, ObserveObject
 from envgraph.env import KeyIndex, Tabular, key_reader
 from envgraph.learn.audit._audit_settings import AuditSettings
 from envgraph.match import FREE
@@ -117,6 +117,8 @@ def _component_classes(domain: Domain, engine: Engine, keys: KeyIndex) -> Iterat
     assert behaviour is not None, "the settings were checked"
     for one in behaviour.observations:
         times = keys.size(one.each.type) if one.each and one.each.type else 1
+        if isinstance(one, ObserveAround):
+            times = 2 * one.width * one.height
         yield from [one.among if isinstance(one, ObserveObject) else None] * times
 
 

@@ -46,6 +46,7 @@ from tests.unit.env.corners import (
     refusals,
     units,
     values,
+    windows,
 )
 from tests.unit.env.side_by_side import Family, assert_equal_tables, compare_random_steps, family_of
 from tests.unit.rewrite.explorations import explore_twice
@@ -64,6 +65,7 @@ CORNERS = (
     | refusals.CORNERS
     | meetings.CORNERS
     | observations.CORNERS
+    | windows.CORNERS
     | test_sight.CORNERS
     | test_together.CORNERS
     | test_truncation.CORNERS

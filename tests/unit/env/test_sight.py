@@ -2,12 +2,9 @@
 
 from __future__ import annotations
 
-import pytest
-
 from envgraph.behaviour import Behaviour
-from envgraph.env import Simulator, explore, model_view
+from envgraph.env import Simulator, explore
 from envgraph.env.compiled import enumerate_states, program_of
-from envgraph.errors import InvalidArgument
 from envgraph.rewrite import Engine
 from tests.unit.env.coins import QUERY, RULES, loaded
 from tests.unit.env.side_by_side import Corner, family_keys, step_side_by_side
@@ -95,9 +92,3 @@ def test_deleted_agent_observes_all_components_as_hidden() -> None:
     simulator = Simulator(engine, behaviour)
     assert observed_components(simulator) == [UNSEEN] * 3
     assert act_and_observe(simulator, "bye") == [UNSEEN] * 3
-
-
-def test_model_view_is_refused_if_components_are_hidden_from_agents() -> None:
-    engine, behaviour = load_partially_observed_coins()
-    with pytest.raises(InvalidArgument, match="hides a part of it from its agents"):
-        model_view("graph", behaviour, [engine.model])

@@ -42,6 +42,8 @@ class RowSource(Enum):
 
 WriteSolution = Callable[[BodyEmitter, RowSource], code.Body]
 """Returns the statements for a solution of a body, inside its loops, given how these find the rows."""
+RowCode = Callable[[Sequence[code.Expression]], code.Body]
+"""Returns the statements for the values of a row."""
 
 
 class MatchEmitter:
@@ -77,11 +79,7 @@ class MatchEmitter:
         return self._emit_once("count", key, classes_known, self._emit_count_body)
 
     def emit_sample(
-        self,
-        key: PatternQuery,
-        given: Sequence[code.Local],
-        then: Callable[[Sequence[code.Expression]], code.Body],
-        nothing: code.Return,
+        self, key: PatternQuery, given: Sequence[code.Local], then: RowCode, nothing: code.Return
     ) -> code.Body:
         """Emit the body of a function that samples a row, and uses its values.
 
@@ -113,6 +111,15 @@ class MatchEmitter:
         loads, values = self.load_row(key, row)
         chosen = code.Assign(row, emit_sum(TOP, sampled))
         return (*self._emit_sorting(key, found, source, number), check, chosen, *loads, *then(values))
+
+    def emit_each(self, key: PatternQuery, given: Sequence[code.Local], then: RowCode, sure: bool = True) -> code.Body:
+        """Emit code that runs `then` for the values of each row, in any order; rows may be repeated."""
+
+        def write(body: BodyEmitter, _: RowSource) -> code.Body:
+            body.words.emit_bits()
+            return then(body.output_values(key))
+
+        return self._emit_bodies(key, given, sure, write)[0]
 
     def load_row(self, key: PatternQuery, row: code.Expression, first: int = 0) -> tuple[code.Body, list[code.Local]]:
         """Return statements that read a row, which begins at a column, into variables, and the variables."""
@@ -289,11 +296,7 @@ class MatchEmitter:
         return [start], (*whole, code.Return(COUNT))
 
     def _emit_exists_body(self, key: PatternQuery, given: Sequence[code.Local], sure: bool) -> code.Body:
-        def write(body: BodyEmitter, _: RowSource) -> code.Body:
-            body.words.emit_bits()
-            return (code.Return(code.TRUE),)
-
-        return (*self._emit_bodies(key, given, sure, write)[0], code.Return(code.FALSE))
+        return (*self.emit_each(key, given, lambda _: (code.Return(code.TRUE),), sure), code.Return(code.FALSE))
 
     def _emit_count_body(self, key: PatternQuery, given: Sequence[code.Local], sure: bool) -> code.Body:
         """Return code that counts distinct rows; it stores them if some may be equal."""

@@ -44,7 +44,7 @@ class JointStepEmitter:
         self.action_names = joint_action_names([name for name, _ in seats], clauses.block_actions[0].names)
         own = [self._observations_of(clauses.blocks[number], shared=False) for _, number in seats]
         parts = [*chain(*own), *self._observations_of(clauses.blocks[0], shared=True)]
-        self.shape = tuple(component_sizes(parts, clauses.keys, clauses.metamodel))
+        self.shape = tuple(component_sizes(parts, clauses.keys, clauses.metamodel, clauses.behaviour))
         self.observation_names = combined_component_names(clauses.behaviour, clauses.keys, seats)
 
     def emit_bodies(self) -> tuple[code.Body, code.Body, code.Body]:
@@ -136,7 +136,7 @@ class JointStepEmitter:
         clauses = self._clauses
         with clauses.module.emitting_function():
             writer = clauses.new_writer(code.Return(ZERO))
-            observations = ObservationEmitter(writer, clauses.keys, self.shape)
+            observations = ObservationEmitter(writer, clauses.keys, self.shape, clauses.behaviour)
             for place, (_, number) in enumerate(self._seats):
                 block, node = clauses.blocks[number], self._emit_agent_object(writer, place)
                 observations.emit_components(self._observations_of(block, shared=False), clauses.scope(block, node)[0])

@@ -3,12 +3,17 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from itertools import accumulate
 from math import prod
+from operator import mul
 
 from envgraph import code
 from envgraph.behaviour import (
+    Behaviour,
     KeyIndex,
     Observation,
+    ObserveAround,
+    ObservedWindow,
     ObserveFind,
     ObserveObject,
     ObservePath,
@@ -55,16 +60,18 @@ class ObservationEmitter:
         writer: the emitter of the function that observes.
         keys: the indices of objects over the family.
         shape: the sizes of the components.
+        behaviour: draws the grid of windows.
     """
 
-    def __init__(self, writer: FunctionEmitter, keys: KeyIndex, shape: Sequence[int]) -> None:
+    def __init__(self, writer: FunctionEmitter, keys: KeyIndex, shape: Sequence[int], behaviour: Behaviour) -> None:
         self._writer = writer
         self._keys = keys
+        self._draw = behaviour.draw
         self._layout: ProgramLayout = writer.facts.layout
         self._metamodel = writer.facts.metamodel
         # The index is 0 and never used if the product of the sizes exceeds 64 bits.
         numbered = prod(shape) <= LARGEST_INT
-        weights = [prod(shape[:place]) * numbered for place in range(len(shape))]
+        weights = [weight * numbered for weight in accumulate(shape[:-1], mul, initial=1)]
         self._weights = self._layout.offset(Constants("components", (len(shape), *weights)))
         writer.append_assignment(NEXT_COMPONENT, ZERO)
         writer.append_assignment(OBSERVATION_INDEX, ZERO)
@@ -80,7 +87,10 @@ class ObservationEmitter:
         """
         for observation, types in observations:
             with add_missing_span(observation.span):
-                self._emit_clause_components(observation, types, scope)
+                if isinstance(observation, ObserveAround):
+                    self._emit_window(observation, types, scope)
+                else:
+                    self._emit_clause_components(observation, types, scope)
 
     def emit_end(self) -> None:
         """Emit code that sets the remaining components to 0, and returns the index."""
@@ -102,26 +112,42 @@ class ObservationEmitter:
     ) -> None:
         """Emit code that assigns the number of matches, at most 1 or `up_to`, to a variable."""
         writer = self._writer
-        name = writer.behaviour
         if observation.up_to is None:
-            writer.append_assignment(
-                local,
-                code.ConditionalExpression(self._emit_condition_test(observation.call, types, scope), ONE, ZERO),
-            )
+            found = self._emit_condition_test(observation.call, types, scope)
+            writer.append_assignment(local, code.ConditionalExpression(found, ONE, ZERO))
             return
         writer.append_assignment(local, ZERO)
-        question = add_helper_pattern(writer.engine, name, lambda n: count_helper(n, observation.call, types))
+        question = add_helper_pattern(
+            writer.engine, writer.behaviour, lambda name: count_helper(name, observation.call, types)
+        )
         values = [scope[bound].value for bound in question.bound]
         rows = writer.emit_function_call(writer.matching.emit_rows(writer.pattern_view(question)), *values)
         most = code.emit_call("min", emit_entry(RI, writer.first_row, 0), code.Constant(observation.up_to))
         some = [*writer.bound_alive_tests(question, scope), code.Operation(">", (rows, ZERO))]
         writer.append(code.If(code.emit_joined("and", some, True), (code.Assign(local, most),)))
 
+    def _emit_window(self, observation: ObserveAround, types: NameClasses, scope: Mapping[str, CodeTerm]) -> None:
+        writer, window = self._writer, ObservedWindow(observation, self._draw, types, self._metamodel)
+        local, end = writer.module.new_local("i"), emit_sum(NEXT_COMPONENT, len(window.sizes))
+        each = code.emit_call("range", NEXT_COMPONENT, end)
+        writer.append(code.For(local, each, (code.Assign(emit_entry(COMPONENTS, local), ZERO),)))
+
+        def emit_store(values: Sequence[code.Expression]) -> code.Body:
+            shown = emit_entry(COMPONENTS, emit_sum(NEXT_COMPONENT, values[0]))
+            return (code.Assign(shown, code.emit_call("max", shown, values[1])),)
+
+        for make in window.helpers:
+            question = add_helper_pattern(writer.engine, writer.behaviour, make)
+            bound = {name: writer.facts.new_local_for(ObjectType(types[name])) for name in question.bound}
+            writer.append(*(code.Assign(local, scope[name].value) for name, local in bound.items()))
+            found = writer.matching.emit_each(writer.pattern_view(question), [*bound.values()], emit_store)
+            alive = writer.bound_alive_tests(question, scope)
+            writer.append(*([code.If(code.emit_joined("and", alive, True), found)] if alive else found))
+        component = emit_entry(COMPONENTS, NEXT_COMPONENT)
+        writer.append(code.For(local, each, writer.collect(lambda: self.emit_component(component))))
+
     def _emit_clause_components(
-        self,
-        observation: Observation,
-        types: NameClasses,
-        scope: Mapping[str, CodeTerm],
+        self, observation: ObservePath | ObserveFind, types: NameClasses, scope: Mapping[str, CodeTerm]
     ) -> None:
         writer, each = self._writer, observation.each
         if each is None:
@@ -144,7 +170,7 @@ class ObservationEmitter:
 
     def _emit_value_component(
         self,
-        observation: Observation,
+        observation: ObservePath | ObserveFind,
         types: NameClasses,
         scope: Mapping[str, CodeTerm],
         gone: code.Expression | None,
@@ -203,7 +229,7 @@ class ObservationEmitter:
         )
         return code.emit_joined("and", [*writer.bound_alive_tests(question, scope), exists], True)
 
-    def _emit_hidden_value(self, observation: Observation, types: NameClasses) -> code.Expression:
+    def _emit_hidden_value(self, observation: ObservePath | ObserveFind, types: NameClasses) -> code.Expression:
         """Return code for the component's value if the object is not visible: the number after all other values."""
         if isinstance(observation, ObserveObject):
             return emit_sum(self._emit_index_count(observation.among), int(observation.or_none))

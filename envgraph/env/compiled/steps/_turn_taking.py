@@ -43,7 +43,8 @@ class TurnStepEmitter:
     def __init__(self, clauses: ClauseEmitter) -> None:
         self._clauses = clauses
         self.action_names = tuple(clauses.block_actions[0].names)
-        sizes = [component_sizes(clauses.observed(block), clauses.keys, clauses.metamodel) for block in clauses.blocks]
+        keys, metamodel, behaviour = clauses.keys, clauses.metamodel, clauses.behaviour
+        sizes = [component_sizes(clauses.observed(block), keys, metamodel, behaviour) for block in clauses.blocks]
         lead = (len(clauses.blocks),) if len(clauses.blocks) > 1 else ()
         self.shape: tuple[int, ...] = (*lead, *merge_sizes(sizes))
         self.observation_names = component_names(clauses.behaviour, clauses.keys, len(self.shape))
@@ -101,7 +102,7 @@ class TurnStepEmitter:
         clauses, own = self._clauses, self._clauses.blocks[block]
         with clauses.module.emitting_function():
             writer = clauses.new_writer(code.Return(ZERO))
-            observations = ObservationEmitter(writer, clauses.keys, self.shape)
+            observations = ObservationEmitter(writer, clauses.keys, self.shape, clauses.behaviour)
             if len(clauses.blocks) > 1:
                 observations.emit_component(code.Constant(block))
             observations.emit_components(clauses.observed(own), clauses.scope(own)[0])

@@ -25,7 +25,7 @@ class Yard {
     int x
     int n = 0
     float f = 0.5
-    bool lit = false
+    @glyph("*") bool lit = false
     Kind kind = zebra
     string tag
     int[0..1] maybe
