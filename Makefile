@@ -50,9 +50,10 @@ test-cluster: $(VENV)/.cluster
 # Against the real packages of others; not among the tests, because of what has to be installed.
 # One thread: networks this small take many times as long on several, where anything else runs.
 test-integrations: export OMP_NUM_THREADS := 1
-test-integrations: $(VENV)-integrations/.installed $(VENV)-rllib/.installed
+test-integrations: $(VENV)-integrations/.installed $(VENV)-rllib/.installed $(VENV)-openenv/.installed
 	$(VENV)-integrations/bin/python -m pytest -n0 tests/integrations/*.py -k "not rllib"
 	$(VENV)-rllib/bin/python -m pytest -n0 tests/integrations/schedules_of_others.py -k rllib
+	$(VENV)-openenv/bin/python -m pytest -n0 tests/integrations/language_models.py
 
 bench: $(VENV)/.bench
 	$(BIN)/python -m benchmarks
@@ -85,10 +86,13 @@ $(VENV)/.cluster: $(VENV)/.test
 	$(PIP) --no-build-isolation -e ".[$(CLUSTER_EXTRAS)]"
 	touch $@
 
-# Environments of their own, so that the tests do without PyTorch. RLlib asks for a Gymnasium that others do not have.
+# Environments of their own, so that the tests do without PyTorch. RLlib asks for a Gymnasium that others do not have,
+# and OpenEnv, by way of Gradio, for older versions of three packages.
 $(VENV)-integrations/.installed: EXTRAS := test,fast,integrations,multiagent,png,pyg
 $(VENV)-rllib/.installed: EXTRAS := test,fast,rllib
 $(VENV)-rllib/.installed: FREE := gymnasium
+$(VENV)-openenv/.installed: EXTRAS := test,fast,openenv
+$(VENV)-openenv/.installed: FREE := \(tomlkit\|pillow\|pandas\)
 
 $(VENV)-%/.installed: pyproject.toml constraints.txt
 	$(PYTHON) -m venv $(@D)

@@ -45,6 +45,7 @@ if TYPE_CHECKING:
     from envgraph.behaviour._key_index import (
         DuplicateKeyError as DuplicateKeyError,
         KeyIndex as KeyIndex,
+        action_keys as action_keys,
         expand_action as expand_action,
         indexed_classes as indexed_classes,
         key_attributes as key_attributes,

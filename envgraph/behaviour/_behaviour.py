@@ -52,14 +52,20 @@ class Domain:
 
 @dataclass(frozen=True, slots=True)
 class Action:
-    """An action clause: `action name(parameter : domain) = branches reward e else reward e`."""
+    """An action clause: `@key("a") action name(parameter : domain) = branches reward e else reward e`.
+
+    Attributes:
+        keys: the keys of a keyboard that do it, one for each combination of the values of its parameters.
+    """
 
     name: str
     branches: tuple[Branch, ...]
     parameters: tuple[tuple[str, Domain], ...] = ()
     reward: Expression | None = None
     else_reward: Expression | None = None
+    keys: tuple[str, ...] = ()
     span: Span | None = field(default=None, compare=False, repr=False)
+    keys_span: Span | None = field(default=None, compare=False, repr=False)
     parameter_spans: tuple[Span, ...] = field(default=(), compare=False, repr=False)
 
 

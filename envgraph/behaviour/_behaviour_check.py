@@ -9,6 +9,7 @@ from itertools import combinations
 from envgraph.behaviour._behaviour import Action, Agent, Behaviour, Domain, Effect, OnFind, OnRefused
 from envgraph.behaviour._clause_checks import Scope, type_names
 from envgraph.behaviour._helper_patterns import condition_helper, is_bound_by_match, names_after_condition
+from envgraph.behaviour._key_index import NAMED_KEYS, key_code
 from envgraph.behaviour._lost_objects import loss_warnings
 from envgraph.behaviour._observation_checks import ViewChecks
 from envgraph.behaviour._parameter_domains import domain_size, domain_type
@@ -27,7 +28,7 @@ from envgraph.errors import (
     sort_diagnostics,
 )
 from envgraph.metamodel import Scalar
-from envgraph.pattern import Parameter, PatternCall, StaticType, Variable, static_type
+from envgraph.pattern import ObjectType, Parameter, PatternCall, StaticType, Variable, static_type
 from envgraph.rewrite import Engine
 
 
@@ -63,6 +64,7 @@ class _BehaviourChecker(CallChecks, ViewChecks):
         """Check all clauses of the behaviour."""
         scope: Scope = {**dict.fromkeys(behaviour.unread), **self._check_parameters(behaviour.parameters)}
         first: dict[str, Span | None] = {}
+        self._keyed_actions: dict[int, tuple[str, int]] = {}
         self.draw, handled = behaviour.draw, any(isinstance(effect, OnRefused) for effect in behaviour.effects)
         self.handles_refusals = handled
         self._check_clauses(behaviour, scope, first)
@@ -191,7 +193,24 @@ class _BehaviourChecker(CallChecks, ViewChecks):
             count *= domain_size(domain, self.metamodel)
         outputs = self.check_branches(action.branches, scope)
         self.check_rewards(action, scope, outputs)
+        self._check_keys(action, count)
         return count
+
+    def _check_keys(self, action: Action, count: int) -> None:
+        """Report keys of an action that are unknown, used twice, or not one for each of its `count` actions."""
+        types = [domain_type(domain, self.metamodel) for _, domain in action.parameters]
+        is_open, number = any(isinstance(one, ObjectType) for one in types), len(action.keys)
+        if (number or action.keys_span) and number != count and not is_open:
+            message = f"the number of keys is {number}, but must be {count}: one for each action of `{action.name}`"
+            self.report("bad-annotation", message, action.keys_span, "write a key for each, in the order of the values")
+        for place, key in enumerate(action.keys):
+            code, mine = key_code(key), (action.name, place)
+            if code is None:
+                hint = name_hint(key, NAMED_KEYS) or 'write a character, such as "a", or a name, such as "ArrowLeft"'
+                self.report("bad-annotation", f"unknown key `{key}`", action.keys_span, hint)
+            elif self._keyed_actions.setdefault(code, mine) != mine:
+                message = f"the key `{key}` is already a key of `{self._keyed_actions[code][0]}`"
+                self.report("bad-annotation", message, action.keys_span, "choose another key")
 
     def _check_domain(self, domain: Domain) -> StaticType | None:
         name = domain.enum or domain.cls

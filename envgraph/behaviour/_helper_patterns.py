@@ -150,6 +150,7 @@ class ObservedWindow:
         cells: the names in the condition that have no value: they stand for the cell.
         helpers: functions that make the helper patterns; see `_helper`.
         sizes: the number of values of each component.
+        words: the values in words, of components of cells and of objects.
     """
 
     def __init__(
@@ -168,12 +169,13 @@ class ObservedWindow:
         names = [one for call in calls for one in variable_occurrences(call)]
         self.cells = [*dict.fromkeys(one.name for one in names if is_bound_by_match(one, types))]
         self.helpers = [partial(self._helper, 0, cells, {(): 1}, []) for _ in calls]
-        self.sizes = list[int]()
+        self.sizes, self.words = list[int](), list[list[str]]()
         for kind, group in enumerate((tokens[:1], tokens[1:])):
             first = 1 if kind else 1 + len(calls)
             looks = dict.fromkeys(look for _, cls in group for look in _looks(cls, metamodel))
             numbers = {look: number for number, look in enumerate(looks, first)}
             self.sizes.append(first + len(numbers))
+            self.words.append(["none", *["out of sight"] * (first - 1), *map(_look_in_words, looks)])
             for token, cls in group:
                 shown = {look: numbers[look] for look in _looks(cls, metamodel)}
                 self.helpers.append(partial(self._helper, kind, token, shown, calls))
@@ -230,6 +232,14 @@ def _looks(cls: str, metamodel: Metamodel) -> list[_Constraints]:
                     values.append([PathConstraint(concrete, (one.name,), _NODE, term) for term in terms])
         found += [(TypeConstraint(concrete, _NODE, exact=True), *each) for each in product(*values)]
     return found
+
+
+def _look_in_words(look: _Constraints) -> str:
+    """Return the class and the values of a look, such as `Door, open true`."""
+    words = [one.type for one in look if isinstance(one, TypeConstraint)]
+    paths = [one for one in look if isinstance(one, PathConstraint)]
+    values = [one.target.literal if isinstance(one.target, EnumLiteral) else str(one.target) for one in paths]
+    return ", ".join([*words, *(f"{one.features[0]} {value}" for one, value in zip(paths, values, strict=True))])
 
 
 def _drawn_at(token: Token, start: Variable, end: Variable) -> Constraint:

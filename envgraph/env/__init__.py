@@ -72,6 +72,7 @@ if TYPE_CHECKING:
         ImageView as ImageView,
         ModelView as ModelView,
         PaddedGraphView as PaddedGraphView,
+        TextView as TextView,
         model_view as model_view,
         torch_graph as torch_graph,
     )

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from abc import abstractmethod
 from bisect import bisect_right
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from numbers import Integral
 from operator import index
 from typing import TYPE_CHECKING, Any, Final, TypedDict, Unpack
@@ -177,6 +177,7 @@ class SingleEnvironment(FamilyEnvironment, gymnasium.Env[Any, Any]):
         check_render_mode(render_mode, drawn=drawn)
         self.render_mode = render_mode
         self.action_names = tuple(action_names)
+        self.action_keys: Mapping[str, int] = {}
         self._action_count = len(self.action_names)
         self.action_space = spaces.Discrete(self._action_count)
         self.view = view
@@ -200,6 +201,13 @@ class SingleEnvironment(FamilyEnvironment, gymnasium.Env[Any, Any]):
     @abstractmethod
     def _current_mask(self) -> NDArray[np.bool_]:
         """Return the action mask of the current state; an episode must have begun."""
+
+    def get_keys_to_action(self) -> dict[tuple[int, ...], int]:
+        """Return the action of each key, for `gymnasium.utils.play.play`; raise InvalidArgument without any keys."""
+        codes = {code: name for name, code in self.action_keys.items() if name in self.action_names}
+        if not codes:
+            raise InvalidArgument("no action of this environment has a key", 'write `@key("a") action name = ..`')
+        return {(code,): self.action_names.index(name) for code, name in codes.items()}
 
     def _complete_info(self, info: dict[str, Any]) -> dict[str, Any]:
         """Add the variant and action mask, if they apply, to an info, and return it; update an open window."""
@@ -403,7 +411,7 @@ class EnvgraphLiveEnv(SingleEnvironment):
 
     def _switch_member(self, member_data: Simulator) -> None:
         self.simulator = member_data
-        if self.render_mode is not None:
+        if member_data.behaviour.draw is not None:
             member_data.painter()  # finds parameters in the initial state
         self._memory = ObservationCache()
 

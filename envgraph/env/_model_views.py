@@ -1,4 +1,4 @@
-"""Observations of the whole model: an image of its grid, or its graph.
+"""Observations of the whole model: an image of its grid, its graph, or a text.
 
 The spaces fit all members of a family: an image has the size of the largest member, and each number has the same
 meaning in all members.
@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from abc import ABC, abstractmethod
 from collections.abc import Container, Iterable, Iterator, Sequence
+from dataclasses import replace
 from itertools import product
 from typing import Any
 
@@ -15,14 +16,31 @@ import numpy as np
 from gymnasium import spaces
 from numpy.typing import NDArray
 
-from envgraph.behaviour import Behaviour, DrawGrid, ObserveAround, ObserveObject, feature_reader
+from envgraph.behaviour import (
+    Behaviour,
+    DrawGrid,
+    ObserveAround,
+    ObserveAttribute,
+    ObserveFind,
+    ObserveObject,
+    ObserveRange,
+    feature_reader,
+)
 from envgraph.env._flat_observations import FlatLayout, FloatRange
-from envgraph.env._observation_components import clause_name, observe_clauses, path_target_reader
+from envgraph.env._observation_components import (
+    clause_name,
+    component_names,
+    observe_clauses,
+    observed_range,
+    path_target_reader,
+    path_type,
+)
 from envgraph.env._observation_spaces import ObservationKind
-from envgraph.env._prepared_clauses import ObservationComponent
+from envgraph.env._prepared_clauses import NameClasses, ObservationComponent
 from envgraph.env._simulator import Simulator
-from envgraph.env.scene._scene import Painter
-from envgraph.errors import EvaluationError, InvalidArgument
+from envgraph.env.scene._scene import Painter, legend
+from envgraph.env.scene._text import scene_text
+from envgraph.errors import EvaluationError, InvalidArgument, escape_unprintable
 from envgraph.graph import Model
 from envgraph.metamodel import Attribute, EnumType, Metamodel, Reference, Scalar, Value
 from envgraph.pattern import Navigation
@@ -50,14 +68,20 @@ class ModelView(ABC):
 
 
 def model_view(kind: ObservationKind, behaviour: Behaviour, models: Sequence[Model]) -> ModelView:
-    """Return the view of kind "image", "graph" or "padded_graph" for the models of all members of a family.
+    """Return the view of a kind of observations of the model, for the models of all members of a family.
 
     Raises:
         InvalidArgument: an image is wanted, but no grid is drawn, or windows differ in size.
     """
-    if kind == "graph":
-        return GraphView(behaviour, models[0].metamodel)
-    return ImageView(behaviour, models) if kind == "image" else PaddedGraphView(behaviour, models)
+    match kind:
+        case "text":
+            return TextView(behaviour)
+        case "graph":
+            return GraphView(behaviour, models[0].metamodel)
+        case "image":
+            return ImageView(behaviour, models)
+        case _:
+            return PaddedGraphView(behaviour, models)
 
 
 def _unseen(simulator: Simulator) -> set[Any]:
@@ -86,6 +110,11 @@ def _unseen(simulator: Simulator) -> set[Any]:
             hidden.update(model.graph.extent(clause.each.type or "") if clause.each is not None else ())
             (seen if component.read() < component.size - 1 else hidden).update(shown)
     return hidden - seen
+
+
+def _may_hide_something(behaviour: Behaviour) -> bool:
+    """Return True if an `observe` clause hides a part of the model from its agents in some states."""
+    return any(isinstance(one, ObserveAround) or one.visible is not None for one in observe_clauses(behaviour))
 
 
 class ImageView(ModelView):
@@ -285,6 +314,64 @@ def _link_limit(model: Model, reference: Reference) -> int:
     into = 1 if reference.containment else None if back is None else back.upper
     limits = [upper * len(ends) for upper, ends in ((reference.upper, sources), (into, targets)) if upper is not None]
     return min(limits, default=sum(len(model.graph.targets(node, reference)) for node in sources))
+
+
+class TextView(ModelView):
+    """A view of the state as text: the picture, the observed components by name, and the actions that do something.
+
+    If `observe` clauses may hide something from an agent, there is no picture, and all actions are listed, because a
+    picture or a mask could reveal it. Characters that the space lacks are escaped, as in `\\u5317`; it has those of
+    European languages, and symbols. Of a longer text, the rest is cut off.
+    """
+
+    def __init__(self, behaviour: Behaviour) -> None:
+        self._hides = _may_hide_something(behaviour)
+        self._letters = frozenset(["\n", *filter(str.isprintable, map(chr, [*range(0x500), *range(0x2000, 0x2800)]))])
+        self.space: spaces.Text = spaces.Text(2**16, charset=self._letters)
+
+    def observe(self, simulator: Simulator, number: int | None = None) -> str:
+        """Return the text of the current state, for the agent with a number; None: for those that act next."""
+        behaviour, keys, agents, lines = simulator.behaviour, simulator.keys, simulator.agents, list[str]()
+        if behaviour.draw is not None and not self._hides:
+            scene = simulator.painter().draw()
+            signs = (f"{entry.glyph.letter} = {entry.kind}" for entry in legend([scene]) if entry.glyph.letter)
+            lines += [*scene_text(scene).split("\n"), "; ".join(signs)]
+        together = range(len(agents.prepared_agents)) if simulator.joint_stepper else [simulator.turn]
+        for each in together if number is None else [number]:
+            seat = agents.prepared_agents[each]
+            blocks, parts = behaviour.agents[seat.block : seat.block + 1], seat.behaviour.components
+            types = {one.name: one.type or "" for one in behaviour.parameters}
+            types |= {block.variable: block.cls for block in blocks}
+            names = component_names(replace(behaviour, agents=blocks), keys, len(parts))
+            values = (_format_value(part, types, simulator) for part in parts)
+            lines += [f"agent: {seat.name}"] * len(blocks)
+            lines += [f"{name}: {value}" for name, value in zip(names, values, strict=True)]
+            mask = zip(agents.action_names, simulator.agent_action_mask(each), strict=True)
+            lines.append(f"actions: {', '.join(name for name, can in mask if can or self._hides)}")
+        text = "\n".join(map(escape_unprintable, lines))[: self.space.max_length]
+        return "".join(c if c in self._letters else ascii(c)[1:-1] for c in text)
+
+
+def _format_value(part: ObservationComponent, types: NameClasses, simulator: Simulator) -> str:
+    """Format the value of a component for people, such as `Tile[3, 3]`, `no` or `none`."""
+    clause, value, metamodel = part.observation, part.read(), simulator.engine.model.metamodel
+    if part.words:
+        return part.words[value]
+    if clause.visible is not None and value == part.size - 1:
+        return "out of sight"
+    if isinstance(part.size, FloatRange):
+        return f"{FlatLayout([part.size]).encode(np.array([value]))[0]:g}"
+    match clause:
+        case ObserveObject(among=among):
+            known = simulator.keys.keys_of(among)
+            return f"{among}[{', '.join(map(str, known[value]))}]" if value < len(known) else "none"
+        case ObserveFind(up_to=int()):
+            return str(value)
+        case ObserveRange() | ObserveAttribute() if limits := observed_range(clause, types, metamodel):
+            return str(int(limits[0]) + value)
+        case ObserveAttribute() if isinstance(type_ := path_type(clause, types, metamodel), EnumType):
+            return str(type_.literals[value])
+    return "yes" if value else "no"
 
 
 def torch_graph(graph: spaces.GraphInstance) -> Any:

@@ -19,10 +19,10 @@ from numpy.typing import NDArray
 from envgraph.env._flat_observations import FlatLayout, FloatRange
 from envgraph.errors import LARGEST_INT, InvalidArgument, check_known
 
-ObservationKind = Literal["index", "multi", "flat", "dict", "image", "graph", "padded_graph"]
+ObservationKind = Literal["index", "multi", "flat", "dict", "image", "graph", "padded_graph", "text"]
 
 OBSERVATION_KINDS: Final = get_args(ObservationKind)
-MODEL_KINDS: Final = ("image", "graph", "padded_graph")
+MODEL_KINDS: Final = ("image", "graph", "padded_graph", "text")
 """The kinds that are computed from the model; tables do not support them."""
 
 MAX_CACHED_OBSERVATIONS: Final = 2**14
@@ -52,6 +52,8 @@ class ObservationCache:
             if len(self._known) >= MAX_CACHED_OBSERVATIONS:
                 self._known.clear()
             found = self._known[key] = compute()
+        if isinstance(found, str):
+            return found
         if isinstance(found, dict):
             return {name: part.copy() for name, part in found.items()}
         return spaces.GraphInstance(*map(np.copy, found)) if isinstance(found, tuple) else found.copy()
@@ -88,7 +90,7 @@ class ComponentView:
             raise InvalidArgument(message, 'use `observation="flat"` or "dict"')
         if kind == "index" and prod(shape) > LARGEST_INT:
             message = f"{Decimal(prod(shape)):.3g} observations cannot be numbered: the maximum is {LARGEST_INT:,}"
-            hint = 'observe less, or use `observation="flat"`, "multi", "dict", "image" or "graph"'
+            hint = 'observe less, or use `observation="flat"`, "multi", "dict", "image", "graph" or "text"'
             raise InvalidArgument(message, hint)
         self.kind: ObservationKind = kind
         self.is_one_hot = kind == "flat" and not self._floats

@@ -429,7 +429,7 @@ class PreparedBehaviour:
         self.windows.append((window, rows))
         for place, size in enumerate(window.sizes):
             read = partial(lambda place: numbers(self.model.graph.store.revision).get(place, 0), place)
-            yield ObservationComponent(size, read, observation)
+            yield ObservationComponent(size, read, observation, words=window.words[place % 2])
 
     def _visible_reader(
         self, call: PatternCall, names: NameClasses, owner: Owner, seen: Callable[[], int], hidden: int

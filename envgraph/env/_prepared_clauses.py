@@ -246,6 +246,7 @@ class ObservationComponent:
             matches, or None if it is missing; for windows and `find` without `for`, `target_object` itself is None.
         is_range: True if the clause observes a number within a range.
         owner: the name at which the path begins, and a function that returns its object, or None if it is missing.
+        words: for windows, the values in words.
     """
 
     size: int
@@ -254,6 +255,7 @@ class ObservationComponent:
     target_object: Callable[[], Value | None] | None = None
     is_range: bool = False
     owner: Owner | None = None
+    words: Sequence[str] = ()
 
 
 Clause = TypeVar("Clause", bound=Action | Effect | Observation)

@@ -19,6 +19,7 @@ from numpy.typing import NDArray
 
 from envgraph.env._flat_observations import FlatLayout
 from envgraph.env._gymnasium import RENDER_MODES, FamilyEnvironment, check_render_mode
+from envgraph.env._model_views import TextView
 from envgraph.env._observation_components import component_names
 from envgraph.env._observation_spaces import ComponentView, ObservationKind, split_index
 from envgraph.env._simulator import SUCCESS, Simulator
@@ -42,7 +43,7 @@ class _MultiAgentEnvironment(FamilyEnvironment):
         simulator: the engine and its behaviour; nothing else may change its model in the meantime.
         limit: the number of steps (turns, if agents take turns) after which an episode is truncated; None for no limit.
         render_mode: None, "ansi" or "rgb_array".
-        observation: "index", "multi", "flat" or "dict".
+        observation: "index", "multi", "flat", "dict" or "text".
         cell: the side of a cell in pixels.
         action_masks: add `action_mask`, int8 [actions], to infos: the actions that the agent can do in the current
             state.
@@ -73,7 +74,8 @@ class _MultiAgentEnvironment(FamilyEnvironment):
         self.action_names = simulator.agents.action_names
         self._shape, self._cell = simulator.agents.shape, cell
         names = component_names(simulator.behaviour, simulator.keys, len(self._shape))
-        self._view = ComponentView(observation, self._shape, names)
+        is_text = observation == "text"
+        self._view = TextView(simulator.behaviour) if is_text else ComponentView(observation, self._shape, names)
         actions = len(self.action_names)
         self._number = {name: number for number, name in enumerate(simulator.all_agent_names)}
         self.observation_spaces = dict.fromkeys(simulator.all_agent_names, self._view.space)
@@ -95,7 +97,7 @@ class _MultiAgentEnvironment(FamilyEnvironment):
                 hint,
             )
         self.simulator = member_data
-        if self.render_mode is not None:
+        if member_data.behaviour.draw is not None:
             member_data.painter()  # finds parameters in the initial state
 
     def observation_space(self, agent: str) -> spaces.Space[Any]:
@@ -108,6 +110,8 @@ class _MultiAgentEnvironment(FamilyEnvironment):
 
     def observe(self, agent: str) -> Any:
         """Return an agent's observation of the current state, whoever acts next."""
+        if isinstance(self._view, TextView):
+            return self._view.observe(self.simulator, self._number[agent])
         return self._view.from_index(self.simulator.agents.observation_index(self._number[agent]))
 
     def state(self) -> NDArray[np.int64] | NDArray[np.float32]:

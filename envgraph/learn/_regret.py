@@ -48,7 +48,7 @@ class ExactScore:
 
     def __call__(self, outcomes: Outcomes) -> NDArray[np.float64]:
         """Return the score of each member that was played."""
-        return np.array([self.score_of(member) for member in outcomes.member.tolist()])
+        return np.array([self.score_of(member) for member in outcomes.members.tolist()])
 
     def score_of(self, member: int) -> float:
         """Return the score of a member (regret or learnability, as chosen in the constructor), for the learner's

@@ -318,3 +318,18 @@ def test_a_variant_with_other_agents_is_another_environment(tmp_path: Path) -> N
         env.reset(options={"variant": "E1"})
     with pytest.raises(InvalidArgument, match="unknown reset option `variant`: this environment cannot"):
         envgraph.make_aec(domain="warehouse").reset(options={"variant": "E1"})
+
+
+def test_agents_observe_texts_of_their_own() -> None:
+    env, single = (make(domain="warehouse", observation="text") for make in (envgraph.make_aec, envgraph.make))
+    env.reset(seed=0)
+    seen, _ = single.reset(seed=0)
+    for step in range(20):
+        agent = env.agent_selection
+        assert env.observe(agent) == seen
+        assert seen in env.observation_space(agent)
+        other = next(name for name in env.agents if name != agent)
+        assert f"agent: {other}\n" in env.observe(other)
+        action = step * 3 % 7
+        env.step(action)
+        seen = single.step(action)[0]

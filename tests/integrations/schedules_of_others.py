@@ -41,7 +41,7 @@ def test_a_schedule_says_what_is_played(
     tell = Weighted.tell
 
     def noted(self: Weighted, outcomes: Outcomes) -> None:
-        told.update(outcomes.member.tolist())
+        told.update(outcomes.members.tolist())
         tell(self, outcomes)
 
     monkeypatch.setattr(Weighted, "tell", noted)

@@ -164,3 +164,30 @@ def test_a_window_shows_each_state(engine: str, monkeypatch: pytest.MonkeyPatch)
     assert env.render() is None
     env.close()
     assert pygame.display.get_surface() is None
+
+
+def test_people_play_with_the_keys_of_the_actions(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv("SDL_VIDEODRIVER", "dummy")
+    import pygame
+    from gymnasium.utils.play import play
+
+    env = envgraph.make(domain="keydoor", render_mode="rgb_array")
+    keys = env.unwrapped.get_keys_to_action()
+    named = pygame.K_LEFT, pygame.K_DOWN, pygame.K_RIGHT, pygame.K_UP, pygame.K_a, pygame.K_s, pygame.K_d, pygame.K_w
+    assert [*keys] == [(code,) for code in (*named, pygame.K_RETURN)]
+    waiting, done = [pygame.K_RIGHT, pygame.K_DOWN, pygame.K_d, pygame.K_RETURN], []
+
+    def press_next() -> None:
+        if done:
+            pygame.event.post(pygame.event.Event(pygame.KEYUP, key=waiting[len(done) - 1]))
+        which = pygame.event.Event(pygame.KEYDOWN, key=waiting[len(done)]) if len(done) < len(waiting) else None
+        pygame.event.post(which or pygame.event.Event(pygame.QUIT))
+
+    def note(*step: Any) -> None:
+        done.append(step[2])
+        press_next()
+
+    pygame.init()
+    press_next()
+    play(env, callback=note, wait_on_player=True, seed=0, fps=1000)
+    assert done == [2, 1, 6, 8]

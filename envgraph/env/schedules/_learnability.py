@@ -73,7 +73,7 @@ class Sifter:
         """Record the episodes of candidates; when each has enough, end the search and select the best candidates."""
         if not self._found:
             return
-        for member, success in zip(outcomes.member.tolist(), outcomes.success.tolist(), strict=True):
+        for member, success in zip(outcomes.members.tolist(), outcomes.success.tolist(), strict=True):
             if member in self._found:
                 self._found[member].append(success)
         least = self._how.episodes or 0

@@ -51,9 +51,9 @@ class BestReturnScore:
 
     def __call__(self, outcomes: Outcomes) -> Floats:
         """Update the highest returns, and return for each outcome the member's highest return minus its mean return."""
-        for member, one in zip(outcomes.member.tolist(), outcomes.returns.tolist(), strict=True):
+        for member, one in zip(outcomes.members.tolist(), outcomes.returns.tolist(), strict=True):
             self._best[member] = max(self._best.get(member, -inf), one)
-        return np.array([self._best[one] for one in outcomes.member.tolist()]) - outcomes.returns
+        return np.array([self._best[one] for one in outcomes.members.tolist()]) - outcomes.returns
 
 
 class Replay:
@@ -102,7 +102,7 @@ class Replay:
     def tell(self, outcomes: Outcomes) -> None:
         """Score the members, and store those with high scores in the buffer."""
         scores = self._score(outcomes) if outcomes.score is None else outcomes.score
-        self._kept.update(outcomes.member, scores, self._batches)
+        self._kept.update(outcomes.members, scores, self._batches)
 
 
 class ReplayBuffer:

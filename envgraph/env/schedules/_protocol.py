@@ -35,7 +35,7 @@ class Outcomes:
     """The outcomes of playing members: arrays with an entry for each member that was played.
 
     Attributes:
-        member: int64, the number of the member.
+        members: int64, their numbers, as in `Batch`.
         success: float64, share of its episodes that ended in success.
         returns: float64, mean return of its episodes.
         length: int64, steps that were played.
@@ -43,7 +43,7 @@ class Outcomes:
             computes a score itself.
     """
 
-    member: Ints
+    members: Ints
     success: Floats
     returns: Floats
     length: Ints

@@ -30,7 +30,7 @@ class SuccessRates:
 
     def tell(self, outcomes: Outcomes) -> None:
         """Update both averages of each member that was played with its share of successes."""
-        for member, success in zip(outcomes.member.tolist(), outcomes.success.tolist(), strict=True):
+        for member, success in zip(outcomes.members.tolist(), outcomes.success.tolist(), strict=True):
             for average, rate in ((self.fast, FAST_RATE), (self.slow, SLOW_RATE)):
                 average[member] += (rate if self._has_outcome[member] else 1.0) * (success - average[member])
             self._has_outcome[member] = True

@@ -139,16 +139,15 @@ def _annotation_gap_document(layout: DocumentBuilder, index: int, last: bool = F
         return layout.gap_document(index, FORCED_LINE if gap.has_line_break else SPACE)
     if gap.has_line_break:
         return FORCED_LINE
-    return (
-        join_documents((AlignmentMark("annotation", gap.blanks, counts_in_broken_groups=True), SPACE))
-        if last
-        else SPACE
-    )
+    mark = AlignmentMark("annotation", gap.blanks, counts_in_broken_groups=True)
+    return join_documents((mark, SPACE)) if last else SPACE
 
 
 def _definition_body_document(layout: DocumentBuilder, part: SyntaxPart, items: Sequence[Item]) -> Document:
     if part.kind == "pattern":
         return _pattern_document(layout, items)
+    if part.kind == "action":
+        return _clause_document(layout, SyntaxPart(part.kind, [*items], first_token(items[0]), part.last))
     return _rule_document(layout, items) if part.kind == "rule" else layout.row_document(items)
 
 
@@ -267,9 +266,8 @@ DOCUMENT_FUNCTIONS: Final[Mapping[str, Callable[[DocumentBuilder, SyntaxPart], D
     **dict.fromkeys(("alap", "repeat", "try", "if", "atomic"), _nested_document),
     **dict.fromkeys(("choice", "branches"), _alternatives_document),
     **dict.fromkeys(("extends", "tokens"), _list_document),
-    **dict.fromkeys(
-        ("action", "each", "on", "refused", "reset", "observation", "draw_grid", "draw_graph"), _clause_document
-    ),
+    "action": _definition_document,
+    **dict.fromkeys(("each", "on", "refused", "reset", "observation", "draw_grid", "draw_graph"), _clause_document),
     "graph": _graph_document,
     "legend": _legend_document,
     "rows": _grid_rows_document,

@@ -33,6 +33,7 @@ from envgraph.behaviour import (
 from envgraph.lang.read._expression_parser import parse_expression, parse_expressions, parse_variable
 from envgraph.lang.read._file_reading import FileReading, resolve_type, type_name_span
 from envgraph.lang.read._query_conditions import parse_condition, parse_pattern_call
+from envgraph.lang.read._query_reader import parse_suppressions
 from envgraph.lang.syntax._parser import (
     number_of,
     qualified_name_of,
@@ -59,13 +60,16 @@ def parse_action(reading: FileReading, tree: Tree[Token]) -> Action:
         if not select_tokens(other.children, "REWARD"):
             reading.error("missing-token", "`reward` is missing after `else`", other, "write `else reward ...`")
     branches = parse_branches(reading, select_trees(tree.children, "branches")[0])
+    keys = [one for one in parse_suppressions(reading, tree, "key") if one.name == "key"]
     return Action(
         name=str(name),
         branches=branches,
         parameters=tuple((str(select_tokens(part.children)[0]), _parse_domain(reading, part)) for part in domains),
         reward=_parse_optional_expression(reading, reward),
         else_reward=_parse_optional_expression(reading, other_reward),
+        keys=tuple(str(key) for one in keys for key in one.arguments),
         span=reading.span(name),
+        keys_span=keys[0].span if keys else None,
         parameter_spans=tuple(reading.span(select_tokens(part.children)[0]) for part in domains),
     )
 

@@ -36,12 +36,12 @@ def parse_parameters(reading: FileReading, tree: Tree[Token]) -> tuple[Parameter
     )
 
 
-def parse_suppressions(reading: FileReading, tree: Tree[Token]) -> tuple[Annotation, ...]:
-    """Return all annotations of a definition; warn of each one but `@suppress`, because it has no effect there."""
+def parse_suppressions(reading: FileReading, tree: Tree[Token], *known: str) -> tuple[Annotation, ...]:
+    """Return all annotations of a definition; warn of all but `@suppress` and `known` ones, which have no effect."""
     parts = select_trees(tree.children, "annotation")
     found = tuple(annotation_of(reading.parsed.source, part) for part in parts)
     for part, one in zip(parts, found, strict=True):
-        if one.name != SUPPRESS:
+        if one.name not in (SUPPRESS, *known):
             reading.warn("unknown-annotation", f"`@{one.name}` has no effect here", part, "leave it out")
     return found
 

@@ -262,9 +262,9 @@ def make_environment(
         render_mode: None, "ansi", "rgb_array" or "human".
         observation: "index" for a single number, "multi" for its components, "flat" for one-hot vectors of them, "dict"
             for components by name, "image" for planes over the grid, "graph" for the model, "padded_graph" for the same
-            as arrays of one size. The last three are computed from the model, so that the environment is compiled or
-            live; see `ImageView`, `GraphView` and `PaddedGraphView`. None: "flat" if a float is observed, otherwise
-            "index".
+            as arrays of one size, "text" for words. The last four are computed from the model, so that the environment
+            is compiled or live ("text": live by default); see `ImageView`, `GraphView`, `PaddedGraphView` and
+            `TextView`. None: "flat" if a float is observed, otherwise "index".
         cell: side of a cell in pixels.
         engine: "table" for the transition table, which requires a limited number of states; "compiled" for the compiled
             behaviour; "live" for the engine of the model. None: the first of these that works. Episodes are the same.
@@ -280,7 +280,7 @@ def make_environment(
         LoadError: the files have errors.
         EvaluationError: as for `make`.
     """
-    wanted = _requested_engine(engine, live)
+    wanted = _requested_engine(engine, live or (engine is None and observation == "text"))
     _check_observation(observation, wanted, history)
     if not isinstance(variant, int | str | None):
         raise InvalidArgument("`variant` must be a single name or number", "use `envgraph.make_vec` for a list")
@@ -291,6 +291,7 @@ def make_environment(
     environment, steps_in = _make_member_environment(opened, place, wanted, shown)
     if family is not None:
         environment.set_family(LazyMembers(family, steps_in, render_mode is not None), place)
+    environment.action_keys = opened.record.keys
     if not opened.record.drawn:
         environment.metadata = {**environment.metadata, "render_modes": []}
     parts: dict[str, SingleEnvironment] = {}
@@ -420,7 +421,7 @@ def _check_observation(kind: ObservationKind | None, engine: EngineKind | None, 
     check_observation_kind(kind)
     if history is not None and (not isinstance(history, int) or history < 1):
         raise InvalidArgument(f"`history` is {history!r}, but must be an int of at least 1")
-    if history is not None and kind == "graph":
+    if history is not None and kind in ("graph", "text"):
         raise InvalidArgument("`history` needs observations of one size", 'use `observation="padded_graph"`')
     if kind in MODEL_KINDS and engine == "table":
         hint = 'leave `engine` out, or give "compiled" or "live"'

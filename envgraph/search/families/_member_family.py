@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from envgraph.behaviour import with_only_reward
+from envgraph.behaviour import action_keys, with_only_reward
 from envgraph.code import dataclass
 from envgraph.env import Behaviour, ExploredEnvironment, KeyIndex, Scene, scene_of
 from envgraph.errors import (
@@ -214,8 +214,8 @@ class Family:
         behaviour = self.behaviour
         tables = {one.name: self.table_file_name(one) if isinstance(one.source, str) else "" for one in self.members}
         certificates = {one.name: one.certificates for one in self.members}
-        drawn = behaviour.draw is not None
-        return FamilyRecord(self.name, behaviour.name, self.limit, drawn, tables, certificates)
+        drawn, keys = behaviour.draw is not None, action_keys(behaviour, self.keys, self.domain.metamodel)
+        return FamilyRecord(self.name, behaviour.name, self.limit, drawn, keys, tables, certificates)
 
     def scene(self, member: Member) -> Scene | None:
         """Return the picture of a member as a scene; None if the behaviour has no `draw` clause."""

@@ -42,7 +42,7 @@ from envgraph.search._run_store import dump_json
 if TYPE_CHECKING:
     from envgraph.search.domain._domain import Domain
 
-CACHE_FORMAT = 5
+CACHE_FORMAT = 6
 """Version of tables and files; increased if the same texts give another table or file than before."""
 
 
@@ -55,6 +55,7 @@ class FamilyRecord:
         behaviour: name of its environment.
         limit: steps after which an episode is truncated, or None.
         drawn: True if the behaviour has a `draw` clause.
+        keys: key codes of actions; see `action_keys`.
         tables: file name of each member's table, by member name; "" if its model is made only when needed.
         certificates: verified values of each member, by member name.
     """
@@ -63,6 +64,7 @@ class FamilyRecord:
     behaviour: str
     limit: int | None
     drawn: bool
+    keys: Mapping[str, int]
     tables: Mapping[str, str]
     certificates: Mapping[str, Mapping[str, float | None]]
 
@@ -184,10 +186,11 @@ class TableCache:
                         "behaviour": str(behaviour),
                         "limit": int() | None as limit,
                         "drawn": bool(drawn),
+                        "keys": dict(keys),
                         "tables": dict(tables),
                         "certificates": dict(certificates),
                     } if all(isinstance(table, str) for table in tables.values()):
-                        return FamilyRecord(family, behaviour, limit, drawn, tables, certificates)
+                        return FamilyRecord(family, behaviour, limit, drawn, keys, tables, certificates)
         return None
 
     def write_record(self, key: str, record: FamilyRecord) -> None:

@@ -14,7 +14,7 @@ from typing import Any
 
 import numpy as np
 
-from envgraph.env import Behaviour, GraphView, KeyIndex, Simulator, Tabular, indexed_classes
+from envgraph.env import Behaviour, GraphView, KeyIndex, Simulator, Tabular, TextView, indexed_classes
 from envgraph.env.compiled import CompiledBatch, CompiledProgram, program_of
 from envgraph.env.compiled.batches._batch import INT_ERROR
 from envgraph.env.compiled.kernels.step_kernels import FULL, OVERFLOW
@@ -280,14 +280,20 @@ def lines_of(error: object, program: CompiledProgram) -> list[str]:
 
 
 def assert_same_state(batch: CompiledBatch, number: int, simulator: Simulator) -> None:
-    """The state of an environment, cell by cell, is that of the live one, and is seen as a graph in the same order."""
+    """The state of an environment, cell by cell, is that of the live one, and is seen as a graph in the same order.
+
+    In words it is the same, too.
+    """
     hashed, facts = simulator.state_key(), None
     if batch.program.layout.reuses_numbers:
         facts = facts_of(simulator.engine.model)
     view = GraphView(simulator.behaviour, simulator.engine.model.metamodel)
-    wanted = view.observe(simulator)
+    text = TextView(simulator.behaviour)
+    wanted, words = view.observe(simulator), text.observe(simulator)
+    assert words in text.space
     with batch.live_simulator(number) as twin:
         assert all(map(np.array_equal, view.observe(twin), wanted))
+        assert text.observe(twin) == words
         if facts is None:
             assert twin.state_key() == hashed
         else:

@@ -55,7 +55,7 @@ def domain(tmp_path: Path) -> str:
     return str(tmp_path)
 
 
-@pytest.mark.parametrize("observation", ["multi", "flat", "dict", "image", "graph"])
+@pytest.mark.parametrize("observation", ["multi", "flat", "dict", "image", "graph", "text"])
 def test_observations_without_a_number_work_beyond_the_index_limit(domain: str, observation: str) -> None:
     seen: dict[str, list[Any]] = {}
     for engine in ("compiled", "live"):
@@ -79,7 +79,7 @@ def test_vector_observations_work_beyond_the_index_limit(domain: str) -> None:
 def test_index_observation_beyond_the_limit_is_refused_with_alternatives(domain: str, engine: Any) -> None:
     with pytest.raises(EnvgraphError, match=r"1.18e\+21 observations cannot be numbered: the maximum") as caught:
         envgraph.make(domain=domain, engine=engine)
-    assert 'use `observation="flat"`, "multi", "dict", "image" or "graph"' in str(caught.value)
+    assert 'use `observation="flat"`, "multi", "dict", "image", "graph" or "text"' in str(caught.value)
 
 
 def test_table_with_too_many_observations_is_refused(domain: str) -> None:

@@ -269,7 +269,7 @@ class RecordingSchedule(Shuffled):
         return Batch(batch.members, learn=batch.members[0] > 1)
 
     def tell(self, outcomes: Outcomes) -> None:
-        rows = outcomes.member, outcomes.success, outcomes.returns, outcomes.length
+        rows = outcomes.members, outcomes.success, outcomes.returns, outcomes.length
         self.told += zip(*(row.tolist() for row in rows), strict=True)
 
 

@@ -47,6 +47,7 @@ ENVIRONMENTS: dict[str, Maker] = {
     "graphs": single_environment_maker(engine="compiled", observation="graph"),
     "history": vector_environment_maker(engine="compiled", observation="flat", history=3),
     "history, padded graphs": single_environment_maker(engine="compiled", observation="padded_graph", history=2),
+    "texts": single_environment_maker(observation="text"),
     "rewards apart": domain_environment_maker("keydoor", engine="live", rewards=True),
     "random": domain_environment_maker("triage", engine="live"),
     "random, compiled": domain_environment_maker("triage", engine="compiled"),

@@ -419,9 +419,9 @@ def test_a_saved_family_is_registered_by_name(family_file: Path, monkeypatch: py
         envgraph.register(family_file)  # that is its name, too
 
 
-@pytest.mark.parametrize("kind", ["image", "graph", "dict", "flat"])
+@pytest.mark.parametrize("kind", ["image", "graph", "text", "dict", "flat"])
 def test_spaces_are_the_same_in_all_members(family_file: Path, kind: str) -> None:
-    engine = {"engine": "live"} if kind in ("image", "graph") else {}
+    engine = {"engine": "live"} if kind in ("image", "graph", "text") else {}
     env, other = (envgraph.make(family_file, name, observation=kind, **engine) for name in ("E1", "E6"))
     assert env.observation_space == other.observation_space
     for variant in ("E6", "E1", "E6"):
