@@ -50,18 +50,7 @@ def learn(arrays, values, rows, epsilons, factors, limit, points, waiting, curve
         waiting: space for the steps whose update waits in n-step learning: observations, columns and rewards.
         curve: for each learner and point the total reward, finished episodes and successes among them; written.
     """
-    (
-        offset,
-        next_state,
-        following,
-        rewards,
-        terminated,
-        cumulative,
-        starts,
-        start_seen,
-        start_cumulative,
-        shape,
-    ) = arrays
+    offset, next_state, following, rewards, terminated, cumulative, starts, start_seen, start_cumulative, shape = arrays
     rate, discount, step_decay, episode_decay, minimum = factors
     n_actions, n_outcomes = shape
     several = len(starts) > 1

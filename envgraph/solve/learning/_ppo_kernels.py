@@ -99,14 +99,8 @@ def collect(levels, student, chosen, streams, most, episodes, limit, tracks):
     SEEN_FIRST, SEEN = vector(levels[8]), vector(levels[9])
     P, ROW, VISITED, COUNT = vector(student[0]), vector(student[1]), vector(student[2]), vector(student[3])
     HIDDEN, OUT, shape = vector(student[4]), vector(student[5]), student[6]
-    AT, AFTER, ACTION, GAIN, HOW, STEPS = (
-        vector(tracks[0]),
-        vector(tracks[1]),
-        vector(tracks[2]),
-        vector(tracks[3]),
-        vector(tracks[4]),
-        vector(tracks[5]),
-    )
+    AT, AFTER, ACTION = vector(tracks[0]), vector(tracks[1]), vector(tracks[2])
+    GAIN, HOW, STEPS = vector(tracks[3]), vector(tracks[4]), vector(tracks[5])
     R = matrix(streams)
     outputs, width = shape[2], shape[3]
     actions = outputs - 1
@@ -145,13 +139,8 @@ def collect(levels, student, chosen, streams, most, episodes, limit, tracks):
 def advantages(student, tracks, most, discount, smoothing, ADVANTAGES):
     """Write generalised advantage estimates (Schulman et al. 2016, eq. 16) of all played steps into `ADVANTAGES`."""
     OUT, outputs = vector(student[5]), student[6][2]
-    AT, AFTER, GAIN, HOW, STEPS = (
-        vector(tracks[0]),
-        vector(tracks[1]),
-        vector(tracks[3]),
-        vector(tracks[4]),
-        vector(tracks[5]),
-    )
+    AT, AFTER, GAIN = vector(tracks[0]), vector(tracks[1]), vector(tracks[3])
+    HOW, STEPS = vector(tracks[4]), vector(tracks[5])
     A = vector(ADVANTAGES)
     value = outputs - 1
     for b in range(len(tracks[5])):
@@ -176,13 +165,8 @@ def measure(student, tracks, most, discount, smoothing, ADVANTAGES, BEST, SCORES
             value, the negative advantage, finished episodes, successes among them, sum of their returns. Written.
     """
     OUT, outputs = vector(student[5]), student[6][2]
-    AT, AFTER, GAIN, HOW, STEPS = (
-        vector(tracks[0]),
-        vector(tracks[1]),
-        vector(tracks[3]),
-        vector(tracks[4]),
-        vector(tracks[5]),
-    )
+    AT, AFTER, GAIN = vector(tracks[0]), vector(tracks[1]), vector(tracks[3])
+    HOW, STEPS = vector(tracks[4]), vector(tracks[5])
     A, V, S = vector(ADVANTAGES), outputs - 1, matrix(SCORES)
     best = vector(BEST)
     for b in range(len(tracks[5])):
@@ -238,14 +222,8 @@ def improve(levels, student, optimiser, tracks, most, ADVANTAGES, order, first, 
     """
     SEEN_FIRST, SEEN = vector(levels[8]), vector(levels[9])
     P, VISITED, OUT, shape = vector(student[0]), vector(student[2]), vector(student[5]), student[6]
-    G, NEW_HIDDEN, NEW, SLOT, USED = (
-        vector(optimiser[2]),
-        vector(optimiser[3]),
-        vector(optimiser[4]),
-        vector(optimiser[5]),
-        vector(optimiser[6]),
-    )
-    C = vector(optimiser[7])
+    G, NEW_HIDDEN, NEW = vector(optimiser[2]), vector(optimiser[3]), vector(optimiser[4])
+    SLOT, USED, C = vector(optimiser[5]), vector(optimiser[6]), vector(optimiser[7])
     AT, ACTION, STEPS = vector(tracks[0]), vector(tracks[2]), vector(tracks[5])
     A, ORDER = vector(ADVANTAGES), vector(order)
     inputs, hidden, outputs = shape[0], shape[1], shape[2]
