@@ -35,11 +35,10 @@ from envgraph.search.problem._expression_measures import (
 from envgraph.search.problem._family_measures import ChainTransfer
 from envgraph.search.problem._individual_measures import (
     CachedCertifier,
+    CertifiedMeasure,
     DistanceToModel,
     MatchCount,
-    OptimalReturn,
     PatternValue,
-    RandomSuccess,
     ShortestPath,
     ShortestPlan,
 )
@@ -85,15 +84,10 @@ class ComponentContext:
     diversity: Statistic | None = None
 
 
-MeasureFactory = Callable[[ComponentOptions, ComponentContext], IndividualMeasure]
-DiversityFactory = Callable[[ComponentOptions, ComponentContext], Statistic]
-ParentsFactory = Callable[[ComponentOptions, ComponentContext], ParentSelection]
-SurvivorsFactory = Callable[[ComponentOptions, ComponentContext], SurvivorSelection]
-StrategyFactory = Callable[[ComponentOptions, ComponentContext], Strategy]
-ObjectiveFactory = Callable[
-    [ComponentOptions, ComponentContext], Callable[["LevelFactory", int], "CurriculumObjective"]
-]
-"""Returns a function that makes the objective, given the levels and the number of threads."""
+Factory = Callable[[ComponentOptions, ComponentContext], T]
+MeasureFactory = Factory[IndividualMeasure]
+ObjectiveMaker = Callable[["LevelFactory", int], "CurriculumObjective"]
+"""Makes the objective, given the levels and the number of threads."""
 
 
 def _make_path_complexity(options: ComponentOptions, context: ComponentContext) -> IndividualMeasure:
@@ -134,12 +128,12 @@ def _make_expression_measure(options: ComponentOptions, context: ComponentContex
     )
 
 
-def _certified_measure_factory(measure: type[RandomSuccess | OptimalReturn]) -> MeasureFactory:
+def _certified_measure_factory(certificate: str, range: tuple[float, float] | None = None) -> MeasureFactory:
     """Return a factory for a measure that uses the certifier of the family."""
 
     def make_measure(options: ComponentOptions, context: ComponentContext) -> IndividualMeasure:
         assert context.certifier is not None, "check_family demands an environment for this measure"
-        return measure(context.certifier, options.spec)
+        return CertifiedMeasure(context.certifier, options.spec, certificate, range)
 
     return make_measure
 
@@ -153,14 +147,12 @@ def _make_pattern_value(options: ComponentOptions, context: ComponentContext) ->
 
 
 def _make_binned_entropy(options: ComponentOptions, context: ComponentContext) -> Statistic:
-    low, high = options.range("range", getattr(context.measured, "range", (0.0, 1.0)))
+    low, high = options.range("range", getattr(context.measured, "range", None) or (0.0, 1.0))
     bins = options.integer("bins", context.spec.search.population, 1, "members")
     return BinnedEntropy(bins, low, high, whole=getattr(context.measured, "whole", False))
 
 
-def _learning_objective_maker(
-    options: ComponentOptions, context: ComponentContext
-) -> Callable[[LevelFactory, int], CurriculumObjective]:
+def _learning_objective_maker(options: ComponentOptions, context: ComponentContext) -> ObjectiveMaker:
     spec, training = context.spec, context.spec.training
     steps = () if spec.chooses_steps else options.integers("steps", [training.steps_per_environment], 1, "episodes")
     limit = context.spec.limit or (context.behaviour.limit if context.behaviour else None)
@@ -187,9 +179,7 @@ def _learning_objective_maker(
     return make_objective
 
 
-def _chain_transfer_objective_maker(
-    options: ComponentOptions, context: ComponentContext
-) -> Callable[[LevelFactory, int], CurriculumObjective]:
+def _chain_transfer_objective_maker(options: ComponentOptions, context: ComponentContext) -> ObjectiveMaker:
     def make_objective(levels: LevelFactory, workers: int) -> CurriculumObjective:
         from envgraph.env import TooManyStates
         from envgraph.search.curricula import MeasureObjective
@@ -206,7 +196,7 @@ def _chain_transfer_objective_maker(
     return make_objective
 
 
-def _factory_of(component: type[T]) -> Callable[[ComponentOptions, ComponentContext], T]:
+def _factory_of(component: type[T]) -> Factory[T]:
     """Return a factory of a data class. The factory reads the fields of the data class from the options."""
     return lambda options, context: options.read(component)
 
@@ -233,34 +223,34 @@ class Components:
         path_complexity=_make_path_complexity,
         shortest_path=_make_shortest_path,
         shortest_plan=_make_shortest_plan,
-        random_success=_certified_measure_factory(RandomSuccess),
-        optimal_return=_certified_measure_factory(OptimalReturn),
+        random_success=_certified_measure_factory("random_success", (0.0, 1.0)),
+        optimal_return=_certified_measure_factory("optimal_return"),
         distance=lambda options, context: DistanceToModel(context.initial),
         expression=_make_expression_measure,
         count=lambda options, context: MatchCount(options.name("of")),
         value=_make_pattern_value,
     )
-    diversity: Mapping[str, DiversityFactory] = _role_field(
+    diversity: Mapping[str, Factory[Statistic]] = _role_field(
         binned_entropy=_make_binned_entropy,
         gini=lambda options, context: Gini(),
         variance=lambda options, context: Variance(),
     )
     family: Mapping[str, FamilyFactory] = _role_field(**FAMILY_MEASURES)
-    objective: Mapping[str, ObjectiveFactory] = _role_field(
+    objective: Mapping[str, Factory[ObjectiveMaker]] = _role_field(
         learning=_learning_objective_maker, chain_transfer=_chain_transfer_objective_maker
     )
-    parents: Mapping[str, ParentsFactory] = _role_field(
+    parents: Mapping[str, Factory[ParentSelection]] = _role_field(
         random=lambda options, context: RandomParents(),
         tournament=_factory_of(TournamentParents),
         elitist=_factory_of(ElitistParents),
     )
-    survivors: Mapping[str, SurvivorsFactory] = _role_field(
+    survivors: Mapping[str, Factory[SurvivorSelection]] = _role_field(
         simulated_annealing=_factory_of(SimulatedAnnealing),
         hill_climbing=lambda options, context: HillClimbing(),
         beam=_factory_of(BeamSearch),
         exact=_factory_of(ExactSelection),
     )
-    strategy: Mapping[str, StrategyFactory] = _role_field(
+    strategy: Mapping[str, Factory[Strategy]] = _role_field(
         simulated_annealing=_factory_of(Annealing),
         hill_climbing=_factory_of(HillClimb),
         beam=_factory_of(Beam),

@@ -32,7 +32,7 @@ from envgraph.lang import (
 from envgraph.metamodel import Metamodel
 from envgraph.rewrite import Engine
 from envgraph.search.curricula import BeginKind, CurriculumSettings
-from envgraph.search.domain._components import ComponentContext, Components
+from envgraph.search.domain._components import ComponentContext, Components, ObjectiveMaker
 from envgraph.search.domain._constraints import constraints_of
 from envgraph.search.domain._initial_model import check_initial
 from envgraph.search.evolution._evolution_settings import EvolutionSettings, SampleSettings
@@ -44,7 +44,6 @@ from envgraph.search.problem._problem import IndividualMeasure, Problem
 from envgraph.search.problem._statistics import BinnedEntropy, Statistic
 
 if TYPE_CHECKING:
-    from envgraph.search.curricula import CurriculumObjective, LevelFactory
     from envgraph.search.optimising import Strategy
 
 DEFAULT_EFFORT = 1_000_000_000
@@ -295,9 +294,7 @@ class Domain:
             hint = 'write `survivors = { name = "hill_climbing" }`, or a smaller `population`'
         return [Diagnostic("too-many-families", message, search.survivors.span(), hint)]
 
-    def curriculum_search(
-        self,
-    ) -> tuple[Callable[[LevelFactory, int], CurriculumObjective], CurriculumSettings] | None:
+    def curriculum_search(self) -> tuple[ObjectiveMaker, CurriculumSettings] | None:
         """Return a function that makes the objective, and the settings of the search; None for the genetic algorithm.
 
         The function takes the levels and a number of threads.
@@ -310,7 +307,7 @@ class Domain:
             return None
         options, objective = _objective_options(spec), self.objective()
         settings = _curriculum_settings(options, self.spec)
-        made: Callable[[LevelFactory, int], CurriculumObjective]
+        made: ObjectiveMaker
         if objective is None or not objective.terms:
             made = self.components.objective[spec.kind](options, self._component_context())
         else:

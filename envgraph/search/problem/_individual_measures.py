@@ -19,7 +19,6 @@ from envgraph.rewrite import Engine
 from envgraph.search.problem._object_columns import object_fact_columns
 
 if TYPE_CHECKING:
-    from envgraph.env import TooManyStates
     from envgraph.env.compiled import ActionPlan, Plans, TableBuilder
     from envgraph.solve import Certificates
 
@@ -248,7 +247,7 @@ class CachedCertifier:
         self._tables: TableBuilder | None = None
         self._last: tuple[int, Certificates] | None = None
 
-    def certificates_of(self, engine: Engine, measure: ComponentSpec | None = None) -> Certificates:
+    def certificates_of(self, engine: Engine, measure: ComponentSpec) -> Certificates:
         """Return the certificates of the engine's current model, with those of a random policy.
 
         Objects are numbered within this model only, not as in other members.
@@ -272,44 +271,33 @@ class CachedCertifier:
                 try:
                     tabular = self._tables.build(engine, keys, progress)
                 except TooManyStates as error:
-                    raise self._table_needed_error(error, measure) from error
+                    message = f"measure `{measure.name}` needs a table of all states: {error.message}"
+                    hint = (
+                        f"replace `{measure.kind}` by a measure that needs no table, such as `count`, `value` or "
+                        "`shortest_plan`, or add `[constraints]` that exclude large members"
+                    )
+                    raise error.from_message(self._behaviour, message, hint, measure.span()) from error
             self._last = state, certify(tabular, limit=self._limit)
         return self._last[1]
 
-    def _table_needed_error(self, error: TooManyStates, measure: ComponentSpec | None) -> TooManyStates:
-        """Return the error with the name and span of the measure `measure`; the error itself if `measure` is None."""
-        if measure is None:
-            return error
-        message = f"measure `{measure.name}` needs a table of all states: {error.message}"
-        hint = (
-            f"replace `{measure.kind}` by a measure that needs no table, such as `count`, `value` or "
-            "`shortest_plan`, or add `[constraints]` that exclude large members"
-        )
-        return error.from_message(self._behaviour, message, hint, measure.span())
-
 
 @dataclass(frozen=True, slots=True)
-class RandomSuccess:
-    """A measure: the success probability of a uniformly random policy within the step limit, exact but for rounding."""
+class CertifiedMeasure:
+    """A measure that is one of the certificates, within the step limit and exact but for rounding.
+
+    Attributes:
+        certifier: computes the certificates.
+        spec: the measure in the family file.
+        certificate: "random_success" of a uniformly random policy, or "optimal_return", the greatest expected
+            undiscounted return.
+        range: the bounds of its values, or None.
+    """
 
     certifier: CachedCertifier
-    spec: ComponentSpec | None = None
-    range: ClassVar = (0.0, 1.0)
+    spec: ComponentSpec
+    certificate: str
+    range: tuple[float, float] | None = None
 
     def evaluate(self, engine: Engine) -> float:
-        """Return the probability in the engine's current model. Raise `TooManyStates` as `CachedCertifier.of` does."""
-        return self.certifier.certificates_of(engine, self.spec).random_success
-
-
-@dataclass(frozen=True, slots=True)
-class OptimalReturn:
-    """A measure: the greatest expected undiscounted return within the step limit, exact but for rounding."""
-
-    certifier: CachedCertifier
-    spec: ComponentSpec | None = None
-
-    def evaluate(self, engine: Engine) -> float:
-        """Return the optimal return in the engine's current model. Raise `TooManyStates` as `CachedCertifier.of`
-        does.
-        """
-        return self.certifier.certificates_of(engine, self.spec).optimal_return
+        """Return the certificate of the engine's current model. Raise `TooManyStates` as `certificates_of` does."""
+        return float(getattr(self.certifier.certificates_of(engine, self.spec), self.certificate))
