@@ -31,7 +31,7 @@ if TYPE_CHECKING:
     )
     from envgraph.files._workers import (
         cluster_workers as cluster_workers,
-        ordered_map as ordered_map,
+        ordered_starmap as ordered_starmap,
         run_in_workers as run_in_workers,
     )
     from envgraph.files._write_lock import write_lock as write_lock

@@ -9,6 +9,7 @@ from concurrent.futures import ThreadPoolExecutor
 from concurrent.futures.process import BrokenProcessPool
 from contextlib import ExitStack, contextmanager
 from functools import partial
+from itertools import starmap
 from multiprocessing import parent_process
 from threading import Thread
 from typing import Any, TypeVar
@@ -113,16 +114,17 @@ def _connect_ray(address: str, stack: ExitStack) -> int:
     return int(ray.cluster_resources().get("CPU", 1))
 
 
-def ordered_map(workers: int) -> Callable[[Callable[[Any], Any], Sequence[Any]], Iterable[Any]]:
-    """Return a `map` for functions that spend their time outside Python: on the cluster in use, else in threads."""
+def ordered_starmap(workers: int) -> Callable[[Callable[..., Any], Sequence[tuple[Any, ...]]], Iterable[Any]]:
+    """Return a `starmap` for functions that spend their time outside Python: on the cluster in use, else in threads."""
     from joblib import Parallel, delayed
     from joblib.parallel import get_active_backend
 
     if workers == 1:
-        return map
+        return starmap
     if type(get_active_backend()[0]).__module__ == "joblib._parallel_backends":  # this machine
-        return ThreadPoolExecutor(workers).map
-    return lambda function, tasks: Parallel(n_jobs=workers)(delayed(function)(one) for one in tasks)
+        pool = ThreadPoolExecutor(workers)
+        return lambda function, tasks: pool.map(function, *zip(*tasks, strict=True))
+    return lambda function, tasks: Parallel(n_jobs=workers)(delayed(function)(*one) for one in tasks)
 
 
 def end_with_parent() -> None:

@@ -18,13 +18,15 @@ from glob import escape
 from hashlib import blake2b
 from math import isfinite
 from pathlib import Path
-from typing import Any, Self, cast
+from typing import Any, Final, Self, TypeVar, cast
 
 from envgraph.code import dataclass
 from envgraph.errors import EnvgraphError, InvalidArgument
 from envgraph.files import replacement_draft, write_lock
 from envgraph.lang import Bundle
 from envgraph.metamodel import Value
+
+T = TypeVar("T")
 
 STORE_FORMAT = 2
 """Version of the SQL tables below; a store of another version is refused."""
@@ -253,7 +255,7 @@ class RunStore:
     def name(self) -> str:
         """Return the name of the family."""
         with self.damage_on_error("setting `name`"):
-            return _checked_text(self.settings()["name"])
+            return _checked(self.settings()["name"], str)
 
     @property
     def overrides(self) -> tuple[str, ...]:
@@ -266,7 +268,7 @@ class RunStore:
         """Return the file from which the family was imported; None if it was generated."""
         with self.damage_on_error("setting `imported`"):
             found = self.settings().get("imported")
-            return None if found is None else _checked_text(found)
+            return None if found is None else _checked(found, str)
 
     def damage_error(self, problem: str) -> InvalidArgument:
         """Return the error to raise if the content of the store is inconsistent. `problem` says what is wrong."""
@@ -281,7 +283,7 @@ class RunStore:
         cases "lacking" has the amount of violation of each violated condition.
         """
         with self.damage_on_error("setting `objective`"):
-            return dict(_checked_object(self.settings().get("objective", {})))
+            return dict(_checked(self.settings().get("objective", {}), dict))
 
     @property
     def certificates(self) -> dict[int, dict[str, float | None]]:
@@ -290,9 +292,9 @@ class RunStore:
             return {
                 int(key): {
                     name: None if value is None else _checked_number(value)
-                    for name, value in _checked_object(one).items()
+                    for name, value in _checked(one, dict).items()
                 }
-                for key, one in _checked_object(self.settings().get(CERTIFICATES_KEY, {})).items()
+                for key, one in _checked(self.settings().get(CERTIFICATES_KEY, {}), dict).items()
             }
 
     def set_setting(self, key: str, value: Any) -> None:
@@ -304,7 +306,7 @@ class RunStore:
         """Return the texts of the files from which the run was made, by path."""
         with self.damage_on_error("the texts"):
             rows = self._db.execute("SELECT path, text FROM source ORDER BY path")
-            return {_checked_text(path): _checked_text(text) for path, text in rows}
+            return {_checked(path, str): _checked(text, str) for path, text in rows}
 
     def bundle(self) -> Bundle:
         """Return the texts of the files from which the run was made, as a bundle that can be loaded."""
@@ -378,12 +380,12 @@ class RunStore:
             if row is None:
                 raise InvalidArgument(f"{self.path} has no generation {number}")
             rows = self._db.execute("SELECT individual FROM member WHERE generation = ? ORDER BY place", (number,))
-            members = tuple(_checked_int(member) for (member,) in rows)
+            members = tuple(_checked(member, int) for (member,) in rows)
             if not members:
                 raise ValueError("it has no members")
             _, diversity, accepted, _, reasons = row
             return Generation(
-                number, members, _checked_number(diversity), _checked_int(accepted), _parse_reasons(reasons)
+                number, members, _checked_number(diversity), _checked(accepted, int), _parse_reasons(reasons)
             )
 
     def generation_statistics(self) -> list[tuple[int, float, int, int]]:
@@ -392,7 +394,7 @@ class RunStore:
             columns = "number, diversity, accepted, rejected"
             rows = self._db.execute(f"SELECT {columns} FROM generation ORDER BY number")
             return [
-                (number, _checked_number(diversity), _checked_int(accepted), _checked_int(rejected))
+                (number, _checked_number(diversity), _checked(accepted, int), _checked(rejected, int))
                 for number, diversity, accepted, rejected in rows
             ]
 
@@ -609,21 +611,21 @@ def _row_hash(row: Sequence[object]) -> str:
 
 def _parse_individual(row: Sequence[Any]) -> Individual:
     id_, generation, child, parent, trace, measures, state_hash, model, digest = row
-    if parent is not None and _checked_int(parent) >= id_:
+    if parent is not None and _checked(parent, int) >= id_:
         raise ValueError("its id is not larger than that of its parent")
-    steps = tuple((_checked_text(rule), _checked_match(values)) for rule, values in json.loads(trace))
-    found = {name: _checked_number(value) for name, value in _checked_object(json.loads(measures)).items()}
-    text = None if model is None else _checked_text(model)
+    steps = tuple((_checked(rule, str), _checked_match(values)) for rule, values in json.loads(trace))
+    found = {name: _checked_number(value) for name, value in _checked(json.loads(measures), dict).items()}
+    text = None if model is None else _checked(model, str)
     if digest not in (None, _row_hash(row[:-1])):
         raise ValueError("its row does not match the stored hash")
     return Individual(
         id_,
-        _checked_int(generation),
-        _checked_int(child),
+        _checked(generation, int),
+        _checked(child, int),
         parent,
         steps,
         found,
-        _checked_text(state_hash),
+        _checked(state_hash, str),
         text,
     )
 
@@ -631,22 +633,17 @@ def _parse_individual(row: Sequence[Any]) -> Individual:
 # A file may have been edited or damaged, so every value that is read is checked.
 
 
-def _checked_text(value: object) -> str:
-    if not isinstance(value, str):
-        raise TypeError(f"a text is expected, not {type(value).__name__}")
+_KINDS: Final = {str: "a text", int: "a whole number", list: "a list of texts", dict: "an object"}
+
+
+def _checked(value: object, kind: type[T]) -> T:
+    if type(value) is not kind:
+        raise TypeError(f"{_KINDS[kind]} is expected, not {type(value).__name__}")
     return value
 
 
 def _checked_texts(value: object) -> tuple[str, ...]:
-    if not isinstance(value, list):
-        raise TypeError(f"a list of texts is expected, not {type(value).__name__}")
-    return tuple(_checked_text(one) for one in value)
-
-
-def _checked_int(value: object) -> int:
-    if type(value) is not int:
-        raise TypeError(f"a whole number is expected, not {type(value).__name__}")
-    return value
+    return tuple(_checked(one, str) for one in _checked(value, list))
 
 
 def _checked_number(value: object) -> float:
@@ -655,14 +652,8 @@ def _checked_number(value: object) -> float:
     return float(value)  # type: ignore[arg-type]
 
 
-def _checked_object(value: object) -> dict[str, Any]:
-    if not isinstance(value, dict):
-        raise TypeError(f"an object is expected, not {type(value).__name__}")
-    return value
-
-
 def _parse_reasons(text: str) -> dict[str, int]:
-    return {reason: _checked_int(count) for reason, count in _checked_object(json.loads(text)).items()}
+    return {reason: _checked(count, int) for reason, count in _checked(json.loads(text), dict).items()}
 
 
 def _checked_match(values: object) -> tuple[Value, ...]:

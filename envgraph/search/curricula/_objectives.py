@@ -6,14 +6,14 @@ from collections.abc import Callable, Sequence
 from copy import copy
 from functools import partial
 from math import inf
-from typing import Any, ClassVar, Final, Literal, Protocol, TypeVar
+from typing import ClassVar, Final, Literal, Protocol
 
 import numpy as np
 from numpy.typing import NDArray
 
 from envgraph.env import TooManyStates
 from envgraph.env.compiled import generator_states
-from envgraph.files import ordered_map
+from envgraph.files import ordered_starmap
 from envgraph.search.curricula._model_levels import ModelLevel
 from envgraph.search.problem._candidate_pool import FamilyMeasure
 from envgraph.search.problem._statistics import BoundedMeasure
@@ -21,8 +21,6 @@ from envgraph.solve.learning import LearnerGroup, ProgramLearnerGroup, TargetRes
 
 SEARCH_SPAWN_KEY: Final = 2
 """Spawn key of the random streams of a search's learners; experiments use other keys (`learn/_experiment.py`)."""
-
-T = TypeVar("T")
 
 Judge = Callable[[NDArray[np.uint64], int], TargetResults]
 
@@ -89,7 +87,7 @@ class LearningObjective:
         self._judge = self._judge_maker(settings, target)
         self.steps, self.is_steps_free = tuple(steps) or (settings.steps_per_environment,), not steps
         self._seed, self._workers = seed, workers
-        self._map = ordered_map(workers)
+        self._starmap = ordered_starmap(workers)
 
     def with_steps(self, steps: int) -> LearningObjective:
         """Return a copy of this objective with another number of training steps on each member."""
@@ -127,12 +125,8 @@ class LearningObjective:
         rows = generator_states([np.random.Generator(np.random.PCG64(one)) for one in sequences])
         parts = np.array_split(rows, min(self._workers, len(rows)))
         tasks = [(part, steps) for steps in self.steps for part in parts]
-        judged = [getattr(one, kind) for one in self._map(partial(_apply, judge), tasks)]
+        judged = [getattr(one, kind) for one in self._starmap(judge, tasks)]
         return np.concatenate(judged).reshape(len(self.steps), len(rows))
-
-
-def _apply(function: Callable[..., T], arguments: tuple[Any, ...]) -> T:
-    return function(*arguments)
 
 
 class MeasureObjective:
