@@ -8,7 +8,6 @@ from typing import TYPE_CHECKING, Final
 
 from envgraph.code import dataclass
 from envgraph.draw import escape_markup, shorten
-from envgraph.env import scene_svg, scene_text
 
 if TYPE_CHECKING:
     from envgraph.search.families._member_family import Family, Member
@@ -26,22 +25,6 @@ class FamilyStyle:
 
 
 STYLE: Final = FamilyStyle()
-
-
-def member_svg(family: Family, member: Member) -> str:
-    """Return the picture of a member as SVG, by the `draw` clause of the behaviour, else as boxes and lines."""
-    scene = family.scene(member)
-    if scene is not None:
-        return scene_svg(scene)
-    return (
-        family.model(member).picture().to_svg(graphviz=False)
-    )  # without Graphviz the picture is the same on every machine
-
-
-def member_text(family: Family, member: Member) -> str:
-    """Return the picture of a member as text, by the `draw` clause of the behaviour, else as a text of its objects."""
-    scene = family.scene(member)
-    return family.model(member).picture().to_text() if scene is None else scene_text(scene)
 
 
 def format_measure(values: Sequence[float]) -> tuple[str, ...]:
@@ -79,7 +62,7 @@ def family_svg(family: Family) -> str:
     ]
     for place, member in enumerate(members):
         x, y = STYLE.gap + place % columns * (STYLE.size + STYLE.gap), STYLE.gap + place // columns * step
-        parts.append(_placed_svg(member_svg(family, member), x, y))
+        parts.append(_placed_svg(family.svg(member), x, y))
         parts += _caption_elements(family, member, x + STYLE.size / 2, y + STYLE.size + STYLE.line + 2)
     return "\n".join([*parts, "</svg>"]) + "\n"
 
@@ -113,7 +96,7 @@ def member_html(family: Family, member: Member) -> str:
     given = " (initial)" if member.initial else ""
     text = f"<b>{escape_markup(member.name)}</b>{given}{facts}"
     style = "margin:0;width:15em;overflow-wrap:anywhere"
-    return f'<figure style="{style}">{member_svg(family, member)}<figcaption>{text}</figcaption></figure>'
+    return f'<figure style="{style}">{family.svg(member)}<figcaption>{text}</figcaption></figure>'
 
 
 def family_html(family: Family) -> str:

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from envgraph.behaviour import action_keys, with_only_reward
 from envgraph.code import dataclass
-from envgraph.env import Behaviour, ExploredEnvironment, KeyIndex, Scene, scene_of
+from envgraph.env import Behaviour, ExploredEnvironment, KeyIndex, Scene, scene_of, scene_svg, scene_text
 from envgraph.errors import (
     LIMITS,
     EvaluationError,
@@ -31,7 +31,7 @@ from envgraph.rewrite import Engine
 from envgraph.search._run_store import Individual, RunStore
 from envgraph.search.domain._components import Components
 from envgraph.search.domain._domain import Domain
-from envgraph.search.families._family_pictures import family_html, member_html, member_svg, member_text
+from envgraph.search.families._family_pictures import family_html, member_html
 from envgraph.search.families._lazy_models import LazyModel, ReplayedModels
 from envgraph.search.families._table_cache import FamilyRecord, TableCache, table_file_name
 from envgraph.search.families._train_test_split import split_places
@@ -226,11 +226,16 @@ class Family:
 
     def svg(self, member: Member) -> str:
         """Return the picture of a member as SVG, by the `draw` clause of the behaviour, else as boxes and lines."""
-        return member_svg(self, member)
+        scene = self.scene(member)
+        if scene is not None:
+            return scene_svg(scene)
+        # Without Graphviz the picture is the same on every machine.
+        return self.model(member).picture().to_svg(graphviz=False)
 
     def text(self, member: Member) -> str:
-        """Return the picture of a member as text, by the `draw` clause of the behaviour if it has one."""
-        return member_text(self, member)
+        """Return the picture of a member as text, by the `draw` clause of the behaviour, else as its objects."""
+        scene = self.scene(member)
+        return self.model(member).picture().to_text() if scene is None else scene_text(scene)
 
     def subset(self, members: Iterable[Member | int | str]) -> Family:
         """Return the family of some members, in their order here and with their names.

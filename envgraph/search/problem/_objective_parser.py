@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 from dataclasses import field, replace
+from functools import partial
 from typing import TYPE_CHECKING, Final
 
 from envgraph.code import dataclass
@@ -35,6 +36,7 @@ from envgraph.search.problem._family_measures import (
     SmallestBinCount,
     StepEvenness,
 )
+from envgraph.search.problem._member_distances import MemberDistance
 from envgraph.search.problem._objective import FamilyCondition, Objective, ObjectiveTerm
 from envgraph.search.problem._statistics import BinnedEntropy, Gini, Statistic, Variance
 
@@ -75,9 +77,7 @@ def _single_measure_name(call: FamilyCall, most: int = 0) -> str:
     if len(call.measures) == 1 and len(call.numbers) <= most:
         return call.measures[0]
     options = ", low, high, bins" if most else ""
-    raise WrongCall(
-        f"`{call.name}` takes exactly one measure", f"write `{call.name}(measure{options and f'{options}'})`"
-    )
+    raise WrongCall(f"`{call.name}` takes exactly one measure", f"write `{call.name}(measure{options})`")
 
 
 def _statistic_factory(statistic: Statistic) -> FamilyFactory:
@@ -133,12 +133,6 @@ def _make_chain_transfer(call: FamilyCall, context: ComponentContext) -> FamilyM
     return _argumentless_factory(ChainTransfer)(call, context)
 
 
-def _make_distance(is_least: bool) -> FamilyMeasure:
-    from envgraph.search.problem._member_distances import MemberDistance
-
-    return MemberDistance(is_least)
-
-
 FAMILY_MEASURES: Final[Mapping[str, FamilyFactory]] = {
     "entropy": _binned_statistic_factory(lambda bins: bins),
     "coverage": _binned_statistic_factory(BinCoverage),
@@ -148,8 +142,8 @@ FAMILY_MEASURES: Final[Mapping[str, FamilyFactory]] = {
     "variance": _statistic_factory(Variance()),
     "evenness": _statistic_factory(StepEvenness()),
     "rising": _statistic_factory(RisingShare()),
-    "mean_distance": _argumentless_factory(lambda: _make_distance(is_least=False)),
-    "least_distance": _argumentless_factory(lambda: _make_distance(is_least=True)),
+    "mean_distance": _argumentless_factory(partial(MemberDistance, is_least=False)),
+    "least_distance": _argumentless_factory(partial(MemberDistance, is_least=True)),
     "distinct": _argumentless_factory(DistinctMembers),
     "chain_transfer": _make_chain_transfer,
 }
@@ -194,7 +188,7 @@ class _ObjectiveParser:
         found = []
         for text, place in self._expression_texts(key):
             expression = self._parse_expression(text, place)
-            term = expression and self._parse_term(text, expression, place, text)
+            term = expression and self._parse_term(text, expression, place)
             if term:
                 found.append(replace(term, sense=sense))
         return found
@@ -205,7 +199,7 @@ class _ObjectiveParser:
             expression = self._parse_expression(text, place)
             match expression:
                 case Binary(operator=operator, left=left, right=right) if operator in _COMPARISONS:
-                    sides = [self._parse_term(text, side, place, text) for side in (left, right)]
+                    sides = [self._parse_term(text, side, place) for side in (left, right)]
                     if sides[0] and sides[1]:
                         found.append(FamilyCondition(text, sides[0], operator, sides[1]))
                 case None:
@@ -239,14 +233,15 @@ class _ObjectiveParser:
         self.problems += problems
         return expression
 
-    def _parse_term(self, text: str, expression: Expression, place: Span | None, whole: str) -> ObjectiveTerm | None:
+    def _parse_term(self, text: str, expression: Expression, place: Span | None) -> ObjectiveTerm | None:
+        """Return the expression, which is all of the text or a side of it, as a term; report its errors."""
         before = len(self.problems)
         measures: dict[str, FamilyMeasure] = {}
-        named = self._replace_calls(expression, measures, whole, place)
+        named = self._replace_calls(expression, measures, text, place)
         if len(self.problems) > before:
             return None
         scope = dict.fromkeys(measures, Scalar.FLOAT)
-        self.problems += check_number_expression(named, scope, self.context.metamodel, whole, place)
+        self.problems += check_number_expression(named, scope, self.context.metamodel, text, place)
         return None if len(self.problems) > before else ObjectiveTerm(text, named, measures)
 
     def _replace_calls(
@@ -267,20 +262,12 @@ class _ObjectiveParser:
         where = span_in_file(where, text, place)
         unknown = [one for one in call.measures if self.context.spec.measure(one) is None]
         if call.name not in self.factories:
-            self._report_problem(
-                "unknown-measure",
-                f"unknown measure of families `{call.name}`",
-                where,
-                self._unknown_measure_hint(call.name),
-            )
+            message = f"unknown measure of families `{call.name}`"
+            self._report_problem("unknown-measure", message, where, self._unknown_measure_hint(call.name))
         elif "" in unknown:
             hint = f"write `{call.name}(measure)`, or add numbers after the measure"
-            self._report_problem(
-                "wrong-arguments",
-                f"the arguments of `{call.name}` must be names of measures, or numbers",
-                where,
-                hint,
-            )
+            message = f"the arguments of `{call.name}` must be names of measures, or numbers"
+            self._report_problem("wrong-arguments", message, where, hint)
         elif unknown:
             names = [one.name for one in self.context.spec.measures]
             hint = did_you_mean(unknown[0], names) or f"there are {quote_names(names)}"
