@@ -44,6 +44,7 @@ if TYPE_CHECKING:
         Summary as Summary,
         read_csv as read_csv,
         write_csv as write_csv,
+        write_table as write_table,
     )
     from envgraph.learn._significance import (
         FEWEST_UNITS as FEWEST_UNITS,

@@ -6,6 +6,7 @@ import csv
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import fields
 from io import TextIOWrapper
+from itertools import chain
 from math import inf
 from pathlib import Path
 from statistics import fmean
@@ -254,10 +255,13 @@ def _curve_rows(run: RunResult) -> Iterable[tuple[object, ...]]:
 
 
 def _write_rows(path: Path, columns: Sequence[str], rows: Iterable[Sequence[object]]) -> None:
+    write_table(path, columns, ([_format_cell(value) for value in row] for row in rows))
+
+
+def write_table(path: Path, columns: Sequence[str], rows: Iterable[Sequence[object]]) -> None:
+    """Write a CSV file with the columns as its first line; texts that look like formulas stay as they are."""
     with replacement_draft(path) as draft, draft.open("w", encoding="utf-8", newline="") as file:
-        writer = csv.writer(file, lineterminator="\n")
-        writer.writerow(columns)
-        writer.writerows([_format_cell(value) for value in row] for row in rows)
+        csv.writer(file, lineterminator="\n").writerows(chain([columns], rows))
 
 
 def _format_cell(value: object) -> object:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from math import log2
 
 import numpy as np
@@ -145,6 +145,13 @@ def _format_mean(values: Sequence[float]) -> str:
     return f"{mean:.2f}" if interval is None else f"{mean:.2f} ± {(interval[1] - interval[0]) / 2:.2f}"
 
 
+def _mean_line(label: str, x: Iterable[float], samples: Sequence[Sequence[float]], is_dashed: bool = False) -> Series:
+    """Return a line of the means of samples, with the 95 % interval of each as its band."""
+    means = tuple(float(np.mean(one)) for one in samples)
+    low, high = zip(*(bootstrap_interval(one) or (one[0], one[0]) for one in samples), strict=True)
+    return Series(label, tuple(x), means, low, high, is_dashed=is_dashed)
+
+
 def _scatter_figure(shown: Mapping[str, Sequence[float]]) -> str:
     panels = []
     for score in PROBED:
@@ -164,16 +171,7 @@ def _rollouts_figure(study: Study) -> str:
     series = []
     for score in _ESTIMATED:
         found = [rank_values(study, score, "regret_solvable", rollouts) for rollouts in ROLLOUTS]
-        edges = [bootstrap_interval(values) or (values[0], values[0]) for values in found]
-        series.append(
-            Series(
-                score,
-                tuple(log2(rollouts) for rollouts in ROLLOUTS),
-                tuple(float(np.mean(values)) for values in found),
-                tuple(low for low, _ in edges),
-                tuple(high for _, high in edges),
-            )
-        )
+        series.append(_mean_line(score, map(log2, ROLLOUTS), found))
     return line_chart(
         series,
         x_label="rollouts, as a power of 2",
@@ -235,18 +233,8 @@ def _curves_figure(study: Study, by: str) -> str:
         if not runs:
             continue
         curves = np.array([run.curve for run in runs])
-        places = np.mean([getattr(run, by) for run in runs], axis=0)
-        edges = [bootstrap_interval(column) or (column[0], column[0]) for column in curves.T]
-        series.append(
-            Series(
-                method,
-                tuple(map(float, places)),
-                tuple(curves.mean(axis=0).tolist()),
-                tuple(float(low) for low, _ in edges),
-                tuple(float(high) for _, high in edges),
-                is_dashed=method in _EXACT_CURVE_METHODS,
-            )
-        )
+        places = np.mean([getattr(run, by) for run in runs], axis=0).tolist()
+        series.append(_mean_line(method, places, curves.T.tolist(), is_dashed=method in _EXACT_CURVE_METHODS))
     title = f"Figure 4: {study.name}, success on held-out levels by {by}"
     return line_chart(series, x_label=by, y_label="success on held-out levels", title=title)
 

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import csv
 from collections.abc import Iterable, Sequence
 from pathlib import Path
 from typing import Any, Final
@@ -10,10 +9,11 @@ from typing import Any, Final
 import numpy as np
 
 from envgraph.code import dataclass
-from envgraph.files import replacement_draft
+from envgraph.learn._results import write_table
 from envgraph.learn.audit._audit_settings import PROTOCOL
 from envgraph.learn.audit._findings import Finding, paired_differences, seed_and_level_test
 from envgraph.learn.audit._methods import METHODS
+from envgraph.learn.audit._student_run import AuditRun
 from envgraph.learn.audit._study import Study
 from envgraph.solve import bootstrap_interval, cvar, probability_of_improvement
 
@@ -121,18 +121,7 @@ def write_audit(studies: Sequence[Study], findings: Sequence[Finding], directory
         ),
         "runs": (
             (*of_run, "success", "hard", "regret", "greedy", "updates", "learned_solvable"),
-            (
-                (
-                    *of,
-                    run.final_success,
-                    float(np.mean(run.hard)),
-                    run.regret,
-                    run.greedy,
-                    run.updates[-1],
-                    run.learned_solvable,
-                )
-                for of, _, run in runs
-            ),
+            ((*of, *_final_values(run)) for of, _, run in runs),
         ),
         "curves": (
             (*of_run, "steps", "updates", "success"),
@@ -154,13 +143,14 @@ def write_audit(studies: Sequence[Study], findings: Sequence[Finding], directory
     }
     paths = []
     for name, (columns, rows) in files.items():
-        path = directory / f"{name}.csv"
-        with replacement_draft(path) as draft, draft.open("w", encoding="utf-8", newline="") as file:
-            writer = csv.writer(file, lineterminator="\n")
-            writer.writerow(columns)
-            writer.writerows(rows)
-        paths.append(path)
+        paths.append(directory / f"{name}.csv")
+        write_table(paths[-1], columns, rows)
     return paths
+
+
+def _final_values(run: AuditRun) -> tuple[float, ...]:
+    hard = float(np.mean(run.hard))
+    return run.final_success, hard, run.regret, run.greedy, run.updates[-1], run.learned_solvable
 
 
 def _column_values(one: object, names: Iterable[str]) -> list[Any]:

@@ -2,14 +2,11 @@
 
 from __future__ import annotations
 
-import csv
-import io
 from dataclasses import replace
 from pathlib import Path
 from statistics import fmean
 
-from envgraph.files import replace_file
-from envgraph.learn import write_csv
+from envgraph.learn import write_csv, write_table
 from envgraph.report._charts import Series, line_chart
 from envgraph.report._family_report import family_report
 from envgraph.report._html_page import Report, ReportSection, ReportTable
@@ -183,10 +180,8 @@ def write_tables(found: Reproduction, directory: Path) -> list[Path]:
     written = []
     for name, table in named.items():
         if table.rows:
-            text = io.StringIO()
-            csv.writer(text, lineterminator="\n").writerows([table.columns, *table.rows])
             written.append(directory / f"{name}.csv")
-            replace_file(written[-1], text.getvalue())
+            write_table(written[-1], table.columns, table.rows)
     for budget in found.budgets:
         write_csv(budget.experiment, directory / "published" / str(budget.steps))
     return written
