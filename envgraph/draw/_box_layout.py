@@ -19,9 +19,14 @@ class BoxFrame:
     half_height: float
 
 
+def text_columns(text: str) -> int:
+    """Return the number of terminal columns that a text takes; wide characters take two."""
+    return sum(2 if east_asian_width(letter) in "WF" else 1 for letter in text)
+
+
 def text_width(text: str) -> float:
     """Return the approximate width of a text in pixels."""
-    return sum(2 if east_asian_width(letter) in "WF" else 1 for letter in text) * STYLE.letter
+    return text_columns(text) * STYLE.letter
 
 
 def head_lines(node: PictureNode) -> list[str]:

@@ -158,10 +158,7 @@ _EdgePath = tuple[str, Point, Point, tuple[Point, Point], Point]
 def _curve_path(source: BoxFrame, target: BoxFrame, bend: float) -> _EdgePath:
     dx, dy = target.x - source.x, target.y - source.y
     length = max(hypot(dx, dy), 1e-9)
-    control = (
-        (source.x + target.x) / 2 - dy / length * bend,
-        (source.y + target.y) / 2 + dx / length * bend,
-    )
+    control = (source.x + target.x) / 2 - dy / length * bend, (source.y + target.y) / 2 + dx / length * bend
     start, end = _border_point(source, control), _border_point(target, control)
     path = _format_path("M", start, "Q", control, end)
     middle = ((start[0] + end[0]) / 4 + control[0] / 2, (start[1] + end[1]) / 4 + control[1] / 2)
@@ -199,21 +196,9 @@ def _draw_end(end: End, tip: Point, origin: Point, colour: str) -> Iterator[str]
     length = max(hypot(dx, dy), 1e-9)
     ux, uy = dx / length * 8.0, dy / length * 8.0
     back = (tip[0] - ux, tip[1] - uy)
-    points = [tip, (back[0] - uy * 0.4, back[1] + ux * 0.4)]
-    if end == "diamond":
-        points = [
-            tip,
-            *_diamond_sides(tip, ux / 2, uy / 2)[:1],
-            back,
-            *_diamond_sides(tip, ux / 2, uy / 2)[1:],
-        ]
-    else:
-        points.append((back[0] + uy * 0.4, back[1] - ux * 0.4))
+    (x, y), wide = ((tip[0] - ux / 2, tip[1] - uy / 2), 0.35) if end == "diamond" else (back, 0.4)
+    left, right = (x - uy * wide, y + ux * wide), (x + uy * wide, y - ux * wide)
+    points = [tip, left, back, right] if end == "diamond" else [tip, left, right]
     fill = "#ffffff" if end == "triangle" else colour
     shape = " ".join(f"{_format_number(x)},{_format_number(y)}" for x, y in points)
     yield f'<polygon points="{shape}" fill="{fill}" stroke="{colour}"/>'
-
-
-def _diamond_sides(tip: Point, ux: float, uy: float) -> tuple[Point, Point]:
-    middle = (tip[0] - ux, tip[1] - uy)
-    return (middle[0] - uy * 0.7, middle[1] + ux * 0.7), (middle[0] + uy * 0.7, middle[1] - ux * 0.7)

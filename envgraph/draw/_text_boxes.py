@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
 from textwrap import wrap
-from unicodedata import east_asian_width
 
+from envgraph.draw._box_layout import text_columns
 from envgraph.draw._diagram_data import STYLE, Diagram
 
 
@@ -38,10 +38,10 @@ def _link_lines(targets: Mapping[str, Sequence[str]]) -> Iterator[str]:
 
 def _box_lines(title: str, lines: list[str]) -> list[str]:
     """Return the text lines of a box with a title and `lines` below it, all of the same width."""
-    width = max(map(_text_columns, (title, *lines)))
+    width = max(map(text_columns, (title, *lines)))
 
     def row(text: str) -> str:
-        return f"│ {text}{' ' * (width - _text_columns(text))} │"
+        return f"│ {text}{' ' * (width - text_columns(text))} │"
 
     rule = "─" * (width + 2)
     below = [f"├{rule}┤", *map(row, lines)] if lines else []
@@ -53,7 +53,7 @@ def _box_rows(boxes: list[list[str]]) -> Iterator[list[list[str]]]:
     row: list[list[str]] = []
     used = 0
     for box in boxes:
-        width = _text_columns(box[0]) + 1
+        width = text_columns(box[0]) + 1
         if row and used + width > STYLE.columns:
             yield row
             row, used = [], 0
@@ -65,10 +65,5 @@ def _box_rows(boxes: list[list[str]]) -> Iterator[list[list[str]]]:
 
 def _join_row(boxes: list[list[str]]) -> Iterator[str]:
     for number in range(max(map(len, boxes))):
-        parts = (box[number] if number < len(box) else " " * _text_columns(box[0]) for box in boxes)
+        parts = (box[number] if number < len(box) else " " * text_columns(box[0]) for box in boxes)
         yield " ".join(parts).rstrip()
-
-
-def _text_columns(text: str) -> int:
-    """Return the number of terminal columns that a text takes; wide characters take two."""
-    return sum(2 if east_asian_width(letter) in ("W", "F") else 1 for letter in text)

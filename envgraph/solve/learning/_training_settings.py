@@ -106,14 +106,7 @@ class TrainingSettings:
             raise InvalidArgument("`learning_rate` must be positive")
         _check_range("discount", self.discount, 0.0, 1.0)
         _check_choice("ties", self.ties, get_args(Ties))
-        for name in (
-            "n_step",
-            "steps_per_environment",
-            "evaluation_episodes",
-            "seeds",
-            "limit",
-            "checkpoint",
-        ):
+        for name in ("n_step", "steps_per_environment", "evaluation_episodes", "seeds", "limit", "checkpoint"):
             _check_positive(name, getattr(self, name))
         if self.n_step > 1 and "sarsa" not in self.agent:  # Sutton and Barto 2018, section 7.3
             message = f"`n_step` above 1 is for `sarsa` and `expected_sarsa`, not `{self.agent}`"
@@ -149,10 +142,6 @@ def _given_fields(spec: object, cls: type[Any]) -> dict[str, Any]:
     if isinstance(spec, Mapping):
         for key in spec:
             check_known(key, names, f"unknown training setting `{key}`")
-    return _present_values(spec, names)
-
-
-def _present_values(spec: object, names: tuple[str, ...]) -> dict[str, Any]:
     found = {name: spec.get(name) if isinstance(spec, Mapping) else getattr(spec, name, None) for name in names}
     return {name: value for name, value in found.items() if value is not None}
 
