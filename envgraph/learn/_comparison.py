@@ -232,10 +232,7 @@ def _compare_ways(ways: Sequence[Sequence[RunResult]], can_succeed: bool) -> tup
             difference: tuple[float, float] | None = newcombe_interval(value, len(seeds), other, len(seeds))
         else:
             difference = bootstrap_interval(np.subtract(first, values).tolist())
-        names, better = (
-            (one.label, way[0].label, _display_name(way[0])),
-            probability_of_improvement(first, values),
-        )
+        names, better = (one.label, way[0].label, _display_name(way[0])), probability_of_improvement(first, values)
         found.append(Comparison(*names, *about, needed, value, other, difference, float(better), p_value))
     return tuple(found)
 

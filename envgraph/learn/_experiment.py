@@ -281,11 +281,7 @@ def _train_and_evaluate(
     settings = replace(settings, initial_value=value, epsilon=curriculum.epsilon or settings.epsilon)
     steps = curriculum.stage_steps(settings.steps_per_environment)
     parts = [part for part in zip(steps, stages, strict=True) if part[0]]
-    tabular, ready, rng = (
-        settings.student == "tabular",
-        prepared.ready,
-        _run_generator(seed, TRAINING, stages),
-    )
+    tabular, ready, rng = settings.student == "tabular", prepared.ready, _run_generator(seed, TRAINING, stages)
     agent: TableAgent | ProgramAgent
     agent = ready.new_agent(settings, backend) if tabular else DeepAgent(ready, settings, rng)
     before: list[Evaluation] = []

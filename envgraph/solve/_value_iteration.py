@@ -89,10 +89,7 @@ def optimal_episode(tabular: Tabular, limit: int = 200) -> list[int]:
     policy, rng = value_iteration(tabular).policy, np.random.default_rng(0)
     chances = cumulative_probabilities(tabular.probability[np.arange(tabular.n_states), policy])
     for _ in range(100):
-        start, states = (
-            (cumulative_probabilities(tabular.start_probability) <= rng.random()).sum(),
-            list[int](),
-        )
+        start, states = (cumulative_probabilities(tabular.start_probability) <= rng.random()).sum(), list[int]()
         state = int(tabular.start_states[start])
         while len(states) < limit:
             states.append(state)

@@ -149,10 +149,7 @@ class _FamilyReader:
 
     def read_spec(self) -> FamilySpec:
         top = TableReader(self._text, (), self._text.data, self.diagnostics, {"": _TOP_KEYS, **_KEYS})
-        model, environment = (
-            self._resolve_path(top.string("model")),
-            self._resolve_path(top.string("environment")),
-        )
+        model, environment = self._resolve_path(top.string("model")), self._resolve_path(top.string("environment"))
         imports = tuple(path for one in top.names("imports") if (path := self._resolve_path(one)))
         if model is None and "model" not in top:
             top.report_missing("model", 'write `model = "name.model"` at the top')

@@ -203,10 +203,7 @@ def typed_attribute_of(names: EcoreNameResolver, element: XmlElement, name: str)
 
 def bounds_of(names: EcoreNameResolver, element: XmlElement) -> tuple[int, int | None]:
     """Return the lower bound of a feature (0 if a query can define it) and its upper bound (None if unlimited)."""
-    lower, upper = (
-        typed_attribute_of(names, element, "lowerBound"),
-        typed_attribute_of(names, element, "upperBound"),
-    )
+    lower, upper = typed_attribute_of(names, element, "lowerBound"), typed_attribute_of(names, element, "upperBound")
     if upper == -2:  # -2 is Ecore's "unspecified", used for elements of a document root
         upper = 1
     return 0 if is_computed(element) else lower, None if upper < 0 else upper

@@ -114,12 +114,7 @@ class ModelSampler:
         prepare: PrepareMeasures | None = None,
     ) -> None:
         self._prepare = prepare
-        self._problem, self._settings, self._sample_settings, self._seed = (
-            problem,
-            settings,
-            sample_settings,
-            seed,
-        )
+        self._problem, self._settings, self._sample_settings, self._seed = problem, settings, sample_settings, seed
         self._variation = Variation(problem, settings.max_attempts, settings.strength)
         self._archive = Archive(sample_settings.count, [bins for _, bins in sample_settings.covered_measures])
         self._versions: dict[int, Version] = {}

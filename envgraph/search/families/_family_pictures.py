@@ -50,10 +50,7 @@ def family_svg(family: Family) -> str:
     members = family.members
     columns = min(STYLE.columns, len(members))
     step = STYLE.size + STYLE.gap + STYLE.line * (1 + len(members[0].measures)) + 6
-    width, height = (
-        columns * (STYLE.size + STYLE.gap) + STYLE.gap,
-        -(-len(members) // columns) * step + STYLE.gap,
-    )
+    width, height = columns * (STYLE.size + STYLE.gap) + STYLE.gap, -(-len(members) // columns) * step + STYLE.gap
     title = escape_markup(f"{family.name}: {len(members)} environments")
     parts = [
         f'<svg xmlns="http://www.w3.org/2000/svg" viewBox="0 0 {width} {height}" width="{width}" height="{height}" '

@@ -76,10 +76,7 @@ class Walk:
         self._target, self._tell = target, tell
         self._path: MovePath = None
         self._kept = 0
-        runners, named = (
-            engine.catalog.runners,
-            (name for move in moves for name in engine.catalog.group(move)),
-        )
+        runners, named = engine.catalog.runners, (name for move in moves for name in engine.catalog.group(move))
         self._deterministic_rules = frozenset(
             name for name in named if name in runners and runners[name].is_deterministic
         )

@@ -46,10 +46,7 @@ class _ComposedSwaps:
     """
 
     def __init__(self, measure: ComposedMeasure, pool: Pool, members: Sequence[int]) -> None:
-        self._of, self._values = (
-            measure.score_from,
-            scores_by_measure(measure.measures, pool.family_of(members)),
-        )
+        self._of, self._values = measure.score_from, scores_by_measure(measure.measures, pool.family_of(members))
         self._swaps = {name: make_swaps(one, pool, members) for name, one in measure.measures.items()}
         self._score = self._of(self._values)
 

@@ -170,10 +170,7 @@ def flatten_tabular(tabular: Tabular) -> TransitionTable:
 def with_starts(table: TransitionTable, tabular: Tabular) -> TransitionTable:
     """Return the table with the start states of another environment, which must have the same states."""
     starts = tabular.start_states.astype(np.int64)
-    seen, cumulative = (
-        table.seen[table.observation_index[starts]],
-        cumulative_probabilities(tabular.start_probability),
-    )
+    seen, cumulative = table.seen[table.observation_index[starts]], cumulative_probabilities(tabular.start_probability)
     return replace(table, start_states=starts, start_observations=seen, start_cumulative=cumulative)
 
 
