@@ -279,10 +279,9 @@ class _FamilyReader:
         return spec
 
     def _check_objectives(self, section: TableReader, spec: OptimiseSpec | SamplesSpec) -> None:
-        for one in spec.maximise:
-            self._check_measure(section, "maximise", one.text, one.span)
-        for one in spec.minimise:
-            self._check_measure(section, "minimise", one.text, one.span)
+        for key, names in (("maximise", spec.maximise), ("minimise", spec.minimise)):
+            for one in names:
+                self._check_measure(section, key, one.text, one.span)
 
     def _check_measure(self, section: TableReader, key: str, value: object, span: Span | None) -> None:
         names, where = self._measure_names, span or self._text.value_span(*section.path)

@@ -147,6 +147,14 @@ class TableReader:
             return None
         return LocatedName(value, self.span(key))
 
+    def _typed_value(self, key: str, wanted: str, fits: Callable[[object], bool]) -> Any:
+        """Return the value of a key; None if it is missing, or of another type than `wanted`, which is reported."""
+        value = self.raw_value(key)
+        if value is None or fits(value):
+            return value
+        self.report_wrong_type(key, wanted)
+        return None
+
     def choice(self, key: str, default: str, known: Iterable[str]) -> str:
         value = self.string(key, default)
         names = tuple(known)
@@ -158,11 +166,8 @@ class TableReader:
         return default
 
     def integer(self, key: str, default: Any, low: int, most: str) -> Any:
-        value = self.raw_value(key)
+        value = self._typed_value(key, "a whole number", _is_int)
         if value is None:
-            return default
-        if not _is_int(value):
-            self.report_wrong_type(key, "a whole number")
             return default
         if value < low:
             message = f"`{key}` is {value}, but must be at least {low}"
@@ -175,11 +180,8 @@ class TableReader:
         return int(value)
 
     def number(self, key: str, default: Any, low: float | None = None, high: float | None = None) -> Any:
-        value = self.raw_value(key)
+        value = self._typed_value(key, "a number", _is_number)
         if value is None:
-            return default
-        if not _is_number(value):
-            self.report_wrong_type(key, "a number")
             return default
         below, above = low is not None and value < low, high is not None and value > high
         if below or above or not isfinite(value):
@@ -199,11 +201,8 @@ class TableReader:
         return found
 
     def boolean(self, key: str, default: bool) -> bool:
-        value = self.raw_value(key)
-        if value is None or isinstance(value, bool):
-            return default if value is None else value
-        self.report_wrong_type(key, "true or false")
-        return default
+        value = self._typed_value(key, "true or false", lambda value: isinstance(value, bool))
+        return default if value is None else bool(value)
 
     def names(self, key: str, default: tuple[LocatedName, ...] = ()) -> tuple[LocatedName, ...]:
         """Return a list of names, or a single name as a list; report and leave out duplicates and other values."""

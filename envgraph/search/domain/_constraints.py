@@ -14,7 +14,14 @@ from envgraph.files import report_counting
 from envgraph.pattern import conformance_patterns, key_patterns
 from envgraph.rewrite import Engine
 from envgraph.search.problem._individual_measures import ShortestPlan
-from envgraph.search.problem._problem import Constraint, Forbid, IndividualMeasure, MatchCountWithin, Require
+from envgraph.search.problem._problem import (
+    Constraint,
+    Forbid,
+    IndividualMeasure,
+    MatchCountWithin,
+    NoViolation,
+    Require,
+)
 
 if TYPE_CHECKING:
     from envgraph.search.domain._domain import Domain
@@ -60,24 +67,6 @@ class OutcomeReachable:
 
     def __str__(self) -> str:
         return f"reachable {self.outcome}"
-
-
-@dataclass(frozen=True, slots=True)
-class DistinctKeys:
-    """The constraint that objects have distinct keys, in the classes whose objects the environment indexes by keys.
-
-    Attributes:
-        pattern: name of the pattern that matches violations; see `key_patterns`.
-    """
-
-    pattern: str
-
-    def holds(self, engine: Engine) -> bool:
-        """Return True if every object has a key and no two objects of a class have the same key."""
-        return not engine.matcher.exists(self.pattern, ())
-
-    def __str__(self) -> str:
-        return "each object has a key of its own"
 
 
 @dataclass(frozen=True, slots=True)
@@ -129,7 +118,7 @@ def constraints_of(domain: Domain, engine: Engine, measures: Iterable[Individual
     constraints += [Forbid(str(name)) for name in spec.forbid]
     constraints += [Forbid(name) for name in _violation_patterns(domain) if name not in set(map(str, spec.forbid))]
     constraints += [MatchCountWithin(str(name), *bounds) for name, bounds in spec.count]
-    constraints += [DistinctKeys(pattern.qualified_name) for pattern in keys]
+    constraints += [NoViolation(pattern.qualified_name, "each object has a key of its own") for pattern in keys]
     if behaviour is not None:
         constraints.append(ParametersBound(behaviour))
         if behaviour.together:

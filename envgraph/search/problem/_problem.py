@@ -158,24 +158,27 @@ def _any_match_call(library: Library, name: str) -> PatternCall:
 
 
 @dataclass(frozen=True, slots=True)
-class _CombinedQuery:
-    """Several constraints combined into one query, because one combined query is faster than several queries."""
+class NoViolation:
+    """The constraint that a query for violations has no match; `text` describes the constraint in messages."""
 
-    pattern: str
-
-    @classmethod
-    def from_constraints(
-        cls, library: Library, constraints: Sequence[Require | Forbid | MatchCountWithin]
-    ) -> _CombinedQuery:
-        """Register the combined query in the library, unless it is registered already, and return the constraint."""
-        name = "violation#" + ", ".join(map(str, constraints))
-        if name not in library.names():
-            library.add(Pattern(name, (), tuple(constraint.violation_body(library) for constraint in constraints)))
-        return cls(name)
+    query: str
+    text: str
 
     def holds(self, engine: Engine) -> bool:
-        """Return True if no constraint is violated. The constraints are checked in their order."""
-        return not engine.matcher.exists(self.pattern, ())
+        """Return True if there is no violation."""
+        return not engine.matcher.exists(self.query, ())
+
+    def __str__(self) -> str:
+        return self.text
+
+
+def _combined_query(library: Library, constraints: Sequence[Require | Forbid | MatchCountWithin]) -> NoViolation:
+    """Combine constraints, in their order, into one query of the library, which is faster than several queries."""
+    text = ", ".join(map(str, constraints))
+    name = f"violation#{text}"
+    if name not in library.names():
+        library.add(Pattern(name, (), tuple(constraint.violation_body(library) for constraint in constraints)))
+    return NoViolation(name, text)
 
 
 @dataclass(frozen=True, slots=True)
@@ -229,10 +232,7 @@ class Problem:
                 others.append(one)
             elif _find_pattern(self.engine.library, one.pattern).qualified_name not in fixed_patterns:
                 queries.append(one)
-        return (
-            *([_CombinedQuery.from_constraints(self.engine.library, queries)] if queries else ()),
-            *others,
-        )
+        return *([_combined_query(self.engine.library, queries)] if queries else ()), *others
 
     def _violable_constraints(self) -> Sequence[Constraint]:
         """Return the constraints that a mutation of a valid model can violate. The first call caches them."""
