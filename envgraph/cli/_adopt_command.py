@@ -11,7 +11,7 @@ from typing import Any
 
 import numpy as np
 
-from envgraph.cli._new_command import DOMAIN_FILE_KINDS, domain_templates, write_files
+from envgraph.cli._new_command import render_domain, write_files
 from envgraph.cli._output import print_json, print_line
 from envgraph.env import (
     AdoptedTransitions,
@@ -44,14 +44,9 @@ def adopt_environment(environment: str, output: Path | None, options: Iterable[s
     """
     name = _domain_name(environment)
     adopted, limit = adopt(environment, seed, **_parse_options(options))
-    words = {
-        "id": environment,
-        "name": name,
-        "environment": "".join(word.capitalize() for word in name.split("_")),
-        "limit": limit,
-    }
     for kind, more in _candidate_templates(adopted):
-        texts = _render_files(kind, {**words, **more})
+        words = {"id": environment, "limit": limit, **more}
+        texts = {file: _format_file(file, text) for file, text in render_domain(f"adopt/{kind}", name, words).items()}
         tried = _DomainComparison(texts)
         problem = next(tried.differences(adopted), None)
         if problem is None:
@@ -159,14 +154,6 @@ def _pad_outcomes(outcomes: list[TransitionOutcome], most: int) -> list[tuple[fl
     """Return probability, next state and reward of each outcome, padded to `most` outcomes with probability 0."""
     found = [(_simple_probability(one.probability), one.state, one.reward) for one in outcomes]
     return found + [(0.0, *found[0][1:])] * (most - len(found))
-
-
-def _render_files(kind: str, words: _TemplateVariables) -> dict[str, str]:
-    """Return the formatted texts of a domain's files by name, from templates of one kind, in the order for reading."""
-    templates = domain_templates(f"adopt/{kind}")
-    names = {f"{words['name']}.{one}": f"{one}.j2" for one in DOMAIN_FILE_KINDS} | {"family.toml": "family.toml.j2"}
-    texts = {name: templates.get_template(template).render(words) for name, template in names.items()}
-    return {name: _format_file(name, text) for name, text in texts.items()}
 
 
 def _format_file(name: str, text: str) -> str:

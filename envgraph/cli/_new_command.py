@@ -5,9 +5,9 @@ from __future__ import annotations
 import re
 from collections.abc import Mapping
 from pathlib import Path
-from typing import Final
+from typing import Any, Final
 
-from jinja2 import Environment, PackageLoader
+from jinja2 import PackageLoader
 
 from envgraph.cli._output import print_line
 from envgraph.errors import InvalidArgument
@@ -38,20 +38,19 @@ def write_domain(directory: Path, name: str) -> list[Path]:
         InvalidArgument: the name is not an identifier, or one of the files exists.
     """
     _check_name(name)
-    templates = domain_templates("new")
-    files = {directory / f"{name}.{kind}": f"{kind}.j2" for kind in DOMAIN_FILE_KINDS}
-    files[directory / "family.toml"] = "family.toml.j2"
-    words = {"name": name, "environment": "".join(word.capitalize() for word in name.split("_"))}
-    return write_files({path: templates.get_template(template).render(words) for path, template in files.items()})
+    return write_files({directory / file: text for file, text in render_domain("new", name, {}).items()})
 
 
-def domain_templates(kind: str) -> Environment:
-    """Return the Jinja environment with the templates of a kind of domain: one for each of `DOMAIN_FILE_KINDS` and the
-    family file.
+def render_domain(kind: str, name: str, values: Mapping[str, Any]) -> dict[str, str]:
+    """Return the texts of the files of a domain called `name` by file name, in the order for reading.
 
-    All templates escape values as TOML does.
+    They are rendered from the templates of a kind of domain, which escape values as TOML does. Beside `values` the
+    templates get the name, and the name of the environment.
     """
-    return jinja_environment(PackageLoader("envgraph.cli", f"templates/{kind}"), ".toml")
+    templates = jinja_environment(PackageLoader("envgraph.cli", f"templates/{kind}"), ".toml")
+    words = {"name": name, "environment": "".join(word.capitalize() for word in name.split("_")), **values}
+    files = {f"{name}.{one}": f"{one}.j2" for one in DOMAIN_FILE_KINDS} | {"family.toml": "family.toml.j2"}
+    return {file: templates.get_template(template).render(words) for file, template in files.items()}
 
 
 def copy_domain(directory: Path, name: str, domain: str) -> list[Path]:

@@ -257,8 +257,8 @@ def doors(said: str = "get to the goal") -> Family:
 
 def of_texts(kind: str, words: Mapping[str, Any]) -> Family:
     """The family of one member that the templates of `envgraph adopt` make."""
-    given = {"name": "adopted", "environment": "Adopted", "limit": 20, **words}
-    texts = _adopt_command._render_files(kind, given)
+    rendered = _adopt_command.render_domain(f"adopt/{kind}", "adopted", {"limit": 20, **words})
+    texts = {file: _adopt_command._format_file(file, text) for file, text in rendered.items()}
     if kind == "minigrid":
         metamodel = texts["adopted.metamodel"].replace("@colour Colour colour", "string colour")
         texts["adopted.metamodel"] = f"{metamodel}class exec extends Thing\n"
