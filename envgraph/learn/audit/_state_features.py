@@ -124,8 +124,4 @@ def _component_classes(domain: Domain, engine: Engine, keys: KeyIndex) -> Iterat
 
 def _decode_observations(tabular: Tabular) -> NDArray[np.int64]:
     """Return the components of the observation of each state [states, components]."""
-    rest, columns = tabular.observation, []
-    for size in tabular.observation_shape:
-        columns.append(rest % size)
-        rest = rest // size
-    return np.stack(columns, axis=1)
+    return np.stack(np.unravel_index(tabular.observation, tabular.observation_shape, order="F"), axis=1)

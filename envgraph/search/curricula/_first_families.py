@@ -6,7 +6,6 @@ which of the resulting families are good.
 
 from __future__ import annotations
 
-from collections import deque
 from collections.abc import Iterator, Sequence
 from itertools import accumulate
 
@@ -23,6 +22,7 @@ from envgraph.search.curricula._curriculum_settings import BeginKind
 from envgraph.search.curricula._family_moves import Family, FamilyMoves
 from envgraph.search.curricula._model_levels import LevelFactory, ModelLevel
 from envgraph.search.curricula._optimal_episodes import OptimalEpisode, optimal_episodes
+from envgraph.search.problem._individual_measures import link_distances
 
 _TracedState = tuple[Trace, float]
 """The trace from the target to a state, and the value of the state for the diversity; 0 if none is demanded."""
@@ -273,7 +273,7 @@ class FirstFamilySampler:
         objects = list(self._links)
         among = touched if touched and rng.random() < 0.7 else objects
         anchor = among[-1] if rng.random() < 0.5 else among[int(rng.integers(len(among)))]
-        distance = _link_distances(self._links, anchor)
+        distance = link_distances(self._links, anchor)
         farthest = max(distance.values(), default=0) + 1
         toward, noise = (1 if rng.random() < 0.7 else -1), (0.2, 1.0, 1e9)[int(rng.integers(3))]
         share = 1.0 if rng.random() < 0.85 else rng.random()
@@ -327,16 +327,4 @@ def _linked_objects(levels: LevelFactory) -> dict[int, list[int]]:
                 for target in model.graph.store.forward[reference.index][source]:
                     found[source].append(target)
                     found[target].append(source)
-    return found
-
-
-def _link_distances(links: dict[int, list[int]], start: int) -> dict[int, int]:
-    """Return the number of links from `start` to each object that can be reached, by breadth-first search."""
-    found, waiting = {start: 0}, deque([start])
-    while waiting:
-        node = waiting.popleft()
-        for other in links[node]:
-            if other not in found:
-                found[other] = found[node] + 1
-                waiting.append(other)
     return found

@@ -14,7 +14,7 @@ import time
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from functools import cached_property
 from math import inf
-from typing import overload
+from typing import Any
 
 from numpy.random import Generator, SeedSequence, default_rng
 
@@ -57,11 +57,7 @@ class _ScoreLosses(Sequence[float]):
         whole = score(family(members))
         return [whole - score(family([*members[:place], *members[place + 1 :]])) for place in members]
 
-    @overload
-    def __getitem__(self, place: int) -> float: ...
-    @overload
-    def __getitem__(self, place: slice) -> Sequence[float]: ...
-    def __getitem__(self, place: int | slice) -> float | Sequence[float]:
+    def __getitem__(self, place: Any) -> Any:
         return self._losses[place]
 
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import field
 from math import inf
 from typing import TYPE_CHECKING, ClassVar, Final
@@ -101,8 +101,8 @@ class ShortestPath:
                 links.setdefault(source, []).append(target)
         goals = set(model.graph.extent(self.goal) if self.goal else every) - blocked
         starts = [node for node in (model.graph.extent(self.start) if self.start else every) if node not in blocked]
-        found = (_farthest_goal_distance(links, node, goals) for node in starts)
-        return max((float(steps) for steps in found if steps is not None), default=inf)
+        found = (steps for start in starts for node, steps in link_distances(links, start).items() if node in goals)
+        return float(max(found, default=inf))
 
     def _links(self, engine: Engine) -> Iterable[tuple[int, int]]:
         for name in self.along:
@@ -118,19 +118,15 @@ class ShortestPath:
                         yield first, second
 
 
-def _farthest_goal_distance(links: dict[int, list[int]], start: int, goals: set[int]) -> int | None:
-    """Return the largest distance from `start` to a goal by breadth-first search; None if no goal is reached."""
-    distance = {start: 0}
-    queue = [start]
-    farthest = None
+def link_distances(links: Mapping[int, Sequence[int]], start: int) -> dict[int, int]:
+    """Return the number of links from `start` to each object that can be reached, by breadth-first search."""
+    distance, queue = {start: 0}, [start]
     for node in queue:
-        if node in goals:
-            farthest = distance[node]
         for target in links.get(node, ()):
             if target not in distance:
                 distance[target] = distance[node] + 1
                 queue.append(target)
-    return farthest
+    return distance
 
 
 @dataclass(slots=True)
