@@ -182,20 +182,12 @@ def typed_attribute_of(names: EcoreNameResolver, element: XmlElement, name: str)
         return usual
     if type_ is Scalar.BOOL and text.lower() not in ("true", "false"):
         hint = did_you_mean(text, ("true", "false")) or "write `true` or `false`"
-        names.report_error(
-            "wrong-type",
-            f"`{name}` must be true or false, not `{text}`",
-            names.attribute_span(element, name),
-            hint,
-        )
+        message = f"`{name}` must be true or false, not `{text}`"
+        names.report_error("wrong-type", message, names.attribute_span(element, name), hint)
     elif type_ is Scalar.INT and not re.fullmatch(r"[+-]?[0-9]{1,10}", text):
         hint = "write `-1` for any number" if name == "upperBound" else "write a whole number from 0"
-        names.report_error(
-            "wrong-type",
-            f"`{name}` must be a number, not `{text}`",
-            names.attribute_span(element, name),
-            hint,
-        )
+        message = f"`{name}` must be a number, not `{text}`"
+        names.report_error("wrong-type", message, names.attribute_span(element, name), hint)
     else:
         return parse_xml_value(text, type_)
     return usual

@@ -81,12 +81,8 @@ class EcoreChecker(EcoreNameResolver):
         self._kinds[element] = "EPackage"
         self._check_parts(element, "EPackage")
         if depth > MAX_NESTING:
-            self.report_error(
-                "nested-too-deeply",
-                "packages are nested too deeply",
-                self.places.tag_span(element.byte),
-                f"use at most {MAX_NESTING} levels",
-            )
+            where, hint = self.places.tag_span(element.byte), f"use at most {MAX_NESTING} levels"
+            self.report_error("nested-too-deeply", "packages are nested too deeply", where, hint)
             return
         for classifier in children_named(element, "eClassifiers"):
             self._enter_classifier(classifier)

@@ -195,13 +195,8 @@ class _EcoreReader(EcoreChecker):
         uri, prefix = element.get("nsURI"), element.get("nsPrefix")
         name = element.get("name")
         if not uri:
-            where = self.places.tag_span(element.byte)
-            self.report_warning(
-                "missing-uri",
-                f"package `{name}` has no `nsURI`",
-                where,
-                'write `nsURI="..."`: files refer to it',
-            )
+            where, hint = self.places.tag_span(element.byte), 'write `nsURI="..."`: files refer to it'
+            self.report_warning("missing-uri", f"package `{name}` has no `nsURI`", where, hint)
         if path:
             name_of(self, element, "package")
         notes = [*foreign_annotations_of(self, element, with_doc=True)]
@@ -284,12 +279,8 @@ class _EcoreReader(EcoreChecker):
             if kind == "EClass":
                 yield target
             elif kind is not None:
-                self.report_error(
-                    "wrong-type",
-                    "a class can only extend classes",
-                    target.span,
-                    "name a class, or remove this",
-                )
+                hint = "name a class, or remove this"
+                self.report_error("wrong-type", "a class can only extend classes", target.span, hint)
 
     def _check_class(self, element: XmlElement) -> None:
         for parameter in list(children_named(element, "eTypeParameters"))[:1]:
@@ -309,10 +300,8 @@ class _EcoreReader(EcoreChecker):
             message = f"the {what} `{element.attributes.get('name', '')}` is left out"
             hint = _WITHOUT_VALUES[word]
             self.report_warning("left-out", message, self.places.attribute_name_span(element.byte, word), hint)
-            self._leave_out(
-                element,
-                FEATURE_MAP_REASON if word == "eType" else f"it is {word}, and was left out of the metamodel",
-            )
+            reason = FEATURE_MAP_REASON if word == "eType" else f"it is {word}, and was left out of the metamodel"
+            self._leave_out(element, reason)
             return None
         errors = self.shared.errors
         found = self._build_attribute(element) if kind == "EAttribute" else self._build_reference(element)
@@ -460,12 +449,8 @@ class _EcoreReader(EcoreChecker):
             if other is None or other not in self._kinds:
                 return None
             if self._kinds[other] != "EReference":
-                self.report_error(
-                    "opposite-mismatch",
-                    "the opposite must be a reference",
-                    target.span,
-                    "name a reference, or remove this",
-                )
+                hint = "name a reference, or remove this"
+                self.report_error("opposite-mismatch", "the opposite must be a reference", target.span, hint)
                 return None
             there_reader = target.reader
             if reason_without_values(other) or is_computed(other) or is_computed(element):

@@ -66,12 +66,8 @@ class _TraceReader:
                 return
         end = len(self.source.text)
         if not self._states and not self.problems:
-            self._report(
-                "empty-file",
-                "the file contains no trace",
-                self.source.span_between(0, min(1, end)),
-                _WRITE_HINT,
-            )
+            span = self.source.span_between(0, min(1, end))
+            self._report("empty-file", "the file contains no trace", span, _WRITE_HINT)
         elif not self._ended and not self.problems:
             message = f"the trace ends after {len(self.trace)} applications, without its last line"
             hint = f'add the missing rest of the file; its last line is `{{"end": {len(self.trace)}, "state": ..}}`'
@@ -87,10 +83,7 @@ class _TraceReader:
             span = self.source.span_between(place, place + 1)
             self._report("syntax", f"not JSON: {error.msg.lower()}", span, "write one JSON object on each line")
             return
-        except (
-            ValueError,
-            RecursionError,
-        ) as error:  # a number of thousands of digits, or thousands of brackets
+        except (ValueError, RecursionError) as error:  # a number of thousands of digits, or thousands of brackets
             what = "a number is too large" if isinstance(error, ValueError) else "a value is nested too deeply"
             self._report("syntax", f"not JSON: {what}", whole, _WRITE_HINT)
             return
@@ -117,12 +110,8 @@ class _TraceReader:
             self._states = self._states or [whole]  # report it once
             return False
         if self._ended:
-            self._report(
-                "bad-format",
-                "the trace has ended already",
-                whole,
-                "remove all lines after the line with `end`",
-            )
+            hint = "remove all lines after the line with `end`"
+            self._report("bad-format", "the trace has ended already", whole, hint)
             return False
         return True
 
@@ -174,12 +163,8 @@ class _TraceReader:
             return None
         missing = [name for name in names if name not in match]
         if missing:
-            self._report(
-                "wrong-match",
-                f"the match of `{rule.name}` lacks {quote_names(missing)}",
-                spans["match",],
-                _CHANGED_HINT,
-            )
+            message = f"the match of `{rule.name}` lacks {quote_names(missing)}"
+            self._report("wrong-match", message, spans["match",], _CHANGED_HINT)
         values: dict[str, Value] = {}
         for name, given in match.items():
             try:

@@ -134,24 +134,16 @@ class TagReader:
             self._stack[-1].text.append(text)
         elif not text.isspace():
             # The position is found by searching back, since the parser reports text only at the next tag.
-            line = text.strip().split("\n")[0]
-            start = max(
-                self._document.source.text.rfind(
-                    line, 0, self._document.places.character_offset(self._xml.current_byte)
-                ),
-                0,
-            )
-            span = self._document.source.span_between(start, start + len(line))
+            line, source = text.strip().split("\n")[0], self._document.source
+            end = self._document.places.character_offset(self._xml.current_byte)
+            start = max(source.text.rfind(line, 0, end), 0)
+            span = source.span_between(start, start + len(line))
             table = self._stack[-1].table if self._stack else None
             if table is not None and table.feature_map:
                 self._reading.count_if_left_out(table.name, table.feature_map, span, "text")
                 return
-            self._document.report(
-                "stray-text",
-                "text is not allowed here, only tags",
-                span,
-                "remove the text, or write it as an attribute",
-            )
+            hint = "remove the text, or write it as an attribute"
+            self._document.report("stray-text", "text is not allowed here, only tags", span, hint)
 
     # --- tags ---
 
@@ -277,8 +269,7 @@ class TagReader:
         if prefix and table.feature_map:
             self._reading.count_if_left_out(table.name, table.feature_map, self._document.places.tag_span(at))
             return
-        known = [*table.tags]
-        self._report_unknown_feature(table, tag, self._document.places.tag_span(at), known)
+        self._report_unknown_feature(table, tag, self._document.places.tag_span(at), [*table.tags])
 
     def _report_unknown_feature(self, table: XmlClassNames, name: str, span: Span, known: Sequence[str]) -> None:
         if self._reading.count_if_left_out(table.name, name, span) or name in self._reading.lost_names:
@@ -381,22 +372,18 @@ class TagReader:
         return None
 
     def _read_other_attribute(self, table: XmlClassNames, key: str, at: int) -> None:
-        prefix, _, simple = key.rpartition(":")
+        (prefix, _, simple), places = key.rpartition(":"), self._document.places
         if prefix:
             uri = self._namespaces.scope.get(prefix)
             if uri is None and prefix != "xml":
                 space = XSI if prefix == "xsi" else XMI if prefix == "xmi" else "..."
                 hint = f'write `xmlns:{prefix}="{space}"` in the first tag'
-                self._namespaces.report_undeclared(prefix, self._document.places.attribute_name_span(at, key), hint)
+                self._namespaces.report_undeclared(prefix, places.attribute_name_span(at, key), hint)
             elif simple not in _OF_XMI and prefix not in ("xmlns", "xml"):
-                self._reading.count_omitted(
-                    "attribute",
-                    f"`{key}` {_OF_OTHER_TOOLS}",
-                    self._document.places.attribute_name_span(at, key),
-                )
+                where = places.attribute_name_span(at, key)
+                self._reading.count_omitted("attribute", f"`{key}` {_OF_OTHER_TOOLS}", where)
             return
-        known = [*table.keys]
-        self._report_unknown_feature(table, simple, self._document.places.attribute_name_span(at, key), known)
+        self._report_unknown_feature(table, simple, places.attribute_name_span(at, key), [*table.keys])
 
     def _close_attribute(self, frame: _OpenTag, attribute: Attribute) -> None:
         assert frame.text is not None
