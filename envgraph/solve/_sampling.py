@@ -30,7 +30,7 @@ def sample_walks(
     Args:
         environment: a live engine, or a program, of which the first member is used.
         limit: steps after which an episode is truncated.
-        episodes: None for 10,000, or less if they may have more than 2,000,000 steps, or 20,000 live, but at least 100.
+        episodes: None for 10,000, or as few as have at most 2,000,000 steps (20,000 live), but at least 100.
         progress: called from time to time with the number of episodes, and 0.
 
     Returns:

@@ -252,7 +252,7 @@ def _des_levels(source: Source) -> Iterator[_LevelLines]:
 
 
 def _put_thing(thing: re.Match[str], span: Span, levels: Sequence[_LevelLines]) -> Iterator[Diagnostic]:
-    """Put a thing of a des-file on its cell of the last map; yield a problem if it is not free."""
+    """Put a thing of a des-file on its cell of the last map; yield a problem if it is not in the map, or not free."""
     word, before, column, row, behind = thing.groups()
     _, rows, things, _ = levels[-1] if levels else ("", [], {}, [])
     place = int(column), int(row)

@@ -29,8 +29,8 @@ Vary = Callable[["Variation", EvolutionSettings, "Generator"], Varied | None]
 PrepareMeasures = Callable[[Problem, Vary, Sequence[tuple[Trace, "Generator"]]], None]
 """Computes the measures of models in parallel before the search needs them, and adds them to the cache of its problem.
 
-Its last argument has, for each call of the function, the rule applications that lead from the initial model to the one
-to vary, and the random generator, which is not changed.
+The second argument makes the models. The third has an entry for each call of it: the rule applications that lead from
+the initial model to the one to vary, and the random generator, which is not changed.
 """
 
 RuleApplication = tuple[str, tuple[int | float | bool | str, ...]]

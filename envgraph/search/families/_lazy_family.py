@@ -46,7 +46,7 @@ MEMBERS_TO_COMPILE: Final = 100
 """Number of members above which compiling a program is faster than visiting all their states."""
 
 OUTCOMES_FOR_A_TABLE: Final = 50_000
-"""Number of outcomes that the live engine visits for tables that nobody asked for, in 2 to 7 s."""
+"""Number of outcomes that the live engine visits for tables without `engine="table"`, in 2 to 7 s."""
 
 EngineKind = Literal["table", "compiled", "live"]
 ENGINES: Final = get_args(EngineKind)
@@ -55,7 +55,8 @@ ENGINES: Final = get_args(EngineKind)
 class LazyFamily:
     """A family that is read lazily: its texts are only read if a table, or the record of the family, is not cached.
 
-    `read_family` reads the family; `find_cache` returns the table cache, and a hash of the family's data or "".
+    `read_family` reads the family. `find_cache` returns the table cache, and a hash of the family's data by which its
+    record is cached; with the hash "" the record is not cached.
     """
 
     is_shared = False  # True if later calls of `make` get the same object while the files do not change

@@ -52,10 +52,11 @@ class Member:
         source: the model as JSON text, or an object that makes this text when it is needed.
         individual: id in the run store, or None.
         initial: True if it is the initial model.
-        certificates: the verified values "shortest_plan" (None if there is no plan), "random_success" and
-            "optimal_return", within "limit" steps; None if there are too many states, beside "plan_found" and
-            "plan_return", and "sampled_episodes" of a random walk, with "sampled_success" and "sampled_return", each
-            with the ends "_low" and "_high" of a 95 % interval. {} if the member was not verified.
+        certificates: the verified values by name, within "limit" steps; {} if the member was not verified. Exact are
+            "shortest_plan" (None if there is no plan), "random_success" and "optimal_return". If there are too many
+            states, what is not known of them is None, and there are "plan_found", "plan_return", and of a random walk
+            "sampled_episodes", "sampled_success" and "sampled_return", with the ends of their 95 % intervals:
+            "sampled_success_low", "sampled_success_high" and so on.
     """
 
     name: str

@@ -25,8 +25,8 @@ _STORED_CERTIFICATES = ("limit", "shortest_plan", "random_success", "optimal_ret
 """Fields of the certificates that are stored. The others are about a policy, here a random one."""
 
 _CHECKED_EPISODES, _PLAN_OUTCOMES = 10, 1_000_000
-"""Sampled episodes that the live engine repeats in a second, and outcomes of a search for a plan with numba, in two."""
-
+"""Numbers of sampled episodes that the live engine repeats, which takes a second, and of outcomes of a search for a
+plan with numba, which takes two seconds."""
 
 _MOST_VISITED_AGAIN = 500_000
 """Entries of the largest table whose states the live engine visits again, in about a minute."""
@@ -39,8 +39,8 @@ class Verification:
     Attributes:
         member: the member of the family.
         certificates: see `Member.certificates`; of the cached table, or of a table made by a compiled program.
-        differences: the names of values that differ if the live engine computes them by other recurrences, also from
-            the member's stored values; "episodes" if it does not repeat the first sampled episodes.
+        differences: the names of values that the second computation, or the member's stored certificates, have
+            otherwise; "episodes" if the live engine does not repeat the first sampled episodes.
         states: number of states, None if there are too many for a table.
         reason: message about the number of states, if there are too many.
         plan: the best plan that was found without a table.
