@@ -96,9 +96,8 @@ def format_rate(rate: float, interval: tuple[float, float] | None = None) -> str
     >>> format_rate(0.5, (0.41, 0.59))
     '50 % (41-59)'
     """
-    return f"{rate:.0%}".replace("%", " %") + (f" ({interval[0]:.0%}-{interval[1]:.0%})" if interval else "").replace(
-        "%", ""
-    )
+    ends = f" ({100 * interval[0]:.0f}-{100 * interval[1]:.0f})" if interval else ""
+    return f"{100 * rate:.0f} %{ends}"
 
 
 def summaries_by_label(budget: BudgetResults) -> dict[str, Summary]:
@@ -154,10 +153,8 @@ def _rate_claim(
     Far means on the other side of 50 %. The first test must be significant in all parts, the second in one. Wilson's
     interval inverts these score tests.
     """
-    number, rates = (
-        min(map(len, success_by_part.values())),
-        {name: fmean(part) for name, part in success_by_part.items()},
-    )
+    number = min(map(len, success_by_part.values()))
+    rates = {name: fmean(part) for name, part in success_by_part.items()}
     alike = [rate if published_rate else 1.0 - rate for rate in rates.values()]  # behave as the published agent
     holds = max(_score_test(NEARLY_ALL - rate, NEARLY_ALL, number) for rate in alike)
     fails = len(success_by_part) * min(_score_test(rate - 0.5, 0.5, number) for rate in alike)
@@ -207,15 +204,8 @@ def _claim_from_tests(
     """
     p_value = min(1.0, 2 * min(one_sided_p_values)) if min(units.values()) >= FEWEST_UNITS else 1.0
     over = " and ".join(f"{number:,} {name}" for name, number in units.items())
-    return PaperClaim(
-        text,
-        paper,
-        reproduced,
-        "holds" if one_sided_p_values[0] < one_sided_p_values[1] else "does not hold",
-        over,
-        p_value,
-        otherwise,
-    )
+    verdict: Verdict = "holds" if one_sided_p_values[0] < one_sided_p_values[1] else "does not hold"
+    return PaperClaim(text, paper, reproduced, verdict, over, p_value, otherwise)
 
 
 def _time_claims(found: Reproduction) -> Iterator[PaperClaim]:

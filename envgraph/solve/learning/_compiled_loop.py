@@ -30,24 +30,12 @@ def learn_stage(
     epsilons: NDArray[np.float64],
 ) -> tuple[NDArray[Any], ...]:
     """Train all learners for a stage, and return their curves; the last three arguments are changed in place."""
-    points, n_step = np.array(stage.curve_points, np.int64), stage.settings.n_step
+    points, settings, n_step = np.array(stage.curve_points, np.int64), stage.settings, stage.settings.n_step
     shape = len(values), len(points)
     curve = np.zeros(shape), *(np.zeros(shape, np.int64) for _ in range(2))
     waiting = *(np.zeros(n_step, np.int64) for _ in range(2)), np.zeros(n_step)
-    limit = stage.settings.limit
-    run_compiled(
-        "learn",
-        stage.settings,
-        table.arrays,
-        values,
-        rows,
-        epsilons,
-        stage.factors,
-        limit,
-        points,
-        waiting,
-        curve,
-    )
+    learners = values, rows, epsilons
+    run_compiled("learn", settings, table.arrays, *learners, stage.factors, settings.limit, points, waiting, curve)
     return curve
 
 

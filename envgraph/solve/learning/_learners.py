@@ -78,19 +78,9 @@ class LearnerGroup:
             if settings.epsilon.reset == "stage":
                 epsilons[:] = settings.epsilon.start
             learn_stage(table, stage, values, rows, epsilons)
-        found = TargetResults(np.empty(count), np.empty(count))
-        run_compiled(
-            "play",
-            settings,
-            target.arrays,
-            action_values(values, target.n_actions),
-            rows,
-            self._distance,
-            settings.limit,
-            self._episodes,
-            found.scores,
-            found.successes,
-        )
+        found, q = TargetResults(np.empty(count), np.empty(count)), action_values(values, target.n_actions)
+        how = self._distance, settings.limit, self._episodes
+        run_compiled("play", settings, target.arrays, q, rows, *how, found.scores, found.successes)
         return found
 
 

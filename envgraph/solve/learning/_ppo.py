@@ -250,11 +250,7 @@ class PolicyLearner:
         self.parameters = np.concatenate([first.ravel(), np.zeros(hidden), second.ravel(), np.zeros(outputs)])
         self._streams = generator_states([np.random.default_rng(np.random.SeedSequence(seed, spawn_key=(2,)))])
         self._rows = np.full(len(tables.seen_first) - 1, -1, np.int32)
-        self._moments = (
-            np.zeros_like(self.parameters),
-            np.zeros_like(self.parameters),
-            np.zeros_like(self.parameters),
-        )
+        self._moments = [np.zeros_like(self.parameters) for _ in range(3)]
         self._time = np.ones(2)
         self.best = np.full(len(tables), -np.inf)
         self._capacity = 0
@@ -305,25 +301,16 @@ class PolicyLearner:
 
     def improve(self, rng: np.random.Generator) -> None:
         """Learn from the steps that were played last; `rng` shuffles the levels."""
-        settings = self._settings
-        count = len(self._tracks[5])
+        settings, tracks, arrays, student = self._settings, self._tracks, self._tables.arrays, self._student
+        count = len(tracks[5])
         size = count // settings.minibatches
         rates = settings.learning_rate, settings.norm, settings.clip, settings.entropy, settings.value
         optimiser = *self._moments, *self._scratch, self._time
         for _ in range(settings.epochs):
             order = rng.permutation(count)
             for begin in range(0, size * settings.minibatches, size):
-                self._do["improve"](
-                    self._tables.arrays,
-                    self._student,
-                    optimiser,
-                    self._tracks,
-                    self._most,
-                    self._advantages,
-                    order,
-                    (begin, begin + size),
-                    rates,
-                )
+                played = tracks, self._most, self._advantages, order, (begin, begin + size)
+                self._do["improve"](arrays, student, optimiser, *played, rates)
 
     def evaluate(self, chosen: Ints | Sequence[int], *, greedy: bool = False) -> tuple[Floats, Floats]:
         """Return the exact success probability and discounted return within the limit, for each of some levels.
@@ -342,17 +329,8 @@ class PolicyLearner:
         for begin in range(0, len(chosen), LEVELS_AT_ONCE):
             part = chosen[begin : begin + LEVELS_AT_ONCE]
             self._clear_outputs(part)
-            self._do["expect"](
-                self._tables.arrays,
-                self._student,
-                part,
-                limit,
-                discount,
-                greedy,
-                present,
-                after,
-                found[begin : begin + LEVELS_AT_ONCE],
-            )
+            arrays, student, rows = self._tables.arrays, self._student, found[begin : begin + LEVELS_AT_ONCE]
+            self._do["expect"](arrays, student, part, limit, discount, greedy, present, after, rows)
         return found[:, 0], found[:, 1]
 
     # --- room
