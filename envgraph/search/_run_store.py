@@ -338,16 +338,9 @@ class RunStore:
             rows = [_individual_row(individual) for individual in individuals]
             db.executemany("INSERT INTO individual VALUES (?, ?, ?, ?, ?, ?, ?, ?)", rows)
             db.executemany("INSERT INTO content VALUES (?, ?)", [(row[0], _row_hash(row)) for row in rows])
-            db.execute(
-                "INSERT INTO generation VALUES (?, ?, ?, ?, ?)",
-                (
-                    generation.number,
-                    generation.diversity,
-                    generation.accepted,
-                    generation.rejected,
-                    dump_json(dict(generation.rejection_counts)),
-                ),
-            )
+            numbers = generation.number, generation.diversity, generation.accepted, generation.rejected
+            reasons = dump_json(dict(generation.rejection_counts))
+            db.execute("INSERT INTO generation VALUES (?, ?, ?, ?, ?)", (*numbers, reasons))
             db.executemany(
                 "INSERT INTO member VALUES (?, ?, ?)",
                 [(generation.number, place, member) for place, member in enumerate(generation.members)],
@@ -618,16 +611,8 @@ def _parse_individual(row: Sequence[Any]) -> Individual:
     text = None if model is None else _checked(model, str)
     if digest not in (None, _row_hash(row[:-1])):
         raise ValueError("its row does not match the stored hash")
-    return Individual(
-        id_,
-        _checked(generation, int),
-        _checked(child, int),
-        parent,
-        steps,
-        found,
-        _checked(state_hash, str),
-        text,
-    )
+    numbers = _checked(generation, int), _checked(child, int)
+    return Individual(id_, *numbers, parent, steps, found, _checked(state_hash, str), text)
 
 
 # A file may have been edited or damaged, so every value that is read is checked.

@@ -216,18 +216,10 @@ class CurriculumSearch:
         With a learning objective the result is the family with the success of new learners, otherwise its lane.
         """
         start = self._effort_share()
-        lanes = [
-            _SearchLane(
-                family,
-                family,
-                origin,
-                default_rng(SeedSequence(self.seed, spawn_key=(1, place))),
-                self._preceding_scores(family),
-            )
-            for place, (_, family, origin) in enumerate(
-                self._screen_families(starts, first_families, start + CLIMB.screened * (last_effort_share - start))
-            )
-        ]
+        until, lanes = start + CLIMB.screened * (last_effort_share - start), list[_SearchLane]()
+        for place, (_, family, origin) in enumerate(self._screen_families(starts, first_families, until)):
+            rng = default_rng(SeedSequence(self.seed, spawn_key=(1, place)))
+            lanes.append(_SearchLane(family, family, origin, rng, self._preceding_scores(family)))
         rounds = len(lanes).bit_length()
         start = self._effort_share()
         for number in range(rounds):

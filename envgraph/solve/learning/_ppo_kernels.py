@@ -335,12 +335,8 @@ def expect(levels, student, chosen, limit, discount, greedy, PRESENT, NEXT, FOUN
         PRESENT, NEXT: space for as many states as a level has; 0 before and after.
         FOUND: float64 [levels, 2], written.
     """
-    FIRST, START_FIRST, STARTS, START_CHANCE = (
-        vector(levels[0]),
-        vector(levels[1]),
-        vector(levels[2]),
-        vector(levels[3]),
-    )
+    FIRST, START_FIRST = vector(levels[0]), vector(levels[1])
+    STARTS, START_CHANCE = vector(levels[2]), vector(levels[3])
     TO, CHANCE, REWARD, ENDED = vector(levels[4]), vector(levels[5]), vector(levels[6]), vector(levels[7])
     SEEN_FIRST, SEEN = vector(levels[8]), vector(levels[9])
     P, ROW, VISITED, COUNT = vector(student[0]), vector(student[1]), vector(student[2]), vector(student[3])
