@@ -19,7 +19,13 @@ from envgraph.behaviour._behaviour import (
 )
 from envgraph.behaviour._clause_checks import CheckBase, Scope, type_names, type_with_article
 from envgraph.behaviour._drawn_edges import edge_ends
-from envgraph.behaviour._helper_patterns import ObservedWindow, condition_helper, count_helper
+from envgraph.behaviour._helper_patterns import (
+    ObservedWindow,
+    condition_helper,
+    count_helper,
+    is_bound_by_match,
+    variable_occurrences,
+)
 from envgraph.errors import Severity, Span, did_you_mean, name_hint
 from envgraph.metamodel import Attribute, EnumType, Reference, Scalar
 from envgraph.pattern import Expression, Navigation, ObjectType, StaticType
@@ -86,6 +92,13 @@ class ViewChecks(CheckBase):
                 message = f"the bound of `up to` is {observation.up_to}, but must be at least 1"
                 self.report("empty-range", message, observation.span, "write `up to 1` or more")
         self.check_helper(question, observation.call, scope)
+        occurring = [one for one in variable_occurrences(observation.call) if is_bound_by_match(one, scope)]
+        for variable in {one.name: one for one in occurring}.values():
+            is_single = sum(one.name == variable.name for one in occurring) == 1
+            if is_single and did_you_mean(variable.name, [*scope]) is None:  # else there is a warning already
+                message = f"`{variable.name}` stands for any value, so that there is one component in all"
+                hint = f"write `_`, or at the end `for {variable.name} : Class` for a component for each object"
+                self.report("used-once", message, variable.span, hint, Severity.WARNING)
         return 2 if observation.up_to is None else max(1, observation.up_to + 1)
 
     def _check_observe_around(self, observation: ObserveAround, scope: Scope) -> None:

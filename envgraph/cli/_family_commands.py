@@ -81,7 +81,7 @@ def optimise() -> None:
 @app.command("verify")
 @run_argument
 @click.option("--resume", is_flag=True, help="Skip environments that were verified before.")
-@count_option("--members", default=1000, help="Number of environments; of more, a sample is verified.")
+@count_option("--members", default=100, help="Number of environments; of more, a sample is verified.")
 @count_option("--seed", minimum=0, default=0, help="Random seed of sampled episodes.")
 @workers_options("Number of processes.")
 @directory_option

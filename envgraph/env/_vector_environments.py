@@ -54,7 +54,7 @@ class VectorEnvironmentBase(VectorEnv[Any, Any, Any]):
     """The base class of vector environments over tables and over compiled programs: spaces, order of a step, infos.
 
     Args:
-        n_actions: the number of actions of each environment.
+        action_names: the names of the actions of each environment, by number.
         view: converts observations.
         members: the number of members that the environments use.
         max_episode_steps, render_mode, autoreset_mode, schedule, action_masks: see `VectorOptions`.
@@ -90,7 +90,7 @@ class VectorEnvironmentBase(VectorEnv[Any, Any, Any]):
     def __init__(
         self,
         num_envs: int,
-        n_actions: int,
+        action_names: Sequence[str],
         view: ComponentView | ModelView,
         members: int,
         *,
@@ -100,8 +100,8 @@ class VectorEnvironmentBase(VectorEnv[Any, Any, Any]):
         schedule: Schedule | None = None,
         action_masks: bool = False,
     ) -> None:
-        if num_envs < 1:
-            raise InvalidArgument(f"`num_envs` is {num_envs}, it must be at least 1")
+        if not hasattr(num_envs, "__index__") or num_envs < 1:
+            raise InvalidArgument(f"`num_envs` is {num_envs!r}, but must be an int of at least 1")
         if max_episode_steps is not None and max_episode_steps < 1:
             raise InvalidArgument(f"`max_episode_steps` is {max_episode_steps}, but must be at least 1")
         self.num_envs = num_envs
@@ -109,12 +109,13 @@ class VectorEnvironmentBase(VectorEnv[Any, Any, Any]):
         self.metadata = {**type(self).metadata, "autoreset_mode": self.autoreset_mode}
         self.render_mode = render_mode
         self.max_episode_steps = max_episode_steps
-        self.single_action_space = spaces.Discrete(n_actions)
+        self.action_names = tuple(action_names)
+        self.single_action_space = spaces.Discrete(len(self.action_names))
         self.single_observation_space = view.space
         self.action_space = batch_space(self.single_action_space, num_envs)
         self.observation_space = batch_space(self.single_observation_space, num_envs)
         self.view = view
-        self._n_actions = n_actions
+        self._n_actions = len(self.action_names)
         self._has_begun = False
         self._has_masks = action_masks
         self._each_by_default = self._each = False  # True if each environment has its own random generator
@@ -352,7 +353,7 @@ class EnvgraphVectorEnv(VectorEnvironmentBase):
         first = tables[0]
         view = ComponentView(observation, first.observation_shape, first.observation_names)
         count = len(tables) if num_envs is None else num_envs
-        super().__init__(count, first.n_actions, view, len(tables), **options)
+        super().__init__(count, first.action_names, view, len(tables), **options)
         self._shape = first.observation_shape or (1,)
         self._pictures = pictures
         self._join_tables(tables)

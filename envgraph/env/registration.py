@@ -94,8 +94,8 @@ def make_vec_spec(
     Raises:
         InvalidArgument: `num_envs` is below 1, or a mode is unknown.
     """
-    if num_envs < 1:
-        raise InvalidArgument(f"`num_envs` is {num_envs}, it must be at least 1")
+    if not hasattr(num_envs, "__index__") or num_envs < 1:
+        raise InvalidArgument(f"`num_envs` is {num_envs!r}, but must be an int of at least 1")
     if isinstance(vectorization_mode, VectorizeMode):
         vectorization_mode = vectorization_mode.value
     if vectorization_mode is None and (options.get("live") or options.get("engine") == "live"):

@@ -29,9 +29,6 @@ WALK_LENGTH: Final = 16
 MOST_WALKS: Final = 64
 """The largest number of walks that begin at the members of the same archive, and so can be prepared in parallel."""
 
-_ATTEMPTS_PER_REPORT: Final = 256
-"""Number of attempts after which progress is reported."""
-
 REPEATED_MODEL_REASON: Final = "the model was found before"
 """Reason for which a model that is not new is rejected."""
 
@@ -130,7 +127,6 @@ class ModelSampler:
 
         `write_run` stores the result.
         """
-        reported = 0
         while not self._is_over():
             walks = [self._begin_walk() for _ in range(min(MOST_WALKS, 1 + len(self._archive) // WALK_LENGTH))]
             if self._prepare:
@@ -138,9 +134,7 @@ class ModelSampler:
             for one in walks:
                 if not self._is_over():
                     self._walk_models(one, WALK_LENGTH, self._offer_with_quality)
-            if self._attempts >= reported:
-                reported = self._attempts + _ATTEMPTS_PER_REPORT
-                progress(self.progress)
+                    progress(self.progress)
         progress(replace(self.progress, share=1.0))
         return self._archive
 

@@ -2,10 +2,11 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from contextlib import suppress
+from inspect import signature
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, Final
 from warnings import warn
 
 from envgraph.behaviour import reward_names
@@ -46,6 +47,11 @@ from envgraph.search.families._member_family import Family, find_run_store
 if TYPE_CHECKING:
     from envgraph.env.compiled import CompiledEnv, CompiledVectorEnv, StreamMode
 
+GYMNASIUM_OPTIONS: Final = (
+    "max_episode_steps", "disable_env_checker", "vectorization_mode", "vector_kwargs", "wrappers"
+)  # fmt: skip
+"""Options of `gymnasium.make` and `gymnasium.make_vec`."""
+
 
 def make(
     family: FamilyLocation | None = None,
@@ -78,11 +84,12 @@ def make(
     >>> make(domain="keydoor").spec.max_episode_steps
     100
     """
+    _check_options(options, make_environment)
     return _environment_spec(family, domain, model, environment).make(**_without_none(variant=variant), **options)
 
 
 def make_vec(
-    family: FamilyLocation | None = None,
+    family: FamilyLocation | Family | None = None,
     num_envs: int = 1,
     variant: int | str | Sequence[int | str] | None = None,
     *,
@@ -95,7 +102,7 @@ def make_vec(
     """Return a vector environment, like `gymnasium.make_vec`, with the arguments of `make`.
 
     Args:
-        family, domain, model, environment: as for `make`.
+        family, domain, model, environment: as for `make`. A `Family`, such as a part of another one, has no `spec`.
         num_envs: number of environments.
         variant: as for `make`, or a list whose members are repeated in order: `num_envs=60, variant=["E1", "E2"]` makes
             thirty of each.
@@ -104,7 +111,11 @@ def make_vec(
         options: of `gymnasium.make_vec` and of `make_vector_environment`. `vectorization_mode` "sync" or "async" steps
             single environments instead, as `engine="live"` does; `autoreset_mode` works with all of them.
     """
+    _check_options(options, make_environment, make_vector_environment)
     given = _without_none(variant=variant, schedule=schedule)
+    if isinstance(family, Family):
+        options = {"max_episode_steps": family.limit, **given, **options}
+        return make_vector_environment(num_envs, family=family, **options)
     return make_vec_spec(_environment_spec(family, domain, model, environment), num_envs, **given, **options)
 
 
@@ -219,6 +230,13 @@ def _environment_spec(*location: FamilyLocation | None) -> EnvSpec:
     given = _locate_family(*location)
     record = open_lazy_family(**given).record
     return environment_spec(record.behaviour, limit=record.limit, **given)
+
+
+def _check_options(options: Mapping[str, object], *functions: Callable[..., object]) -> None:
+    """Raise InvalidArgument for an option that is neither an argument of one of the functions nor Gymnasium's."""
+    known = [name for function in functions for name in signature(function).parameters]
+    for name in options:
+        check_known(name, [*known, *GYMNASIUM_OPTIONS], f"unknown option `{name}`")
 
 
 def _locate_family(*location: FamilyLocation | None) -> dict[str, Any]:

@@ -10,6 +10,7 @@ import sys
 import warnings
 from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 import gymnasium
 import numpy as np
@@ -280,12 +281,16 @@ def test_invalid_arguments_of_make_and_make_vec_are_reported(family_file: Path) 
         envgraph.make("nowhere")
     with pytest.raises(InvalidArgument, match="no environment `E9`"):
         envgraph.make_vec(family_file, variant=["E1", "E9"])
-    with pytest.raises(TypeError, match="unexpected keyword argument 'varian'"):
+    with pytest.raises(InvalidArgument, match="unknown option `varian`; did you mean `variant`"):
         envgraph.make(family_file, varian=2)
+    with pytest.raises(InvalidArgument, match="unknown option `obs`"):
+        envgraph.make_vec(family_file, obs="flat")
+    with pytest.raises(InvalidArgument, match="`num_envs` is '4', but must be an int"):
+        envgraph.make_vec(family_file, "4")  # type: ignore[arg-type]
     for live in (False, True):
         with pytest.raises(InvalidArgument, match="unknown autoreset mode 'never'"):
             envgraph.make_vec(family_file, autoreset_mode="never", live=live)
-        with pytest.raises(InvalidArgument, match="`num_envs` is 0, it must be at least 1"):
+        with pytest.raises(InvalidArgument, match="`num_envs` is 0"):
             envgraph.make_vec(family_file, num_envs=0, live=live)
 
 
@@ -325,6 +330,17 @@ def test_render_mode_is_checked_before_states_are_enumerated(tmp_path: Path, mon
             make(domain=str(tmp_path), render_mode="rgb_array")
         with pytest.raises(InvalidArgument, match=r"unknown render mode 'text'; the render modes are .*`rgb_array`"):
             make(domain=str(tmp_path), render_mode="text")
+
+
+def test_a_vector_of_a_family_object_equals_that_of_its_file(imported: Family, family_file: Path) -> None:
+    made = [envgraph.make_vec(one, 4, ["E1", "E2"]) for one in (imported, family_file)]
+    assert made[0].action_names == made[1].action_names == ("left", "down", "right", "up")
+    seen: list[list[Any]] = []
+    for envs in made:
+        seen.append([envs.reset(seed=3)[0]])
+        for _ in range(2 * (imported.limit or 0)):
+            seen[-1] += envs.step(np.arange(4))[:4]
+    assert all(map(same, *seen)) and any(part.any() for part in seen[0][4::4])  # truncated by the limit
 
 
 @pytest.mark.parametrize("engine", ["table", "compiled", "live"])

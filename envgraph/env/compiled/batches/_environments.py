@@ -161,7 +161,7 @@ class CompiledVectorEnv(VectorEnvironmentBase):
         view = view_for(observation, program, [each.model for each in program.members])
         has_flat = isinstance(view, ComponentView) and view.is_one_hot
         self._batch = CompiledBatch(program, which, threads, has_flat=has_flat)
-        super().__init__(count, len(program.action_names), view, len(chosen), **options)
+        super().__init__(count, program.action_names, view, len(chosen), **options)
         self.program = program
         self._members = chosen
         self._memory = ObservationCache()

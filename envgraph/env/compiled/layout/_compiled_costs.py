@@ -18,6 +18,7 @@ class CompiledCosts:
     few_outcomes: int = 20_000  # of actions, as for `few_states`
     cached_outcomes: int = 5_000  # as `few_outcomes`, if machine code of the program is cached: loading it takes 0.3 s
     picture_outcomes: int = 5  # that the live engine computes in the time that it takes to draw a state
+    states_of_program: int = 5  # that a program visits in the time in which the live engine computes an outcome
     live_outcomes: int = 50_000  # that the live engine computes in the time that it takes to compile a program
     searches_of_python: int = 20  # small searches before `Plans` compiles: together at most about 20 s
     programs: int = 16  # kept; generating one takes as long as a hundred small searches

@@ -82,12 +82,12 @@ def explore_fast(
 
     If machine code of the program is cached, the program visits all but the smallest environments. A behaviour that is
     not compiled is always explored by the live engine.
-    The arguments are those of `explore`, but a program may visit more `outcomes`. Drawing a state counts as several.
+    The arguments are those of `explore`, but a program may visit more `outcomes`: several states for each. Drawing a
+    state counts as several.
     """
     pictures = pictures and behaviour.draw is not None
     live = partial(explore, engine, behaviour, keys, pictures=pictures, progress=progress)
-    if pictures:
-        limit = min(limit, outcomes // COSTS.picture_outcomes)
+    limit = min(limit, outcomes // COSTS.picture_outcomes if pictures else outcomes * COSTS.states_of_program)
     if limit <= COSTS.few_states or not has_numba():
         return live(limit=limit, outcomes=outcomes)
     few = min(COSTS.few_outcomes, outcomes)
