@@ -36,7 +36,6 @@ from envgraph.search.problem._family_measures import (
     SmallestBinCount,
     StepEvenness,
 )
-from envgraph.search.problem._member_distances import MemberDistance
 from envgraph.search.problem._objective import FamilyCondition, Objective, ObjectiveTerm
 from envgraph.search.problem._statistics import BinnedEntropy, Gini, Statistic, Variance
 
@@ -133,6 +132,12 @@ def _make_chain_transfer(call: FamilyCall, context: ComponentContext) -> FamilyM
     return _argumentless_factory(ChainTransfer)(call, context)
 
 
+def _make_distance(is_least: bool) -> FamilyMeasure:
+    from envgraph.search.problem._member_distances import MemberDistance  # needs NumPy, which checks do without
+
+    return MemberDistance(is_least)
+
+
 FAMILY_MEASURES: Final[Mapping[str, FamilyFactory]] = {
     "entropy": _binned_statistic_factory(lambda bins: bins),
     "coverage": _binned_statistic_factory(BinCoverage),
@@ -142,8 +147,8 @@ FAMILY_MEASURES: Final[Mapping[str, FamilyFactory]] = {
     "variance": _statistic_factory(Variance()),
     "evenness": _statistic_factory(StepEvenness()),
     "rising": _statistic_factory(RisingShare()),
-    "mean_distance": _argumentless_factory(partial(MemberDistance, is_least=False)),
-    "least_distance": _argumentless_factory(partial(MemberDistance, is_least=True)),
+    "mean_distance": _argumentless_factory(partial(_make_distance, is_least=False)),
+    "least_distance": _argumentless_factory(partial(_make_distance, is_least=True)),
     "distinct": _argumentless_factory(DistinctMembers),
     "chain_transfer": _make_chain_transfer,
 }

@@ -167,7 +167,7 @@ def test_behaviour_that_is_not_compiled_is_reported_and_runs_on_the_live_engine(
     for file in source.glob("*.*"):
         text = file.read_text("utf-8")
         if file.suffix == ".environment":
-            text = text.replace("action take            = take(hero)", "action take = grab(hero)")
+            text = text.replace("action take = take(hero)", "action take = grab(hero)")
         if file.suffix == ".rules":
             text += "\nunit grab(hero : Hero) { try { take(hero); grab(hero); } }\n"
         (tmp_path / file.name).write_text(text, "utf-8")
