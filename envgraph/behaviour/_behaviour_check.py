@@ -28,7 +28,7 @@ from envgraph.errors import (
     sort_diagnostics,
 )
 from envgraph.metamodel import Scalar
-from envgraph.pattern import ObjectType, Parameter, PatternCall, StaticType, Variable, static_type
+from envgraph.pattern import Constant, ObjectType, Parameter, PatternCall, StaticType, Variable, static_type
 from envgraph.rewrite import Engine
 
 
@@ -234,6 +234,9 @@ class _BehaviourChecker(CallChecks, ViewChecks):
         if isinstance(effect, OnFind):
             scope = {**scope, **self._check_condition(effect, scope)}
             self.check_reward(effect.weight, scope)
+            if isinstance(effect.weight, Constant) and isinstance(low := effect.weight.value, int | float) and low < 0:
+                hint = "write a number of at least 0; with `weight 1` all matches are equally likely"
+                self.report("wrong-weight", f"the weight is {low}, which is below 0", effect.weight.span, hint)
         self.check_reward(effect.reward, scope)
         self.check_branches(effect.apply, scope)
 

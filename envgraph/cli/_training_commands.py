@@ -15,7 +15,7 @@ from typing import Any
 from envgraph import __version__
 from envgraph.cli._family_actions import REPORT, TRAINING, run_directory
 from envgraph.cli._output import print_json, print_line, print_table, progress_bar
-from envgraph.env import Tabular, TooManyStates
+from envgraph.env import FloatRange, Tabular, TooManyStates
 from envgraph.env.compiled import NotCompiled
 from envgraph.errors import (
     LIMITS,
@@ -384,7 +384,7 @@ def _compiled_members(family: Family, order: str, error: TooManyStates) -> list[
         error: the reason for which tables cannot be used, for the note.
 
     Raises:
-        EvaluationError: the environment cannot be compiled.
+        EvaluationError: the environment cannot be compiled, or observes floats.
     """
     try:
         program = family.program(family.members)
@@ -394,6 +394,9 @@ def _compiled_members(family: Family, order: str, error: TooManyStates) -> list[
             refused.span,
             "reduce the number of states, or remove this construct from the environment",
         ) from None
+    if any(isinstance(size, FloatRange) for size in program.observation_shape):
+        hint = "`train` learns values of numbered observations: train a network with `envgraph.sb3.make_vec` instead"
+        raise EvaluationError(error.message, hint=hint)
     sys.stderr.write(f"{error.message}: agents learn in the compiled program instead of in tables\n")
     return [
         FamilyMember(member.name, InProgram(program, number), member.measures[order])

@@ -17,7 +17,7 @@ from pathlib import Path
 import pytest
 
 from envgraph.cli import main
-from envgraph.env import ExploredEnvironment, TooManyStates
+from envgraph.env import ExploredEnvironment, FloatRange, TooManyStates
 from envgraph.env.compiled import NotCompiled
 from envgraph.errors import InvalidArgument
 from envgraph.learn import RunResult, TrainingJournal
@@ -318,6 +318,14 @@ def test_environments_with_too_many_states_are_trained_in_compiled_programs(
     code, _, messages = command("train", "forest", "--steps", "400", "--controls", "direct,randomised")  # type: ignore[operator]
     assert code == 1 and "`--controls randomised` needs tables of all states" in messages
     assert not (run / "training" / "unfinished.jsonl").exists()
+
+    compiled = Family.program
+    floats = (FloatRange(0.0, 1.0, False),)
+    with monkeypatch.context() as patch:
+        patch.setattr(Family, "program", lambda *given: replace(compiled(*given), observation_shape=floats))
+        code, _, messages = command("train", "forest", "--steps", "400")  # type: ignore[operator]
+    assert code == 1 and "train a network with `envgraph.sb3.make_vec` instead" in messages
+    assert "agents learn in" not in messages
 
     def uncompiled(self: Family, members: object) -> None:
         raise NotCompiled("a unit")
