@@ -7,7 +7,7 @@ Observations of the whole model are in `_model_views`.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Hashable, Sequence
+from collections.abc import Callable, Hashable, Iterable, Sequence
 from decimal import Decimal
 from math import prod
 from typing import Any, Final, Literal, get_args
@@ -40,10 +40,15 @@ def check_observation_kind(kind: object) -> None:
 
 
 class ObservationCache:
-    """A cache of observations by the state or index that they are computed from."""
+    """A cache of observations by the state or index that they are computed from.
 
-    def __init__(self) -> None:
+    Args:
+        arrays: the names of the arrays in observations "dict"; the other components are numbers.
+    """
+
+    def __init__(self, arrays: Iterable[str] = ()) -> None:
         self._known: dict[Hashable, Any] = {}
+        self._arrays = tuple(arrays)
 
     def get(self, key: Hashable, compute: Callable[[], Any]) -> Any:
         """Return a copy of the cached observation for a key; if it is not cached, `compute` computes it."""
@@ -55,7 +60,7 @@ class ObservationCache:
         if isinstance(found, str):
             return found
         if isinstance(found, dict):
-            return {name: part.copy() for name, part in found.items()}
+            return found | {name: found[name].copy() for name in self._arrays}
         return spaces.GraphInstance(*map(np.copy, found)) if isinstance(found, tuple) else found.copy()
 
 
@@ -96,7 +101,7 @@ class ComponentView:
         self.is_one_hot = kind == "flat" and not self._floats
         self._shape = tuple(shape) or (1,)
         self._names = tuple(names) or tuple(str(place) for place in range(1, len(self._shape) + 1))
-        self._memory = ObservationCache()
+        self._memory = ObservationCache(self._floats)
         self.space = self._space()
 
     def _space(self) -> spaces.Space[Any]:
