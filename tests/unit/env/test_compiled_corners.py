@@ -71,9 +71,9 @@ CORNERS = (
     | test_truncation.CORNERS
 )
 
-STEPS = 6_000 if NIGHTLY else 100
+STEPS = 6_000 if NIGHTLY else 50
 """Of all members together; by numba there are four times as many."""
-LIMIT = 2_000 if NIGHTLY else 60
+LIMIT = 2_000 if NIGHTLY else 40
 """States of a table, and outcomes of an action; of more, all that is compared is that there are more."""
 
 
