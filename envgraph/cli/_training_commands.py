@@ -52,11 +52,11 @@ from envgraph.learn import (
 )
 from envgraph.report import TrainingResults, family_report, render_html, stage_rows, stage_table
 from envgraph.search import (
+    Domain,
     Family,
     RunStore,
     find_run_store,
     lineage_lengths,
-    load_stored_domain,
     open_family,
     order_measure,
     random_families,
@@ -143,7 +143,7 @@ def _train_family(run: str, directory: Path, wanted: dict[str, Any], workers: in
             "training that was interrupted: resume it with --resume, or replace it with --force"
         )
     family = _select_members(open_family(run, directory), run, wanted["members"])
-    family = _with_training_settings(family, run, wanted["overrides"] or ())
+    family = _with_training_settings(family, wanted["overrides"] or ())
     chosen = _select_curricula(family, wanted["curricula"])
     compared = _select_controls(wanted["controls"])
     wanted_steps = [None] if wanted["steps"] is None else parse_budgets(wanted["steps"])
@@ -183,14 +183,15 @@ def _select_members(family: Family, run: str, count: int | None) -> Family:
     """Return the family of the members to train on: all, or a number of them, which a line on standard error tells.
 
     Raises:
-        InvalidArgument: `count` is not from 2 to the number of members, or more than a curriculum has.
+        InvalidArgument: `count` is above the number of members, or more than a curriculum has.
     """
     available, most = len(family.members), LIMITS["curriculum"]
     if count is None and available <= most:
         return family
     count = family.domain.spec.search.population if count is None else count
-    if count > most:
-        raise InvalidArgument(f"`--members` is {count}, but a curriculum has at most {most}")
+    if count > min(most, available):
+        limit = f"a curriculum has at most {most}" if count > most else f"`{run}` has {available} environments"
+        raise InvalidArgument(f"`--members` is {count}, but {limit}")
     sys.stderr.write(
         f"{count} of the {available:,} environments of `{run}`, evenly spaced by `{order_measure(family.domain)}`; "
         "the others are left out\n"
@@ -198,7 +199,7 @@ def _select_members(family: Family, run: str, count: int | None) -> Family:
     return family.spaced(count)
 
 
-def _with_training_settings(family: Family, run: str, overrides: Sequence[str]) -> Family:
+def _with_training_settings(family: Family, overrides: Sequence[str]) -> Family:
     """Return the family with other settings of `[training]`.
 
     Raises:
@@ -211,7 +212,7 @@ def _with_training_settings(family: Family, run: str, overrides: Sequence[str]) 
     if others:
         hint = "only those of `[training]` can be replaced, such as `training.learning_rate=0.2`"
         raise InvalidArgument(f"`--set {others[0]}` is no setting of a training", hint)
-    domain = load_stored_domain(family.bundle, [*family.overrides, *overrides], run, family.domain.components)
+    domain = Domain.from_bundle(family.bundle, family.domain.components, [*family.overrides, *overrides])
     return replace(family, domain=domain, overrides=domain.overrides, _keys=family.keys)
 
 
@@ -228,7 +229,8 @@ def _refuse_results(base: Path, budgets: list[TrainingSettings]) -> None:
 def _original_options(journal: TrainingJournal) -> dict[str, Any]:
     """Return the options with which an interrupted training was started; raise InvalidArgument if they are invalid."""
     wanted = {name: journal.about.get(name) for name in _TRAINING_OPTIONS}
-    if not all(value is None or isinstance(value, _TRAINING_OPTIONS[name]) for name, value in wanted.items()):
+    known = all(value is None or isinstance(value, _TRAINING_OPTIONS[name]) for name, value in wanted.items())
+    if not known or not all(isinstance(one, str) for one in wanted["overrides"] or ()):
         raise InvalidArgument(f"{journal.path}:1: these are not the options of a training")
     try:
         parse_budgets(wanted["steps"] or "1")

@@ -120,6 +120,8 @@ def test_budgets_and_member_numbers_outside_their_range_are_refused(refused: Cal
         f'"steps":"{LONG}","seeds":1',
         f'"steps":"10","seeds":{10**18}',
         f'"steps":"10","seeds":{LONG}',
+        f'"steps":"10","members":{10**18}',
+        '"steps":"10","overrides":[1]',
     ):
         journal.write_text(f'{{"format":"envgraph-training-2",{begun}}}\n', "utf-8")
         assert f"{journal}:1: " in refused("train", "f", "--resume")

@@ -274,6 +274,9 @@ def test_commands_summarise_families_of_many_members(
     assert "curriculum" in out and len(re.findall(r"E\d+", out)) > 1
     monkeypatch.setattr(sys, "argv", ["envgraph", "train", "many", "--members", "101"])
     assert main() == 1 and "`--members` is 101, but a curriculum has at most 100" in capsys.readouterr().err
+    call("generate", "burning_forest/paper.toml", "--generations", "0", "--name", "few")
+    monkeypatch.setattr(sys, "argv", ["envgraph", "train", "few", "--members", "7"])
+    assert main() == 1 and capsys.readouterr().err == "error: `--members` is 7, but `few` has 6 environments\n"
     monkeypatch.setattr(sys, "argv", ["envgraph", "train", "many", "--set", "search.population=4"])
     assert main() == 1 and "`--set search.population=4` is no setting of a training" in capsys.readouterr().err
     monkeypatch.setattr(sys, "argv", ["envgraph", "train", "many", "--set", "training.learning_speed=0.2"])
