@@ -13,6 +13,7 @@ from envgraph.search import (
     export_ga4cl,
     import_ga4cl,
 )
+from tests.profile import NIGHTLY
 
 
 def source(path: Path) -> Source:
@@ -27,12 +28,12 @@ def imported(path: Path, tmp_path: Path) -> Family:
 
 def test_path_complexity_reproduces_every_published_complexity(published_files: list[Path], tmp_path: Path) -> None:
     checked = 0
-    for path in published_files:
+    for path in published_files if NIGHTLY else published_files[::4]:
         published = sorted(one["complexity"] for one in json.loads(path.read_text())["environments"])
         found = sorted(member.measures["complexity"] for member in imported(path, tmp_path).members)
         assert found == pytest.approx(published, abs=1e-12)
         checked += len(found)
-    assert (len(published_files), checked) == (31, 186)
+    assert (len(published_files), checked) == (31, 186 if NIGHTLY else 48)
 
 
 def test_export_of_the_imported_published_family_equals_the_original(published: Path, tmp_path: Path) -> None:
