@@ -39,7 +39,7 @@ if TYPE_CHECKING:
         HelperPattern as HelperPattern,
         ObservedWindow as ObservedWindow,
         condition_helper as condition_helper,
-        count_helper as count_helper,
+        find_helper as find_helper,
         key_helper as key_helper,
     )
     from envgraph.behaviour._key_index import (

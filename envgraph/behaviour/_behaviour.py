@@ -11,7 +11,7 @@ from typing import ClassVar, Literal
 from envgraph.code import dataclass
 from envgraph.errors import Span
 from envgraph.metamodel import Annotation
-from envgraph.pattern import Expression, Negation, Parameter, PatternCall, Variable
+from envgraph.pattern import AggregateFunction, Expression, Negation, Parameter, PatternCall, Variable
 
 
 @dataclass(frozen=True, slots=True)
@@ -154,7 +154,10 @@ class ObserveObject:
 
 @dataclass(frozen=True, slots=True)
 class ObserveRange:
-    """An observation of an int or float: `observe path in low..high`; values are clipped to the range."""
+    """An observation of an int or float: `observe path in low..high`; values are clipped to the range.
+
+    An int is observed as a float if a bound is a float.
+    """
 
     path: Expression
     low: float
@@ -166,13 +169,22 @@ class ObserveRange:
 
 @dataclass(frozen=True, slots=True)
 class ObserveFind:
-    """An observation of matches: `observe find p(..)` (0, 1) or `observe count find p(..) up to n` (min(count, n))."""
+    """An observation of matches: `observe find p(..)` (0, 1) or `observe count find p(..) up to n` (min(count, n)).
+
+    With another aggregate, `observe sum find p(.., #) in low..up_to`, its value is observed as a number in a range; it
+    is an int if both bounds are ints.
+
+    Attributes:
+        up_to: the highest value; None if only the existence of a match is observed.
+    """
 
     call: PatternCall
-    up_to: int | None = None
+    up_to: float | None = None
     each: Parameter | None = None
     visible: PatternCall | None = None
     span: Span | None = field(default=None, compare=False, repr=False)
+    aggregate: AggregateFunction = "count"
+    low: float = 0
 
 
 @dataclass(frozen=True, slots=True)

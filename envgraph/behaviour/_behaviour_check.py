@@ -15,7 +15,6 @@ from envgraph.behaviour._observation_checks import ViewChecks
 from envgraph.behaviour._parameter_domains import domain_size, domain_type
 from envgraph.behaviour._rule_call_checks import CallChecks
 from envgraph.errors import (
-    LARGEST_INT,
     LIMITS,
     Diagnostic,
     Note,
@@ -169,11 +168,8 @@ class _BehaviourChecker(CallChecks, ViewChecks):
             )
         for effect in owner.effects:
             self._check_effect(effect, scope)
-        sizes = [self.check_observation(observation, scope) for observation in owner.observations]
-        for observation, size in zip(owner.observations, sizes, strict=True):
-            if size > LARGEST_INT:
-                message = f"the observation has {size} values, but at most {LARGEST_INT} are possible"
-                self.report("too-many-observations", message, observation.span, "observe less, or in a smaller range")
+        for observation in owner.observations:
+            self.check_observation(observation, scope)
 
     # --- actions
 

@@ -3,11 +3,11 @@
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Collection, Mapping
+from collections.abc import Collection, Iterable, Mapping
 from dataclasses import replace
 
 from envgraph.behaviour._helper_patterns import HelperPattern, is_bound_by_match, variable_occurrences
-from envgraph.errors import Diagnostic, Note, Severity, Span, quote_with_article
+from envgraph.errors import Diagnostic, Note, Severity, Span, did_you_mean, quote_with_article
 from envgraph.metamodel import Feature, Metamodel
 from envgraph.pattern import (
     Expression,
@@ -60,14 +60,14 @@ class CheckBase:
             return None
         return self.check_class(parameter.type, parameter.type_span or parameter.span)
 
-    def check_class(self, name: str, span: Span | None) -> ObjectType | None:
-        """Return the class of this name; report a name that is not a class and return None."""
+    def check_class(self, name: str, span: Span | None, others: Iterable[str] = ()) -> ObjectType | None:
+        """Return the class of this name; report a name that is no class, perhaps one of `others`, and return None."""
         if name in self.metamodel.classes:
             return ObjectType(name)
         if static_type(name, self.metamodel) is not None:
             self.report("unknown-class", f"`{name}` is not a class", span, "write the name of a class")
         else:
-            hint = self.metamodel.suggest_class(name)
+            hint = did_you_mean(name, others) or self.metamodel.suggest_class(name)
             self.report("unknown-class", f"unknown class `{name}`", span, hint)
         return None
 
@@ -78,9 +78,9 @@ class CheckBase:
         scope: Scope,
         names_elsewhere: Collection[str] = (),
     ) -> bool:
-        """Report errors in a helper pattern, and probably misspelt variables; return True if there are no errors.
+        """Report errors in a helper pattern, and calls that never match; return True if there are no errors.
 
-        Other warnings are left out, because they would be about a pattern that is not in the file.
+        Misspelt variables are reported too. Other warnings would be about a pattern that is not in the file.
 
         Args:
             question: the helper pattern.
@@ -89,7 +89,9 @@ class CheckBase:
             names_elsewhere: names in the rest of the clause.
         """
         checked = self.library.analyse(question.pattern)
-        self.problems.extend(problem for problem in checked.problems if problem.severity is Severity.ERROR)
+        self.problems += (
+            one for one in checked.problems if one.severity is Severity.ERROR or one.code == "never-matches"
+        )
         if not checked.invalid_names:
             self._check_misspelt(condition, scope, names_elsewhere)
         return not checked.invalid_names

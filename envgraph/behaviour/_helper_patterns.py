@@ -12,7 +12,7 @@ from functools import partial
 from itertools import product
 from math import prod
 
-from envgraph.behaviour._behaviour import DrawGraph, DrawGrid, ObserveAround, OnFind, Token
+from envgraph.behaviour._behaviour import DrawGraph, DrawGrid, ObserveAround, ObserveFind, OnFind, Token
 from envgraph.code import dataclass
 from envgraph.errors import Span
 from envgraph.metamodel import Attribute, EnumType, Metamodel, Scalar, type_name
@@ -52,7 +52,7 @@ class HelperPattern:
     """A helper pattern made of a condition: its first parameters are `bound` by the behaviour, the others by a match.
 
     Attributes:
-        free: names of the variables that a match binds; for a count, the name of the variable that holds the count.
+        free: names of the variables that a match binds; for an aggregate, the name of the variable that holds it.
     """
 
     pattern: Pattern
@@ -76,13 +76,16 @@ def condition_helper(name: str, condition: PatternCall | Negation, scope: Mappin
     return _make_helper(name, bound, free.values(), [(condition,)], condition.span)
 
 
-def count_helper(name: str, call: PatternCall, scope: Mapping[str, str]) -> HelperPattern:
-    """Return a helper pattern for the number of matches of a call, over all values of its unbound variables."""
+def find_helper(name: str, observation: ObserveFind, scope: Mapping[str, str]) -> HelperPattern:
+    """Return a helper pattern for observed matches, or for their aggregate over all values of unbound variables."""
+    call = observation.call
+    if observation.up_to is None:
+        return condition_helper(name, call, scope)
     taken = dict.fromkeys(v.name for v in variables_of_terms(call.arguments))
     total = next(word for word in ("total", *(f"total{n}" for n in range(len(taken) + 1))) if word not in taken)
-    counted = Comparison("==", Variable(total, call.span), Aggregate("count", call, call.span), call.span)
+    counted = Comparison("==", Variable(total, call.span), Aggregate(observation.aggregate, call, call.span), call.span)
     bound = {name: scope[name] for name in taken if name in scope}
-    return _make_helper(name, bound, [Parameter(total, "int", span=call.span)], [(counted,)], call.span)
+    return _make_helper(name, bound, [Parameter(total, span=call.span)], [(counted,)], call.span)
 
 
 def key_helper(name: str, cls: str, key: Sequence[Attribute]) -> HelperPattern:

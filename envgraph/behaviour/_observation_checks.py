@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from dataclasses import replace
-from math import ceil, floor
 
 from envgraph.behaviour._behaviour import (
     DrawGraph,
@@ -22,13 +21,20 @@ from envgraph.behaviour._drawn_edges import edge_ends
 from envgraph.behaviour._helper_patterns import (
     ObservedWindow,
     condition_helper,
-    count_helper,
+    find_helper,
     is_bound_by_match,
     variable_occurrences,
 )
-from envgraph.errors import Severity, Span, did_you_mean, name_hint
+from envgraph.code import walk_parts
+from envgraph.errors import LARGEST_INT, Severity, Span, did_you_mean, name_hint
 from envgraph.metamodel import Attribute, EnumType, Reference, Scalar
-from envgraph.pattern import Expression, Navigation, ObjectType, StaticType
+from envgraph.pattern import Expression, Navigation, ObjectType, StaticType, Variable
+
+_HINTS = {
+    "many-valued": "use a pattern: `observe find p(..)`, or `observe count find p(..) up to n`",
+    "stray-hash": "write `_`, or `observe max find p(.., #) in lo..hi` for a value of a pattern",
+}
+"""Hints of errors in observations, by code."""
 
 
 class ViewChecks(CheckBase):
@@ -38,60 +44,47 @@ class ViewChecks(CheckBase):
 
     # --- observations
 
-    def check_observation(self, observation: Observation, outer: Scope) -> int:
-        """Check an observation; return its number of values.
-
-        An observation of an object counts as 1 value, because the number of objects depends on the family, and so does
-        one of a float. An `if` part adds 1, for the value that means "not visible".
-        """
-        scope = dict(outer)
+    def check_observation(self, observation: Observation, outer: Scope) -> None:
+        """Report errors in an `observe` clause."""
+        scope, known = dict(outer), len(self.problems)
         if (each := observation.each) is not None:
             if outer.get(each.name) is not None:
                 message = f"`{each.name}` is already a parameter"
                 self.report("duplicate-definition", message, each.span, "choose another name after `for`")
-            scope[each.name] = self.parameter_class(each)
+            scope[each.name] = self.check_class(each.type or "", each.type_span or each.span, self.metamodel.enums)
         if isinstance(observation, ObserveAround):
             self._check_observe_around(observation, scope)
         if observation.visible is not None:
             question = condition_helper("#check", observation.visible, type_names(scope))
             self.check_helper(question, observation.visible, scope)
-        unseen = observation.visible is not None
         match observation:
-            case ObserveAround():
-                return 1
             case ObserveFind():
-                return self._check_observe_find(observation, scope) + unseen
+                self._check_observe_find(observation, scope)
             case ObserveObject():
                 self._check_observe_object(observation, scope)
-                return 1 + unseen
-            case ObserveRange():
-                return self._check_observe_range(observation, scope) + unseen
+            case ObserveRange(path=path, low=low, high=high):
+                self._check_range(observation, self.check_path(path, scope), low, high, path.span)
             case ObserveAttribute():
-                return self._check_observe_attribute(observation, scope) + unseen
+                self._check_observe_attribute(observation, scope)
+        is_used = each is None or Variable(each.name) in walk_parts(replace(observation, visible=None))
+        if each is not None and not is_used and len(self.problems) == known:
+            message = f"`{each.name}` is not used in what is observed"
+            self.report("unused-name", message, each.span, "use it there, or leave it out")
+        self.problems[known:] = [replace(one, hint=_HINTS.get(one.code, one.hint)) for one in self.problems[known:]]
 
-    def _check_observed_path(self, path: Expression, scope: Scope) -> StaticType | None:
-        """Return the type of an observed path; report an invalid path and return None.
-
-        If a feature of the path has many values, the hint is to observe a pattern instead.
-        """
-        known = len(self.problems)
-        type_ = self.check_path(path, scope)
-        hint = "use a pattern: `observe find p(..)`, or `observe count find p(..) up to n`"
-        self.problems[known:] = [
-            replace(one, hint=hint) if one.code == "many-valued" else one for one in self.problems[known:]
-        ]
-        return type_
-
-    def _check_observe_find(self, observation: ObserveFind, scope: Scope) -> int:
-        names = type_names(scope)
-        if observation.up_to is None:
-            question = condition_helper("#check", observation.call, names)
-        else:
-            question = count_helper("#check", observation.call, names)
-            if observation.up_to < 1:
-                message = f"the bound of `up to` is {observation.up_to}, but must be at least 1"
+    def _check_observe_find(self, observation: ObserveFind, scope: Scope) -> None:
+        question = find_helper("#check", observation, type_names(scope))
+        sound, low, high = self.check_helper(question, observation.call, scope), observation.low, observation.up_to
+        if high is not None:
+            entries = self.library.analyse(question.pattern).analysis.entries
+            type_ = entries[question.pattern.qualified_name].types[-1] if sound else None
+            self._check_range(observation, type_, low, high, observation.call.span)
+            if observation.aggregate == "count" and high < 1:
+                message = f"the bound of `up to` is {high}, but must be at least 1"
                 self.report("empty-range", message, observation.span, "write `up to 1` or more")
-        self.check_helper(question, observation.call, scope)
+            elif type_ is Scalar.FLOAT and isinstance(low, int) and isinstance(high, int):
+                message = f"this `{observation.aggregate}` is a `float`, but the bounds of its range are ints"
+                self.report("wrong-type", message, observation.span, f"write `in {low}.0..{high}.0`")
         occurring = [one for one in variable_occurrences(observation.call) if is_bound_by_match(one, scope)]
         for variable in {one.name: one for one in occurring}.values():
             is_single = sum(one.name == variable.name for one in occurring) == 1
@@ -99,7 +92,6 @@ class ViewChecks(CheckBase):
                 message = f"`{variable.name}` stands for any value, so that there is one component in all"
                 hint = f"write `_`, or at the end `for {variable.name} : Class` for a component for each object"
                 self.report("used-once", message, variable.span, hint, Severity.WARNING)
-        return 2 if observation.up_to is None else max(1, observation.up_to + 1)
 
     def _check_observe_around(self, observation: ObserveAround, scope: Scope) -> None:
         """Check a window, and add the name in its condition that stands for the cell to the scope."""
@@ -124,7 +116,7 @@ class ViewChecks(CheckBase):
 
     def _check_observe_object(self, observation: ObserveObject, scope: Scope) -> None:
         among = self.check_class(observation.among, observation.among_span or observation.span)
-        type_ = self._check_observed_path(observation.path, scope)
+        type_ = self.check_path(observation.path, scope)
         if type_ is None or among is None:
             return
         if not isinstance(type_, ObjectType):
@@ -158,32 +150,33 @@ class ViewChecks(CheckBase):
         feature = self.last_feature(path, scope)
         return earlier or (feature if isinstance(feature, Reference) and feature.lower == 0 else None)
 
-    def _check_observe_range(self, observation: ObserveRange, scope: Scope) -> int:
-        type_ = self._check_observed_path(observation.path, scope)
-        low, high = observation.low, observation.high
+    def _check_range(
+        self, observation: Observation, type_: StaticType | None, low: float, high: float, observed: Span | None
+    ) -> None:
+        """Check the range of an observed number, and that it is a number if its type is known."""
+        is_float = type_ is Scalar.FLOAT or not (isinstance(low, int) and isinstance(high, int))
         if type_ is not None and type_ not in (Scalar.INT, Scalar.FLOAT):
             message = f"only an `int` or a `float` can be observed in a range, not {type_with_article(type_)}"
             hint = f"write `among {type_.cls}`" if isinstance(type_, ObjectType) else _data_hint(type_)
-            self.report("wrong-type", message, observation.path.span, hint)
-        elif type_ is Scalar.INT and not (isinstance(low, int) and isinstance(high, int)):
-            hint = f"write `in {floor(low)}..{ceil(high)}`"
-            self.report("wrong-type", "the range of an `int` must be whole numbers", observation.span, hint)
-        if low > high or (type_ is Scalar.FLOAT and low == high):
+            self.report("wrong-type", message, observed, hint)
+        if low > high or (is_float and low == high):
             hint = f"write `{high}..{low}`" if low > high else "write a higher number after `..`"
             self.report("empty-range", f"the range {low}..{high} is empty", observation.span, hint)
-        return 1 if type_ is Scalar.FLOAT else max(1, floor(high - low) + 1)
+        elif not is_float and high - low + 1 + (observation.visible is not None) > LARGEST_INT:
+            message = f"the observation has more than {LARGEST_INT} values"
+            self.report("too-many-observations", message, observation.span, "observe it in a smaller range")
 
-    def _check_observe_attribute(self, observation: ObserveAttribute, scope: Scope) -> int:
-        type_ = self._check_observed_path(observation.path, scope)
+    def _check_observe_attribute(self, observation: ObserveAttribute, scope: Scope) -> None:
+        type_ = self.check_path(observation.path, scope)
         if type_ is None or isinstance(type_, EnumType) or type_ is Scalar.BOOL:
-            return 2 if type_ is Scalar.BOOL else len(type_.literals) if isinstance(type_, EnumType) else 1
+            return
         feature = self.last_feature(observation.path, scope)
         if isinstance(feature, Attribute) and feature.range is not None:
-            return 1 if type_ is Scalar.FLOAT else int(feature.range[1] - feature.range[0]) + 1
+            self._check_range(observation, type_, *feature.range[:2], observation.path.span)
+            return
         hint = f"write `among {type_.cls}`" if isinstance(type_, ObjectType) else _data_hint(type_)
         message = f"{type_with_article(type_)} cannot be observed, because its values have no range"
         self.report("wrong-type", message, observation.path.span, hint)
-        return 1
 
     # --- drawing
 

@@ -20,10 +20,7 @@ from envgraph.behaviour import (
     Behaviour,
     DrawGrid,
     ObserveAround,
-    ObserveAttribute,
-    ObserveFind,
     ObserveObject,
-    ObserveRange,
     feature_reader,
 )
 from envgraph.env._flat_observations import FlatLayout, FloatRange
@@ -196,16 +193,17 @@ def _write_channel(channel: NDArray[np.uint8], component: ObservationComponent, 
     value, size, clause = component.read(), component.size, component.observation
     if clause.visible is not None and value == size - 1:
         return
-    if component.target_object is None:
-        channel[...] = MAX_PIXEL * value // max(size - 1, 1)
-        return
-    node = component.target_object()
-    if not isinstance(node, int) or (where := places.get(node, ...)) is None:
-        return
+    where: Any = ...
+    if component.target_object is not None:
+        node = component.target_object()
+        if not isinstance(node, int) or (where := places.get(node, ...)) is None:
+            return
     if isinstance(size, FloatRange):
         low, high, _ = size.limits
         number = float(FlatLayout([size]).encode(np.array([value]))[0])
         channel[where] = round(MAX_PIXEL * (number - low) / (high - low))
+    elif component.target_object is None:
+        channel[...] = MAX_PIXEL * value // max(size - 1, 1)
     else:
         is_place = isinstance(clause, ObserveObject) and node in places
         channel[where] = MAX_PIXEL if is_place else MAX_PIXEL * (value + 1) // size
@@ -355,22 +353,19 @@ class TextView(ModelView):
 def _format_value(part: ObservationComponent, types: NameClasses, simulator: Simulator) -> str:
     """Format the value of a component for people, such as `Tile[3, 3]`, `no` or `none`."""
     clause, value, metamodel = part.observation, part.read(), simulator.engine.model.metamodel
-    if part.words:
+    if isinstance(clause, ObserveAround):
         return part.words[value]
     if clause.visible is not None and value == part.size - 1:
         return "out of sight"
     if isinstance(part.size, FloatRange):
         return f"{FlatLayout([part.size]).encode(np.array([value]))[0]:g}"
-    match clause:
-        case ObserveObject(among=among):
-            known = simulator.keys.keys_of(among)
-            return f"{among}[{', '.join(map(str, known[value]))}]" if value < len(known) else "none"
-        case ObserveFind(up_to=int()):
-            return str(value)
-        case ObserveRange() | ObserveAttribute() if limits := observed_range(clause, types, metamodel):
-            return str(int(limits[0]) + value)
-        case ObserveAttribute() if isinstance(type_ := path_type(clause, types, metamodel), EnumType):
-            return str(type_.literals[value])
+    if isinstance(clause, ObserveObject):
+        known = simulator.keys.keys_of(clause.among)
+        return f"{clause.among}[{', '.join(map(str, known[value]))}]" if value < len(known) else "none"
+    if limits := observed_range(clause, types, metamodel):
+        return str(int(limits[0]) + value)
+    if isinstance(type_ := path_type(clause, types, metamodel), EnumType):
+        return str(type_.literals[value])
     return "yes" if value else "no"
 
 

@@ -23,12 +23,13 @@ from envgraph.behaviour import (
     key_attributes,
     key_reader,
 )
-from envgraph.env._flat_observations import LARGEST_FLOAT32, FloatRange
+from envgraph.env._flat_observations import LARGEST_FLOAT32, FloatRange, float_rank
 from envgraph.env._prepared_clauses import NameClasses, NameValues, Owner, merge_clauses
 from envgraph.errors import EvaluationError
 from envgraph.graph import Model
 from envgraph.metamodel import Attribute, EnumType, Metamodel, Scalar, Value
 from envgraph.pattern import (
+    ColumnMark,
     Constant,
     EnumLiteral,
     Expression,
@@ -80,8 +81,8 @@ def component_size(
     """
     unseen = observation.visible is not None
     match observation:
-        case ObserveFind(up_to=up_to):
-            return (2 if up_to is None else up_to + 1) + unseen
+        case ObserveFind(up_to=None):
+            return 2 + unseen
         case ObserveObject(among=among, or_none=or_none):
             return keys.size(among) + or_none + unseen
     limits = observed_range(observation, types, metamodel)
@@ -93,21 +94,23 @@ def component_size(
 
 
 def observed_range(
-    observation: ObservePath, types: NameClasses, metamodel: Metamodel
+    observation: ObservePath | ObserveFind, types: NameClasses, metamodel: Metamodel
 ) -> tuple[float, float, bool] | None:
     """Return the range of an observed number, in the clause or by `@range`, and True for a float; None for others."""
-    if isinstance(observation, ObserveRange):
-        low, high = observation.low, observation.high
-    elif isinstance(observation, ObserveAttribute) and isinstance(observation.path, Navigation):
-        owner = path_type(replace(observation, path=observation.path.object), types, metamodel)
-        assert isinstance(owner, ObjectType), "the behaviour was checked"
-        attribute = metamodel.feature(owner.cls, observation.path.feature)
-        if not isinstance(attribute, Attribute) or attribute.range is None:
+    is_float = False
+    match observation:
+        case ObserveFind(low=low, up_to=int() | float() as high) | ObserveRange(low=low, high=high):
+            is_float = not (isinstance(low, int) and isinstance(high, int))
+        case ObserveAttribute(path=Navigation(object=before, feature=name)):
+            owner = path_type(replace(observation, path=before), types, metamodel)
+            assert isinstance(owner, ObjectType), "the behaviour was checked"
+            attribute = metamodel.feature(owner.cls, name)
+            if not isinstance(attribute, Attribute) or attribute.range is None:
+                return None
+            low, high, _ = attribute.range
+        case _:
             return None
-        low, high, _ = attribute.range
-    else:
-        return None
-    if path_type(observation, types, metamodel) is not Scalar.FLOAT:
+    if not is_float and path_type(observation, types, metamodel) is not Scalar.FLOAT:
         return low, high, False
     return max(float(low), -LARGEST_FLOAT32), min(float(high), LARGEST_FLOAT32), True
 
@@ -141,8 +144,10 @@ def merge_sizes(sizes_of_blocks: Iterable[Sequence[int]]) -> list[int]:
     return [max(column) for column in columns]
 
 
-def path_type(observation: ObservePath, types: NameClasses, metamodel: Metamodel) -> StaticType | None:
-    """Return the type of the value or object that an observed path leads to; None if the path has errors."""
+def path_type(observation: ObservePath | ObserveFind, types: NameClasses, metamodel: Metamodel) -> StaticType | None:
+    """Return the type of the value or object that an observed path leads to; None for matches."""
+    if isinstance(observation, ObserveFind):
+        return None
     scope: dict[str, StaticType | None] = {name: ObjectType(cls) for name, cls in types.items()}
     if observation.each is not None:
         scope[observation.each.name] = ObjectType(observation.each.type or "")
@@ -210,7 +215,7 @@ def clause_name(observation: Observation) -> str:
         return f"around {observation.centre.name}"
     if isinstance(observation, ObserveFind):
         what = _format_expression(observation.call)
-        return what if observation.up_to is None else f"count {what}"
+        return what if observation.up_to is None else f"{observation.aggregate} {what}"
     return _format_expression(observation.path)
 
 
@@ -281,6 +286,8 @@ def _format_expression(one: object) -> str:
             return "_" if name.startswith("_") else name
         case EnumLiteral(literal=literal):
             return f"::{literal}"
+        case ColumnMark():
+            return "#"
         case Constant(value=value):
             return str(value).replace(".", "_")
         case _:
@@ -325,6 +332,13 @@ def object_indexer(
         raise EvaluationError("an observed path has no value", hint=f"write `among {cls} or none`")
 
     return index
+
+
+def number_index(low: float, high: float, is_float: bool) -> Callable[[float], int]:
+    """Return a function from a number to its index in a range, which is the distance from the lowest number."""
+    rank: Callable[[float], int] = (lambda value: float_rank(float(value))) if is_float else int
+    first = rank(low)
+    return lambda value: rank(min(max(value, low), high)) - first
 
 
 def value_indexer(rank: Callable[[Any], int]) -> Callable[[Value | None], int]:

@@ -28,20 +28,20 @@ from envgraph.behaviour import (
     RuleCall,
     bind_parameters,
     condition_helper,
-    count_helper,
     domain_type,
     expand_action,
     feature_reader,
+    find_helper,
     is_lost,
     lost_object_error,
     path_root,
     read_variables,
 )
-from envgraph.env._flat_observations import float_rank
 from envgraph.env._observation_components import (
     KeyedObjects,
     component_reader,
     component_size,
+    number_index,
     object_indexer,
     observed_range,
     path_target_reader,
@@ -381,7 +381,8 @@ class PreparedBehaviour:
         each, read, metamodel = observation.each, self._read, self.model.metamodel
         size = component_size(observation, types, self._keys, metamodel)
         names = types if each is None else {**types, each.name: each.type or ""}
-        is_range = isinstance(observation, ObservePath) and bool(observed_range(observation, types, metamodel))
+        is_count = getattr(observation, "aggregate", None) == "count"
+        is_range = not is_count and bool(observed_range(observation, types, metamodel))
         for owner in self._owners(observation, types):
             if isinstance(observation, ObserveFind):
                 seen, shown = self._match_reader(observation, names, owner), owner[1] if each else None
@@ -396,14 +397,17 @@ class PreparedBehaviour:
             yield ObservationComponent(size, seen, observation, shown, is_range, owner)
 
     def _match_reader(self, observation: ObserveFind, names: NameClasses, owner: Owner) -> Callable[[], int]:
-        """Return a function that returns the number of matches, at most 1 or `up_to`; 0 if the owner is missing."""
-        call, most = observation.call, observation.up_to
-        helper = condition_helper if most is None else count_helper
-        find, value = self._owned_matches(self._add_pattern(lambda name: helper(name, call, names)), owner), owner[1]
+        """Return a function that returns 1 if there is a match, or the index of the aggregate of all matches.
+
+        It returns 0 if the owner is missing, or if an aggregate of no match has no value.
+        """
+        limits, value = observed_range(observation, names, self.model.metamodel), owner[1]
+        index = number_index(*limits) if limits else None
+        find = self._owned_matches(self._add_pattern(lambda name: find_helper(name, observation, names)), owner)
 
         def read() -> int:
             rows = find() if value() is not None else ()
-            return min(int(rows[0][-1]), most) if rows and most is not None else min(len(rows), 1)
+            return index(rows[0][-1]) if rows and index else min(len(rows), 1)  # type: ignore[arg-type]
 
         return read
 
@@ -469,10 +473,7 @@ class PreparedBehaviour:
                 return index, missing or 0
         limits = observed_range(observation, types, metamodel)
         if limits is not None:
-            low, high, is_float = limits
-            rank: Callable[[float], int] = float_rank if is_float else int
-            first = rank(low)
-            return value_indexer(lambda value: rank(min(max(value, low), high)) - first), 0
+            return value_indexer(number_index(*limits)), 0
         return value_indexer((type_.literals if isinstance(type_, EnumType) else (False, True)).index), 0
 
 

@@ -64,6 +64,7 @@ if TYPE_CHECKING:
     )
     from envgraph.pattern._query_data import (
         Aggregate as Aggregate,
+        AggregateFunction as AggregateFunction,
         Body as Body,
         Check as Check,
         Closure as Closure,

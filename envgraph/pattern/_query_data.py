@@ -41,11 +41,14 @@ class Evaluation:
     span: Span | None = field(default=None, compare=False, repr=False)
 
 
+AggregateFunction = Literal["count", "sum", "min", "max", "avg"]
+
+
 @dataclass(frozen=True, slots=True)
 class Aggregate:
     """A term such as `count find p(..)` or `sum Type.f(_, #)`, in the place of a variable."""
 
-    function: Literal["count", "sum", "min", "max", "avg"]
+    function: AggregateFunction
     over: Relation
     span: Span | None = field(default=None, compare=False, repr=False)
 

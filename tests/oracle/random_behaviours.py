@@ -9,6 +9,7 @@ from collections.abc import Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, replace
 from math import prod
+from typing import get_args
 
 from envgraph.behaviour import (
     Action,
@@ -35,11 +36,13 @@ from envgraph.env.compiled import NotCompiled, program_of
 from envgraph.errors import LARGEST_INT, EvaluationError, ResolutionError, Severity
 from envgraph.metamodel import Attribute, Class, EnumType, Metamodel, Reference, Scalar
 from envgraph.pattern import (
+    AggregateFunction,
     Alap,
     Applicable,
     AtomicStep,
     Binary,
     Check,
+    ColumnMark,
     Conditional,
     Constant,
     CreateAction,
@@ -531,7 +534,7 @@ class _Builder:
         if dice.chance(35):
             condition, _ = self._condition(False)
             assert isinstance(condition, PatternCall)
-            return self._for_each(ObserveFind(condition, dice.one([None, 1, 3])))
+            return self._aggregate(self._for_each(ObserveFind(condition, dice.one([None, 1, 3]))))
         each = None
         if dice.chance(50):
             each = Parameter("each", dice.one(list(self._metamodel.classes)))
@@ -547,7 +550,8 @@ class _Builder:
         if isinstance(type_, ObjectType):
             return ObserveObject(path, type_.cls, dice.chance(80), each, visible)
         if type_ is Scalar.INT:
-            return ObserveRange(path, dice.number(-1, 0), dice.number(1, 3), each, visible)
+            lowest, highest = dice.number(-1, 0), dice.number(1, 3)
+            return ObserveRange(path, lowest * self._operations.one([1, 1.5]), highest, each, visible)
         if type_ is Scalar.FLOAT:
             low, high = self._operations.one([(0.0, 1.0), (-2.5, 0.6), (0, 3), (0.1, 1e200)])
             return ObserveRange(path, low, high, each, visible)
@@ -566,6 +570,18 @@ class _Builder:
         visible = replace(call, arguments=others) if other.chance(40) else None
         parameter = Parameter("each", getattr(types[place], "cls", None))
         return ObserveFind(replace(call, arguments=arguments), seen.up_to, parameter, visible)
+
+    def _aggregate(self, seen: ObserveFind) -> ObserveFind:
+        """The observation, half of the time of an aggregate of a number that its pattern has."""
+        other, call = self._operations, seen.call
+        types = self._engine.library.parameter_types(call.pattern)
+        places = [number for number, type_ in enumerate(types) if type_ in (Scalar.INT, Scalar.FLOAT)]
+        if not places or other.chance(50):
+            return seen
+        place, function = other.one(places), other.one([*get_args(AggregateFunction)][1:])
+        arguments = tuple(ColumnMark() if number == place else one for number, one in enumerate(call.arguments))
+        low, high = other.one([(-1, 3), (0.5, 4), (-2.5, 1e200)])
+        return replace(seen, call=replace(call, arguments=arguments), up_to=high, aggregate=function, low=low)
 
     # --- values
 

@@ -41,7 +41,7 @@ from envgraph.lang.syntax._parser import (
     select_trees,
     signed_number_of,
 )
-from envgraph.pattern import Expression, Navigation, Negation, Parameter, PatternCall
+from envgraph.pattern import AggregateFunction, Expression, Navigation, Negation, Parameter, PatternCall
 
 _NOTHING = "nothing"
 
@@ -284,6 +284,10 @@ def parse_observation(reading: FileReading, tree: Tree[Token]) -> Observation:
             bounds = select_tokens(observed.children, "INT")
             up_to = int(bounds[0]) if bounds else None
             return ObserveFind(parse_pattern_call(reading, inner[0]), up_to, parameter, only, span)
+        case "aggregate":
+            function = cast(AggregateFunction, str(select_tokens(observed.children)[0]))
+            low, high = _parse_bounds(inner[1])
+            return ObserveFind(parse_pattern_call(reading, inner[0]), high, parameter, only, span, function, low)
         case "among":
             or_none = bool(select_trees(inner, "or_none"))
             type_ = resolve_type(reading, inner[1])

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Mapping
-from typing import Literal, cast
+from typing import cast
 
 from lark import Token, Tree
 
@@ -20,6 +20,7 @@ from envgraph.lang.read._java_names import JAVA_TYPES
 from envgraph.lang.syntax._parser import qualified_name_of, select_tokens, select_trees
 from envgraph.pattern import (
     Aggregate,
+    AggregateFunction,
     Binary,
     Check,
     Closure,
@@ -39,8 +40,6 @@ from envgraph.pattern import (
     TypeConstraint,
     Variable,
 )
-
-AggregateFunction = Literal["count", "sum", "min", "max", "avg"]
 
 
 def parse_conditions(reading: FileReading, statements: Iterable[Tree[Token]]) -> tuple[Constraint, ...]:

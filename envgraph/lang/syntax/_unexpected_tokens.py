@@ -104,8 +104,10 @@ def habit_hint(grammar: Grammar, states: list[int], lexemes: Sequence[Lexeme], i
             return "write `truncate`, without `terminate`"
         if grammar.expected_terminals(states) == [keywords["up"]]:
             return f"give the highest value of the count: write `up to {after if word[:2] == 'up' else 3}`"
-        if word == "up" and grammar.accepts(states, keywords["in"]):
-            return f"give the range of the number: write `in 0..{lexemes[index + 2].value}`"
+        if (is_up := word == "up" and grammar.accepts(states, keywords["in"])) or (
+            grammar.expected_terminals(states) == [keywords["in"]]
+        ):
+            return f"give the range of the number: write `in 0..{lexemes[index + 2].value if is_up else 9}`"
         if word == "%" and grammar.accepts(states, signs[":"]):
             return f"a probability is a number from 0 to 1: write `{float(before[1]) / 100:g}`"
         if (word in ("+", "-", "*", "/") and grammar.accepts(states, signs[":"])) or (before[1], word) == (

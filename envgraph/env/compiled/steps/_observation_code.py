@@ -17,8 +17,7 @@ from envgraph.behaviour import (
     ObserveFind,
     ObserveObject,
     ObservePath,
-    condition_helper,
-    count_helper,
+    find_helper,
     path_root,
 )
 from envgraph.env._flat_observations import float_rank
@@ -28,7 +27,6 @@ from envgraph.env._prepared_clauses import NameClasses
 from envgraph.env.compiled.layout._not_compiled import add_missing_span
 from envgraph.env.compiled.layout._program_layout import (
     ONE,
-    RI,
     ZERO,
     Constants,
     L,
@@ -38,7 +36,7 @@ from envgraph.env.compiled.layout._program_layout import (
     emit_table_entry,
 )
 from envgraph.env.compiled.layout._symbols import IndexByObject
-from envgraph.env.compiled.matching._term_code import CodeTerm, variable_term
+from envgraph.env.compiled.matching._term_code import CodeTerm, emit_as_float, variable_term
 from envgraph.env.compiled.steps._clause_code import FunctionEmitter, key_pattern
 from envgraph.errors import LARGEST_INT
 from envgraph.match.plan import PatternQuery
@@ -110,21 +108,24 @@ class ObservationEmitter:
     def _emit_match_count(
         self, observation: ObserveFind, types: NameClasses, scope: Mapping[str, CodeTerm], local: code.Local
     ) -> None:
-        """Emit code that assigns the number of matches, at most 1 or `up_to`, to a variable."""
-        writer = self._writer
-        if observation.up_to is None:
+        """Emit code that sets a variable to 1 if there is a match, or to the index of the aggregate of all matches.
+
+        If an aggregate of no match has no value, the variable is set to 0.
+        """
+        writer, limits = self._writer, observed_range(observation, types, self._metamodel)
+        if limits is None:
             found = self._emit_condition_test(observation.call, types, scope)
             writer.append_assignment(local, code.ConditionalExpression(found, ONE, ZERO))
             return
         writer.append_assignment(local, ZERO)
-        question = add_helper_pattern(
-            writer.engine, writer.behaviour, lambda name: count_helper(name, observation.call, types)
-        )
+        question = add_helper_pattern(writer.engine, writer.behaviour, lambda n: find_helper(n, observation, types))
+        view = writer.pattern_view(question)
+        (type_,) = writer.matching.column_types(view)
         values = [scope[bound].value for bound in question.bound]
-        rows = writer.emit_function_call(writer.matching.emit_rows(writer.pattern_view(question)), *values)
-        most = code.emit_call("min", emit_entry(RI, writer.first_row, 0), code.Constant(observation.up_to))
+        rows = writer.emit_function_call(writer.matching.emit_rows(view), *values)
+        total = variable_term(writer.matching.row_cells([type_], writer.first_row)[0], type_)
         some = [*writer.bound_alive_tests(question, scope), code.Operation(">", (rows, ZERO))]
-        writer.append(code.If(code.emit_joined("and", some, True), (code.Assign(local, most),)))
+        writer.append(code.If(code.emit_joined("and", some, True), (code.Assign(local, _emit_index(total, limits)),)))
 
     def _emit_window(self, observation: ObserveAround, types: NameClasses, scope: Mapping[str, CodeTerm]) -> None:
         writer, window = self._writer, ObservedWindow(observation, self._draw, types, self._metamodel)
@@ -222,7 +223,7 @@ class ObservationEmitter:
     ) -> code.Expression:
         """Emit code that tests if a condition has a match. Conditions on deleted objects have no match."""
         writer = self._writer
-        question = add_helper_pattern(writer.engine, writer.behaviour, lambda n: condition_helper(n, call, types))
+        question = writer.condition_pattern(call, types)
         values = [scope[bound].value for bound in question.bound]
         exists = writer.emit_function_call(
             writer.matching.emit_exists(writer.pattern_view(question, free=False)), *values
@@ -263,13 +264,7 @@ class ObservationEmitter:
         if limits is None:
             writer.append_assignment(local, _emit_literal_index(term, self._layout))
             return
-        low, high, is_float = limits
-        rank: code.Expression = code.emit_call(
-            "min", code.emit_call("max", term.value, code.Constant(low)), code.Constant(high)
-        )
-        if is_float:
-            rank, low = code.emit_call("float_rank", rank), float_rank(low)
-        writer.append_assignment(local, code.Operation("-", (rank, code.Constant(low))))
+        writer.append_assignment(local, _emit_index(term, limits))
 
     def _emit_find_index(self, cls: str, node: code.Local, local: code.Local) -> code.Body:
         """Emit code that finds the index of an object that a rule has created, by its key; no code if none has one."""
@@ -283,6 +278,16 @@ class ObservationEmitter:
         found = code.If(has_key, (code.Assign(local, index), code.BreakOrContinue("break")))
         each = code.For(index, code.emit_call("range", self._emit_index_count(cls)), (found,))
         return (code.If(code.Operation("<", (local, ZERO)), (each,)),)
+
+
+def _emit_index(term: CodeTerm, limits: tuple[float, float, bool]) -> code.Expression:
+    """Emit code for the index of a number in a range: see `number_index`."""
+    low, high, is_float = limits
+    value = emit_as_float(term) if is_float else term.value
+    rank: code.Expression = code.emit_call("min", code.emit_call("max", value, code.Constant(low)), code.Constant(high))
+    if is_float:
+        rank, low = code.emit_call("float_rank", rank), float_rank(low)
+    return code.Operation("-", (rank, code.Constant(low)))
 
 
 def _emit_literal_index(term: CodeTerm, layout: ProgramLayout) -> code.Expression:

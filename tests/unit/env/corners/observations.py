@@ -1,4 +1,4 @@
-"""Observations of floats, and of patterns for each object of a class."""
+"""Observations of floats, of values of queries, and of patterns for each object of a class or literal of an enum."""
 
 from __future__ import annotations
 
@@ -17,6 +17,11 @@ PATTERNS = """
 pattern lies(s : Spot, i : Item) { Item.at(i, s); }
 pattern near(m : Man, s : Spot) { Man.at(m, s); } or { Man.at(m, a); Spot.east(a, s); }
 pattern big(i : Item) { Item.weight(i, w); check(w > 1.0); }
+pattern load(s : Spot, i : Item, w : float) { Item.at(i, s); Item.weight(i, w); }
+pattern label(s : Spot, n : int) { Item.at(i, s); Item.id(i, n); }
+pattern gap(m : Man, s : Spot, n : int) { Man.at(m, a); n == eval(abs(a.x - s.x)); Spot(s); }
+pattern open(s : Spot, in way : Way) { find step(s, way, t); Spot.lit(t, false); }
+pattern looks(i : Item, kind : Kind, s : Spot) { Item.kind(i, kind); Item.at(i, s); }
 """
 CLAUSES = """
 action put(i : Item, s : Spot) = put(i, s)
@@ -46,6 +51,27 @@ CORNERS = {
         PATTERNS,
         head="adam : Man, i0 : Item",
     ),
+    "values of queries, ints as numbers, and literals": Yard(
+        RULES,
+        CLAUSES
+        + """
+        action walk = walk(adam)
+        observe sum find load(_, _, #) in 0.25..30.0
+        observe avg find load(s, _, #) in -1.0..9.0 for s : Spot if find near(adam, s)
+        observe max find load(s, i, #) in 1..9.5 for i : Item
+        observe sum find label(s, #) in 1..5 for s : Spot
+        observe min find label(_, #) in -1..9 if find near(adam, _)
+        observe max find label(s, #) in -1..2 for s : Spot if find near(_, s)
+        observe avg find label(_, #) in 0.0..4.0
+        observe max find gap(adam, s, #) in 1..2 for s : Spot
+        observe sum find gap(adam, _, #) in -2.5..8.0
+        observe sum find gap(_, _, #) in 0..1000
+        observe adam.hunger in 0.0..2.5
+        observe i.id in 0..3.0 for i : Item if find big(i)
+        """,
+        PATTERNS,
+        head="adam : Man, s0 : Spot",
+    ),
     "floats of agents that take turns": Yard(
         RULES,
         CLAUSES
@@ -54,12 +80,14 @@ CORNERS = {
             action tire = tire(m)
             action walk = walk(m)
             observe m.power in -1.5..2.5
+            observe sum find gap(m, _, #) in 0.5..6
             observe find near(m, s) for s : Spot
             observe i.weight in 0.0..9.0 for i : Item if find big(i)
         }
         agent h : Heavy {
             action fatten = grow(h)
             observe h.weight in -1.5..2.5
+            observe max find load(_, h, #) in 0.5..6
             observe find lies(s, h) for s : Spot
         }
         """,
@@ -74,6 +102,7 @@ CORNERS = {
             action walk = walk(m)
             observe m.power in -1.5..2.5 if find near(m, _)
             observe count find near(m, s) up to 1 for s : Spot
+            observe min find gap(m, s, #) in 0.0..2.0 for s : Spot if find near(m, s)
         }
         each step apply 0.5: dim()
         observe s.f in 0.0..0.5 for s : Spot
