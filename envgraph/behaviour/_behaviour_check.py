@@ -168,7 +168,7 @@ class _BehaviourChecker(CallChecks, ViewChecks):
             )
         for effect in owner.effects:
             self._check_effect(effect, scope)
-        for observation in owner.observations:
+        for observation in {one.span or id(one): one for one in owner.observations}.values():  # one for all literals
             self.check_observation(observation, scope)
 
     # --- actions

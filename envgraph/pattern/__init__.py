@@ -57,6 +57,7 @@ if TYPE_CHECKING:
         children as children,
         constraint_terms as constraint_terms,
         required_paths as required_paths,
+        rewrite_expressions as rewrite_expressions,
         terms_of as terms_of,
         variables_in as variables_in,
         variables_of_terms as variables_of_terms,

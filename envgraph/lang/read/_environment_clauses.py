@@ -30,6 +30,8 @@ from envgraph.behaviour import (
     RuleCall,
     Token as DrawnToken,
 )
+from envgraph.code import walk_parts
+from envgraph.errors import Diagnostic
 from envgraph.lang.read._expression_parser import parse_expression, parse_expressions, parse_variable
 from envgraph.lang.read._file_reading import FileReading, resolve_type, type_name_span
 from envgraph.lang.read._query_conditions import parse_condition, parse_pattern_call
@@ -41,7 +43,17 @@ from envgraph.lang.syntax._parser import (
     select_trees,
     signed_number_of,
 )
-from envgraph.pattern import AggregateFunction, Expression, Navigation, Negation, Parameter, PatternCall
+from envgraph.pattern import (
+    AggregateFunction,
+    EnumLiteral,
+    Expression,
+    Navigation,
+    Negation,
+    Parameter,
+    PatternCall,
+    Variable,
+    rewrite_expressions,
+)
 
 _NOTHING = "nothing"
 
@@ -267,17 +279,44 @@ def parse_on_reset(reading: FileReading, tree: Tree[Token]) -> OnReset | None:
 # --- observations ---
 
 
-def parse_observation(reading: FileReading, tree: Tree[Token]) -> Observation:
+def parse_observations(reading: FileReading, tree: Tree[Token]) -> list[Observation]:
+    """Parse an `observe ..` clause; return a copy of it for each literal of the enums in its `for`.
+
+    The literals replace the name; those of the last enum vary fastest. Report a second name for objects.
+    """
+    each = reading.first_or_report("`for`", select_trees(tree.children, "each_object"))
+    names = [_parse_each_name(reading, part) for part in select_trees(each.children)] if each else []
+    metamodel = reading.types.metamodel if reading.types else None
+    enums = metamodel.enums if metamodel else {}
+    objects = [one for one in names if one.type not in enums]
+    if metamodel and len(objects) > 1:
+        first, second, *_ = (f"`{one.name}`" for one in objects)
+        message = f"`for` takes one name for objects, but {first} and {second} stand for objects"
+        reading.add(Diagnostic("duplicate-part", message, objects[1].span, f"write `_` instead of {second}"))
+    found = [_parse_observation(reading, tree, next(iter(objects), None))]
+    for one in names:
+        if enum := enums.get(one.type or ""):
+            if Variable(one.name) not in walk_parts(tuple(found)):
+                reading.add(Diagnostic("unused-name", f"`{one.name}` is not used", one.span, "leave it out"))
+            found = [_with_literal(clause, one, literal) for clause in found for literal in enum.literals]
+    return found
+
+
+def _with_literal(clause: Observation, name: Parameter, literal: str) -> Observation:
+    """Return the clause with a literal of an enum in place of a name."""
+    old = Variable(name.name)
+    return rewrite_expressions(clause, lambda one: EnumLiteral(name.type, literal, one.span) if one == old else one)
+
+
+def _parse_observation(reading: FileReading, tree: Tree[Token], parameter: Parameter | None) -> Observation:
     """Parse an `observe ..` clause: of a window, a pattern, an object, a number in a range or an attribute."""
-    every, visibles = select_trees(tree.children, "each_object"), select_trees(tree.children, "visible")
-    each, visible = reading.first_or_report("`for`", every), reading.first_or_report("`if`", visibles)
+    visible = reading.first_or_report("`if`", select_trees(tree.children, "visible"))
     only = parse_pattern_call(reading, select_trees(visible.children)[0]) if visible else None
     span = reading.span(tree)
     if tree.data == "around":
         width, height = map(int, select_tokens(tree.children, "INT"))
         return ObserveAround(parse_variable(reading, select_tokens(tree.children)[0]), width, height, only, span)
     observed = select_trees(tree.children)[0]
-    parameter = _parse_each_object(reading, each) if each else None
     inner = select_trees(observed.children)
     match observed.data:
         case "holds" | "count":
@@ -299,7 +338,7 @@ def parse_observation(reading: FileReading, tree: Tree[Token]) -> Observation:
     return ObserveAttribute(parse_path(reading, inner[0]), parameter, only, span)
 
 
-def _parse_each_object(reading: FileReading, tree: Tree[Token]) -> Parameter:
+def _parse_each_name(reading: FileReading, tree: Tree[Token]) -> Parameter:
     name, type_ = select_tokens(tree.children)[0], select_trees(tree.children)[0]
     return Parameter(
         str(name),

@@ -12,7 +12,7 @@ from envgraph.lang.read._environment_clauses import (
     parse_action,
     parse_drawing,
     parse_each_step,
-    parse_observation,
+    parse_observations,
     parse_on_find,
     parse_on_refused,
     parse_on_reset,
@@ -132,4 +132,5 @@ def _parse_effects(reading: FileReading, clauses: Sequence[Tree[Token]]) -> tupl
 
 
 def _parse_observations(reading: FileReading, clauses: Sequence[Tree[Token]]) -> tuple[Observation, ...]:
-    return tuple(parse_observation(reading, part) for part in select_trees(clauses, "observation", "around"))
+    trees = select_trees(clauses, "observation", "around")
+    return tuple(one for part in trees for one in parse_observations(reading, part))

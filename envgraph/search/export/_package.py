@@ -155,7 +155,7 @@ class _EnvironmentData:
     def template_values(self, episodes: bool) -> Mapping[str, Any]:
         behaviour = self._family.behaviour
         owners: tuple[Behaviour | Agent, ...] = (behaviour, *behaviour.agents)
-        observed = [one.span for owner in owners for one in owner.observations if one.span is not None]
+        observed = dict.fromkeys(one.span for owner in owners for one in owner.observations if one.span is not None)
         given: Any = self.program or next(iter(self.tables.values()))
         names = [one.name for one in self._family.members]
         name = normalize("NFKC", behaviour.name)  # as Python normalises identifiers

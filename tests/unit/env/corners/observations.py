@@ -68,6 +68,9 @@ CORNERS = {
         observe sum find gap(_, _, #) in 0..1000
         observe adam.hunger in 0.0..2.5
         observe i.id in 0..3.0 for i : Item if find big(i)
+        observe find open(s, way) for s : Spot, way : Way
+        observe find step(_, way, _) for way : Way if find open(s0, way)
+        observe count find looks(_, kind, _) up to 2 for kind : Kind
         """,
         PATTERNS,
         head="adam : Man, s0 : Spot",
@@ -103,6 +106,7 @@ CORNERS = {
             observe m.power in -1.5..2.5 if find near(m, _)
             observe count find near(m, s) up to 1 for s : Spot
             observe min find gap(m, s, #) in 0.0..2.0 for s : Spot if find near(m, s)
+            observe find open(s, way) for way : Way, s : Spot if find near(m, s)
         }
         each step apply 0.5: dim()
         observe s.f in 0.0..0.5 for s : Spot
