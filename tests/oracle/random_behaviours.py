@@ -572,16 +572,24 @@ class _Builder:
         return ObserveFind(replace(call, arguments=arguments), seen.up_to, parameter, visible)
 
     def _aggregate(self, seen: ObserveFind) -> ObserveFind:
-        """The observation, half of the time of an aggregate of a number that its pattern has."""
-        other, call = self._operations, seen.call
-        types = self._engine.library.parameter_types(call.pattern)
-        places = [number for number, type_ in enumerate(types) if type_ in (Scalar.INT, Scalar.FLOAT)]
-        if not places or other.chance(50):
+        """The observation, or often that of an aggregate of a number that a pattern has."""
+        other, library, each = self._operations, self._engine.library, seen.each
+        names = [one.qualified_name for one in library.patterns if not one.package and "#" not in one.name]
+        taken = {name: library.parameter_types(name) for name in names}
+        numbers = (Scalar.INT, Scalar.FLOAT)
+        columns = [(name, place) for name in names for place, one in enumerate(taken[name]) if one in numbers]
+        if not columns or other.chance(40):
             return seen
-        place, function = other.one(places), other.one([*get_args(AggregateFunction)][1:])
-        arguments = tuple(ColumnMark() if number == place else one for number, one in enumerate(call.arguments))
+        pattern, column = other.one(columns)
+        scope = {**self._scope, **({each.name: ObjectType(each.type or "")} if each is not None else {})}
+        fitting = [self._fitting(scope, one) for one in taken[pattern] if one is not None]
+        arguments: list[Term] = [Variable(other.one([*known, *known, "_"])) for known in fitting]
+        arguments[column] = ColumnMark()
+        function = other.one([*get_args(AggregateFunction)][1:])
         low, high = other.one([(-1, 3), (0.5, 4), (-2.5, 1e200)])
-        return replace(seen, call=replace(call, arguments=arguments), up_to=high, aggregate=function, low=low)
+        made = replace(seen, call=PatternCall(pattern, tuple(arguments)), up_to=high, aggregate=function, low=low)
+        is_used = each is not None and Variable(each.name) in arguments
+        return made if is_used else replace(made, each=None, visible=None)
 
     # --- values
 
