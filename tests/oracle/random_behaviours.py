@@ -586,7 +586,7 @@ class _Builder:
         arguments: list[Term] = [Variable(other.one([*known, *known, "_"])) for known in fitting]
         arguments[column] = ColumnMark()
         function = other.one([*get_args(AggregateFunction)][1:])
-        low, high = other.one([(-1, 3), (0.5, 4), (-2.5, 1e200)])
+        low, high = other.one([(-1, 3), (0, 5), (0.5, 4), (-2.5, 1e200)])
         made = replace(seen, call=PatternCall(pattern, tuple(arguments)), up_to=high, aggregate=function, low=low)
         is_used = each is not None and Variable(each.name) in arguments
         return made if is_used else replace(made, each=None, visible=None)
