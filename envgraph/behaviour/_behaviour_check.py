@@ -83,10 +83,7 @@ class _BehaviourChecker(CallChecks, ViewChecks):
     def _check_completeness(self, behaviour: Behaviour) -> None:
         span = behaviour.span
         if behaviour.together and not behaviour.agents:
-            place, hint = (
-                behaviour.together_span or span,
-                "write `agent name : Class { .. }`, or leave it out",
-            )
+            place, hint = (behaviour.together_span or span, "write `agent name : Class { .. }`, or leave it out")
             self.report("no-agents", "`agents together` needs `agent` blocks, but there are none", place, hint)
         agents = behaviour.agents or (None,)
         for agent in agents:
@@ -129,10 +126,7 @@ class _BehaviourChecker(CallChecks, ViewChecks):
         scope = dict(outer)
         if scope.get(agent.variable) is not None:
             self.report(
-                "duplicate-definition",
-                f"`{agent.variable}` is already a parameter",
-                agent.span,
-                "choose another name",
+                "duplicate-definition", f"`{agent.variable}` is already a parameter", agent.span, "choose another name"
             )
         scope[agent.variable] = self.check_class(agent.cls, agent.cls_span or agent.span)
         self._check_clauses(agent, scope, dict(shared))
@@ -160,12 +154,7 @@ class _BehaviourChecker(CallChecks, ViewChecks):
             total += self._check_action(action, scope)
         if total > LIMITS["actions"]:
             message = f"there are {total} actions, but at most {LIMITS['actions']} are possible"
-            self.report(
-                "too-many-actions",
-                message,
-                owner.span,
-                "give its actions fewer parameters, or smaller ranges",
-            )
+            self.report("too-many-actions", message, owner.span, "give its actions fewer parameters, or smaller ranges")
         for effect in owner.effects:
             self._check_effect(effect, scope)
         for observation in {one.span or id(one): one for one in owner.observations}.values():  # one for all literals

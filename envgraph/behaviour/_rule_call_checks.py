@@ -95,9 +95,7 @@ class CallChecks(CheckBase):
         self._check_output_bound(action.reward, partly, "leave it out: it has a value in some branches only")
         self.check_reward(action.reward, shared)
         self._check_output_bound(
-            action.else_reward,
-            set(shared) - set(scope),
-            "leave it out: a rule that is not applied has no outputs",
+            action.else_reward, set(shared) - set(scope), "leave it out: a rule that is not applied has no outputs"
         )
         self.check_reward(action.else_reward, shared)
 

@@ -115,10 +115,7 @@ def print_table(title: str, columns: Sequence[str], rows: Iterable[Sequence[str]
     table = Table(header_style="bold", box=None, pad_edge=False)
     for place, column in enumerate(columns):
         table.add_column(
-            Text(column),
-            justify="right" if place in set(right) else "left",
-            no_wrap=not place,
-            overflow="fold",
+            Text(column), justify="right" if place in set(right) else "left", no_wrap=not place, overflow="fold"
         )
     for row in rows:
         table.add_row(*(Text(cell) for cell in row))

@@ -8,15 +8,7 @@ from dataclasses import field, replace
 from typing import TYPE_CHECKING, Any, NoReturn, TypeVar
 
 from envgraph.code import dataclass
-from envgraph.errors import (
-    RAISE_LIMIT_HINT,
-    Diagnostic,
-    LoadError,
-    Severity,
-    Source,
-    did_you_mean,
-    scaled_limit,
-)
+from envgraph.errors import RAISE_LIMIT_HINT, Diagnostic, LoadError, Severity, Source, did_you_mean, scaled_limit
 from envgraph.lang.family._family_reader import FAMILY_FILE, PROBLEM_FILE, read_family
 from envgraph.lang.family._family_spec import FamilySpec
 from envgraph.lang.loading._family_check import check_family

@@ -93,14 +93,7 @@ def parse_audit_settings(domain: Domain) -> AuditSettings:
         problems.append(Diagnostic("missing-key", "an audit needs an environment", spec.audit.span(), hint))
     elif limit is None:
         hint = "write `limit = 64` at the top"
-        problems.append(
-            Diagnostic(
-                "missing-key",
-                "an audit needs a `limit` of episodes",
-                spec.audit.span(),
-                hint,
-            )
-        )
+        problems.append(Diagnostic("missing-key", "an audit needs a `limit` of episodes", spec.audit.span(), hint))
     elif behaviour.agents:
         message = "an audit trains a single agent, but this environment has `agent` blocks"
         problems.append(Diagnostic("bad-audit", message, behaviour.agents[0].span))

@@ -11,22 +11,8 @@ from envgraph.metamodel import EnumType, type_name
 from envgraph.pattern._enumerable_variables import Binding, enumerated_by_type, inputs_of, is_data_type
 from envgraph.pattern._expression_data import Constant, Variable
 from envgraph.pattern._goals import ObjectType, StaticType
-from envgraph.pattern._occurrences import (
-    BodyVariables,
-    VariableUse,
-    positive_relations,
-    terms_of,
-    variable_names,
-)
-from envgraph.pattern._query_data import (
-    ColumnMark,
-    Comparison,
-    Evaluation,
-    Parameter,
-    Pattern,
-    Relation,
-    Term,
-)
+from envgraph.pattern._occurrences import BodyVariables, VariableUse, positive_relations, terms_of, variable_names
+from envgraph.pattern._query_data import ColumnMark, Comparison, Evaluation, Parameter, Pattern, Relation, Term
 from envgraph.pattern._type_inference import BodyTypes, relation_text
 from envgraph.pattern._types import type_text
 from envgraph.pattern.check._relation_check import RelationPlace
@@ -45,13 +31,7 @@ class UsageCheck:
     """
 
     def __init__(
-        self,
-        pattern: Pattern,
-        body_types: BodyTypes,
-        binding: Binding,
-        tainted: set[str],
-        where: str,
-        unclear: bool,
+        self, pattern: Pattern, body_types: BodyTypes, binding: Binding, tainted: set[str], where: str, unclear: bool
     ) -> None:
         self._pattern = pattern
         self._types = body_types
@@ -147,11 +127,7 @@ class UsageCheck:
             )
             hint = f"bind `{circular[0]}` first, with a class, a path or a `find`"
             yield Diagnostic(
-                "not-enumerable",
-                message,
-                self._reading.first_span(circular[0]),
-                hint,
-                subject=tuple(circular),
+                "not-enumerable", message, self._reading.first_span(circular[0]), hint, subject=tuple(circular)
             )
 
     def _check_valueless(self) -> Iterator[Diagnostic]:
@@ -222,11 +198,7 @@ class UsageCheck:
             return Diagnostic("only-negative", message, span, hint)
         message = f"no positive constraint enumerates the values of `{name}`{self._location_phrase}"
         return Diagnostic(
-            "not-enumerable",
-            message,
-            span or self._pattern.span,
-            self._binding_hint(name, parameter),
-            subject=(name,),
+            "not-enumerable", message, span or self._pattern.span, self._binding_hint(name, parameter), subject=(name,)
         )
 
     def _binding_hint(self, name: str, parameter: Parameter | None) -> str:

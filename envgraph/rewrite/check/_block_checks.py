@@ -7,13 +7,7 @@ from dataclasses import replace
 from envgraph.errors import Diagnostic, Note, Severity, quote_with_article
 from envgraph.metamodel import Attribute, Feature
 from envgraph.pattern import Modification, RuleEdge
-from envgraph.rewrite._rule_plan import (
-    AdjustAttribute,
-    BlockPlan,
-    ChangeTargets,
-    SetAttributeValues,
-    SetTargets,
-)
+from envgraph.rewrite._rule_plan import AdjustAttribute, BlockPlan, ChangeTargets, SetAttributeValues, SetTargets
 from envgraph.rewrite.check._claims import claims_of
 from envgraph.rewrite.check._containment import contained_end, loses_container
 from envgraph.rewrite.check._contradictions import ConflictCheck, Contradiction
@@ -148,11 +142,7 @@ def _check_retyped(changes: BlockChanges) -> None:
 
 def _check_homeless(changes: BlockChanges, name: str) -> None:
     """Warn if no container can contain a retyped object, unless it is moved or its link to the container is deleted."""
-    before, after, metamodel = (
-        changes.scope.class_before(name),
-        changes.scope.retyped[name],
-        changes.scope.metamodel,
-    )
+    before, after, metamodel = (changes.scope.class_before(name), changes.scope.retyped[name], changes.scope.metamodel)
     if any(move.node == changes.scope.slot_of(name) for move in changes.moves):
         return
     unlinked = changes.scope.unlinked.values()
@@ -212,10 +202,7 @@ def _provides_feature(plan: BlockPlan, slot: int, reference: Feature, scope: Rul
         return any((one.object, one.attribute) == (slot, reference) for one in given)
     opposite = scope.metamodel.opposite(reference)
     for link in plan.links:
-        if (link.source, link.reference) == (slot, reference) or (link.target, link.reference) == (
-            slot,
-            opposite,
-        ):
+        if (link.source, link.reference) == (slot, reference) or (link.target, link.reference) == (slot, opposite):
             return True
     for change in plan.sets:
         if isinstance(change, SetTargets | ChangeTargets):

@@ -10,17 +10,7 @@ from envgraph.errors import InvalidArgument, TypeMismatch
 from envgraph.graph import Model, Node
 from envgraph.match import Matcher, ViewMatcher
 from envgraph.metamodel import Scalar, Value, accepts, reachable_nodes, type_name
-from envgraph.pattern import (
-    Applicable,
-    Derivation,
-    IfStep,
-    Library,
-    ObjectType,
-    Pattern,
-    Rule,
-    Unit,
-    UnitCall,
-)
+from envgraph.pattern import Applicable, Derivation, IfStep, Library, ObjectType, Pattern, Rule, Unit, UnitCall
 from envgraph.rewrite._matches import Shape
 from envgraph.rewrite._signatures import Signature, SignatureTable
 from envgraph.rewrite.check._unit_check import all_steps, as_applicability_test

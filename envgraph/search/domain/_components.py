@@ -27,11 +27,7 @@ from envgraph.search.evolution._survivor_selection import (
     TournamentParents,
 )
 from envgraph.search.optimising import Annealing, Beam, HillClimb, Strategy, TreeSearch
-from envgraph.search.problem._expression_measures import (
-    ExpressionMeasure,
-    named_measures,
-    parse_measure_expression,
-)
+from envgraph.search.problem._expression_measures import ExpressionMeasure, named_measures, parse_measure_expression
 from envgraph.search.problem._family_measures import ChainTransfer
 from envgraph.search.problem._individual_measures import (
     CachedCertifier,

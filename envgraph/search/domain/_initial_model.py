@@ -9,15 +9,7 @@ from re import fullmatch
 from typing import TYPE_CHECKING
 
 from envgraph.behaviour import DuplicateKeyError, key_reader, ranged_classes, unbound_names
-from envgraph.errors import (
-    Diagnostic,
-    EvaluationError,
-    LoadError,
-    Note,
-    Severity,
-    has_errors,
-    sort_diagnostics,
-)
+from envgraph.errors import Diagnostic, EvaluationError, LoadError, Note, Severity, has_errors, sort_diagnostics
 from envgraph.graph import Model
 from envgraph.pattern import Derivation
 from envgraph.rewrite import Engine
