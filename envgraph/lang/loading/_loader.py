@@ -373,10 +373,12 @@ class Loader:
         return list(warn_unused_files(self.files_read))
 
     def _check_conformance(self, models: Iterable[ModelText]) -> list[Diagnostic]:
-        """Return the violations of the metamodel by models: errors in a family's initial model, warnings in others."""
+        """Return the violations by models: errors if the initial model of a family is incomplete, else warnings."""
         initial = {spec.model.text for spec in self.families if spec.optimise is None}
         return [
-            replace(one, severity=Severity.ERROR) if text.span.source.name in initial else one
+            replace(one, severity=Severity.ERROR)
+            if one.code == "conformance" and text.span.source.name in initial
+            else one
             for text in models
             for one in conformance_warnings(text)
         ]

@@ -44,7 +44,7 @@ def conformance_warnings(text: ModelText) -> list[Diagnostic]:
     violations = check_conformance(text.model)
     found = [
         Diagnostic(
-            "conformance",
+            "outside-range" if violation.kind == "outside-range" else "conformance",
             violation.message,
             text.spans.get(violation.node, text.span),
             _completion_hint(violation, text.model, text.span.source.text.lstrip()[:1]),
@@ -81,6 +81,8 @@ def _missing_metamodel(workspace: Workspace) -> list[Diagnostic]:
     """
     formats = [format_of(name, text[:HEAD_BYTES].encode()) for name, text in workspace.sources.items()]
     if workspace.unknown.all or {"metamodel", "ecore"} & set(formats):
+    if violation.kind == "outside-range":
+        return f"write a number in this range, or change the `@range` of `{feature}` in the metamodel"
         return []
     about = (one for one in workspace.definitions if not isinstance(one, FunctionDeclaration))
     needing = [one.span for one in (*about, *workspace.behaviours) if one.span]

@@ -106,7 +106,7 @@ def _make_models(
             if levels[name].picture and domain.behaviour.draw is not None and not problems[name]:
                 scene = scene_of(text.model, domain.behaviour.draw, domain.behaviour.parameters)
                 problems[name] += _check_drawing(levels[name], scene_text(scene))
-        problems[name] += conformance_warnings(text)
+        problems[name] += [one for one in conformance_warnings(text) if one.code == "conformance"]
 
     def at_level(span: Span | None) -> Span | None:
         name = None if span is None else names.get(span.source.name)
