@@ -322,7 +322,9 @@ class Loader:
             cut = {_file_name(one) for one in self.diagnostics if one.span and "import" in one.span.source.text}
             xmi = {name for name, one in self.files_read.items() if one.format == "xmi"}
             broken = {_file_name(one) for one in self.diagnostics} & xmi | cut
-            self.diagnostics += [one for one in checked if one.code != "no-metamodel" or _file_name(one) not in broken]
+            checked = [one for one in checked if one.code != "no-metamodel" or _file_name(one) not in broken]
+            wrong = {one.span for one in self.diagnostics}  # arguments of a call without brackets are not counted
+            self.diagnostics += [one for one in checked if one.code != "wrong-arity" or one.span not in wrong]
             for spec in self.families:
                 if spec.path not in self.incomplete_families:
                     self.diagnostics += check_family(spec, workspace, self.components)

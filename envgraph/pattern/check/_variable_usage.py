@@ -100,7 +100,7 @@ class UsageCheck:
         if near is None:
             return None, ()
         self._tainted.add(near)
-        return did_you_mean(name, [near]), (Note(f"`{near}` is used only here", self._reading.first_span(near)),)
+        return f"write `{name}` there", (Note(f"`{near}` is used only here", self._reading.first_span(near)),)
 
     def _check_unbound(self) -> Iterator[Diagnostic]:
         circular: list[str] = []

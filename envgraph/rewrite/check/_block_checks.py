@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import replace
 
-from envgraph.errors import Diagnostic, Note, Severity, quote_with_article
+from envgraph.errors import Diagnostic, Note, Severity, has_errors, quote_with_article
 from envgraph.metamodel import Attribute, Feature
 from envgraph.pattern import Modification, RuleEdge
 from envgraph.rewrite._rule_plan import AdjustAttribute, BlockPlan, ChangeTargets, SetAttributeValues, SetTargets
@@ -21,7 +21,8 @@ def check_block(changes: BlockChanges, plan: BlockPlan) -> None:
     Orphans are only checked in a `modify` part without nested blocks. So are lost links, and only under DPO.
     """
     _check_consistent(changes, plan)
-    _check_required(changes, plan)
+    if not has_errors(changes.scope.problems):
+        _check_required(changes, plan)  # a wrong value is no missing one
     if isinstance(changes.right_side, Modification) and not plan.nested:
         if changes.rule.semantics == "dpo":
             _check_retyped(changes)
