@@ -44,6 +44,7 @@ if TYPE_CHECKING:
         ActionPlan as ActionPlan,
         Plans as Plans,
         PlanSearch as PlanSearch,
+        guide_calls as guide_calls,
         with_guide_counts as with_guide_counts,
     )
 

@@ -15,6 +15,7 @@ from envgraph.graph import Model
 from envgraph.lang import ComponentSpec
 from envgraph.match import Row
 from envgraph.metamodel import Metamodel
+from envgraph.pattern import Variable
 from envgraph.rewrite import Engine
 from envgraph.search.problem._object_columns import object_fact_columns
 
@@ -188,19 +189,27 @@ class ShortestPlan:
 
     def why_no_plan(self, engine: Engine, outcome: int = 1) -> tuple[str, str | None]:
         """Return a text why no plan was found in the current model, and a hint; None as the hint if no plan exists."""
-        from envgraph.env.compiled import NotCompiled
+        from envgraph.env.compiled import NotCompiled, guide_calls
 
         try:
             plan = self.find_plan(engine, outcome)
-        except NotCompiled:
+        except NotCompiled as reason:
             most = f"{LIMITS['searched states']:,} states"
-            live = f"simplify the behaviour: one that cannot be compiled is searched in at most {most}"
-            return "no plan was found", live
+            return "no plan was found", f"remove what limits the search to {most}: {reason}"
+        if plan.is_exact:
+            return f"no plan was found ({plan})", None
+        terms = (term for call in guide_calls(self.behaviour, outcome) for term in call.arguments)
+        counted = {term.name for term in terms if isinstance(term, Variable)}
+        counted -= {one.name for one in self.behaviour.parameters}
         hint = (
             'write `guide = "name"` in a measure with `kind = "shortest_plan"`, where `name` is a pattern with fewer '
             "and fewer matches towards the end of an episode; or raise `limit`"
         )
-        return f"no plan was found ({plan})", None if plan.is_exact else hint
+        if self.guide is not None:
+            hint = hint.replace("write", f"instead of `{self.guide}` write", 1)
+        elif not counted:
+            hint = f"nothing guides the search, since no `on neg find .. terminate` leaves a number to count: {hint}"
+        return f"no plan was found ({plan})", hint
 
 
 class DistanceToModel:

@@ -181,12 +181,16 @@ def test_a_plan_not_found_by_beam_search_gets_a_hint(refused: Call, monkeypatch:
     said = refused("check", "forest")
     assert re.search(r"was found \(none within \d+ states, by a beam of 1 after the first 3\)", said)
     assert 'write `guide = "name"` in a measure with `kind = "shortest_plan"`' in said and "or raise `limit`" in said
+    assert "nothing guides the search, since no `on neg find .. terminate` leaves a number to count" in said
     environment.write_text(environment.read_text().replace("terminate success", ""))
     measure = '[measures.plan]\nkind = "shortest_plan"\n[diversity]'
     path.write_text(path.read_text().replace('reachable = ["failure"]', "").replace("[diversity]", measure))
     said = refused("check", "forest")
     assert "has no value of `plan`: no plan was found (none within" in said
     assert "or raise `limit`; write `otherwise = 0`" in said
+    kind = 'kind = "shortest_plan"\n'
+    path.write_text(path.read_text().replace(kind, f'{kind}guide = "burningTile"\n'))
+    assert "instead of `burningTile` write `guide" in refused("check", "forest")
 
 
 def test_check_warns_about_agents_without_objects_in_the_model(refused: Call) -> None:

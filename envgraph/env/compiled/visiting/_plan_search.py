@@ -72,6 +72,18 @@ class ActionPlan:
         return f"none within {self.states:,} states, by a beam of {self.width:,} after the first {self.limit:,}"
 
 
+def guide_calls(behaviour: Behaviour, outcome: int) -> list[PatternCall]:
+    """Return the queries of the shared clauses `on neg find .. terminate` with an outcome (1 success, 2 failure)."""
+    return [
+        effect.condition.relation
+        for effect in behaviour.effects
+        if isinstance(effect, OnFind)
+        and effect.end == END_NAMES[outcome]
+        and isinstance(effect.condition, Negation)
+        and isinstance(effect.condition.relation, PatternCall)
+    ]
+
+
 def with_guide_counts(
     behaviour: Behaviour, outcome: int = 1, guide: PatternCall | None = None
 ) -> tuple[Behaviour, int]:
@@ -82,17 +94,10 @@ def with_guide_counts(
     Args:
         behaviour: a behaviour without errors.
         outcome: 1 for success, 2 for failure.
-        guide: the query to count; None: the queries of the shared clauses `on neg find .. terminate` with that outcome.
+        guide: the query to count; None: those of `guide_calls`.
     """
-    calls = [
-        effect.condition.relation
-        for effect in behaviour.effects
-        if isinstance(effect, OnFind)
-        and effect.end == END_NAMES[outcome]
-        and isinstance(effect.condition, Negation)
-        and isinstance(effect.condition.relation, PatternCall)
-    ]
-    counts = tuple(ObserveFind(call, COSTS.most_matches) for call in ([guide] if guide is not None else calls))
+    calls = [guide] if guide is not None else guide_calls(behaviour, outcome)
+    counts = tuple(ObserveFind(call, COSTS.most_matches) for call in calls)
     if behaviour.together:
         return replace(behaviour, observations=(*behaviour.observations, *counts)), len(counts)
     agents = tuple(replace(agent, observations=(*counts, *agent.observations)) for agent in behaviour.agents)
