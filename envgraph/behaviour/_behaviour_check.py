@@ -64,6 +64,7 @@ class _BehaviourChecker(CallChecks, ViewChecks):
         scope: Scope = {**dict.fromkeys(behaviour.unread), **self._check_parameters(behaviour.parameters)}
         first: dict[str, Span | None] = {}
         self._keyed_actions: dict[int, tuple[str, int]] = {}
+        self.float_ranges = {}
         self.draw, handled = behaviour.draw, any(isinstance(effect, OnRefused) for effect in behaviour.effects)
         self.handles_refusals = handled
         self._check_clauses(behaviour, scope, first)
@@ -73,6 +74,7 @@ class _BehaviourChecker(CallChecks, ViewChecks):
             self.handles_refusals = handled or any(isinstance(effect, OnRefused) for effect in agent.effects)
             self._check_agent(agent, scope, first)
         self._check_agents_disjoint(behaviour.agents)
+        self.check_float_places(behaviour)
         if not behaviour.unread:
             self._check_completeness(behaviour)
         if behaviour.draw is not None:

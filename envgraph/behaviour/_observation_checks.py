@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import replace
 
 from envgraph.behaviour._behaviour import (
+    Behaviour,
     DrawGraph,
     DrawGrid,
     DrawnLink,
@@ -41,6 +42,25 @@ class ViewChecks(CheckBase):
     """The checks of observations and drawings."""
 
     draw: DrawGraph | DrawGrid | None = None
+    float_ranges: dict[Span | int, tuple[float, float]]
+    """The range of each clause that observes floats, by its span, or by its `id` if it has none."""
+
+    def check_float_places(self, behaviour: Behaviour) -> None:
+        """Report the first float that `agent` blocks do not observe at the same place in the same range.
+
+        Later places are not compared if windows or objects of different classes precede them.
+        """
+        rows = [[*agent.observations, *behaviour.observations] for agent in behaviour.agents]
+        rows = [sorted(row, key=lambda one: one.span.start if one.span else 0) for row in rows]
+        for column in zip(*rows, strict=False):
+            floats = [one for one in column if (one.span or id(one)) in self.float_ranges]
+            if len({self.float_ranges.get(one.span or id(one)) for one in column}) > 1:
+                message = "each `agent` block must observe this float at the same place and in the same range"
+                hint = "observe floats first in each block, in the same order and with equal ranges"
+                self.report("float-place", message, floats[0].span, hint)
+                return
+            if len({one.each and one.each.type for one in column}) > 1 or ObserveAround in map(type, column):
+                return
 
     # --- observations
 
@@ -165,6 +185,8 @@ class ViewChecks(CheckBase):
         elif not is_float and high - low + 1 + (observation.visible is not None) > LARGEST_INT:
             message = f"the observation has more than {LARGEST_INT} values"
             self.report("too-many-observations", message, observation.span, "observe it in a smaller range")
+        if is_float:
+            self.float_ranges[observation.span or id(observation)] = low, high
 
     def _check_observe_attribute(self, observation: ObserveAttribute, scope: Scope) -> None:
         type_ = self.check_path(observation.path, scope)

@@ -15,7 +15,7 @@ import envgraph
 from envgraph.env import EnvgraphLiveEnv, FloatRange, Simulator
 from envgraph.env._flat_observations import LARGEST_FLOAT32, FlatLayout
 from envgraph.env.compiled import CompiledEnv, Learner, program_of
-from envgraph.errors import EnvgraphError, EvaluationError
+from envgraph.errors import EnvgraphError, EvaluationError, LoadError
 from envgraph.lang import TextFiles, load_workspace
 
 FILES = {
@@ -174,8 +174,12 @@ def test_there_are_no_tables_of_floats(domain: str) -> None:
 
 def test_floats_of_different_blocks_are_not_mixed() -> None:
     blocks = "agent d : Drone { observe d.battery in 0..1 } agent p : Pad { observe p.wind in 0..2 }"
-    with pytest.raises(EvaluationError, match="component 1 of an observation is a float for agents of one block"):
+    with pytest.raises(LoadError, match="each `agent` block must observe this float at the same place"):
         simulator(blocks)
+    known = "agent d : Drone { observe q.x in 0..2 for q : Pad observe d.battery in 0..1 }"
+    later = known + "agent p : Pad { observe p.x in 0..2 for e : Drone observe p.wind in 0..1 }"
+    with pytest.raises(EvaluationError, match="component 2 of an observation is a float for agents of one block"):
+        simulator(later)  # the number of objects is that of the model
     assert simulator(blocks.replace("0..2", "0..1")).observation_shape == (2, FloatRange(0.0, 1.0, False))
 
 
