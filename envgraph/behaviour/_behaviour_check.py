@@ -9,7 +9,7 @@ from itertools import combinations
 from envgraph.behaviour._behaviour import Action, Agent, Behaviour, Domain, Effect, OnFind, OnRefused
 from envgraph.behaviour._clause_checks import Scope, type_names
 from envgraph.behaviour._helper_patterns import condition_helper, is_bound_by_match, names_after_condition
-from envgraph.behaviour._key_index import NAMED_KEYS, key_code
+from envgraph.behaviour._key_index import NAMED_KEYS, key_code, ranged_classes
 from envgraph.behaviour._lost_objects import loss_warnings
 from envgraph.behaviour._observation_checks import ViewChecks
 from envgraph.behaviour._parameter_domains import domain_size, domain_type
@@ -65,6 +65,7 @@ class _BehaviourChecker(CallChecks, ViewChecks):
         first: dict[str, Span | None] = {}
         self._keyed_actions: dict[int, tuple[str, int]] = {}
         self.float_ranges = {}
+        self.counted = [one for one in ranged_classes(behaviour, self.metamodel) if one in self.metamodel.classes]
         self.draw, handled = behaviour.draw, any(isinstance(effect, OnRefused) for effect in behaviour.effects)
         self.handles_refusals = handled
         self._check_clauses(behaviour, scope, first)

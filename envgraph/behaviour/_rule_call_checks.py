@@ -7,12 +7,14 @@ from math import isfinite
 
 from envgraph.behaviour._behaviour import Action, Branch, RuleCall
 from envgraph.behaviour._clause_checks import CheckBase, Scope
+from envgraph.behaviour._key_index import key_attributes
 from envgraph.errors import (
     InvalidArgument,
     Note,
     Severity,
     Span,
     count_with_noun,
+    did_you_mean,
     list_names,
     name_hint,
     quote_with_article,
@@ -38,6 +40,8 @@ class CallChecks(CheckBase):
 
     handles_refusals = False
     """True if an `on refused` clause is about the rules that the checked clauses call."""
+    counted: Sequence[str] = ()
+    """The classes through whose objects actions and observations count."""
 
     def check_branches(self, branches: Sequence[Branch], scope: Scope) -> list[Scope]:
         """Check a list of branches; return the output variables of each branch."""
@@ -98,6 +102,9 @@ class CallChecks(CheckBase):
             action.else_reward, set(shared) - set(scope), "leave it out: a rule that is not applied has no outputs"
         )
         self.check_reward(action.else_reward, shared)
+        if action.else_reward and [one.probability for one in action.branches if one.call.rule is None] == [1.0]:
+            message = "`nothing()` can always be done, so that this reward is never paid"
+            self.report("never-paid", message, action.else_reward.span, "write it without `else`", Severity.WARNING)
 
     def _check_output_bound(self, reward: Expression | None, names: set[str], hint: str) -> None:
         """Report the first of the variables `names`, which may have no value, in a reward; the hint is `hint`."""
@@ -134,6 +141,7 @@ class CallChecks(CheckBase):
             self.report("no-rule", message, call.rule_span or call.span, "name a rule or a unit")
             return _supposed_outputs(call, scope)
         self._check_refusals(call.rule, call.rule_span or call.span)
+        self._check_creations(call.rule, call.rule_span or call.span)
         if len(call.arguments) != len(signature.parameters):
             count = count_with_noun(len(signature.parameters), "argument")
             message = f"{signature.kind} `{call.rule}` takes {count}, not {len(call.arguments)}"
@@ -156,6 +164,17 @@ class CallChecks(CheckBase):
                 notes = tuple(dict.fromkeys(Note("the change is here", each.span) for each in found))
                 self.report("may-be-refused", message, span, hint, Severity.WARNING, notes)
 
+    def _check_creations(self, rule: str, span: Span | None) -> None:
+        """Warn once of each rule that creates objects which actions and observations may leave out."""
+        for made in self.engine.catalog.created_classes(rule):
+            found = [cls for cls in self.counted if self.metamodel.is_a(made, cls)]
+            keyed = found and key_attributes(self.metamodel, found[0])
+            why = "unless a member has its key at the start" if keyed else "because it has no `@key`"
+            message = f"`{rule}` creates {quote_with_article(made)}, which actions and observations leave out {why}"
+            if found and all(problem.message != message for problem in self.problems):
+                hint = "put it into the model, with a `bool` or an enum that says if it is there"
+                self.report("new-object", message, span, hint, Severity.WARNING)
+
     def _report_unknown_rule(self, call: RuleCall) -> None:
         assert call.rule is not None
         span = call.rule_span or call.span
@@ -172,7 +191,8 @@ class CallChecks(CheckBase):
             message = f"`{call.rule}` may mean several rules"
             self.report("ambiguous-rule", message, span, "write " + " or ".join(f"`{name}`" for name in several))
             return
-        hint = name_hint(call.rule, [*names, "nothing"])
+        simple = ["nothing", *(name for name in names if "." not in name)]
+        hint = did_you_mean(call.rule, names) or name_hint(call.rule, simple)
         self.report("unknown-rule", f"unknown rule `{call.rule}`", span, hint)
 
     def _check_arguments(self, call: RuleCall, signature: Signature, scope: Scope) -> Scope:

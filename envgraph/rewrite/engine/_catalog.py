@@ -12,6 +12,7 @@ from envgraph.match import Matcher, ViewMatcher
 from envgraph.metamodel import Scalar, Value, accepts, reachable_nodes, type_name
 from envgraph.pattern import Applicable, Derivation, IfStep, Library, ObjectType, Pattern, Rule, Unit, UnitCall
 from envgraph.rewrite._matches import Shape
+from envgraph.rewrite._rule_plan import RulePlan
 from envgraph.rewrite._signatures import Signature, SignatureTable
 from envgraph.rewrite.check._unit_check import all_steps, as_applicability_test
 from envgraph.rewrite.engine._dpo_dangling import Loss, PossibleRefusal, losses, possible_refusals
@@ -181,21 +182,23 @@ class Catalog:
             InvalidArgument: the name is unknown.
         """
         found: dict[Loss, None] = {}
-        for one in self._reachable_names(name):
-            rule = self.runners.get(one)
-            if isinstance(rule, GraphRule):
-                found |= dict.fromkeys(losses(rule.plan, self.model.metamodel, cls, known))
-            known = {}
+        for plan in self._plans(name):
+            given = known if plan.name == self.resolve(name) else {}
+            found |= dict.fromkeys(losses(plan, self.model.metamodel, cls, given))
         return tuple(found)
 
     def possible_refusals(self, name: str) -> tuple[PossibleRefusal, ...]:
-        """Return the changes for which the model may refuse a rule; () for a Python rule, a unit and a group.
+        """Return the changes for which the model may refuse a rule, or rules that a unit calls, as `losses` does."""
+        return tuple(one for plan in self._plans(name) for one in possible_refusals(plan, self.library))
 
-        Raises:
-            InvalidArgument: the name is unknown.
-        """
-        rule = self.runners.get(self.resolve(name))
-        return tuple(possible_refusals(rule.plan, self.library)) if isinstance(rule, GraphRule) else ()
+    def created_classes(self, name: str) -> list[str]:
+        """Return the classes of the objects that a rule creates, or that rules create which a unit calls."""
+        return [create.cls for plan in self._plans(name) for block in plan.blocks for create in block.creates]
+
+    def _plans(self, name: str) -> list[RulePlan]:
+        """Return the plan of a rule, or those of the rules that a unit calls; none of Python functions."""
+        runners = map(self.runners.get, self._reachable_names(name))
+        return [one.plan for one in runners if isinstance(one, GraphRule)]
 
     def _reachable_names(self, name: str) -> list[str]:
         """Return the qualified names of a rule, unit or group and of everything that it calls, even indirectly."""
