@@ -2,9 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from typing import TYPE_CHECKING
-
 import click
 
 from envgraph.cli._app import app
@@ -21,9 +18,6 @@ from envgraph.cli._shared_options import (
     variant_option,
     where_option,
 )
-
-if TYPE_CHECKING:  # It imports the languages, which not every command needs.
-    from envgraph.cli._inputs import Inputs
 
 
 @app.command()
@@ -64,13 +58,12 @@ def adopt() -> None:
 )
 @inputs_options
 @click.option("--ignore", metavar="CODE", multiple=True, help="Omit warnings with this code; may be repeated.")
+@click.option("--no-search", is_flag=True, help="Leave out the searches of families: `reachable` and measures.")
 @overrides_option
 @format_option
-def check(files: Sequence[str], inputs: Inputs, ignore: Sequence[str], overrides: Sequence[str]) -> int:
+@implemented_in("_check_command", "check_files")
+def check() -> None:
     """Read files and all their imports, and print all problems: position, line, hint. Exit code 1 on errors."""
-    from envgraph.cli._check_command import check_files
-
-    return check_files(files, inputs, ignore, overrides)
 
 
 @app.command("format")

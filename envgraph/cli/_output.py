@@ -49,7 +49,7 @@ def output_to_file(output: Path | None, format: str) -> Iterator[None]:
     _write_line(f"wrote {output}")
 
 
-def _wants_json() -> bool:
+def wants_json() -> bool:
     """Return True if the running command prints JSON, according to the last format recorded."""
     context = click.get_current_context(silent=True)
     return context is not None and context.find_root().obj[-1:] == ["json"]
@@ -61,13 +61,13 @@ def _write_line(line: str) -> None:
 
 def print_line(text: str) -> None:
     """Print a line on standard output, unless the output format is JSON."""
-    if not _wants_json():
+    if not wants_json():
         _write_line(text)
 
 
 def print_lines(text: str) -> None:
     """Print a text of several lines, tabs included, unless the output format is JSON."""
-    if not _wants_json():
+    if not wants_json():
         sys.stdout.write("".join(line + "\n" for line in _visible_lines(text)))
 
 
@@ -77,7 +77,7 @@ def _visible_lines(text: str) -> list[str]:
 
 def print_json(value: Callable[[], object]) -> bool:
     """Print a JSON document, which `value` computes, if the output format is JSON; return True if it is."""
-    if wanted := _wants_json():
+    if wanted := wants_json():
         write_json(value())
     return wanted
 
@@ -101,7 +101,7 @@ def escape_json(text: str) -> str:
 
 def print_table(title: str, columns: Sequence[str], rows: Iterable[Sequence[str]], right: Iterable[int] = ()) -> None:
     """Print a title and a table, unless the output format is JSON; `right` has the indices of right-aligned columns."""
-    if _wants_json():
+    if wants_json():
         return
     title, columns = escape_unprintable(title), [escape_unprintable(column) for column in columns]
     rows = [[escape_unprintable(cell) for cell in row] for row in rows]
@@ -144,8 +144,8 @@ def _print_unstyled_table(
         sys.stdout.write(text.encode(encoding, "backslashreplace").decode(encoding))
 
 
-def print_diagnostics(diagnostics: Iterable[Diagnostic]) -> None:
-    """Print diagnostics on standard error, separated by blank lines; coloured on a terminal."""
+def print_diagnostics(diagnostics: Iterable[Diagnostic], first: bool = True) -> None:
+    """Print diagnostics on standard error, separated by blank lines, also from earlier ones; coloured on a terminal."""
     diagnostics = list(diagnostics)
     if not diagnostics:
         return
@@ -154,7 +154,7 @@ def print_diagnostics(diagnostics: Iterable[Diagnostic]) -> None:
 
     console = Console(stderr=True, soft_wrap=True, highlight=False)
     for number, diagnostic in enumerate(diagnostics):
-        if number:
+        if number or not first:
             console.print()
         head, *rest = str(diagnostic).split("\n")
         console.print(Text(head, "bold red" if diagnostic.severity is Severity.ERROR else "bold yellow"))
@@ -178,13 +178,16 @@ def print_error(error: EnvgraphError | OSError) -> None:
         console.print(Text(line))
 
 
+def diagnostics_of(error: EnvgraphError | OSError) -> Sequence[Diagnostic]:
+    """Return the diagnostics of an exception, or else one with its message."""
+    code = re.sub("(?<=[a-z])(?=[A-Z])", "-", type(error).__name__).lower()
+    whole = Diagnostic(code if isinstance(error, EnvgraphError) else "file-error", _error_message(error))
+    return getattr(error, "diagnostics", ()) or [whole]
+
+
 def error_to_dict(error: EnvgraphError | OSError) -> dict[str, object]:
     """Return an exception in the JSON form of `envgraph check --format json`."""
-    diagnostics: Sequence[Diagnostic] = getattr(error, "diagnostics", ())
-    if not diagnostics:
-        code = re.sub("(?<=[a-z])(?=[A-Z])", "-", type(error).__name__).lower()
-        diagnostics = [Diagnostic(code if isinstance(error, EnvgraphError) else "file-error", _error_message(error))]
-    return {"ok": False, "diagnostics": [one.to_dict() for one in diagnostics]}
+    return {"ok": False, "diagnostics": [one.to_dict() for one in diagnostics_of(error)]}
 
 
 def _error_message(error: EnvgraphError | OSError) -> str:

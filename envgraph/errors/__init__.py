@@ -12,6 +12,7 @@ from envgraph.code import export_lazily
 if TYPE_CHECKING:
     from envgraph.code import escape_unprintable as escape_unprintable
     from envgraph.errors._diagnostics import (
+        WARNING_CODES as WARNING_CODES,
         Diagnostic as Diagnostic,
         Note as Note,
         Severity as Severity,

@@ -5,10 +5,26 @@ from __future__ import annotations
 from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import field
 from enum import StrEnum
+from typing import Final
 
 from envgraph.code import dataclass, escape_unprintable
 from envgraph.errors._shown import SHOWN
 from envgraph.errors._source_text import Span
+
+WARNING_CODES: Final = frozenset({
+    "always-different", "annotation-argument", "cartesian-product", "chain-aggregate", "conformance",
+    "constant-comparison", "deletion-by-omission", "derived-feature", "duplicate-action", "empty-block", "endless-unit",
+    "existing-link", "file-too-large", "frozen-class", "generic-type", "global-negation", "homeless", "left-out",
+    "less-specific-type", "loose-connection", "lost-object", "may-be-refused", "maybe-none", "missing-file",
+    "missing-required", "missing-uri", "never-applicable", "never-matches", "never-paid", "new-object", "no-base-case",
+    "no-creation", "no-observation", "no-parameters", "no-right-side", "no-success", "no-values", "not-a-file",
+    "nothing-derived", "opposites-differ", "orphan", "other-class", "other-file", "other-names", "outside-range",
+    "quantified-variable", "query-feature", "recursive-pattern", "self-comparison", "similar-names",
+    "too-many-warnings", "unbound-agent", "undeclared-type", "unique", "unknown-annotation", "unknown-object",
+    "unknown-uri", "unlikely-probability", "unmatched-link", "unreadable-file", "unused-import", "unused-parameter",
+    "unused-private-pattern", "unused-suppress", "used-once", "useless-annotation", "values-left-out", "values-rounded",
+})  # fmt: skip
+"""The codes of the warnings that `envgraph check` may give."""
 
 
 class Severity(StrEnum):

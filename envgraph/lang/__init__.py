@@ -61,7 +61,10 @@ if TYPE_CHECKING:
         open_workspace as open_workspace,
     )
     from envgraph.lang.loading._workspace import Workspace as Workspace
-    from envgraph.lang.loading._workspace_check import conformance_warnings as conformance_warnings
+    from envgraph.lang.loading._workspace_check import (
+        check_start as check_start,
+        conformance_warnings as conformance_warnings,
+    )
     from envgraph.lang.read._from_text import from_text as from_text
     from envgraph.lang.read._model_reader import ModelText as ModelText
     from envgraph.lang.syntax._bundled_data import (

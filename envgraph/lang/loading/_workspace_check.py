@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from typing import TYPE_CHECKING
 
-from envgraph.errors import MAX_ERRORS, Diagnostic, Severity, duplicate_diagnostics
+from envgraph.errors import MAX_ERRORS, Diagnostic, EvaluationError, Note, Severity, duplicate_diagnostics
 from envgraph.graph import Model, Violation, check_conformance
 from envgraph.lang.loading._workspace import Workspace
 from envgraph.lang.read._model_reader import ModelText
@@ -12,6 +13,9 @@ from envgraph.lang.syntax._file_formats import HEAD_BYTES, format_of, namespace_
 from envgraph.metamodel import Reference
 from envgraph.pattern import FunctionDeclaration
 from envgraph.rewrite import Engine
+
+if TYPE_CHECKING:  # This is loaded with the first environment.
+    from envgraph.behaviour import Behaviour
 
 
 def check_workspace(workspace: Workspace) -> list[Diagnostic]:
@@ -58,9 +62,27 @@ def conformance_warnings(text: ModelText) -> list[Diagnostic]:
     return found
 
 
+def check_start(behaviour: Behaviour, text: ModelText, notes: tuple[Note, ...] = ()) -> list[Diagnostic]:
+    """Return the problems of a model as the start of episodes: objects of one key, and unbound names, with `notes`."""
+    from envgraph.behaviour import DuplicateKeyError, KeyIndex, indexed_classes, unbound_names
+
+    assert text.model is not None, "the files have no errors"
+    found = [replace(one, notes=(*one.notes, *notes)) for one in unbound_names(behaviour, text.model, text.spans)]
+    try:
+        KeyIndex.of_model(text.model, indexed_classes(behaviour, text.model.metamodel))
+    except EvaluationError as error:
+        first, last = map(text.spans.get, error.nodes) if isinstance(error, DuplicateKeyError) else (None, None)
+        hint = "give each of these objects a different key: the environment numbers them by key"
+        other = (Note("the other object is here", first),) if first else ()
+        found.append(Diagnostic("no-key", error.message, last or text.span, hint, notes=other))
+    return found
+
+
 def _completion_hint(violation: Violation, model: Model, start: str) -> str:
     """Return a hint that mends a violation, in the syntax of the file; `start` is the file's first character."""
     feature = violation.feature
+    if violation.kind == "outside-range":
+        return f"write a number in this range, or change the `@range` of `{feature}` in the metamodel"
     if violation.kind == "too-many":
         return f"remove some of `{feature.name}`"
     if violation.kind == "too-few" and isinstance(feature, Reference) and model.graph.targets(violation.node, feature):
@@ -81,8 +103,6 @@ def _missing_metamodel(workspace: Workspace) -> list[Diagnostic]:
     """
     formats = [format_of(name, text[:HEAD_BYTES].encode()) for name, text in workspace.sources.items()]
     if workspace.unknown.all or {"metamodel", "ecore"} & set(formats):
-    if violation.kind == "outside-range":
-        return f"write a number in this range, or change the `@range` of `{feature}` in the metamodel"
         return []
     about = (one for one in workspace.definitions if not isinstance(one, FunctionDeclaration))
     needing = [one.span for one in (*about, *workspace.behaviours) if one.span]

@@ -11,6 +11,7 @@ from envgraph.behaviour import Behaviour, KeyIndex, indexed_classes, unbound_nam
 from envgraph.code import dataclass
 from envgraph.errors import LIMITS, has_errors
 from envgraph.files import report_counting
+from envgraph.graph import Model
 from envgraph.pattern import conformance_patterns, key_patterns
 from envgraph.rewrite import Engine
 from envgraph.search.problem._individual_measures import ShortestPlan
@@ -85,17 +86,14 @@ class ParametersBound:
 
 @dataclass(frozen=True, slots=True)
 class SameAgents:
-    """The constraint that the model has the same agents as the initial model, by key. It is needed for joint actions.
+    """The constraint that the model has the agents of the initial model, by key, which joint actions need."""
 
-    Attributes:
-        keys: keys of the agents' objects in the initial model.
-    """
-
-    keys: KeyIndex
+    initial: Model
+    classes: tuple[str, ...]
 
     def holds(self, engine: Engine) -> bool:
         """Return True if the model has exactly the agents of the initial model."""
-        return KeyIndex.of_model(engine.model, self.keys.keys) == self.keys
+        return KeyIndex.of_model(engine.model, self.classes) == KeyIndex.of_model(self.initial, self.classes)
 
     def __str__(self) -> str:
         return "agents that act together are those of the initial model"
@@ -122,8 +120,7 @@ def constraints_of(domain: Domain, engine: Engine, measures: Iterable[Individual
     if behaviour is not None:
         constraints.append(ParametersBound(behaviour))
         if behaviour.together:
-            agents = dict.fromkeys(agent.cls for agent in behaviour.agents)
-            constraints.append(SameAgents(KeyIndex.of_model(domain.initial(), agents)))
+            constraints.append(SameAgents(domain.initial(), tuple(agent.cls for agent in behaviour.agents)))
         any_plan = ShortestPlan(behaviour, shortest=False)
         plans = [*(one for one in measures if isinstance(one, ShortestPlan)), any_plan]
         constraints += [OutcomeReachable(str(outcome), plans[0]) for outcome in spec.reachable]

@@ -370,22 +370,16 @@ class Domain:
             raise LoadError(problems)
         return made
 
-    def check_initial(self, problem: Problem | None = None) -> list[Diagnostic]:
-        """Check that the initial model satisfies every constraint and has a value of every measure.
+    def check_initial(self, problem: Problem | None = None, search: bool = True) -> list[Diagnostic]:
+        """Check that the initial model satisfies every constraint and has a value of every measure; return warnings.
 
-        Constraints that visit states are checked last, if there is no other problem.
-
-        Args:
-            problem: a search problem of this domain whose engine is at the initial model; by default a new one.
-
-        Returns:
-            Warnings: no object plays one of several agents, or the diversity's measure is outside of its range.
+        Constraints that visit states, and measures, are checked last, if there is no error, and only with `search`.
+        The engine of `problem`, by default a new one, is at the initial model.
 
         Raises:
-            LoadError: there is a diagnostic for each violated constraint, or for a measure without a value. Another
-                reason is an objective that demands more diversity than a family can have.
+            LoadError: a constraint is violated, a measure has no value, or the model cannot be the start of episodes.
         """
-        return check_initial(self, problem or self.problem(self.engine()))
+        return check_initial(self, problem or self.problem(self.engine()), search)
 
     def _component_context(self) -> ComponentContext:
         spec, behaviour, registration = self.spec, self.behaviour, self.workspace.registration
@@ -435,16 +429,17 @@ def check_component_options(spec: FamilySpec, workspace: Workspace) -> list[Diag
     return [one for one in problems if one.span not in reported]
 
 
-def check_domain(spec: FamilySpec, workspace: Workspace) -> list[Diagnostic]:
+def check_domain(spec: FamilySpec, workspace: Workspace, search: bool = True) -> list[Diagnostic]:
     """Return the problems of a family with correct files: invalid options, or constraints that the model violates.
 
-    Constraints are checked only if all options are valid and the family has no `[optimise]`.
+    Constraints are checked only if all options are valid and the family has no `[optimise]`. `search` is that of
+    `Domain.check_initial`.
     """
     domain = Domain(spec, workspace)
     problems = domain.check_options()
     if not problems and spec.optimise is None:  # an optimisation may start at an invalid model
         try:
-            problems += domain.check_initial()
+            problems += domain.check_initial(search=search)
         except LoadError as error:
             problems += error.diagnostics
     return problems

@@ -3,67 +3,70 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
-from dataclasses import replace
 from math import inf
 from re import fullmatch
 from typing import TYPE_CHECKING
 
-from envgraph.behaviour import DuplicateKeyError, key_reader, ranged_classes, unbound_names
-from envgraph.errors import Diagnostic, EvaluationError, LoadError, Note, Severity, has_errors, sort_diagnostics
+from envgraph.behaviour import key_reader, ranged_classes
+from envgraph.errors import Diagnostic, LoadError, Note, Severity, has_errors, sort_diagnostics
 from envgraph.graph import Model
+from envgraph.lang import check_start
 from envgraph.pattern import Derivation
 from envgraph.rewrite import Engine
 from envgraph.search.domain._constraints import OutcomeReachable
 from envgraph.search.problem._individual_measures import ShortestPlan
-from envgraph.search.problem._problem import Constraint, Forbid, MatchCountWithin, MissingValueError, Problem
+from envgraph.search.problem._problem import Constraint, Forbid, MatchCountWithin, MissingValueError, Problem, Require
 from envgraph.search.problem._statistics import BinnedEntropy
 
 if TYPE_CHECKING:
     from envgraph.search.domain._domain import Domain
 
 
-def check_initial(domain: Domain, problem: Problem) -> list[Diagnostic]:
+def check_initial(domain: Domain, problem: Problem, search: bool) -> list[Diagnostic]:
     """Check the initial model as `Domain.check_initial` does: return warnings, or raise `LoadError`."""
-    spec, note = domain.spec, Note("the initial model is here", domain.spec.model.span)
-    spans, demanded = domain.model_text.spans, _check_demanded_diversity(domain, problem)
-    if demanded:
-        raise LoadError(demanded)
+    note = Note("the initial model is here", domain.spec.model.span)
+    found = _check_demanded_diversity(domain, problem)
+    found += [one for one in domain.workspace.diagnostics if one.code == "outside-range"]
+    if domain.behaviour is not None:
+        found += check_start(domain.behaviour, domain.model_text, (note,))
+    found += _check_constraints(domain, problem, note, of_states=False)
+    if not has_errors(found):
+        found += _check_object_names(domain, problem.engine)
+        # States are searched last, because that takes long and assumes a model that is otherwise valid.
+        found += _check_by_search(domain, problem, note) if search else ()
+    if has_errors(found):
+        raise LoadError(sort_diagnostics(found))
+    return found
+
+
+def _check_by_search(domain: Domain, problem: Problem, note: Note) -> list[Diagnostic]:
+    """Return an error if the model violates a constraint on states or lacks a value of a measure, else warnings."""
+    if broken := _check_constraints(domain, problem, note, of_states=True):
+        return broken
     try:
-        domain.keys()
-    except EvaluationError as error:
-        hint = "give each of these objects a different key: the environment numbers them by key"
-        places = [spans.get(node) for node in error.nodes] if isinstance(error, DuplicateKeyError) else []
-        if len(places) == 2 and all(places):
-            first = Note("the other object is here", places[0])
-            raise LoadError([Diagnostic("no-key", error.message, places[1], hint, notes=(first,))]) from error
-        raise LoadError([Diagnostic("no-key", error.message, spec.model.span, hint)]) from error
-    absent = unbound_names(domain.behaviour, problem.engine.model, spans) if domain.behaviour else []
-    if has_errors(absent):
-        raise LoadError([replace(one, notes=(*one.notes, note)) for one in absent])
-    # Check reachability last, because it assumes a model that is otherwise valid.
-    known = [one for one in problem.constraints if not isinstance(one, OutcomeReachable)]
-    broken = [one for one in known if not one.holds(problem.engine)] or [*problem.violated_constraints()]
-    violated = {str(one): _violation_evidence(problem.engine, one) for one in broken}
-    if not violated:
-        try:
-            outside = _check_diversity_range(domain, problem, problem.compute_measures())
-            return [*absent, *_check_object_names(domain, problem.engine), *outside]
-        except MissingValueError as error:
-            measure = next(one for one in spec.measures if one.name == error.measure)
-            message = f"the initial model has no value of `{error.measure}`"
-            hint = "write `otherwise = 0`, or another number to use for models without a value"
-            if isinstance(plan := problem.measures[error.measure], ShortestPlan):
-                evidence, missed = plan.why_no_plan(problem.engine)
-                message, hint = f"{message}: {evidence}", "; ".join(filter(None, (missed, hint)))
-            missing = Diagnostic("no-value", message, measure.span(), hint, notes=(note,))
-            raise LoadError([missing]) from error
+        return _check_diversity_range(domain, problem, problem.compute_measures())
+    except MissingValueError as error:
+        measure = next(one for one in domain.spec.measures if one.name == error.measure)
+        message = f"the initial model has no value of `{error.measure}`"
+        hint = "write `otherwise = 0`, or another number to use for models without a value"
+        if isinstance(plan := problem.measures[error.measure], ShortestPlan):
+            evidence, missed = plan.why_no_plan(problem.engine)
+            message, hint = f"{message}: {evidence}", "; ".join(filter(None, (missed, hint)))
+        return [Diagnostic("no-value", message, measure.span(), hint, notes=(note,))]
+
+
+def _check_constraints(domain: Domain, problem: Problem, note: Note, of_states: bool) -> list[Diagnostic]:
+    """Return an error for each violated constraint: those on states, or those of `[constraints]` on the model alone."""
+    spec = domain.spec
     named = {
         **{f"require {name}": name.span for name in spec.constraints.require},
         **{f"forbid {name}": name.span for name in spec.constraints.forbid},
         **{str(MatchCountWithin(str(name), *bounds)): name.span for name, bounds in spec.constraints.count},
         **{f"reachable {name}": name.span for name in spec.constraints.reachable},
     }
-    problems = [
+    tried = [one for one in problem.constraints if of_states != isinstance(one, Require | Forbid | MatchCountWithin)]
+    violated = {str(one): _violation_evidence(problem.engine, one) for one in tried if not one.holds(problem.engine)}
+    return [
         Diagnostic(
             "initial-model-invalid",
             f"the initial model violates `{constraint}`{evidence}",
@@ -73,7 +76,6 @@ def check_initial(domain: Domain, problem: Problem) -> list[Diagnostic]:
         )
         for constraint, (evidence, hint) in sorted(violated.items())
     ]
-    raise LoadError(sort_diagnostics(problems))
 
 
 def _check_demanded_diversity(domain: Domain, problem: Problem) -> list[Diagnostic]:

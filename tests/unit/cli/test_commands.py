@@ -929,7 +929,7 @@ def test_an_interrupted_verification_goes_on(envgraph: Envgraph, monkeypatch: py
 
 
 def test_an_eof_error_is_not_reported_as_an_interruption(envgraph: Envgraph, monkeypatch: pytest.MonkeyPatch) -> None:
-    def end(*arguments: object) -> None:
+    def end(**options: object) -> None:
         raise EOFError
 
     monkeypatch.setattr("envgraph.cli._check_command.check_files", end)
