@@ -578,7 +578,7 @@ def test_the_hint_for_an_unknown_pattern_knows_other_packages():
 def test_a_misspelt_parameter_gives_one_diagnostic():
     found = diagnostics(one("from : Cell, to : Cell", path("Cell.right", "form", "to")))
     assert [d.code for d in found] == ["unreferenced-parameter"]
-    assert found[0].hint == "did you mean `form`?"
+    assert found[0].hint == "write `from` there"
 
 
 def test_the_cycle_of_a_recursion_is_shown():
