@@ -8,7 +8,7 @@ import numpy as np
 from numpy.random import Generator
 from numpy.typing import NDArray
 
-from envgraph.env import EnvgraphEnv, Tabular
+from envgraph.env import EnvgraphVectorEnv
 from envgraph.errors import InvalidArgument
 from envgraph.learn._table_agents import ProgramFamily, TableAgent, TableFamily
 from envgraph.solve.learning import Stage, StageMembers, StageResult, TrainingSettings
@@ -42,9 +42,9 @@ class DeepAgent(TableAgent):
         torch.set_num_threads(1)
         self._epsilon, self._on_policy = settings.epsilon.start, settings.student == "sb3:ppo"
         algorithm = stable_baselines3.PPO if self._on_policy else stable_baselines3.DQN
-        self._env, seed = _TruncatedEnv(family.stages[(0,)], settings.limit), int(rng.integers(2**31))
+        environment, seed = self._stage_environment((0,)), int(rng.integers(2**31))
         options = {"gamma": settings.discount, "seed": seed, "device": "cpu", **OPTIONS[settings.student]}
-        self._model: Any = algorithm("MlpPolicy", self._env, **options)
+        self._model: Any = algorithm("MlpPolicy", environment, **options)
 
     def train_stage(self, rng: Generator, members: StageMembers, stage: Stage) -> StageResult:
         """Train for exactly the steps of a stage: PPO in rollouts of about equal length, DQN in one call."""
@@ -59,7 +59,7 @@ class DeepAgent(TableAgent):
             self._epsilon = max(self._epsilon * per_step * (per_episode if ended else 1.0), minimum)
             return keeps or len(log) < stage.steps
 
-        model.set_env(_TruncatedEnv(self._family.stages[members], self._settings.limit))
+        model.set_env(self._stage_environment(members))
         model.env.seed(int(rng.integers(2**31)))
         model.exploration_rate, model.exploration_schedule = stage.epsilon, lambda _: self._epsilon  # DQN
         model.gradient_steps = int(stage.learn)  # DQN
@@ -70,27 +70,18 @@ class DeepAgent(TableAgent):
         totals = np.cumsum(log, axis=0, dtype=np.float64)[np.array(stage.curve_points) - 1].tolist()
         return StageResult(self._epsilon, [(reward, int(ends), int(wins)) for reward, ends, wins in totals])
 
+    def _stage_environment(self, members: StageMembers) -> Any:
+        from envgraph.sb3 import SB3VectorEnv
+
+        options: dict[str, Any] = {"max_episode_steps": self._settings.limit, "autoreset_mode": "SameStep"}
+        return SB3VectorEnv(EnvgraphVectorEnv([self._family.stages[members]], 1, observation="flat", **options))
+
     def _action_values(self) -> NDArray[np.float64]:
         """Return 1 for the action that the network prefers, 0 for other actions [observations, actions]."""
-        members, view = self._family.members, self._env.view
+        members, view = self._family.members, self._model.env.envs.view
         observed = [self._family.stages[(place,)].observation for place in range(len(members))]
         seen, first = np.unique(np.concatenate(observed), return_index=True)
         actions, _ = self._model.predict(np.stack([view.from_index(int(one)) for one in seen]), deterministic=True)
         values = np.zeros((members[0].n_observations, members[0].n_actions))
         values[np.concatenate([one.observation for one in members])[first], actions] = 1.0
         return values
-
-
-class _TruncatedEnv(EnvgraphEnv):
-    """An environment over a table whose episodes are truncated after `limit` steps."""
-
-    view: Any
-
-    def __init__(self, tabular: Tabular, limit: int) -> None:
-        super().__init__(tabular, observation="flat")
-        self._limit = limit
-
-    def step(self, action: Any) -> tuple[Any, float, bool, bool, dict[str, Any]]:
-        """Do one action, and truncate the episode after `limit` steps."""
-        observed, reward, terminated, truncated, info = super().step(int(action))
-        return observed, reward, terminated, truncated or info["step"] >= self._limit, info
