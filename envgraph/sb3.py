@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import time
 from collections.abc import Sequence
-from typing import Any
+from inspect import signature
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -15,7 +16,7 @@ from envgraph.search import make_vec as make_gymnasium_vec
 
 try:
     from stable_baselines3.common.monitor import Monitor
-    from stable_baselines3.common.vec_env import VecEnv
+    from stable_baselines3.common.vec_env import VecEnv, unwrap_vec_normalize
 except ModuleNotFoundError as error:
     raise ImportError("`envgraph.sb3` needs Stable-Baselines3: pip install 'envgraph[sb3]'") from error
 
@@ -27,6 +28,53 @@ def make_vec(family: Any = None, num_envs: int = 1, variant: Any = None, **optio
     """
     options = {"observation": "flat", **options}
     return SB3VectorEnv(make_gymnasium_vec(family, num_envs, variant, autoreset_mode="SameStep", **options))
+
+
+class PolicyResults(NamedTuple):
+    """Episodes of a policy: for each member its name, their number, and their mean return, success and length."""
+
+    members: tuple[str, ...]
+    episodes: tuple[int, ...]
+    returns: NDArray[np.float64]
+    success: NDArray[np.float64]
+    lengths: NDArray[np.float64]
+
+    def __str__(self) -> str:
+        rows = [*zip(*self, strict=True), ("mean", sum(self.episodes), *(column.mean() for column in self[2:]))]
+        lines = [f"{row[1]:8}{row[2]:10.2f}{row[3]:9.3f}{row[4]:8.1f}  {row[0]}" for row in rows]
+        return "\n".join(["episodes    return  success  length  member", *lines])
+
+
+def evaluate(model: Any, envs: Any, episodes: int = 20, *, deterministic: bool = True, seed: int = 0) -> PolicyResults:
+    """Play exactly `episodes` episodes in each environment, so that short episodes do not count more than long ones.
+
+    `envs` is seeded and reset. A `VecNormalize` around it, or else that of `model`, normalises observations without an
+    update; returns are not normalised. If `model` is None, actions are sampled uniformly from those that masks allow.
+    """
+    if not isinstance(envs, VecEnv) or episodes < 1:
+        raise InvalidArgument("`envs` must be a `VecEnv`, and `episodes` at least 1", "use `envgraph.sb3.make_vec`")
+    own, found, rng = unwrap_vec_normalize(envs), dict[str, list[tuple[float, ...]]](), np.random.default_rng(seed)
+    normal, envs = (own, own.venv) if own is envs else (model and not own and model.get_vec_normalize_env(), envs)
+    has_masks = envs.has_attr("action_masks") and (not model or "action_masks" in signature(model.predict).parameters)
+    count, over, state = np.zeros(envs.num_envs, np.int64), np.ones(envs.num_envs, np.bool_), None
+    envs.seed(seed)
+    seen = envs.reset()
+    while count.min() < episodes:
+        masks = {"action_masks": np.stack(envs.env_method("action_masks"))} if has_masks else {}
+        if model:
+            normalised = normal.normalize_obs(seen) if normal else seen
+            actions, state = model.predict(normalised, state, over, deterministic, **masks)
+        else:
+            weights = rng.random((envs.num_envs, envs.action_space.n))
+            actions = (weights * masks.get("action_masks", True)).argmax(axis=1)
+        seen, _, over, infos = envs.step(actions)
+        for place in np.flatnonzero(over & (count < episodes)):
+            info, total = infos[place], infos[place]["episode"]
+            found.setdefault(info.get("variant", ""), []).append((total["r"], info["is_success"], total["l"]))
+        count += over
+    names = sorted(found, key=lambda name: (len(name), name))
+    means = np.array([np.mean(found[name], axis=0) for name in names])
+    return PolicyResults(tuple(names), tuple(len(found[name]) for name in names), *means.T)
 
 
 class SB3VectorEnv(VecEnv):  # type: ignore[misc]
