@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+import re
+import subprocess
+import sys
 import warnings
 from copy import deepcopy
 from pathlib import Path
@@ -16,7 +19,8 @@ from tests.integrations.documented import run_section
 
 pytest.importorskip("sb3_contrib")  # modules are imported in `make test`, too, for their doctests
 
-from sb3_contrib import MaskablePPO
+from sb3_contrib import MaskablePPO, RecurrentPPO
+from sb3_contrib.common.maskable.evaluation import evaluate_policy as evaluate_masked_policy
 from sb3_contrib.common.maskable.utils import get_action_masks, is_masking_supported
 from stable_baselines3 import DQN, PPO
 from stable_baselines3.common.evaluation import evaluate_policy
@@ -25,6 +29,7 @@ from stable_baselines3.common.vec_env import (
     DummyVecEnv,
     VecCheckNan,
     VecEnv,
+    VecEnvWrapper,
     VecFrameStack,
     VecMonitor,
     VecNormalize,
@@ -153,15 +158,74 @@ def test_wrappers_of_theirs_fit() -> None:
     assert ends >= 16
 
 
-def success(model: Any, envs: VecEnv, masked: bool) -> float:
-    """Return the share of successes of the preferred actions, in an episode of each environment."""
-    seen, found = envs.reset(), np.full(envs.num_envs, np.nan)
-    while np.isnan(found).any():
-        masks = {"action_masks": get_action_masks(envs)} if masked else {}
-        seen, _, over, infos = envs.step(model.predict(seen, deterministic=True, **masks)[0])
-        for place in np.flatnonzero(over & np.isnan(found)):
-            found[place] = infos[place]["is_success"]
-    return float(found.mean())
+@pytest.mark.parametrize("algorithm", [PPO, MaskablePPO, DQN, RecurrentPPO], ids=lambda one: one.__name__)
+def test_evaluations_are_those_of_their_function_for_each_member(algorithm: Any, family: Path) -> None:
+    """Returns, lengths and members, over tables and single environments, with a `VecNormalize` around and without."""
+    names = ["E6", "E1", "E3"]
+    envs = VecNormalize(envgraph.sb3.make_vec(family, 6, names, max_episode_steps=30))
+    policy = "MlpLstmPolicy" if algorithm is RecurrentPPO else "MlpPolicy"
+    options = {} if algorithm is DQN else {"n_steps": 32, "batch_size": 96}
+    model = algorithm(policy, envs, seed=0, device="cpu", **options).learn(192)
+    test = envgraph.sb3.make_vec(family, 6, names, max_episode_steps=30)
+    found = envgraph.sb3.evaluate(model, test, 4)
+    assert found.members == ("E1", "E3", "E6") and found.episodes == (8, 8, 8)
+
+    before = deepcopy(envs.obs_rms)
+    assert envs.training and same(list(found), list(envgraph.sb3.evaluate(model, envs, 4))) and envs.training
+    assert same(before.mean, envs.obs_rms.mean) and before.count == envs.obs_rms.count
+    single = DummyVecEnv(
+        [lambda n=n: Monitor(envgraph.make(family, n, observation="flat", max_episode_steps=30)) for n in names * 2]
+    )
+    assert same(list(found), list(envgraph.sb3.evaluate(model, single, 4)))
+
+    copy = VecNormalize(test, training=False, norm_reward=False)
+    copy.obs_rms = envs.obs_rms
+    copy.seed(0)
+    theirs = evaluate_masked_policy if algorithm is MaskablePPO else evaluate_policy
+    returns, lengths = theirs(model, copy, 24, return_episode_rewards=True)
+    assert np.mean(returns) == pytest.approx(found.returns.mean(), abs=1e-5)
+    assert np.mean(lengths) == pytest.approx(found.lengths.mean())
+    once = envgraph.sb3.evaluate(model, VecFrameStack(copy, 1), 4)
+    assert same(list(found), list(once)), "the `VecNormalize` below another wrapper is used, and not that of the model"
+
+
+def test_random_actions_are_allowed_and_each_environment_plays_as_many_episodes(family: Path) -> None:
+    class Counting(VecEnvWrapper):  # type: ignore[misc]
+        """Counts the ends, and refuses what the masks do not allow."""
+
+        def reset(self) -> Any:
+            self.ends, self.met = np.zeros(self.num_envs, np.int64), set[tuple[int, int]]()
+            return self.venv.reset()
+
+        def step_async(self, actions: Any) -> None:
+            assert get_action_masks(self.venv)[np.arange(self.num_envs), actions].all()
+            self.met |= {*enumerate(actions.tolist())}
+            self.venv.step_async(actions)
+
+        def step_wait(self) -> Any:
+            found = self.venv.step_wait()
+            self.ends += found[2]
+            return found
+
+    envs = Counting(envgraph.sb3.make_vec(family, 3, ["E1", "E6"]))
+    found = envgraph.sb3.evaluate(None, envs, 50)
+    assert envs.ends.min() == 50 < envs.ends.max() and found.episodes == (100, 50)
+    assert envs.met == {(place, action) for place in range(3) for action in range(4)}
+    assert str(found).splitlines()[0] == "episodes    return  success  length  member"
+    assert str(found).splitlines()[-1] == f"     150{found.returns.mean():10.2f}{found.success.mean():9.3f}" + (
+        f"{found.lengths.mean():8.1f}  mean"
+    )
+    assert found.success[0] > found.success[1], "E1 is easier"
+    assert same(list(found), list(envgraph.sb3.evaluate(None, envs, 50)))
+    assert not same(list(found), list(envgraph.sb3.evaluate(None, envs, 50, seed=1)))
+    taxi = envgraph.sb3.evaluate(None, envgraph.sb3.make_vec(domain="taxi", num_envs=2, max_episode_steps=9), 3)
+    assert taxi.members == ("",) and taxi.episodes == (6,)
+
+
+def test_wrong_arguments_of_evaluations_are_named(family: Path) -> None:
+    for envs, episodes in ((envgraph.make_vec(family, 2), 1), (envgraph.sb3.make_vec(family, 2), 0)):
+        with pytest.raises(envgraph.EnvgraphError, match="must be a `VecEnv`, and `episodes` at least 1"):
+            envgraph.sb3.evaluate(None, envs, episodes)
 
 
 ROLLOUTS = {"n_steps": 64, "batch_size": 512, "learning_rate": 2e-3, "ent_coef": 0.01}
@@ -176,17 +240,16 @@ ALGORITHMS: list[tuple[Any, int, int, dict[str, Any]]] = [
 def test_networks_learn_and_the_logger_has_statistics(
     algorithm: Any, count: int, steps: int, options: dict[str, Any]
 ) -> None:
-    masked = algorithm is MaskablePPO
     envs = envgraph.sb3.make_vec(domain="keydoor", num_envs=count)
     test = envgraph.sb3.make_vec(domain="keydoor", num_envs=4)
     options = {"target_update_interval": 500, **options} if algorithm is DQN else options
     model = algorithm("MlpPolicy", envs, seed=0, device="cpu", **options)
-    assert success(model, test, masked) == 0.0
+    assert envgraph.sb3.evaluate(model, test, 1).success == [0.0]
     model.learn(steps)
-    assert success(model, test, masked) == 1.0
+    assert envgraph.sb3.evaluate(model, test, 1).success == [1.0]
     assert np.mean([one["r"] for one in model.ep_info_buffer]) > 0.5
     assert np.mean(model.ep_success_buffer) > 0.8
-    if not masked:
+    if algorithm is not MaskablePPO:
         with warnings.catch_warnings():
             warnings.simplefilter("error")  # it warns where there are no statistics
             assert evaluate_policy(model, test, 8)[0] > 1.0
@@ -200,8 +263,14 @@ def test_dqn_and_ppo_take_the_observations(kind: str) -> None:
     PPO(policy, envs, n_steps=32, batch_size=64, seed=0, device="cpu").learn(256)
 
 
-def test_the_documented_example_learns(tmp_path: Path, family: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_the_documented_example_learns(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.chdir(tmp_path)
-    Path("family.json").write_text(family.read_text())
     said = run_section("## Stable-Baselines3", "## TorchRL", {"envgraph": envgraph})
-    assert said == ["{'E1': True, 'E2': True, 'E3': True}\n"]
+    assert said[0] == "True True\n" and len(said) == 2
+    script = [sys.executable, str(Path(__file__).parents[2] / "docs/examples/train_family.py"), "mazes", "--control"]
+    lines = subprocess.run(
+        [*script, "--steps", "300000"], capture_output=True, text=True, check=True
+    ).stdout.splitlines()
+    shares = [float(one[1]) for line in lines if (one := re.search(r"success (\S+)", line))]
+    before, alone, taught = shares[:2], shares[4:], shares[2:4]
+    assert max(before) < 0.05 and max(alone) < 0.5 < min(taught)
