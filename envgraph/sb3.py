@@ -49,7 +49,8 @@ def evaluate(model: Any, envs: Any, episodes: int = 20, *, deterministic: bool =
     """Play exactly `episodes` episodes in each environment, so that short episodes do not count more than long ones.
 
     `envs` is seeded and reset. A `VecNormalize` around it, or else that of `model`, normalises observations without an
-    update; returns are not normalised. If `model` is None, actions are sampled uniformly from those that masks allow.
+    update; returns and lengths are those of `Monitor`. If `model` is None, actions are sampled uniformly from those
+    that the masks allow.
     """
     if not isinstance(envs, VecEnv) or episodes < 1:
         raise InvalidArgument("`envs` must be a `VecEnv`, and `episodes` at least 1", "use `envgraph.sb3.make_vec`")
