@@ -175,7 +175,8 @@ def templates_() -> None:
 )
 @click.option(
     "--domain",
-    show_default="burning_forest/paper.toml; for levels the family.toml of the directory, or sokoban",
+    show_default="burning_forest/paper.toml; for levels the family.toml of the directory, or sokoban; "
+    "with --to family sokoban/levels.toml",
     help="Domain of the environments: a family.toml, its directory, or a bundled domain.",
 )
 @click.option(

@@ -31,13 +31,16 @@ def import_file(
     directory: Path,
 ) -> None:
     """Store levels or a published family as a run, or write levels as models, depending on `to` and the format."""
-    if not file.is_dir() and not _contains_levels(file):
+    levels = file.is_dir() or _contains_levels(file)
+    if output is not None and (to == "family" or not levels):
+        raise InvalidArgument("`-o` is the directory of models, but a family is written as a run", "use `--name`")
+    if not levels:
         if to == "models":
             raise InvalidArgument(f"`{file}` is not a file of levels, and only levels become models")
         import_family(file, domain or "burning_forest/paper.toml", name, overrides, directory, force)
     elif to == "family":
-        path = run_path(directory, name or file.resolve().stem)
-        _import_family(file, Domain.load(domain or DEFAULT_DOMAIN, overrides=overrides), path, legend, force)
+        found = Domain.load(domain or f"{DEFAULT_DOMAIN}/levels.toml", overrides=overrides)
+        _import_family(file, found, run_path(directory, name or file.resolve().stem), legend, force)
     elif overrides:
         raise InvalidArgument("`--set` changes a family file, but levels become models", "add `--to family`")
     else:

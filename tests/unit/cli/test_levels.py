@@ -365,6 +365,15 @@ def test_settings_of_the_domain_can_be_changed_for_a_family_of_levels(envgraph: 
                 "--set", 'measures.plan.of="goal"', "--set", 'constraints={}'))  # fmt: skip
     assert [member.measures for member in open_family("small").members] == [{"plan": 1.0}]
     assert "--to family" in envgraph("import", "one.xsb", "--set", "seed=3").err
+    assert "use `--name`" in envgraph("import", "one.xsb", "--to", "family", "-o", "small").err
+
+
+def test_levels_without_a_known_plan_stay_in_a_family(envgraph: Envgraph) -> None:
+    write("two.xsb", "#####\n#$@.#\n#####\n\n#####\n#@$.#\n#####\n")
+    ok(envgraph("import", "two.xsb", "--to", "family"))
+    assert [member.measures["plan"] for member in open_family("two").members] == [1.0, 1000.0]
+    ok(envgraph("import", "two.xsb", "--to", "family", "--domain", "sokoban", "--force"))
+    assert [member.measures["plan"] for member in open_family("two").members] == [1.0]
 
 
 def test_a_family_without_a_valid_level_is_refused(envgraph: Envgraph) -> None:
