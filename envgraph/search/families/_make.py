@@ -251,7 +251,11 @@ def _locate_family(*location: FamilyLocation | None) -> dict[str, Any]:
         return {"domain": [str(Path(one).resolve()) for one in (model, environment)]}
     if family is None:
         return _without_none(domain=None if domain is None else str(domain))
-    path = Path(family)
+    try:
+        path = Path(family)
+    except TypeError:
+        message = f"`family` is a {type(family).__name__}, but must be a family file, a run or the name of a run"
+        raise InvalidArgument(message, "`make_vec` also takes a Family, `write_family` makes it a file") from None
     return {"family": str((path if path.suffix == ".json" else find_run_store(path)).resolve())}
 
 

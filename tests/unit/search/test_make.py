@@ -7,7 +7,7 @@ import warnings
 from collections.abc import Callable
 from functools import partial
 from pathlib import Path
-from typing import Any
+from typing import Any, cast
 
 import gymnasium
 import pytest
@@ -194,6 +194,7 @@ def test_a_model_and_an_environment_need_no_family_file(domain: Path) -> None:
         (lambda: envgraph.make("keydoor"), "no run `keydoor` in runs; it is a domain: use .*domain='keydoor'"),
         (lambda: envgraph.make("nowhere"), "there is no run `nowhere` in runs; run `envgraph generate`"),
         (lambda: envgraph.make(domain="railway"), "has no `family.toml`"),
+        (lambda: envgraph.make(cast(Any, ["E1"])), "`family` is a list, but must be a family file, .*`make_vec` also"),
     ],
 )
 def test_what_make_cannot_find_is_reported(domain: Path, make: Callable[[], Any], message: str) -> None:
