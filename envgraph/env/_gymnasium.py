@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from abc import abstractmethod
 from bisect import bisect_right
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from numbers import Integral
 from operator import index
 from typing import TYPE_CHECKING, Any, Final, TypedDict, Unpack
@@ -43,7 +43,7 @@ RENDER_MODES: Final = ("ansi", "rgb_array", "human")
 
 
 def view_for(
-    observation: ObservationKind | ModelView | None, source: Simulator | CompiledProgram, models: Sequence[Model]
+    observation: ObservationKind | ModelView | None, source: Simulator | CompiledProgram, models: Iterable[Model]
 ) -> ComponentView | ModelView:
     """Return the view for an observation kind; a given view is returned unchanged.
 
@@ -56,7 +56,7 @@ def view_for(
         return observation
     check_observation_kind(observation)
     if observation is not None and observation in MODEL_KINDS:
-        return model_view(observation, source.behaviour, models)
+        return model_view(observation, source.behaviour, [*models])
     return ComponentView(observation, source.observation_shape, source.observation_names)
 
 

@@ -23,7 +23,7 @@ if TYPE_CHECKING:
     )
     from envgraph.env.compiled.kernels._loading import has_numba as has_numba, load_functions as load_functions
     from envgraph.env.compiled.layout._batch_arrays import generator_states as generator_states
-    from envgraph.env.compiled.layout._member_data import SharedEngine as SharedEngine
+    from envgraph.env.compiled.layout._member_data import MemberEngines as MemberEngines
     from envgraph.env.compiled.layout._model_changes import unaffected_patterns as unaffected_patterns
     from envgraph.env.compiled.layout._not_compiled import NotCompiled as NotCompiled
     from envgraph.env.compiled.learning._learner import Learner as Learner, LearningRates as LearningRates

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import field, replace
-from functools import cached_property, lru_cache, partial
+from functools import cache, cached_property
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -190,21 +190,19 @@ class Family:
             InvalidArgument: the family has no environment.
             NotCompiled: the behaviour has a construct that cannot be compiled.
         """
-        from envgraph.env.compiled import SharedEngine, program_of
+        from envgraph.env.compiled import MemberEngines, program_of
 
-        homes = [
-            SharedEngine(  # environments with the same program may not share an engine that draws their states
-                one.source.engine if isinstance(one.source, LazyModel) else lru_cache(partial(self._new_engine, one)),
-                partial(self._new_engine, one),
-            )
-            for one in sorted(members, key=_birth)
-        ]
-        program = program_of(self.domain.engine(), self.behaviour, homes, self.keys)
+        def make(place: int) -> Engine:
+            return self.domain.engine(self.model(members[place]))
+
+        made = cache(make)  # environments with the same program may not share an engine that draws their states
+
+        def read(place: int) -> Engine:
+            source = members[place].source
+            return made(place) if isinstance(source, str) else source.engine()
+
         order = sorted(range(len(members)), key=lambda place: _birth(members[place]))
-        return program.subset(np.argsort(order))
-
-    def _new_engine(self, member: Member) -> Engine:
-        return self.domain.engine(self.model(member))
+        return program_of(self.domain.engine(), self.behaviour, MemberEngines(read, make, order), self.keys)
 
     def table_file_name(self, member: Member) -> str:
         """Return the name of the file in which the transition table of a member is cached, without a directory."""

@@ -49,7 +49,7 @@ class CompiledEnv(SingleEnvironment):
         observation: ObservationKind | ModelView | None = None,
         **options: Unpack[ViewOptions],
     ) -> None:
-        view = view_for(observation, program, [each.model for each in program.members])
+        view = view_for(observation, program, (each.model for _, each in program.members.read_all()))
         super().__init__(program.action_names, view, program.behaviour.draw is not None, **options)
         self._source: np.random.Generator | None = None
         self._memory = ObservationCache()
@@ -158,7 +158,7 @@ class CompiledVectorEnv(VectorEnvironmentBase):
             raise InvalidArgument(f"`threads` is {threads}, but must be at least 1")
         count = len(chosen) if num_envs is None else num_envs
         which = chosen[np.arange(max(count, 0)) % len(chosen)]
-        view = view_for(observation, program, [each.model for each in program.members])
+        view = view_for(observation, program, (each.model for _, each in program.members.read_all()))
         has_flat = isinstance(view, ComponentView) and view.is_one_hot
         self._batch = CompiledBatch(program, which, threads, has_flat=has_flat)
         super().__init__(count, program.action_names, view, len(chosen), **options)

@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 import pickle
-from collections.abc import Callable
-from functools import partial
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import field
 from typing import Any, NamedTuple
 
 from envgraph import code
 from envgraph.behaviour import KeyIndex
+from envgraph.code import dataclass
 from envgraph.env.compiled.layout._not_compiled import NotCompiled
 from envgraph.env.compiled.layout._relations import (
     Cell,
@@ -47,39 +48,34 @@ def literal_ranks(type_: EnumType) -> dict[str, int]:
     return {literal: rank for rank, literal in enumerate(sorted(type_.literals))}
 
 
-class SharedEngine(NamedTuple):
-    """Access to the initial state of a member whose engine is shared with other members.
-
-    Attributes:
-        shared_engine: returns the shared engine, in this member's state until another member's `shared_engine` is
-            called.
-        new_engine: creates an engine that only this member uses.
-    """
-
-    shared_engine: Callable[[], Engine]
-    new_engine: Callable[[], Engine]
-
-
 class MemberData:
     """The initial state of one member as numbers; its objects are numbered in the order of their ids.
 
     Args:
-        home: an engine whose model stays in the member's initial state, or access to a shared engine, which may only be
-            used after `restore_initial_state`.
+        engine: an engine in the member's initial state. If other members share it, relations can only be read until it
+            is in another state.
         keys: the indices of objects over the family.
         library: the patterns of the domain.
+        strings: the number of each string of the family, in alphabetical order.
+        created: the concrete classes whose objects rules create.
+        spare: how many numbers are reserved for these objects.
 
     Attributes:
         object_ids: the ids of the objects of the initial model, by number.
-        model_strings: the strings in the model.
-        string_numbers: the number of each string of the family, in alphabetical order.
-        created_classes: the concrete classes whose objects rules create.
+        string_numbers, created_classes: `strings` and `created`.
         reserved_numbers: the numbers reserved for objects that rules create; extents do not contain these numbers.
     """
 
-    def __init__(self, home: Engine | SharedEngine, keys: KeyIndex, library: Library) -> None:
-        self._home = home
-        self.engine = engine = home if isinstance(home, Engine) else home.shared_engine()
+    def __init__(
+        self,
+        engine: Engine,
+        keys: KeyIndex,
+        library: Library,
+        strings: dict[str, int],
+        created: frozenset[str],
+        spare: int,
+    ) -> None:
+        self.engine = engine
         self.key_index = keys
         self.model = engine.model
         self.metamodel = engine.model.metamodel
@@ -87,48 +83,11 @@ class MemberData:
         extents = {cls: sorted(self.model.graph.exact_extent(cls)) for cls in concrete}
         self.object_ids = sorted(node for nodes in extents.values() for node in nodes)
         self.object_numbers = {node: number for number, node in enumerate(self.object_ids)}
-        self.model_strings = strings_in_model(engine)
-        self.string_numbers: dict[str, int] = {}
-        self.created_classes: frozenset[str] = frozenset()
-        self.reserved_numbers = range(len(self.object_ids), len(self.object_ids))
+        self.string_numbers, self.created_classes = strings, created
+        self.reserved_numbers = range(len(self.object_ids), len(self.object_ids) + (spare if created else 0))
         self._extents = {cls: [self.object_numbers[node] for node in nodes] for cls, nodes in extents.items()}
         self._library = library
         self._rows: dict[StaticRelation, list[Row]] = {}
-
-    def for_program(self, strings: dict[str, int], created: frozenset[str], spare: int) -> MemberData:
-        """Return a copy for a family and its program, without cached rows; `spare` is ignored if `created` is empty."""
-        other = self.with_reserved_numbers(spare if created else 0)
-        other.string_numbers, other.created_classes, other._rows = strings, created, {}
-        return other
-
-    def restore_initial_state(self) -> MemberData:
-        """Put the engine into this member's initial state if it is shared with other members, and return the member."""
-        if isinstance(self._home, SharedEngine) and self.engine:
-            self._home.shared_engine()
-        return self
-
-    def release_rows(self) -> None:
-        """Forget the rows of relations, which a program of many members no longer needs, if they can be read again."""
-        if isinstance(self._home, SharedEngine):
-            self._rows.clear()
-
-    def __getstate__(self) -> dict[str, Any]:
-        """Return the data to pickle: the model, the cached rows, and bytes from which an engine can be created."""
-        engine = self.unshared_engine()
-        own = partial(pickle.loads, pickle.dumps(engine))
-        changed = {"_home": SharedEngine(own, own), "engine": None, "_library": None, "model": engine.model}
-        return {**vars(self), **changed}
-
-    def unshared_engine(self) -> Engine:
-        """Return an engine in the member's initial state: the member's own, or a new one if its engine is shared."""
-        return self._home if isinstance(self._home, Engine) else self._home.new_engine()
-
-    def with_reserved_numbers(self, spare: int) -> MemberData:
-        """Return a copy of the member with `spare` reserved numbers for created objects."""
-        other = MemberData.__new__(MemberData)
-        vars(other).update(vars(self))
-        other.reserved_numbers = range(len(self.object_ids), len(self.object_ids) + spare)
-        return other
 
     @property
     def number_count(self) -> int:
@@ -231,6 +190,63 @@ class MemberData:
             assert isinstance(type_, ObjectType)
             found.update(((node, node), None) for node in self.extent(type_.cls))
         return list(found)
+
+
+class MemberEngines(NamedTuple):
+    """Access to the initial states of the members of a family, by number from 0.
+
+    Attributes:
+        read: returns an engine in a member's initial state, until another member is read.
+        make: returns an engine of which only its user changes the model.
+        order: the numbers of all members, in the order in which they are read fastest.
+    """
+
+    read: Callable[[int], Engine]
+    make: Callable[[int], Engine]
+    order: Sequence[int]
+
+    @classmethod
+    def of_list(cls, engines: Sequence[Engine]) -> MemberEngines:
+        """Return access to the members with these engines, whose models stay in their initial states."""
+        return cls(engines.__getitem__, engines.__getitem__, range(len(engines)))
+
+
+@dataclass(frozen=True, eq=False)
+class ProgramMembers:
+    """The members of a program. Each is read again when it is needed, so that memory need not hold all of them.
+
+    Attributes:
+        engines: access to their initial states.
+        patterns: an engine with the patterns of the program.
+        keys, strings, created, spare: see `MemberData`.
+    """
+
+    engines: MemberEngines
+    patterns: Engine
+    keys: KeyIndex
+    strings: dict[str, int] = field(default_factory=dict)
+    created: frozenset[str] = frozenset()
+    spare: int = 0
+
+    def __len__(self) -> int:
+        return len(self.engines.order)
+
+    def __getitem__(self, number: int) -> MemberData:
+        engine, library = self.engines.read(number), self.patterns.library
+        return MemberData(engine, self.keys, library, self.strings, self.created, self.spare)
+
+    def read_all(self) -> Iterator[tuple[int, MemberData]]:
+        """Yield each member with its number. Its relations can only be read until the next one is requested."""
+        return ((number, self[number]) for number in self.engines.order)
+
+    def __getstate__(self) -> dict[str, Any]:
+        """Return the data to pickle, with bytes from which an engine of each member can be made."""
+        return {**vars(self), "engines": [pickle.dumps(self.engines.make(number)) for number in range(len(self))]}
+
+    def __setstate__(self, state: dict[str, Any]) -> None:
+        texts = state["engines"]
+        made = MemberEngines(*2 * (lambda number: pickle.loads(texts[number]),), range(len(texts)))
+        vars(self).update(state, engines=made)
 
 
 def check_int_range(value: int) -> int:

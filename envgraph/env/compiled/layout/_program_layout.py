@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from envgraph import code
 from envgraph.code import dataclass
 from envgraph.env.compiled.layout._batch_arrays import FamilyArrays
-from envgraph.env.compiled.layout._member_data import NO_OBJECT, MemberData
+from envgraph.env.compiled.layout._member_data import NO_OBJECT, ProgramMembers
 from envgraph.env.compiled.layout._relations import Cell, Row, StaticRelation
 from envgraph.env.compiled.layout._symbols import (
     AtMostOneObject,
@@ -158,19 +158,18 @@ class ProgramLayout:
         known = {*texts, *own, *(value for value in keys if isinstance(value, str))}
         return {text: number for number, text in enumerate(sorted(known))}
 
-    def fill_arrays(self, members: Iterable[MemberData], stride: int, strings: dict[str, int]) -> FamilyArrays:
+    def fill_arrays(self, members: ProgramMembers, stride: int) -> FamilyArrays:
         """Compute the tables, offsets and initial states of a family.
 
         Args:
-            members: consumed one by one, since an engine may hold only one member at a time.
+            members: the members. Strings that queries compute are added to their `strings`, as `NO_OBJECT`.
             stride: the number of objects of the largest member.
-            strings: number of each string. Strings that queries compute are added, with the number `NO_OBJECT`.
 
         Raises:
             AssumptionViolated: a member does not meet an assumption.
         """
         symbols = [one for one in self._numbers if isinstance(one, MemberNumbers)]
-        filled: list[list[Sequence[Cell]]] = []
+        filled: list[list[Sequence[Cell]]] = [[]] * len(members)
         known: dict[MemberNumbers, tuple[list[Row], Sequence[Cell]]] = {}
 
         def fill(symbol: MemberNumbers) -> Sequence[Cell]:
@@ -182,12 +181,10 @@ class ProgramLayout:
                 known[symbol] = rows, symbol.fill(member, stride)
             return known[symbol][1]
 
-        for member in members:
-            member.restore_initial_state()
+        for place, member in members.read_all():
             for assumed in self._single.values():
                 assumed.check(member)
-            filled.append([fill(symbol) for symbol in symbols])
-            member.release_rows()
+            filled[place] = [fill(symbol) for symbol in symbols]
         offsets = np.zeros(len(self._numbers), dtype=np.int64)
         tails: list[int] = []
         ends = {"T": 0, "G": 0, "S": FIRST_COLUMN, "F": 0}
@@ -197,10 +194,10 @@ class ProgramLayout:
                 case Stride():
                     offsets[number] = stride
                 case StringNumber(text):
-                    offsets[number] = strings[text]
+                    offsets[number] = members.strings[text]
                 case Constants() | TextTable():
                     offsets[number] = len(self._numbers) + len(tails)
-                    tails += symbol.values if isinstance(symbol, Constants) else symbol.entries(strings)
+                    tails += symbol.values if isinstance(symbol, Constants) else symbol.entries(members.strings)
                 case MemberNumbers():
                     where = ("SF" if isinstance(symbol, StateNumbers) else "TG")[symbol.is_float]
                     ends[where] += where in "TG"  # A gap between tables, because -1 is an index as well.

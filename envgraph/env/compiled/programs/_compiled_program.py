@@ -29,7 +29,7 @@ from envgraph.env.compiled.kernels import (
 from envgraph.env.compiled.kernels._loading import has_numba, load_functions
 from envgraph.env.compiled.layout._batch_arrays import FamilyArrays
 from envgraph.env.compiled.layout._compiled_costs import COSTS
-from envgraph.env.compiled.layout._member_data import NO_OBJECT, MemberData, SharedEngine
+from envgraph.env.compiled.layout._member_data import NO_OBJECT, MemberEngines, ProgramMembers, strings_in_model
 from envgraph.env.compiled.layout._not_compiled import AssumptionViolated
 from envgraph.env.compiled.layout._program_layout import ProgramLayout
 from envgraph.env.compiled.programs._live_counterpart import LiveCounterpart
@@ -71,7 +71,7 @@ class CompiledProgram:
     action_names: tuple[str, ...]
     observation_shape: tuple[int, ...]
     observation_names: tuple[str, ...]
-    members: tuple[MemberData, ...]
+    members: ProgramMembers
     layout: ProgramLayout
     behaviour: Behaviour
     keys: KeyIndex
@@ -117,40 +117,32 @@ class CompiledProgram:
         """
         if keys != self.keys:
             raise AssumptionViolated("keys")
-        alone = MemberData(engine, keys, engine.library)
         _joint_agents(self.behaviour, engine, keys)
-        strings = self.layout.number_strings(alone.model_strings)
-        member = alone.for_program(strings, self.layout.created_classes, self.spare)
-        arrays = self.layout.fill_arrays([member], member.number_count, strings)
+        strings, created = self.layout.number_strings(strings_in_model(engine)), self.layout.created_classes
+        members = ProgramMembers(MemberEngines.of_list([engine]), engine, keys, strings, created, self.spare)
+        arrays = self.layout.fill_arrays(members, members[0].number_count)
         if NO_OBJECT in strings.values():
             raise AssumptionViolated("strings")
-        return replace(self, arrays=arrays, members=(member,))
-
-    def subset(self, numbers: NDArray[np.intp]) -> CompiledProgram:
-        """Return the program whose members are those with the given numbers, in this order."""
-        whole = self.arrays
-        rows = {name: getattr(whole, name)[numbers] for name in ("tables", "reals", "ints", "floats")}
-        members = tuple(self.members[number] for number in numbers.tolist())
-        return replace(self, arrays=whole._replace(**rows), members=members)
+        return replace(self, arrays=arrays, members=members)
 
     def agent_names(self, number: int) -> tuple[str, ...]:
         """Return the names of a member's agents in the order of their turns; () if agents do not take turns."""
         if not self.behaviour.agents or self.behaviour.together:
             return ()
-        member = self.members[number].restore_initial_state()
+        member = self.members[number]
         return tuple(name for name, _ in named_agents(self.behaviour, member.model, self.keys))
 
     def live_counterpart(self, number: int) -> LiveCounterpart:
         """Return a live engine of a member, which can be put into states of the program."""
-        member = self.members[number].restore_initial_state()
-        simulator = Simulator(member.unshared_engine(), self.behaviour, self.keys)
+        member = self.members[number]
+        simulator = Simulator(self.members.engines.make(number), self.behaviour, self.keys)
         return LiveCounterpart(simulator, member, self.layout, self.arrays.offsets)
 
 
 def program_of(
     engine: Engine,
     behaviour: Behaviour,
-    members: Iterable[Engine | SharedEngine] | None = None,
+    members: Iterable[Engine] | MemberEngines | None = None,
     keys: KeyIndex | None = None,
     *,
     native: bool | None = None,
@@ -162,7 +154,7 @@ def program_of(
     Args:
         engine: supplies the patterns and rules; the sizes of its model guide the match plans.
         behaviour: a behaviour without errors.
-        members: an engine in its initial state, or a shared engine, for each member; None: `engine` is the only member.
+        members: an engine in its initial state for each member, or access to them; None: `engine` is the only one.
         keys: the indices of objects over the family; None: those of the first engine's model.
         native: compile the program with numba; None: if numba is installed.
         broken: assumptions that the program must not make, because other members violate them.
@@ -174,20 +166,21 @@ def program_of(
     """
     behaviour = engine.library.with_functions_resolved(behaviour)
     keys = keys or KeyIndex.of_model(engine.model, indexed_classes(behaviour, engine.model.metamodel))
-    alone: list[MemberData] = []
+    engines = members if isinstance(members, MemberEngines) else MemberEngines.of_list([*(members or [engine])])
+    alone = ProgramMembers(engines, engine, keys)
+    known, largest = set[str](), 0
     seats: tuple[tuple[str, int], ...] = ()
-    for home in [engine] if members is None else members:
-        alone.append(MemberData(home, keys, engine.library))
-        seats = _joint_agents(behaviour, alone[-1].engine, keys)
-    known = {text for each in alone for text in each.model_strings}
+    for _, member in alone.read_all():
+        known |= strings_in_model(member.engine)
+        seats, largest = _joint_agents(behaviour, member.engine, keys), max(largest, member.number_count)
     unmet = {*broken}
     while True:
         layout = ProgramLayout(unmet)
         text = emit_program(engine, behaviour, keys, layout, seats)
         strings = layout.number_strings(known)
-        data = [each.for_program(strings, layout.created_classes, spare) for each in alone]
+        data = replace(alone, strings=strings, created=layout.created_classes, spare=spare)
         try:
-            arrays = layout.fill_arrays(data, max(each.number_count for each in data), strings)
+            arrays = layout.fill_arrays(data, largest + (spare if data.created else 0))
         except AssumptionViolated as misfit:
             unmet.add(misfit.assumption)
             continue
@@ -200,7 +193,7 @@ def program_of(
             text.action_names,
             text.shape,
             text.observation_names,
-            tuple(data),
+            data,
             text.layout,
             behaviour,
             keys,

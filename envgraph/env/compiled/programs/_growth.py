@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import replace
 from typing import Any
 
+import numpy as np
 from numpy.typing import NDArray
 
 from envgraph.env.compiled.layout._member_data import MemberData
@@ -17,11 +18,10 @@ Numbers = NDArray[Any]
 
 def with_more_space(program: CompiledProgram) -> CompiledProgram:
     """Return a program with twice the space for created objects."""
-    spare = 2 * program.spare
-    found = tuple(member.with_reserved_numbers(spare) for member in program.members)
-    stride = max(member.number_count for member in found)
-    arrays = program.layout.fill_arrays(found, stride, found[0].string_numbers)
-    return replace(program, arrays=arrays, members=found, spare=spare)
+    members = replace(program.members, spare=2 * program.spare)
+    stride = int(program.arrays.offsets[0]) + program.spare
+    arrays = program.layout.fill_arrays(members, stride)
+    return replace(program, arrays=arrays, members=members, spare=members.spare)
 
 
 def copy_states(
@@ -37,12 +37,12 @@ def copy_states(
     """
     found = new.arrays.ints[members].copy(), new.arrays.floats[members].copy()
     found[0][:, :FIRST_COLUMN] = states[:, :FIRST_COLUMN]
-    for number, member in enumerate(old.members):
-        rows = members == number
+    for number in np.unique(members).tolist():
+        rows, member, other = members == number, old.members[number], new.members[number]
         for column, place in old.layout.stored_columns():
             source, target = int(old.arrays.offsets[place]), int(new.arrays.offsets[place])
             before, after = (floats, found[1]) if column.is_float else (states, found[0])
-            (height, width), (_, wider) = (_column_shape(column, one) for one in (member, new.members[number]))
+            (height, width), (_, wider) = (_column_shape(column, one) for one in (member, other))
             for row in range(height):
                 start, end = source + row * width, target + row * wider
                 after[rows, end : end + width] = before[rows, start : start + width]

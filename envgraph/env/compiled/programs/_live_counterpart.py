@@ -41,8 +41,7 @@ class LiveCounterpart:
         self._objects = [*member.object_ids]
         self._columns = [(column, int(offsets[number])) for column, number in layout.columns()]
         for column, _ in self._columns:
-            if isinstance(column, LinkColumn | LinkMatrix):
-                member.rows(FeatureRows(column.reference))  # caches the links of the initial state
+            column.fill(member, 0)  # caches the relations of the initial state
 
     @contextmanager
     def in_state(self, state: StateArray, floats: StateArray) -> Iterator[Simulator]:
