@@ -70,7 +70,7 @@ LIMITS: Final[dict[str, int]] = {
     "created objects": 1_024,  # in a state: environments small enough for a table do not need more
     "table entries": 50_000_000,  # states, times actions, times the most outcomes of one; 21 bytes each
     "table bytes": 2**31,  # of all arrays of a file, unpacked; the largest that are written have a fifth of it
-    "cached bytes": 2**30,  # of the files with tables; the least recently used are removed
+    "cached bytes": 2**31,  # of tables, and of the arrays of a million members; the least recently used are removed
     "pixels": 64_000_000,  # of a picture
     "drawn cells": 1_000_000,  # of a grid
     "action values": 10**8,  # of Q-learning: 800 megabytes

@@ -73,6 +73,10 @@ _FOREIGN_OBJECTS_QUERY = (
     "SELECT name FROM sqlite_schema WHERE sql NOT GLOB 'CREATE TABLE *' AND sql NOT GLOB 'CREATE INDEX *'"
 )
 _INDIVIDUALS_QUERY = "SELECT individual.*, hash FROM individual LEFT JOIN content ON content.individual = id"
+_MEMBERS_QUERY = (
+    f"{_INDIVIDUALS_QUERY} JOIN member ON member.individual = id "
+    "WHERE member.generation = (SELECT max(number) FROM generation) ORDER BY place"
+)
 
 Trace = tuple[tuple[str, tuple[Value, ...]], ...]
 """Rule applications in order: qualified name of the rule, and its match (objects by id)."""
@@ -318,9 +322,9 @@ class RunStore:
 
     def family_hash_data(self) -> list[Any]:
         """Return the settings, the texts of files and the members of the last generation, as JSON-ready lists."""
-        last = self.last_generation()
-        members = [] if last is None else [_individual_row(self.individual(id_)) for id_ in last.members]
-        return [self.settings(), self.source_texts(), members]
+        with self.damage_on_error("the members"):
+            rows = self._db.execute(_MEMBERS_QUERY).fetchall()
+        return [self.settings(), self.source_texts(), [*map(repr, rows)]]
 
     def write_generation(
         self,

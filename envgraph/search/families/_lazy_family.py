@@ -30,7 +30,7 @@ from envgraph.lang import DiskFiles, find_family, read_source
 from envgraph.search._run_store import dump_json
 from envgraph.search.domain._domain import Domain
 from envgraph.search.families._family_file import family_cache, open_family
-from envgraph.search.families._member_family import Family, Member, member_place
+from envgraph.search.families._member_family import MANY_MEMBERS, Family, Member, member_place
 from envgraph.search.families._table_cache import FamilyRecord, TableCache
 
 if TYPE_CHECKING:
@@ -41,9 +41,6 @@ DomainLocation = str | Sequence[str]  # a sequence: the files of a model and of 
 
 SHARED_FAMILIES, SHARED_PROGRAMS, SHARED_MEMBERS = 8, 16, 16
 """Numbers of families and of programs that later calls of `make` find in memory; and of the members of a program."""
-
-MEMBERS_TO_COMPILE: Final = 100
-"""Number of members above which compiling a program is faster than visiting all their states."""
 
 OUTCOMES_FOR_A_TABLE: Final = 50_000
 """Number of outcomes that the live engine visits for tables without `engine="table"`, in 2 to 7 s."""
@@ -123,7 +120,7 @@ class LazyFamily:
         """
         if engine == "live":
             return None
-        many = engine is None and len(places) > MEMBERS_TO_COMPILE and has_numba() and not needs_pictures
+        many = engine is None and len(places) > MANY_MEMBERS and has_numba() and not needs_pictures
         if many:
             with suppress(NotCompiled):
                 return self.compiled_program(places)

@@ -3,10 +3,11 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from contextlib import suppress
 from dataclasses import field, replace
 from functools import cache, cached_property
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, Final
 
 import numpy as np
 from numpy.typing import NDArray
@@ -33,13 +34,17 @@ from envgraph.search.domain._components import Components
 from envgraph.search.domain._domain import Domain
 from envgraph.search.families._family_pictures import family_html, member_html
 from envgraph.search.families._lazy_models import LazyModel, ReplayedModels
-from envgraph.search.families._table_cache import FamilyRecord, TableCache, table_file_name
+from envgraph.search.families._table_cache import FamilyRecord, TableCache, hash_key, table_file_name, texts_of
 from envgraph.search.families._train_test_split import split_places
 from envgraph.search.problem._member_distances import count_differing_objects, number_objects
 from envgraph.search.problem._problem import checked_number
 
 if TYPE_CHECKING:
-    from envgraph.env.compiled import CompiledProgram
+    from envgraph.env.compiled import CompiledProgram, MemberEngines
+
+
+MANY_MEMBERS: Final = 100
+"""Number of members above which compiling a program is faster than visiting all their states. Its arrays are cached."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -117,7 +122,22 @@ class Family:
         """Return the numbers of objects by key, the same for all members. A subset keeps those of its whole family."""
         if self._keys is not None:
             return self._keys
-        return self.domain.keys(self._iterate_models(sorted(self.members, key=_birth)))
+        content, cache = self._hash_of(self.members), TableCache.of_user()
+        known = cache.read_json(f"{content}.keys") if content else None
+        with suppress(InvalidArgument):
+            return KeyIndex.from_json(known, self.domain.metamodel)
+        found = self.domain.keys(self._iterate_models(sorted(self.members, key=_birth)))
+        if content:
+            cache.write_json(f"{content}.keys", found.to_json())
+        return found
+
+    def _hash_of(self, members: Sequence[Member]) -> str:
+        """Return a hash of members; "" if nothing of them is cached, as if they depend on Python functions."""
+        domain = self.domain
+        if len(members) <= MANY_MEMBERS or domain.components.function:
+            return ""
+        models = [one.source if isinstance(one.source, str) else one.source.state_hash for one in members]
+        return hash_key(domain.behaviour and domain.behaviour.name, self._pays, texts_of(domain), models)
 
     def _iterate_models(self, members: Iterable[Member]) -> Iterator[Model]:
         """Yield the models of members. Each must be read before the next one is requested."""
@@ -184,13 +204,36 @@ class Family:
         return known
 
     def program(self, members: Sequence[Member]) -> CompiledProgram:
-        """Return the compiled behaviour for these members, as one program.
+        """Return the compiled behaviour for these members, as one program. The arrays of many members are cached.
 
         Raises:
             InvalidArgument: the family has no environment.
             NotCompiled: the behaviour has a construct that cannot be compiled.
         """
-        from envgraph.env.compiled import MemberEngines, program_of
+        from envgraph.env.compiled import program_of
+
+        def compile_some(some: Sequence[Member]) -> CompiledProgram:
+            return program_of(self.domain.engine(), self.behaviour, self._engines_of(some), self.keys)
+
+        content, cache = self._hash_of(members), TableCache.of_user()
+        match cache.read_json(f"{content}.program") if content else None:
+            case {"step": int(step), "source": str(source), "strings": dict(strings), "arrays": [*names]}:
+                found, arrays = compile_some(members[::step]), cache.map_arrays(names)
+                if arrays and found.source == source:
+                    everyone = replace(found.members, engines=self._engines_of(members), strings=strings)
+                    return replace(found, arrays=type(found.arrays)(*arrays), members=everyone)
+        found, step = compile_some(members), len(members)
+        if content:
+            while compile_some(members[::step]).layout.broken_assumptions != found.layout.broken_assumptions:
+                step //= 2  # with the step 1 these are all members
+            names, strings = cache.write_arrays(found.arrays), found.members.strings
+            facts = {"step": step, "source": found.source, "strings": strings, "arrays": names}
+            cache.write_json(f"{content}.program", facts)
+        return found
+
+    def _engines_of(self, members: Sequence[Member]) -> MemberEngines:
+        """Return access to the initial states of members."""
+        from envgraph.env.compiled import MemberEngines
 
         def make(place: int) -> Engine:
             return self.domain.engine(self.model(members[place]))
@@ -201,8 +244,7 @@ class Family:
             source = members[place].source
             return made(place) if isinstance(source, str) else source.engine()
 
-        order = sorted(range(len(members)), key=lambda place: _birth(members[place]))
-        return program_of(self.domain.engine(), self.behaviour, MemberEngines(read, make, order), self.keys)
+        return MemberEngines(read, make, sorted(range(len(members)), key=lambda place: _birth(members[place])))
 
     def table_file_name(self, member: Member) -> str:
         """Return the name of the file in which the transition table of a member is cached, without a directory."""
@@ -400,9 +442,10 @@ def member_place(variant: int | str | None, places: Mapping[str, int], family: s
 
 
 def order_members(
-    domain: Domain, member_data: Sequence[tuple[Mapping[str, float], str | LazyModel, int | None, bool]]
+    domain: Domain,
+    member_data: Sequence[tuple[Mapping[str, float], str | LazyModel, int | None, bool, *tuple[Any, ...]]],
 ) -> tuple[Member, ...]:
-    """Return members in the order of the curriculum, from tuples of measures, model, individual and initial flag.
+    """Return members in the order of the curriculum, from tuples of the values of `Member` after its name.
 
     The initial model is last, as the target, or last among equals if the family file says `order_members`. Equal values
     keep the given order. The members of a curriculum search also keep it, unless the file names a measure for the
@@ -467,7 +510,7 @@ def load_stored_family(store: RunStore, domain: Domain) -> Family:
     imported, sampled = store.imported is not None, domain.spec.samples is not None
     individuals = {one.id: one for one in store.individuals()} if sampled else _with_ancestors(store, last.members)
     replay = ReplayedModels(domain, individuals, str(store.path))
-    found = []
+    found, certificates = [], store.certificates
     for id_ in last.members:
         if id_ not in individuals:
             raise store.damage_error(f"individual {id_} is missing")
@@ -484,12 +527,10 @@ def load_stored_family(store: RunStore, domain: Domain) -> Family:
             source = individual.model
         elif not sampled:
             source = derived.text()  # made now, so that errors are reported now
-        found.append((individual.measures, source, id_, individual.parent is None and not imported))
-    tables, certificates = TableCache.of_run(store.path), store.certificates
-    members = tuple(
-        replace(one, certificates=certificates.get(one.individual or 0, {})) for one in order_members(domain, found)
-    )
-    values, failing = _objective_values(store, domain)
+        is_initial = individual.parent is None and not imported
+        found.append((individual.measures, source, id_, is_initial, certificates.get(id_, {})))
+    members, (values, failing) = order_members(domain, found), _objective_values(store, domain)
+    tables = TableCache.of_run(store.path)
     return Family(store.name, store.bundle(), members, domain, domain.overrides, values, failing, tables)
 
 

@@ -10,12 +10,16 @@ from __future__ import annotations
 import json
 import logging
 import os
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from contextlib import suppress
 from dataclasses import asdict
-from hashlib import sha256
+from hashlib import file_digest, sha256
+from io import BytesIO
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import NDArray
 
 from envgraph import __version__
 from envgraph.code import dataclass
@@ -162,43 +166,70 @@ class TableCache:
 
     def _read_refusal(self, name: str) -> tuple[str, str | None] | None:
         """Return the cached message that there are too many states, and its hint or None; None if nothing is cached."""
-        for path in self._paths(name.replace(".npz", ".refusal")):
-            with suppress(OSError, ValueError, RecursionError):  # missing or damaged
-                match json.loads(path.read_text("utf-8")):
-                    case {"message": str(message), "hint": str() | None as hint}:
-                        return message, hint
+        match self.read_json(name.replace(".npz", ".refusal")):
+            case {"message": str(message), "hint": str() | None as hint}:
+                return message, hint
         return None
 
     def _write_refusal(self, name: str, error: TooManyStates) -> None:
-        content = json.dumps({"message": error.message, "hint": error.hint})
-        for path in self._paths(name.replace(".npz", ".refusal")):
+        self.write_json(name.replace(".npz", ".refusal"), {"message": error.message, "hint": error.hint})
+
+    def read_json(self, name: str) -> Any:
+        """Return the JSON data in a file of the cache, or None if it is missing or damaged."""
+        for path in self._paths(name):
+            with suppress(OSError, ValueError, RecursionError):
+                return json.loads(path.read_text("utf-8"))
+        return None
+
+    def write_json(self, name: str, data: object) -> None:
+        """Write JSON data to the first writable directory; do nothing if no directory is writable."""
+        for path in self._paths(name):
             with suppress(OSError):
-                replace_file(path, content)
+                replace_file(path, json.dumps(data))
                 return
 
     def read_record(self, key: str) -> FamilyRecord | None:
         """Return the cached record of a family, or None. `key` is a hash of all data from which the family is made."""
-        for path in self._paths(f"{key}.record"):
-            with suppress(OSError, ValueError, RecursionError):  # missing or damaged
-                match json.loads(path.read_text("utf-8")):
-                    case {
-                        "family": str(family),
-                        "behaviour": str(behaviour),
-                        "limit": int() | None as limit,
-                        "drawn": bool(drawn),
-                        "keys": dict(keys),
-                        "tables": dict(tables),
-                        "certificates": dict(certificates),
-                    } if all(isinstance(table, str) for table in tables.values()):
-                        return FamilyRecord(family, behaviour, limit, drawn, keys, tables, certificates)
+        match self.read_json(f"{key}.record"):
+            case {
+                "family": str(family),
+                "behaviour": str(behaviour),
+                "limit": int() | None as limit,
+                "drawn": bool(drawn),
+                "keys": dict(keys),
+                "tables": dict(tables),
+                "certificates": dict(certificates),
+            } if all(isinstance(table, str) for table in tables.values()):
+                return FamilyRecord(family, behaviour, limit, drawn, keys, tables, certificates)
         return None
 
     def write_record(self, key: str, record: FamilyRecord) -> None:
         """Write a record to the first writable directory; do nothing if no directory is writable."""
-        for path in self._paths(f"{key}.record"):
-            with suppress(OSError):
-                replace_file(path, json.dumps(asdict(record)))
-                return
+        self.write_json(f"{key}.record", asdict(record))
+
+    def map_arrays(self, names: Sequence[str]) -> list[NDArray[Any]]:
+        """Return the arrays in files, mapped into memory and shared with other processes; [] if one is missing or
+        damaged.
+        """
+        found = []
+        for path in (path for name in names for path in self._paths(f"{name}.npy")):
+            with suppress(OSError), path.open("rb") as file:
+                if file_digest(file, "sha256").hexdigest() == path.stem:
+                    os.utime(path)
+                    found.append(np.asarray(np.load(path, mmap_mode="r", allow_pickle=False)))
+        return found if len(found) == len(names) else []
+
+    def write_arrays(self, arrays: Sequence[NDArray[Any]]) -> list[str]:
+        """Write arrays to files, unless that is impossible. Return their names, which are checksums."""
+        names = []
+        for array in arrays:
+            np.save(content := BytesIO(), array, allow_pickle=False)
+            names.append(sha256(content.getbuffer()).hexdigest())
+            for path in self._paths(f"{names[-1]}.npy"):
+                with suppress(OSError), replacement_draft(path) as draft:
+                    draft.write_bytes(content.getbuffer())
+                _remove_old_files(path.parent)
+        return names
 
     def _write_table(self, name: str, explored: ExploredEnvironment) -> None:
         reason: OSError | None = None
@@ -230,9 +261,12 @@ def table_file_name(domain: Domain, behaviour: Behaviour, model: Model, keys: Ke
 
     The family file does not count, because it only configures the search.
     """
-    files = sorted(domain.workspace.sources.items())
-    texts = [text for name, text in files if name != domain.spec.path]
-    return f"{hash_key(behaviour.name, texts, model_to_json(model), keys.to_json())}.npz"
+    return f"{hash_key(behaviour.name, texts_of(domain), model_to_json(model), keys.to_json())}.npz"
+
+
+def texts_of(domain: Domain) -> list[str]:
+    """Return the texts of a domain in the order of their names, without the family file."""
+    return [text for name, text in sorted(domain.workspace.sources.items()) if name != domain.spec.path]
 
 
 def hash_key(*parts: object) -> str:
@@ -243,7 +277,8 @@ def hash_key(*parts: object) -> str:
 
 def _remove_old_files(place: Path) -> None:
     """Remove the least recently used files of a cache directory until their total size is within the limit."""
-    files = [(file.stat(), file) for ending in ("npz", "record", "refusal") for file in place.glob(f"*.{ending}")]
+    endings = "npz", "record", "refusal", "npy", "program", "keys"
+    files = [(file.stat(), file) for ending in endings for file in place.glob(f"*.{ending}")]
     total = 0
     for stat, file in sorted(files, key=lambda pair: pair[0].st_mtime, reverse=True):
         total += stat.st_size

@@ -110,7 +110,7 @@ def test_shared_engine_of_members_gives_the_same_program(family: Family, tmp_pat
 
 def test_vector_of_many_members_is_stepped_by_a_compiled_program(run: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     with monkeypatch.context() as context:
-        context.setattr("envgraph.search.families._lazy_family.MEMBERS_TO_COMPILE", 3)
+        context.setattr("envgraph.search.families._lazy_family.MANY_MEMBERS", 3)
         context.setattr("envgraph.search.families._lazy_family.has_numba", lambda: True)
         context.setattr("envgraph.env.compiled.programs._compiled_program.has_numba", lambda: False)  # in Python
         many = envgraph.make_vec(run, num_envs=6, variant=["E1", "E9", "E17", "E60"])

@@ -179,8 +179,9 @@ class CompiledBatch:
         failed = self._advance()
         if failed >= 0:
             self._raise_error(failed, int(self.actions[failed]))
-        if self._created_counters and 2 * self.states[:, self._created_counters[0]].max(initial=0) > self.program.spare:
-            self._grow()
+        for counter in self._created_counters:
+            if 2 * self.states[:, counter].max(initial=0) > self.program.members.spare:
+                self._grow()
 
     def _grow(self) -> None:
         """Replace the program and all arrays by ones with more space for created objects, and copy all states."""

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import pickle
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import field
 from typing import Any, NamedTuple
@@ -88,11 +87,6 @@ class MemberData:
         self._extents = {cls: [self.object_numbers[node] for node in nodes] for cls, nodes in extents.items()}
         self._library = library
         self._rows: dict[StaticRelation, list[Row]] = {}
-
-    @property
-    def number_count(self) -> int:
-        """Return the number of object numbers: objects of the initial model and reserved numbers."""
-        return self.reserved_numbers.stop
 
     def rows(self, relation: StaticRelation) -> list[Row]:
         """Return the rows of a relation in the initial model; each relation is evaluated once and cached."""
@@ -208,7 +202,11 @@ class MemberEngines(NamedTuple):
     @classmethod
     def of_list(cls, engines: Sequence[Engine]) -> MemberEngines:
         """Return access to the members with these engines, whose models stay in their initial states."""
-        return cls(engines.__getitem__, engines.__getitem__, range(len(engines)))
+        return cls(engines.__getitem__, lambda number: engines[number].copy(), range(len(engines)))
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        """Return the data to pickle, an engine of each member."""
+        return MemberEngines.of_list, ([self.make(number) for number in range(len(self.order))],)
 
 
 @dataclass(frozen=True, eq=False)
@@ -238,15 +236,6 @@ class ProgramMembers:
     def read_all(self) -> Iterator[tuple[int, MemberData]]:
         """Yield each member with its number. Its relations can only be read until the next one is requested."""
         return ((number, self[number]) for number in self.engines.order)
-
-    def __getstate__(self) -> dict[str, Any]:
-        """Return the data to pickle, with bytes from which an engine of each member can be made."""
-        return {**vars(self), "engines": [pickle.dumps(self.engines.make(number)) for number in range(len(self))]}
-
-    def __setstate__(self, state: dict[str, Any]) -> None:
-        texts = state["engines"]
-        made = MemberEngines(*2 * (lambda number: pickle.loads(texts[number]),), range(len(texts)))
-        vars(self).update(state, engines=made)
 
 
 def check_int_range(value: int) -> int:

@@ -62,7 +62,6 @@ class CompiledProgram:
         layout: the offsets of tables and columns.
         row_regions, row_width: the number of regions of the row buffers, and the number of columns of a row.
         native: True if numba compiles the program.
-        spare: how many objects created by rules a state may contain.
         acting_agents: the number of agents that act in the same step, 1 if agents take turns.
     """
 
@@ -78,7 +77,6 @@ class CompiledProgram:
     row_regions: int
     row_width: int
     native: bool
-    spare: int
     acting_agents: int
 
     def functions_for(self, purpose: Purpose) -> Mapping[str, Callable[..., Any]]:
@@ -119,8 +117,8 @@ class CompiledProgram:
             raise AssumptionViolated("keys")
         _joint_agents(self.behaviour, engine, keys)
         strings, created = self.layout.number_strings(strings_in_model(engine)), self.layout.created_classes
-        members = ProgramMembers(MemberEngines.of_list([engine]), engine, keys, strings, created, self.spare)
-        arrays = self.layout.fill_arrays(members, members[0].number_count)
+        members = ProgramMembers(MemberEngines.of_list([engine]), engine, keys, strings, created, self.members.spare)
+        arrays = self.layout.fill_arrays(members, members[0].reserved_numbers.stop)
         if NO_OBJECT in strings.values():
             raise AssumptionViolated("strings")
         return replace(self, arrays=arrays, members=members)
@@ -172,7 +170,7 @@ def program_of(
     seats: tuple[tuple[str, int], ...] = ()
     for _, member in alone.read_all():
         known |= strings_in_model(member.engine)
-        seats, largest = _joint_agents(behaviour, member.engine, keys), max(largest, member.number_count)
+        seats, largest = _joint_agents(behaviour, member.engine, keys), max(largest, len(member.object_ids))
     unmet = {*broken}
     while True:
         layout = ProgramLayout(unmet)
@@ -200,7 +198,6 @@ def program_of(
             text.levels,
             text.width,
             has_numba() if native is None else native,
-            spare,
             len(seats) or 1,
         )
 

@@ -18,10 +18,9 @@ Numbers = NDArray[Any]
 
 def with_more_space(program: CompiledProgram) -> CompiledProgram:
     """Return a program with twice the space for created objects."""
-    members = replace(program.members, spare=2 * program.spare)
-    stride = int(program.arrays.offsets[0]) + program.spare
-    arrays = program.layout.fill_arrays(members, stride)
-    return replace(program, arrays=arrays, members=members, spare=members.spare)
+    members = replace(program.members, spare=2 * program.members.spare)
+    stride = int(program.arrays.offsets[0]) + program.members.spare
+    return replace(program, arrays=program.layout.fill_arrays(members, stride), members=members)
 
 
 def copy_states(

@@ -91,7 +91,7 @@ class _RuleVisit(StateVisit):
         goal = len(predicates) if has_goal else -1
         super().__init__(program, 0, limit, goal=goal, match=(width, floats))
         self._shapes, self._predicates, self._check_time = shapes, predicates, check
-        self._ids = [*program.members[0].object_ids, *range(first_id, first_id + program.spare)]
+        self._ids = [*program.members[0].object_ids, *range(first_id, first_id + program.members.spare)]
         self._goal: int | None = None
         self._tried = 0  # rules in the states that are expanded
 

@@ -189,7 +189,7 @@ class StateVisit(ABC):
         self._raise_not_compiled()
 
     def _raise_not_compiled(self) -> None:
-        spare = self._program.spare
+        spare = self._program.members.spare
         bounds = f"{CAPACITY} matches of a condition, {spare} created objects, 64 bits within expressions"
         full = self.rows.states[self.counts[1], ERROR] == FULL and spare < LIMITS["created objects"]
         raise (NeedsSpace if full else NotCompiled)(f"a state that exceeds one of the limits: {bounds}")
