@@ -339,7 +339,11 @@ class RunStore:
         with self._transaction() as db:
             texts = [(key, dump_json(value)) for key, value in (settings or {}).items()]
             db.executemany("INSERT OR REPLACE INTO setting VALUES (?, ?)", texts)
-            rows = [_individual_row(individual) for individual in individuals]
+            rows = [
+                (one.id, one.generation, one.child, one.parent, dump_json(one.trace), dump_json(dict(one.measures)),
+                 one.state_hash, one.model)
+                for one in individuals
+            ]  # fmt: skip
             db.executemany("INSERT INTO individual VALUES (?, ?, ?, ?, ?, ?, ?, ?)", rows)
             db.executemany("INSERT INTO content VALUES (?, ?)", [(row[0], _row_hash(row)) for row in rows])
             numbers = generation.number, generation.diversity, generation.accepted, generation.rejected
@@ -586,19 +590,6 @@ _ENCODER = json.JSONEncoder(
 def dump_json(value: Any) -> str:
     """Return compact JSON text. The keys of a dict keep their order."""
     return _ENCODER.encode(value)
-
-
-def _individual_row(individual: Individual) -> Sequence[object]:
-    return (
-        individual.id,
-        individual.generation,
-        individual.child,
-        individual.parent,
-        dump_json(individual.trace),
-        dump_json(dict(individual.measures)),
-        individual.state_hash,
-        individual.model,
-    )
 
 
 def _row_hash(row: Sequence[object]) -> str:

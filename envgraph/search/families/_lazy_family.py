@@ -6,6 +6,7 @@ import os
 from collections import OrderedDict
 from collections.abc import Callable, Sequence
 from contextlib import suppress
+from dataclasses import asdict
 from functools import cached_property, lru_cache
 from os import PathLike
 from pathlib import Path
@@ -83,7 +84,7 @@ class LazyFamily:
         if found is None:
             found = self.family.record()
             if self._key and self._key == self._kept()[1]:  # no generation was added in the meantime
-                self._tables.write_record(self._key, found)
+                self._tables.write_json(f"{self._key}.record", asdict(found))
         return found
 
     def paying(self, name: str) -> LazyFamily:
@@ -226,9 +227,8 @@ class LazyMembers:
         if place not in self._entered_members:
             found = self._lazy_family.tables_or_program([place], self.engine, needs_pictures=self.needs_pictures)
             if found is None:
-                return self._lazy_family.make_simulator(
-                    place
-                )  # not cached: a simulator has a state and belongs to a single environment
+                # Not cached: a simulator has a state and belongs to a single environment.
+                return self._lazy_family.make_simulator(place)
             self._entered_members[place] = found[0] if isinstance(found, list) else found
         return self._entered_members[place]
 

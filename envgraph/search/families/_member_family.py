@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
-from contextlib import suppress
 from dataclasses import field, replace
 from functools import cache, cached_property
 from pathlib import Path
@@ -34,7 +33,15 @@ from envgraph.search.domain._components import Components
 from envgraph.search.domain._domain import Domain
 from envgraph.search.families._family_pictures import family_html, member_html
 from envgraph.search.families._lazy_models import LazyModel, ReplayedModels
-from envgraph.search.families._table_cache import FamilyRecord, TableCache, hash_key, table_file_name, texts_of
+from envgraph.search.families._table_cache import (
+    FamilyRecord,
+    TableCache,
+    hash_key,
+    read_facts,
+    table_file_name,
+    texts_of,
+    write_facts,
+)
 from envgraph.search.families._train_test_split import split_places
 from envgraph.search.problem._member_distances import count_differing_objects, number_objects
 from envgraph.search.problem._problem import checked_number
@@ -122,13 +129,12 @@ class Family:
         """Return the numbers of objects by key, the same for all members. A subset keeps those of its whole family."""
         if self._keys is not None:
             return self._keys
-        content, cache = self._hash_of(self.members), TableCache.of_user()
-        known = cache.read_json(f"{content}.keys") if content else None
-        with suppress(InvalidArgument):
+        content = self._hash_of(self.members)
+        known = read_facts(content, "keys")
+        if known is not None:
             return KeyIndex.from_json(known, self.domain.metamodel)
         found = self.domain.keys(self._iterate_models(sorted(self.members, key=_birth)))
-        if content:
-            cache.write_json(f"{content}.keys", found.to_json())
+        write_facts(content, "keys", found.to_json())
         return found
 
     def _hash_of(self, members: Sequence[Member]) -> str:
@@ -216,19 +222,19 @@ class Family:
             return program_of(self.domain.engine(), self.behaviour, self._engines_of(some), self.keys)
 
         content, cache = self._hash_of(members), TableCache.of_user()
-        match cache.read_json(f"{content}.program") if content else None:
-            case {"step": int(step), "source": str(source), "strings": dict(strings), "arrays": [*names]}:
-                found, arrays = compile_some(members[::step]), cache.map_arrays(names)
-                if arrays and found.source == source:
-                    everyone = replace(found.members, engines=self._engines_of(members), strings=strings)
-                    return replace(found, arrays=type(found.arrays)(*arrays), members=everyone)
+        known = read_facts(content, "program")
+        if known and (arrays := cache.map_arrays(known["arrays"])):
+            found = compile_some(members[:: known["step"]])
+            if found.source == known["source"]:
+                everyone = replace(found.members, engines=self._engines_of(members), strings=known["strings"])
+                return replace(found, arrays=type(found.arrays)(*arrays), members=everyone)
         found, step = compile_some(members), len(members)
         if content:
             while compile_some(members[::step]).layout.broken_assumptions != found.layout.broken_assumptions:
                 step //= 2  # with the step 1 these are all members
             names, strings = cache.write_arrays(found.arrays), found.members.strings
             facts = {"step": step, "source": found.source, "strings": strings, "arrays": names}
-            cache.write_json(f"{content}.program", facts)
+            write_facts(content, "program", facts)
         return found
 
     def _engines_of(self, members: Sequence[Member]) -> MemberEngines:

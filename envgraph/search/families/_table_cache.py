@@ -12,7 +12,6 @@ import logging
 import os
 from collections.abc import Mapping, Sequence
 from contextlib import suppress
-from dataclasses import asdict
 from hashlib import file_digest, sha256
 from io import BytesIO
 from pathlib import Path
@@ -23,22 +22,17 @@ from numpy.typing import NDArray
 
 from envgraph import __version__
 from envgraph.code import dataclass
-from envgraph.env import (
-    Behaviour,
-    ExploredEnvironment,
-    KeyIndex,
-    TooManyStates,
-    read_explored,
-    write_explored,
-)
+from envgraph.env import Behaviour, ExploredEnvironment, KeyIndex, TooManyStates, read_explored, write_explored
 from envgraph.errors import LIMITS, InvalidArgument
 from envgraph.files import (
     CACHE_VARIABLE,
     cache_directory,
     is_private_file,
+    read_cached,
     replace_file,
     replacement_draft,
     report_counting,
+    write_cached,
 )
 from envgraph.graph import Model, model_to_json
 from envgraph.search._run_store import dump_json
@@ -139,7 +133,7 @@ class TableCache:
                 found = explore_fast(engine, behaviour, keys, outcomes=outcomes, pictures=drawn, progress=progress)
         except TooManyStates as error:
             if lasting:
-                self._write_refusal(within, error)
+                self.write_json(within.replace(".npz", ".refusal"), {"message": error.message, "hint": error.hint})
             raise
         if lasting:
             self._write_table(name, found)
@@ -171,9 +165,6 @@ class TableCache:
                 return message, hint
         return None
 
-    def _write_refusal(self, name: str, error: TooManyStates) -> None:
-        self.write_json(name.replace(".npz", ".refusal"), {"message": error.message, "hint": error.hint})
-
     def read_json(self, name: str) -> Any:
         """Return the JSON data in a file of the cache, or None if it is missing or damaged."""
         for path in self._paths(name):
@@ -203,10 +194,6 @@ class TableCache:
                 return FamilyRecord(family, behaviour, limit, drawn, keys, tables, certificates)
         return None
 
-    def write_record(self, key: str, record: FamilyRecord) -> None:
-        """Write a record to the first writable directory; do nothing if no directory is writable."""
-        self.write_json(f"{key}.record", asdict(record))
-
     def map_arrays(self, names: Sequence[str]) -> list[NDArray[Any]]:
         """Return the arrays in files, mapped into memory and shared with other processes; [] if one is missing or
         damaged.
@@ -227,6 +214,7 @@ class TableCache:
             names.append(sha256(content.getbuffer()).hexdigest())
             for path in self._paths(f"{names[-1]}.npy"):
                 with suppress(OSError), replacement_draft(path) as draft:
+                    draft.chmod(0o600)
                     draft.write_bytes(content.getbuffer())
                 _remove_old_files(path.parent)
         return names
@@ -248,6 +236,20 @@ class TableCache:
                 reason,
                 CACHE_VARIABLE,
             )
+
+
+def read_facts(key: str, kind: str) -> Any:
+    """Return the JSON data that `write_facts` wrote to the user's cache; None without them or without a key."""
+    folder = cache_directory()
+    known = read_cached(folder / f"{key}.{kind}", key) if key and folder else None
+    return None if known is None else json.loads(known)
+
+
+def write_facts(key: str, kind: str, facts: object) -> None:
+    """Write JSON data to the user's cache, with a checksum. Without a key, do nothing."""
+    folder = cache_directory()
+    if key and folder:
+        write_cached(folder / f"{key}.{kind}", key, json.dumps(facts).encode())
 
 
 def _is_trusted(path: Path) -> bool:

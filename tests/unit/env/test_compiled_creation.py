@@ -82,8 +82,8 @@ def test_space_of_a_state_grows_when_rules_create_objects() -> None:
     batch.reset(np.ones(3, dtype=np.bool_))
     for _ in range(40):
         batch.step(np.zeros(3, dtype=np.int64), resets_ended=False)
-    assert program.spare == 2
-    assert batch.program.spare == 128
+    assert program.members.spare == 2
+    assert batch.program.members.spare == 128
     assert batch.steps.tolist() == [40, 40, 40]
 
 

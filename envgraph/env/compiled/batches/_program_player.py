@@ -22,7 +22,7 @@ class ProgramPlayer:
     def __init__(self, program: CompiledProgram, purpose: Purpose) -> None:
         arrays = program.arrays
         states, floats = (np.zeros_like(array[:1]) for array in (arrays.ints, arrays.floats))
-        fixed = program.tables, arrays.reals, arrays.offsets
+        fixed = arrays.tables_for(program.native), arrays.reals, arrays.offsets
         space = *zero_row_buffers(program.row_buffer_shape), np.zeros(2)
         self.program, self._functions = program, program.functions_for(purpose)
         self._arguments = *fixed, states, floats, floats.view(np.int64), *space

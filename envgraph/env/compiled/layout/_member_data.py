@@ -21,7 +21,7 @@ from envgraph.env.compiled.layout._relations import (
 )
 from envgraph.errors import InvalidArgument
 from envgraph.metamodel import Attribute, EnumType, Reference, Scalar, Value, reachable_nodes
-from envgraph.pattern import Library, ObjectType, StaticType
+from envgraph.pattern import ObjectType, StaticType
 from envgraph.rewrite import Engine
 
 NO_OBJECT = -1
@@ -53,39 +53,29 @@ class MemberData:
     Args:
         engine: an engine in the member's initial state. If other members share it, relations can only be read until it
             is in another state.
-        keys: the indices of objects over the family.
-        library: the patterns of the domain.
-        strings: the number of each string of the family, in alphabetical order.
-        created: the concrete classes whose objects rules create.
-        spare: how many numbers are reserved for these objects.
+        family: the members of the program, with what they share.
 
     Attributes:
         object_ids: the ids of the objects of the initial model, by number.
-        string_numbers, created_classes: `strings` and `created`.
+        string_numbers: the number of each string of the family, in alphabetical order.
+        created_classes: the concrete classes whose objects rules create.
         reserved_numbers: the numbers reserved for objects that rules create; extents do not contain these numbers.
     """
 
-    def __init__(
-        self,
-        engine: Engine,
-        keys: KeyIndex,
-        library: Library,
-        strings: dict[str, int],
-        created: frozenset[str],
-        spare: int,
-    ) -> None:
+    def __init__(self, engine: Engine, family: ProgramMembers) -> None:
         self.engine = engine
-        self.key_index = keys
+        self.key_index = family.keys
         self.model = engine.model
         self.metamodel = engine.model.metamodel
         concrete = [cls.name for cls in self.metamodel.class_list if not cls.abstract]
         extents = {cls: sorted(self.model.graph.exact_extent(cls)) for cls in concrete}
         self.object_ids = sorted(node for nodes in extents.values() for node in nodes)
         self.object_numbers = {node: number for number, node in enumerate(self.object_ids)}
-        self.string_numbers, self.created_classes = strings, created
-        self.reserved_numbers = range(len(self.object_ids), len(self.object_ids) + (spare if created else 0))
+        self.string_numbers, self.created_classes = family.strings, family.created
+        count, spare = len(self.object_ids), family.spare if family.created else 0
+        self.reserved_numbers = range(count, count + spare)
         self._extents = {cls: [self.object_numbers[node] for node in nodes] for cls, nodes in extents.items()}
-        self._library = library
+        self._library = family.patterns.library
         self._rows: dict[StaticRelation, list[Row]] = {}
 
     def rows(self, relation: StaticRelation) -> list[Row]:
@@ -216,7 +206,10 @@ class ProgramMembers:
     Attributes:
         engines: access to their initial states.
         patterns: an engine with the patterns of the program.
-        keys, strings, created, spare: see `MemberData`.
+        keys: the indices of objects over the family.
+        strings: the number of each string of the family, in alphabetical order.
+        created: the concrete classes whose objects rules create.
+        spare: how many numbers are reserved for these objects.
     """
 
     engines: MemberEngines
@@ -230,8 +223,7 @@ class ProgramMembers:
         return len(self.engines.order)
 
     def __getitem__(self, number: int) -> MemberData:
-        engine, library = self.engines.read(number), self.patterns.library
-        return MemberData(engine, self.keys, library, self.strings, self.created, self.spare)
+        return MemberData(self.engines.read(number), self)
 
     def read_all(self) -> Iterator[tuple[int, MemberData]]:
         """Yield each member with its number. Its relations can only be read until the next one is requested."""

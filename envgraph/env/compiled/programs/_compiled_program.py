@@ -73,7 +73,6 @@ class CompiledProgram:
     members: ProgramMembers
     layout: ProgramLayout
     behaviour: Behaviour
-    keys: KeyIndex
     row_regions: int
     row_width: int
     native: bool
@@ -83,11 +82,6 @@ class CompiledProgram:
         """Return the functions for a purpose, by name; they are compiled at the first request."""
         modules, called = PURPOSE_FUNCTIONS[purpose]
         return load_functions(self.source, modules, called, native=self.native)
-
-    @property
-    def tables(self) -> NDArray[Any]:
-        """Return the integer tables of the members, in the dtype that the program's functions take."""
-        return self.arrays.tables_for(self.native)
 
     @property
     def row_buffer_shape(self) -> tuple[int, int]:
@@ -113,7 +107,7 @@ class CompiledProgram:
         Raises:
             Misfit: the program does not fit the model; `compile_for_model` compiles another program.
         """
-        if keys != self.keys:
+        if keys != self.members.keys:
             raise AssumptionViolated("keys")
         _joint_agents(self.behaviour, engine, keys)
         strings, created = self.layout.number_strings(strings_in_model(engine)), self.layout.created_classes
@@ -128,12 +122,12 @@ class CompiledProgram:
         if not self.behaviour.agents or self.behaviour.together:
             return ()
         member = self.members[number]
-        return tuple(name for name, _ in named_agents(self.behaviour, member.model, self.keys))
+        return tuple(name for name, _ in named_agents(self.behaviour, member.model, self.members.keys))
 
     def live_counterpart(self, number: int) -> LiveCounterpart:
         """Return a live engine of a member, which can be put into states of the program."""
         member = self.members[number]
-        simulator = Simulator(self.members.engines.make(number), self.behaviour, self.keys)
+        simulator = Simulator(self.members.engines.make(number), self.behaviour, self.members.keys)
         return LiveCounterpart(simulator, member, self.layout, self.arrays.offsets)
 
 
@@ -194,7 +188,6 @@ def program_of(
             data,
             text.layout,
             behaviour,
-            keys,
             text.levels,
             text.width,
             has_numba() if native is None else native,

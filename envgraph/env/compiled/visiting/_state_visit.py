@@ -133,9 +133,9 @@ class StateVisit(ABC):
         while True:
             states, floats, *rows = self.rows
             how, place, *counts = self._functions["visit"](
-                program.tables, arrays.reals, arrays.offsets, states, floats, *self._work, self._member,
-                floats.view(np.int64), self._hashed, arrays.ints, arrays.floats, *rows, *self.outcomes, *self.counts,
-                last, self._actions, *self._wanted, self._pause_after(self.counts[3]),
+                arrays.tables_for(program.native), arrays.reals, arrays.offsets, states, floats, *self._work,
+                self._member, floats.view(np.int64), self._hashed, arrays.ints, arrays.floats, *rows, *self.outcomes,
+                *self.counts, last, self._actions, *self._wanted, self._pause_after(self.counts[3]),
             )  # fmt: skip
             self.counts = head, count, _, _ = tuple(counts)
             self._check(how)
