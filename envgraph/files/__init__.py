@@ -18,7 +18,9 @@ if TYPE_CHECKING:
         cache_directory as cache_directory,
         is_private_file as is_private_file,
         read_cached as read_cached,
+        read_facts as read_facts,
         write_cached as write_cached,
+        write_facts as write_facts,
     )
     from envgraph.files._escaping import (
         escape_markdown as escape_markdown,

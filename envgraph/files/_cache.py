@@ -5,11 +5,13 @@ This module imports nothing of envgraph, because exported packages contain a cop
 
 from __future__ import annotations
 
+import json
 import os
 import stat
 from contextlib import suppress
 from hashlib import sha256
 from pathlib import Path
+from typing import Any
 
 CACHE_VARIABLE = "ENVGRAPH_CACHE"
 """Environment variable that names another cache directory, or "off" to cache nothing."""
@@ -69,6 +71,19 @@ def write_cached(path: Path, key: str, content: bytes) -> None:
             os.replace(draft, path)
         finally:
             draft.unlink(missing_ok=True)
+
+
+def read_facts(key: str, kind: str) -> Any:
+    """Return the JSON data that `write_facts` wrote to the user's cache; None without them or without a key."""
+    folder = cache_directory()
+    known = read_cached(folder / f"{key}.{kind}", key) if key and folder else None
+    return None if known is None else json.loads(known)
+
+
+def write_facts(key: str, kind: str, facts: object) -> None:
+    """Write JSON data to the user's cache, with a checksum. Without a key, do nothing."""
+    if key and (folder := cache_directory()):
+        write_cached(folder / f"{key}.{kind}", key, json.dumps(facts).encode())
 
 
 def is_private_file(found: os.stat_result) -> bool:

@@ -341,8 +341,7 @@ class RunStore:
             db.executemany("INSERT OR REPLACE INTO setting VALUES (?, ?)", texts)
             rows = [
                 (one.id, one.generation, one.child, one.parent, dump_json(one.trace), dump_json(dict(one.measures)),
-                 one.state_hash, one.model)
-                for one in individuals
+                 one.state_hash, one.model) for one in individuals
             ]  # fmt: skip
             db.executemany("INSERT INTO individual VALUES (?, ?, ?, ?, ?, ?, ?, ?)", rows)
             db.executemany("INSERT INTO content VALUES (?, ?)", [(row[0], _row_hash(row)) for row in rows])

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Sequence
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -21,6 +22,7 @@ def sample_walks(
     episodes: int | None = None,
     *,
     seed: int = 0,
+    legal: bool = False,
     progress: Callable[[int, int], None] = lambda episodes, _: None,
 ) -> NDArray[np.float64]:
     """Sample episodes in which each action is sampled uniformly from all actions, also those without an effect.
@@ -31,6 +33,7 @@ def sample_walks(
         environment: a live engine, or a program, of which the first member is used.
         limit: steps after which an episode is truncated.
         episodes: None for 10,000, or as few as have at most 2,000,000 steps (20,000 live), but at least 100.
+        legal: sample each action from those that the action mask allows in the state.
         progress: called from time to time with the number of episodes, and 0.
 
     Returns:
@@ -42,15 +45,15 @@ def sample_walks(
     """
     if limit < 1:
         raise InvalidArgument(f"`limit` is {limit}, but must be at least 1")
-    is_live = isinstance(environment, Simulator)
+    is_live, choices = isinstance(environment, Simulator), len(environment.action_names)
     count = episodes or min(max((LIVE_STEPS if is_live else PROGRAM_STEPS) // limit, 100), 10_000)
     found, size = np.zeros((count, 3)), 1 if is_live else max(1, BLOCK_STEPS // limit)
     for first in range(0, count, size):
         rows = found[first : first + size]
         rngs = [np.random.default_rng([seed, first + number]) for number in range(len(rows))]
-        actions = np.stack([rng.integers(len(environment.action_names), size=limit) for rng in rngs], axis=1)
+        drawn = [rng.random(limit) if legal else rng.integers(choices, size=limit) for rng in rngs]
         running = np.ones(len(rows), np.bool_)
-        for ended, reward in _iterate_steps(environment, rngs, actions):
+        for ended, reward in _iterate_steps(environment, rngs, np.stack(drawn, axis=1)):
             rows[running] += np.stack([ended == 1, reward, running], axis=1)[running]
             running &= ended == 0
             if not running.any():
@@ -60,18 +63,26 @@ def sample_walks(
 
 
 def _iterate_steps(
-    environment: CompiledProgram | Simulator, rngs: Sequence[np.random.Generator], actions: NDArray[np.int64]
+    environment: CompiledProgram | Simulator, rngs: Sequence[np.random.Generator], actions: NDArray[Any]
 ) -> Iterator[tuple[NDArray[np.int64], NDArray[np.float64]]]:
-    """Do the actions [limit, episodes] and yield the ends and rewards of each step. Ignore those of ended episodes."""
+    """Do actions [limit, episodes], or legal ones at places in [0, 1); yield ends and rewards, ended episodes too."""
+    legal = actions.dtype == np.float64
     if isinstance(environment, Simulator):
         environment.reset(rngs[0])
-        for action in actions[:, 0].tolist():
-            outcome = environment.step(action, rngs[0])
+        for row in actions:
+            (action,) = _legal_actions(row, environment.action_mask()[None]) if legal else row
+            outcome = environment.step(int(action), rngs[0])
             yield np.array([outcome.terminated]), np.array([outcome.reward])
         return
     batch = CompiledBatch(environment, np.zeros(len(rngs), np.int64))
     batch.seed(rngs)
     batch.reset(np.ones(len(rngs), np.bool_))
     for row in actions:
-        batch.step(row, resets_ended=True, limit=len(actions))
+        batch.step(_legal_actions(row, batch.action_masks()) if legal else row, resets_ended=True, limit=len(actions))
         yield batch.ended, batch.reward
+
+
+def _legal_actions(places: NDArray[np.float64], masks: NDArray[np.bool_]) -> NDArray[np.int64]:
+    """Return the actions at places from 0 to 1, exclusive, among those that the masks allow."""
+    found: NDArray[np.int64] = (masks.cumsum(axis=1) <= np.floor(places * masks.sum(axis=1))[:, None]).sum(axis=1)
+    return found

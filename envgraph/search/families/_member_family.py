@@ -25,6 +25,7 @@ from envgraph.errors import (
     list_names,
     parse_int,
 )
+from envgraph.files import read_facts, write_facts
 from envgraph.graph import Model, model_from_json
 from envgraph.lang import Bundle, bundled_domains
 from envgraph.rewrite import Engine
@@ -33,15 +34,7 @@ from envgraph.search.domain._components import Components
 from envgraph.search.domain._domain import Domain
 from envgraph.search.families._family_pictures import family_html, member_html
 from envgraph.search.families._lazy_models import LazyModel, ReplayedModels
-from envgraph.search.families._table_cache import (
-    FamilyRecord,
-    TableCache,
-    hash_key,
-    read_facts,
-    table_file_name,
-    texts_of,
-    write_facts,
-)
+from envgraph.search.families._table_cache import FamilyRecord, TableCache, hash_key, table_file_name
 from envgraph.search.families._train_test_split import split_places
 from envgraph.search.problem._member_distances import count_differing_objects, number_objects
 from envgraph.search.problem._problem import checked_number
@@ -137,13 +130,13 @@ class Family:
         write_facts(content, "keys", found.to_json())
         return found
 
-    def _hash_of(self, members: Sequence[Member]) -> str:
-        """Return a hash of members; "" if nothing of them is cached, as if they depend on Python functions."""
-        domain = self.domain
-        if len(members) <= MANY_MEMBERS or domain.components.function:
+    def _hash_of(self, members: Sequence[Member], *more: object) -> str:
+        """Return a hash of members and of more data; "" if they are few, or may depend on Python functions."""
+        behaviour, texts = self.domain.behaviour, sorted(self.domain.workspace.sources.values())
+        if len(members) <= MANY_MEMBERS or self.domain.components.function:
             return ""
         models = [one.source if isinstance(one.source, str) else one.source.state_hash for one in members]
-        return hash_key(domain.behaviour and domain.behaviour.name, self._pays, texts_of(domain), models)
+        return hash_key(behaviour and behaviour.name, self._pays, texts, models, *more)
 
     def _iterate_models(self, members: Iterable[Member]) -> Iterator[Model]:
         """Yield the models of members. Each must be read before the next one is requested."""
@@ -221,7 +214,7 @@ class Family:
         def compile_some(some: Sequence[Member]) -> CompiledProgram:
             return program_of(self.domain.engine(), self.behaviour, self._engines_of(some), self.keys)
 
-        content, cache = self._hash_of(members), TableCache.of_user()
+        content, cache = self._hash_of(members, self.keys.to_json()), TableCache.of_user()
         known = read_facts(content, "program")
         if known and (arrays := cache.map_arrays(known["arrays"])):
             found = compile_some(members[:: known["step"]])
@@ -232,9 +225,8 @@ class Family:
         if content:
             while compile_some(members[::step]).layout.broken_assumptions != found.layout.broken_assumptions:
                 step //= 2  # with the step 1 these are all members
-            names, strings = cache.write_arrays(found.arrays), found.members.strings
-            facts = {"step": step, "source": found.source, "strings": strings, "arrays": names}
-            write_facts(content, "program", facts)
+            facts = {"step": step, "source": found.source, "strings": found.members.strings}
+            write_facts(content, "program", {**facts, "arrays": cache.write_arrays(found.arrays)})
         return found
 
     def _engines_of(self, members: Sequence[Member]) -> MemberEngines:
@@ -339,7 +331,8 @@ class Family:
         """Split the family into a training family and a test family, without common or too similar members.
 
         Args:
-            test: the test members: a share or a number to sample, or a function that returns True for test members.
+            test: the test members: a share or a number to sample, never the initial model, which is the target; or a
+                function that returns True for test members.
             apart: the least number of objects in which a training member differs from each test member. Members that
                 are too similar to a test member are in neither family.
             seed: seed of the sampling.
@@ -447,10 +440,7 @@ def member_place(variant: int | str | None, places: Mapping[str, int], family: s
     return places[text]
 
 
-def order_members(
-    domain: Domain,
-    member_data: Sequence[tuple[Mapping[str, float], str | LazyModel, int | None, bool, *tuple[Any, ...]]],
-) -> tuple[Member, ...]:
+def order_members(domain: Domain, member_data: Sequence[tuple[Any, ...]]) -> tuple[Member, ...]:
     """Return members in the order of the curriculum, from tuples of the values of `Member` after its name.
 
     The initial model is last, as the target, or last among equals if the family file says `order_members`. Equal values

@@ -2,7 +2,8 @@
 
 The name of a file is a hash of everything on which the states depend. If a model or behaviour is edited, its table has
 another name, so that no file is ever outdated. Files are replaced as a whole. The cache also has a record per family
-with the other data needed to make its environments, so that the texts of a family are read only once.
+with the other data needed to make its environments, so that the texts of a family are read only once; and the arrays of
+many members, which programs do not check: they are mapped only from files of this user, with the right checksum.
 """
 
 from __future__ import annotations
@@ -28,11 +29,9 @@ from envgraph.files import (
     CACHE_VARIABLE,
     cache_directory,
     is_private_file,
-    read_cached,
     replace_file,
     replacement_draft,
     report_counting,
-    write_cached,
 )
 from envgraph.graph import Model, model_to_json
 from envgraph.search._run_store import dump_json
@@ -195,9 +194,7 @@ class TableCache:
         return None
 
     def map_arrays(self, names: Sequence[str]) -> list[NDArray[Any]]:
-        """Return the arrays in files, mapped into memory and shared with other processes; [] if one is missing or
-        damaged.
-        """
+        """Return the arrays in files, mapped into memory that processes share; [] if one is missing or damaged."""
         found = []
         for path in (path for name in names for path in self._paths(f"{name}.npy")):
             with suppress(OSError), path.open("rb") as file:
@@ -238,20 +235,6 @@ class TableCache:
             )
 
 
-def read_facts(key: str, kind: str) -> Any:
-    """Return the JSON data that `write_facts` wrote to the user's cache; None without them or without a key."""
-    folder = cache_directory()
-    known = read_cached(folder / f"{key}.{kind}", key) if key and folder else None
-    return None if known is None else json.loads(known)
-
-
-def write_facts(key: str, kind: str, facts: object) -> None:
-    """Write JSON data to the user's cache, with a checksum. Without a key, do nothing."""
-    folder = cache_directory()
-    if key and folder:
-        write_cached(folder / f"{key}.{kind}", key, json.dumps(facts).encode())
-
-
 def _is_trusted(path: Path) -> bool:
     if path.parent == cache_directory():
         return is_private_file(path.stat())
@@ -263,12 +246,9 @@ def table_file_name(domain: Domain, behaviour: Behaviour, model: Model, keys: Ke
 
     The family file does not count, because it only configures the search.
     """
-    return f"{hash_key(behaviour.name, texts_of(domain), model_to_json(model), keys.to_json())}.npz"
-
-
-def texts_of(domain: Domain) -> list[str]:
-    """Return the texts of a domain in the order of their names, without the family file."""
-    return [text for name, text in sorted(domain.workspace.sources.items()) if name != domain.spec.path]
+    files = sorted(domain.workspace.sources.items())
+    texts = [text for name, text in files if name != domain.spec.path]
+    return f"{hash_key(behaviour.name, texts, model_to_json(model), keys.to_json())}.npz"
 
 
 def hash_key(*parts: object) -> str:

@@ -35,7 +35,8 @@ def split_places(
             raise InvalidArgument(
                 f"`test` is {test}, but both families need at least one of the {len(members)} members"
             )
-        tested = sorted(default_rng(seed).permutation(len(members))[:count].tolist())
+        order = default_rng(seed).permutation(len(members)).tolist()
+        tested = sorted([place for place in order if not members[place].initial][:count])
     held = dict.fromkeys(tested)
     trained = [place for place in everything if place not in held]
     if least_distance > 1:

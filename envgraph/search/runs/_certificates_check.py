@@ -9,6 +9,7 @@ from math import floor, inf, isclose, isfinite, log10
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from envgraph.code import dataclass
 from envgraph.env import Simulator, TooManyStates, explore
@@ -97,13 +98,17 @@ def format_certificates(member: Member, family: Sequence[Member] = ()) -> list[t
             ("optimal return", "not finite" if best is None else f"{best:z.3f}"),
         ]
     found, gain, how = said["plan_found"], said["plan_return"], f"(sampled, {said['sampled_episodes']:,.0f} episodes)"
-    return [
+    pairs = [
         ("shortest plan", "none found" if found is None else f"{'at most ' if plan is None else ''}{found:.0f}"),
         ("return of the plan", "" if gain is None else f"{gain:z.3f}"),
         (walk, f"{_format_estimate(said, 'sampled_success')} {how}"),
         ("return of the walk", f"{_format_estimate(said, 'sampled_return')} (sampled)"),
         ("optimal return", "not computed"),
     ]
+    if "sampled_legal_success" in said:
+        means = (_format_estimate(said, f"sampled_legal_{mean}") for mean in ("success", "return"))
+        pairs.insert(-1, ("walk of legal actions", " (sampled), return ".join(means)))
+    return pairs
 
 
 def _format_estimate(said: Mapping[str, Any], name: str) -> str:
@@ -194,14 +199,13 @@ def _estimate(family: Family, member: Member, engine: Engine, plans: Plans, seed
         walked = family.program([member]) if has_numba() else simulator
     with report_counting(f"sampled episodes of {name}") as progress:
         walks = sample_walks(walked, limit, seed=seed, progress=progress)
-    again = sample_walks(simulator, limit, _CHECKED_EPISODES, seed=seed)
+    same = np.array_equal(walks[:_CHECKED_EPISODES], sample_walks(simulator, limit, _CHECKED_EPISODES, seed=seed))
     lengths = np.where(walks[:, 0] > 0.0, walks[:, 2], inf)
     best, steps = int(lengths.argmin()), float(lengths.min())
     if steps < plan.steps:
         numbers = np.random.default_rng([seed, best]).integers(len(simulator.action_names), size=limit)[: int(steps)]
         actions = tuple(simulator.action_names[number] for number in numbers)
         plan = replace(plan, steps=steps, actions=actions, total_reward=float(walks[best, 1]))
-    success, total, _ = walks.mean(axis=0).tolist()
     shortest = plan.steps if isfinite(plan.steps) else None
     values: dict[str, float | None] = {
         "limit": limit,
@@ -211,11 +215,20 @@ def _estimate(family: Family, member: Member, engine: Engine, plans: Plans, seed
         "plan_found": shortest,
         "plan_return": None if shortest is None else plan.total_reward,
         "sampled_episodes": float(len(walks)),
-        "sampled_success": success,
-        "sampled_return": total,
+        **_sampled_means("sampled", walks),
     }
-    intervals = wilson_interval(success, len(walks)), bootstrap_interval(walks[:, 1].tolist()) or (-inf, inf)
-    for mean, ends in zip(("sampled_success", "sampled_return"), intervals, strict=True):
-        values |= {f"{mean}_low": ends[0], f"{mean}_high": ends[1]}
-    same = np.array_equal(walks[:_CHECKED_EPISODES], again)
+    if walked is not simulator:  # masks of the live engine take long
+        legal = sample_walks(walked, limit, seed=seed, legal=True)
+        same &= np.array_equal(legal[:2], sample_walks(simulator, limit, 2, seed=seed, legal=True))
+        values |= _sampled_means("sampled_legal", legal)
     return Verification(member, values, () if same else ("episodes",), plan=plan)
+
+
+def _sampled_means(kind: str, walks: NDArray[np.float64]) -> dict[str, float]:
+    """Return the share of successes and the mean return of walks, with the ends of their 95 % intervals, by name."""
+    success, total, _ = walks.mean(axis=0).tolist()
+    intervals = wilson_interval(success, len(walks)), bootstrap_interval(walks[:, 1].tolist()) or (-inf, inf)
+    found = {f"{kind}_success": success, f"{kind}_return": total}
+    for mean, (low, high) in zip([*found], intervals, strict=True):
+        found |= {f"{mean}_low": low, f"{mean}_high": high}
+    return found

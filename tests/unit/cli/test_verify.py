@@ -118,7 +118,11 @@ def test_sampled_values_have_intervals_around_the_exact_ones(
     write_lamps(2)
     ok(envgraph("generate", "lamps", "--name", "run"))
     family = open_family("runs/run")
-    exact = [certify(family.explored(one).tabular, limit=3) for one in family.members]
+    exact, legal = [], []
+    for table in (family.explored(one).tabular for one in family.members):
+        masks = table.action_masks
+        exact.append(certify(table, limit=3))
+        legal.append(certify(table, masks / masks.sum(axis=1, keepdims=True), limit=3))
     monkeypatch.setattr(_certificates_check, "has_numba", lambda: is_compiled)
     monkeypatch.setattr(_sampling, "PROGRAM_STEPS", 6_000)
     monkeypatch.setattr(_sampling, "LIVE_STEPS", 3_000)
@@ -129,9 +133,15 @@ def test_sampled_values_have_intervals_around_the_exact_ones(
         found = ok(envgraph("verify", "run", "--format", "json")).json
     assert "`E1`, `E2`: environment `Lamps` has more than 3 states; sampled means have 95 % intervals" in shown
     assert shown.count(f" (sampled, {episodes:,} episodes)  ") == shown.count("not computed  same") == 2
+    assert shown.count(" (sampled), return ") == 2 * is_compiled
     assert isinstance(found, dict)
-    for one, known in zip(found["members"], exact, strict=True):
+    for one, known, masked in zip(found["members"], exact, legal, strict=True):
         values = one["certificates"]
+        assert ("sampled_legal_success" in values) == is_compiled
+        if is_compiled:
+            assert values["sampled_success"] < values["sampled_legal_success"]
+            assert values["sampled_legal_success_low"] <= masked.success <= values["sampled_legal_success_high"]
+            assert values["sampled_legal_return_low"] <= masked.policy_return <= values["sampled_legal_return_high"]
         assert (values["random_success"], values["optimal_return"], values["sampled_episodes"]) == (
             None,
             None,

@@ -138,6 +138,8 @@ def test_parts_of_a_family_have_arrays_of_their_own(street: Family, reads: list[
     for members in (part.members, part.members[::-1], street.members):
         known = part.program(members)
         assert_equal(reopened(street).subset(part.members).program(members), known)
+    alone = replace(part, _keys=None)  # fewer lamps have an index, so that there are fewer actions
+    assert len(alone.program(alone.members).action_names) < len(part.program(part.members).action_names)
     few = street.program(street.members[:5])
     assert not any(map(is_mapped, street.program(street.members[:5]).arrays)) and len(few.members) == 5
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -51,6 +52,18 @@ def test_split_assigns_each_member_to_one_part_reproducibly(family: Family) -> N
         assert names(part) == [name for name in names(family) if name in names(part)]
     again, other = family.split(0.25, seed=3), family.split(10, seed=4)
     assert names(again[1]) == names(tested) != names(other[1]) and len(other[1].members) == 10
+
+
+def test_sampled_test_members_are_never_the_target(family: Family) -> None:
+    for seed in range(8):
+        trained, tested = family.split(30, seed=seed)
+        assert names(trained)[-1] == "E40" and len(tested.members) == 30
+    trained, tested = family.split(39)
+    assert names(trained) == ["E40"] and not any(one.initial for one in tested.members)
+    trained, tested = family.split(lambda member: member.name == "E40")
+    assert names(tested) == ["E40"] and len(trained.members) == 39
+    levels = replace(family, members=tuple(replace(one, initial=False) for one in family.members))  # as if imported
+    assert any("E40" in names(levels.split(0.5, seed=seed)[1]) for seed in range(8))
 
 
 def test_split_with_a_minimum_distance_removes_members_close_to_the_other_part(

@@ -17,10 +17,10 @@ from tests.unit.env.test_compiled_corners import CORNERS
 SOME = [*CORNERS] if NIGHTLY else [*CORNERS][::12]
 
 
-def walked(environment: CompiledProgram | Simulator) -> list[list[float]] | None:
+def walked(environment: CompiledProgram | Simulator, legal: bool) -> list[list[float]] | None:
     """Return the results of a few episodes; None if a step has an error. The first one may be in another episode."""
     try:
-        found: list[list[float]] = sample_walks(environment, 12, 6, seed=5).tolist()
+        found: list[list[float]] = sample_walks(environment, 12, 6, seed=5, legal=legal).tolist()
     except (RuleError, EvaluationError):
         return None
     return found
@@ -30,9 +30,10 @@ def walked(environment: CompiledProgram | Simulator) -> list[list[float]] | None
 def test_walks_in_a_program_equal_those_of_the_live_engine(corner: str, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(_sampling, "BLOCK_STEPS", 4 * 12)  # so that there are two blocks
     family = family_of(CORNERS[corner], 1)
-    found = walked(family.program)
-    assert found == walked(Simulator(family.engines[0].copy(), family.behaviour, family.keys))
-    assert all(0 < steps <= 12 and success in (0, 1) for success, _, steps in found or ())
+    for legal in (False, True):
+        found = walked(family.program, legal)
+        assert found == walked(Simulator(family.engines[0].copy(), family.behaviour, family.keys), legal)
+        assert all(0 < steps <= 12 and success in (0, 1) for success, _, steps in found or ())
 
 
 CLAUSES = """
@@ -57,6 +58,13 @@ def test_intervals_of_sampled_means_contain_the_exact_values(seed: int) -> None:
     least, most = bootstrap_interval(walks[:, 1].tolist()) or (0.0, 0.0)
     assert low <= exact.random_success <= high < low + 0.05
     assert least <= exact.policy_return <= most
+
+
+def test_legal_walks_choose_only_from_the_actions_that_masks_allow() -> None:
+    places = np.linspace(0.0, 1.0, 12, endpoint=False)
+    masks = np.array(12 * [[False, True, False, True, True]])
+    assert _sampling._legal_actions(places, masks).tolist() == [1, 1, 1, 1, 3, 3, 3, 3, 4, 4, 4, 4]
+    assert _sampling._legal_actions(np.array([np.nextafter(1.0, 0.0)]), masks[:1]).tolist() == [4]
 
 
 def test_the_number_of_episodes_depends_on_the_limit(monkeypatch: pytest.MonkeyPatch) -> None:

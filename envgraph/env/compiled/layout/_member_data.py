@@ -57,25 +57,21 @@ class MemberData:
 
     Attributes:
         object_ids: the ids of the objects of the initial model, by number.
-        string_numbers: the number of each string of the family, in alphabetical order.
-        created_classes: the concrete classes whose objects rules create.
         reserved_numbers: the numbers reserved for objects that rules create; extents do not contain these numbers.
     """
 
     def __init__(self, engine: Engine, family: ProgramMembers) -> None:
         self.engine = engine
-        self.key_index = family.keys
+        self.family = family
         self.model = engine.model
         self.metamodel = engine.model.metamodel
         concrete = [cls.name for cls in self.metamodel.class_list if not cls.abstract]
         extents = {cls: sorted(self.model.graph.exact_extent(cls)) for cls in concrete}
         self.object_ids = sorted(node for nodes in extents.values() for node in nodes)
         self.object_numbers = {node: number for number, node in enumerate(self.object_ids)}
-        self.string_numbers, self.created_classes = family.strings, family.created
         count, spare = len(self.object_ids), family.spare if family.created else 0
         self.reserved_numbers = range(count, count + spare)
         self._extents = {cls: [self.object_numbers[node] for node in nodes] for cls, nodes in extents.items()}
-        self._library = family.patterns.library
         self._rows: dict[StaticRelation, list[Row]] = {}
 
     def rows(self, relation: StaticRelation) -> list[Row]:
@@ -116,7 +112,7 @@ class MemberData:
             case EnumType():
                 return literal_ranks(type_)[str(value)]
             case Scalar.STRING:
-                return self.string_numbers.setdefault(str(value), NO_OBJECT)  # a query has computed it
+                return self.family.strings.setdefault(str(value), NO_OBJECT)  # a query has computed it
             case Scalar.FLOAT:
                 return float(value)
             case Scalar.INT:
@@ -134,7 +130,7 @@ class MemberData:
             case EnumType():
                 return sorted(type_.literals)[int(value)]
             case Scalar.STRING:
-                return next(text for text, number in self.string_numbers.items() if number == value)
+                return next(text for text, number in self.family.strings.items() if number == value)
             case Scalar.FLOAT:
                 return float(value)
             case Scalar.BOOL:
@@ -151,13 +147,13 @@ class MemberData:
     def _match_rows(self, pattern: str) -> list[Row]:
         """Return the matches of a pattern in the initial model, as numbers. Add the pattern to the engine if necessary.
 
-        Computed strings that the family has no number for are added to `string_numbers` as `NO_OBJECT`.
+        Computed strings that the family has no number for are added to `strings` as `NO_OBJECT`.
         """
-        types = self._library.parameter_types(pattern)
+        types = self.family.patterns.library.parameter_types(pattern)
         try:
             self.engine.library.get(pattern)
         except InvalidArgument:  # helper patterns of paths may not be added yet
-            self.engine.add(self._library.get(pattern))
+            self.engine.add(self.family.patterns.library.get(pattern))
         return [tuple(map(self.encode, row, types)) for row in self.engine.matcher.prepare(pattern, ())()]
 
     def _closure_rows(self, step: str, star: bool) -> list[Row]:
@@ -170,7 +166,7 @@ class MemberData:
             reached = reachable_nodes(targets, lambda node: following.get(node, ()))
             found.update(((source, node), None) for node in reached)
         if star:
-            type_ = self._library.parameter_types(step)[0]
+            type_ = self.family.patterns.library.parameter_types(step)[0]
             assert isinstance(type_, ObjectType)
             found.update(((node, node), None) for node in self.extent(type_.cls))
         return list(found)

@@ -200,7 +200,7 @@ class ValueDomain:
     def numbers(self, member: MemberData) -> list[Any]:
         """Return the numbers that represent the values for a member. Raise `NotCompiled` for ints beyond 32 bits."""
         if not self.is_of_numbers:
-            return [*range(value_count(self.type) or len(member.string_numbers))]
+            return [*range(value_count(self.type) or len(member.family.strings))]
         found = {value for source in self.sources for _, value in member.rows(FeatureRows(source))}
         found.update(member.encode(literal, self.type) for literal in self.literals)
         if self.type is Scalar.INT and any(abs(number) >= 2 ** (WORD_BITS - 1) for number in found):
@@ -262,7 +262,7 @@ def object_numbers(member: MemberData, classes: Sequence[str] | ValueDomain) -> 
     if isinstance(classes, ValueDomain):
         return classes.numbers(member)
     found = sorted(number for cls in classes for number in member.extent(cls, exact=True))
-    return found if member.created_classes.isdisjoint(classes) else [*found, *member.reserved_numbers]
+    return found if member.family.created.isdisjoint(classes) else [*found, *member.reserved_numbers]
 
 
 # --- columns: a row of numbers for each state
@@ -379,7 +379,7 @@ class ObjectByIndex(MemberNumbers):
 
     def fill(self, member: MemberData, stride: int) -> Sequence[Cell]:
         found, class_of = list[int](), member.model.graph.class_of
-        for nodes in member.key_index.candidates(member.model, self.cls):
+        for nodes in member.family.keys.candidates(member.model, self.cls):
             numbers = [member.object_numbers[node] for node in nodes if class_of(node) in self.candidates]
             if len(numbers) > 1:
                 raise AssumptionViolated(OneObjectPerIndex(self.cls))
@@ -402,7 +402,7 @@ class IndexByObject(MemberNumbers):
 
     def fill(self, member: MemberData, stride: int) -> Sequence[Cell]:
         found = [NO_OBJECT] * stride
-        for index, nodes in enumerate(member.key_index.candidates(member.model, self.cls)):
+        for index, nodes in enumerate(member.family.keys.candidates(member.model, self.cls)):
             for node in nodes:
                 found[member.object_numbers[node]] = index
         return found
@@ -431,7 +431,7 @@ class AgentTable(MemberNumbers):
         seats = [
             (member.object_numbers[node], block)
             for block, cls in enumerate(self.classes)
-            for node in member.key_index.objects(member.model, cls)
+            for node in member.family.keys.objects(member.model, cls)
             if node is not None
         ]
         if self.kind == "count":

@@ -121,14 +121,13 @@ class CompiledProgram:
         """Return the names of a member's agents in the order of their turns; () if agents do not take turns."""
         if not self.behaviour.agents or self.behaviour.together:
             return ()
-        member = self.members[number]
-        return tuple(name for name, _ in named_agents(self.behaviour, member.model, self.members.keys))
+        model = self.members[number].model
+        return tuple(name for name, _ in named_agents(self.behaviour, model, self.members.keys))
 
     def live_counterpart(self, number: int) -> LiveCounterpart:
         """Return a live engine of a member, which can be put into states of the program."""
-        member = self.members[number]
         simulator = Simulator(self.members.engines.make(number), self.behaviour, self.members.keys)
-        return LiveCounterpart(simulator, member, self.layout, self.arrays.offsets)
+        return LiveCounterpart(simulator, self.members[number], self.layout, self.arrays.offsets)
 
 
 def program_of(
@@ -161,7 +160,6 @@ def program_of(
     engines = members if isinstance(members, MemberEngines) else MemberEngines.of_list([*(members or [engine])])
     alone = ProgramMembers(engines, engine, keys)
     known, largest = set[str](), 0
-    seats: tuple[tuple[str, int], ...] = ()
     for _, member in alone.read_all():
         known |= strings_in_model(member.engine)
         seats, largest = _joint_agents(behaviour, member.engine, keys), max(largest, len(member.object_ids))
