@@ -75,7 +75,8 @@ class _BehaviourChecker(CallChecks, ViewChecks):
             self.handles_refusals = handled or any(isinstance(effect, OnRefused) for effect in agent.effects)
             self._check_agent(agent, scope, first)
         self._check_agents_disjoint(behaviour.agents)
-        self.check_float_places(behaviour)
+        if not behaviour.together:  # else an observation has a part for each agent
+            self.check_float_places(behaviour)
         if not behaviour.unread:
             self._check_completeness(behaviour)
         if behaviour.draw is not None:
