@@ -210,10 +210,11 @@ class TableCache:
             np.save(content := BytesIO(), array, allow_pickle=False)
             names.append(sha256(content.getbuffer()).hexdigest())
             for path in self._paths(f"{names[-1]}.npy"):
-                with suppress(OSError), replacement_draft(path) as draft:
-                    draft.chmod(0o600)
-                    draft.write_bytes(content.getbuffer())
-                _remove_old_files(path.parent)
+                with suppress(OSError):
+                    with replacement_draft(path) as draft:
+                        draft.chmod(0o600)
+                        draft.write_bytes(content.getbuffer())
+                    _remove_old_files(path.parent)
         return names
 
     def _write_table(self, name: str, explored: ExploredEnvironment) -> None:

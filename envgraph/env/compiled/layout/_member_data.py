@@ -61,8 +61,7 @@ class MemberData:
     """
 
     def __init__(self, engine: Engine, family: ProgramMembers) -> None:
-        self.engine = engine
-        self.family = family
+        self.engine, self.family = engine, family
         self.model = engine.model
         self.metamodel = engine.model.metamodel
         concrete = [cls.name for cls in self.metamodel.class_list if not cls.abstract]
