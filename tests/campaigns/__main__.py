@@ -57,7 +57,7 @@ def main() -> int:
         outcome = Outcome()
         for number in numbers(options.first, options.case, started + options.seconds):
             explore(CAMPAIGNS[name].campaign, number, outcome)
-        print(f"{name:10} {outcome.summary()}, {time.monotonic() - started:.0f} s", flush=True)
+        print(f"{name:10} {time.monotonic() - started:.0f} s, {outcome.summary()}", flush=True)
         kinds: dict[str, list[int]] = {}
         for number, problem in outcome.failures:
             kinds.setdefault(problem, []).append(number)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import os
 import resource
 import signal
@@ -9,12 +10,12 @@ import sys
 import time
 import traceback
 from collections import Counter
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from random import Random
 
-Campaign = Callable[[Random], str]
-"""One case: what kind it was, for the statistics; an exception is a failure."""
+Campaign = Callable[[Random], "str | tuple[str, Mapping[str, int]]"]
+"""One case: what kind it was, for the statistics, and what else it counts; an exception is a failure."""
 
 SECONDS = 120
 """Of a case. Campaigns have narrower limits of their own for what they call."""
@@ -27,13 +28,16 @@ class Outcome:
     """What a campaign has found."""
 
     kinds: Counter[str] = field(default_factory=Counter)
+    counts: Counter[str] = field(default_factory=Counter)
     failures: list[tuple[int, str]] = field(default_factory=list)
     slowest: float = 0.0
 
     def summary(self) -> str:
-        """Figures, in one line."""
+        """Figures, in one line, or two if cases count something."""
         kinds = ", ".join(f"{kind} {count}" for kind, count in sorted(self.kinds.items()))
-        return f"{sum(self.kinds.values())} cases ({kinds}), {len(self.failures)} failed, slowest {self.slowest:.1f} s"
+        counts = ", ".join(f"{name} {count:,}" for name, count in self.counts.most_common())
+        line = f"{sum(self.kinds.values())} cases ({kinds}), {len(self.failures)} failed, slowest {self.slowest:.1f} s"
+        return f"{line}\n  {counts}" if counts else line
 
 
 def explore(campaign: Campaign, number: int, outcome: Outcome) -> None:
@@ -53,7 +57,9 @@ def explore(campaign: Campaign, number: int, outcome: Outcome) -> None:
     outcome.slowest = max(outcome.slowest, time.monotonic() - started)
     word, _, rest = told.partition(" ")
     if word == "ok":
-        outcome.kinds[rest] += 1
+        kind, counts = json.loads(rest)
+        outcome.kinds[kind] += 1
+        outcome.counts.update(counts)
     else:
         outcome.kinds["failed"] += 1
         outcome.failures.append((number, rest if word == "failed" else "killed: too much memory, or a crash"))
@@ -66,10 +72,10 @@ def _try(campaign: Campaign, number: int, writer: int) -> None:
     signal.alarm(SECONDS)
     signal.signal(signal.SIGALRM, _late)
     try:
-        kind = campaign(Random(f"envgraph {number}"))
+        result = campaign(Random(f"envgraph {number}"))
         grown = (resource.getrusage(resource.RUSAGE_SELF).ru_maxrss - memory) // 1024
         assert grown < MEGABYTES, f"the memory grew by {grown} MB"
-        told = f"ok {kind}"
+        told = f"ok {json.dumps((result, {}) if isinstance(result, str) else result)}"
     except BaseException as problem:
         place = traceback.extract_tb(problem.__traceback__)[-1]
         told = f"failed {type(problem).__name__}: {problem} ({os.path.basename(place.filename)}:{place.lineno})"

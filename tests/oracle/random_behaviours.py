@@ -8,8 +8,10 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, replace
-from math import prod
+from itertools import zip_longest
 from typing import get_args
+
+import numpy as np
 
 from envgraph.behaviour import (
     Action,
@@ -29,11 +31,10 @@ from envgraph.behaviour import (
     OnRefused,
     OnReset,
     RuleCall,
-    Token,
     check_behaviour,
 )
-from envgraph.env.compiled import NotCompiled, program_of
-from envgraph.errors import LARGEST_INT, EvaluationError, ResolutionError, Severity
+from envgraph.env.compiled import CompiledBatch, CompiledProgram, NotCompiled, program_of
+from envgraph.errors import EnvgraphError, EvaluationError, ResolutionError, RuleError, Severity
 from envgraph.metamodel import Attribute, Class, EnumType, Metamodel, Reference, Scalar
 from envgraph.pattern import (
     AggregateFunction,
@@ -75,14 +76,26 @@ from envgraph.pattern import (
     Variable,
 )
 from envgraph.rewrite import Engine
+from tests.oracle.random_moves import random_moves
+from tests.oracle.random_observations import (
+    random_grid,
+    random_sight,
+    random_window,
+    with_keys_of_keyboard,
+    with_marks,
+    with_places,
+)
 from tests.oracle.rewriting_smaller import without_refused_parts
 from tests.oracle.rewriting_worlds import concrete, random_model, random_patterns, random_rule, state_of
 from tests.oracle.worlds import COLOUR, Dice, add, body, domain, edit, parameters, random_metamodel
 from tests.unit.env.side_by_side import family_keys
+from tests.unit.rewrite.graphs import definitions
 
 ENUM = COLOUR.name
 STEP_LIMIT = 100
 """Of a run of a unit, which may never end."""
+MOST_COMPONENTS = 200
+"""Of an observation."""
 
 
 @dataclass(frozen=True)
@@ -101,9 +114,18 @@ def random_behaviour_case(seed: int) -> BehaviourCase:
     metamodel = _simplified_metamodel(dice, random_metamodel(dice))
     while not metamodel.references or not concrete(metamodel):
         metamodel = _simplified_metamodel(dice, random_metamodel(dice))
+    if seed % 3 == 1:
+        metamodel = with_places(Dice(seed + 4), metamodel)
     if seed % 2:
         metamodel = _with_keys(Dice(seed), metamodel)
+    metamodel = with_marks(Dice(seed + 5), metamodel)
     model = random_model(dice, metamodel)
+    more = Dice(seed + 8)
+    for name in concrete(metamodel) * 2:
+        if more.chance(50):
+            model.graph.new(name)
+    for _ in range(15):
+        edit(more, model)
     for cls in metamodel.class_list:
         for number, node in enumerate(sorted(model.graph.extent(cls.name)) if cls.key else ()):
             model.graph.set_value(node, metamodel.feature(cls.name, cls.key[0]), number)  # type: ignore[arg-type]
@@ -120,6 +142,9 @@ def random_behaviour_case(seed: int) -> BehaviourCase:
         rule = without_refused_parts(engine, _simplified_rule(dice, random_rule(dice, state, known, f"r{number}")))
         if rule is not None:
             engine.add(replace(rule, weight=dice.one([1.0, 1.0, 0.3, 2.5]), priority=dice.one([0, 0, 0, 1])))
+    for text in random_moves(Dice(seed + 7), model, 6):
+        with suppress(ResolutionError, EvaluationError, EnvgraphError):
+            engine.add(*definitions(text))
     for node in state.classes:
         model.graph.set_object_name(int(node), f"n{node}")
     engines = [engine]
@@ -130,6 +155,10 @@ def random_behaviour_case(seed: int) -> BehaviourCase:
         engines.append(other)
     builder = _Builder(dice, engines, Dice(seed + 1), Dice(seed + 3))
     behaviour = builder.with_refusals(builder.behaviour(), Dice(seed + 2))
+    keys = family_keys(engines, behaviour)
+    behaviour = with_keys_of_keyboard(Dice(seed + 6), behaviour, keys, metamodel)
+    if not builder.is_compiled(behaviour):  # all of it together
+        return random_behaviour_case(seed + 1)
     return BehaviourCase(tuple(engines), behaviour, tuple(builder.refused))
 
 
@@ -205,6 +234,39 @@ def _makes(action: object, making: bool) -> bool:
     return isinstance(action, MergeAction) or (not making and isinstance(action, CreateAction) and bool(action.nodes))
 
 
+def _domain(type_: StaticType | None) -> Domain:
+    assert isinstance(type_, ObjectType)
+    return Domain(cls=type_.cls)
+
+
+def _runs(program: CompiledProgram) -> bool:
+    """True if some steps of all members have no errors."""
+    count, rng = 2 * len(program.members), np.random.default_rng(0)
+    batch = CompiledBatch(program, [*range(len(program.members))] * 2)
+    batch.seed([np.random.default_rng(number) for number in range(count)])
+    try:
+        batch.reset(np.ones(count, dtype=np.bool_))
+        for _ in range(6):
+            batch.step(rng.integers(len(program.action_names), size=count), resets_ended=True)
+    except (RuleError, EvaluationError):
+        return False
+    return True
+
+
+def _added(found: Behaviour, made: Behaviour) -> Behaviour:
+    """The second behaviour, without what the first has already that others do not depend on: it compiles faster."""
+
+    def fewer(old: Behaviour | Agent, new: Behaviour | Agent) -> dict[str, object]:
+        known = {*old.actions[1:], *old.effects, *(one for one in old.observations if isinstance(one, ObserveAround))}
+        parts = {"actions": new.actions, "effects": new.effects, "observations": new.observations}
+        return {name: tuple(one for one in part if one not in known) for name, part in parts.items()}
+
+    pairs = zip_longest(found.agents, made.agents)
+    agents = tuple(one if old is None else replace(one, **fewer(old, one)) for old, one in pairs)
+    resets = tuple(one for one in made.resets if one not in found.resets)
+    return replace(made, **fewer(found, made), agents=agents, resets=resets)
+
+
 class _Builder:
     """Adds clause after clause; one that is refused by the check is left out, and so is one that is not compiled.
 
@@ -212,10 +274,10 @@ class _Builder:
         refused: what is not compiled.
     """
 
-    def __init__(self, dice: Dice, engines: Sequence[Engine], operations: Dice, windows: Dice) -> None:
+    def __init__(self, dice: Dice, engines: Sequence[Engine], operations: Dice, views: Dice) -> None:
         self._dice = dice
         self._operations = operations
-        self._windows = windows
+        self._views = views
         self._engines = engines
         self._engine = engines[0]
         self._metamodel = engines[0].model.metamodel
@@ -224,6 +286,7 @@ class _Builder:
         self._callable = [*engines[0].rules]
         for number in range(dice.number(0, 3)):
             self._add_unit(f"u{number}")
+        self._copies = [one.copy() for one in engines]
 
     def behaviour(self) -> Behaviour:
         """All of it."""
@@ -240,8 +303,17 @@ class _Builder:
                 node = dice.one(everywhere)
                 cls = dice.one(self._metamodel.supertypes(model.graph.class_of(node)))
                 found = self._with(found, parameters=(*found.parameters, Parameter(f"n{node}", cls)))
+        if self._views.chance(60) and (grid := random_grid(self._views, self._metamodel)) is not None:
+            found = self._with(found, draw=grid)
+            drawn = [grid.cls, *(one.cls or "" for one in grid.tokens)]
+            nodes = [one for one in everywhere if {*self._metamodel.supertypes(model.graph.class_of(one))} & {*drawn}]
+            if nodes and not found.parameters:
+                node = self._views.one(nodes)
+                found = self._with(found, parameters=(Parameter(f"n{node}", model.graph.class_of(node)),))
+        for rule in [one for one in self._engine.rules if one.startswith("move") and self._views.chance(60)]:
+            found = self._with(found, actions=(*found.actions, self._move(rule)))
         self._scope = {one.name: ObjectType(one.type or "") for one in found.parameters}
-        found = self._window(self._clauses(found, dice.number(3, 9)), self._scope)
+        found = self._observed(self._clauses(found, dice.number(3, 9)), self._scope)
         if dice.chance(35):
             together = dice.chance(40)
             for number in range(dice.number(1, 2)):
@@ -284,7 +356,7 @@ class _Builder:
         found = self._with(found, agents=(*found.agents, block), together=together)
         if found.agents and found.agents[-1] == block:
             found = self._clauses(found, self._dice.number(1, 4), agent=True)
-            found = self._window(found, {f"me{number}": ObjectType(cls)})
+            found = self._observed(found, {f"me{number}": ObjectType(cls)})
         self._scope = outer
         return found
 
@@ -308,35 +380,49 @@ class _Builder:
             found = self._with(found, **part)
         return found
 
-    def _window(self, found: Behaviour, names: Mapping[str, StaticType]) -> Behaviour:
-        """Often a grid of objects with ints, and a window around one of some objects, if it is drawn."""
-        dice, metamodel = self._windows, self._metamodel
-        ints = [one for one in metamodel.attributes if one.type is Scalar.INT and not one.many]
-        if not ints or not dice.chance(60):
-            return found
-        if found.draw is None:
-            cell = dice.one(ints)
-            axes = [one.name for one in metamodel.features(cell.owner).values() if one in ints]
-            ways = [
-                one for one in metamodel.references if not one.many and metamodel.may_overlap(one.target, cell.owner)
-            ]
-            tokens = [Token("it", Navigation(Variable("it"), one.name), one.owner) for one in ways if dice.chance(70)]
-            found = self._with(found, draw=DrawGrid(cell.owner, dice.one(axes), dice.one(axes), tuple(tokens)))
+    def _observed(self, found: Behaviour, names: Mapping[str, StaticType]) -> Behaviour:
+        """Often observations of floats, patterns for each object, and windows: by dice of their own, as above."""
+        dice, more = self._views, list[Observation | None]()
+        for _ in range(dice.one([0, 0, 1, 2])):
+            more.append(self._float(names))
+        if dice.chance(40):
+            condition, _ = self._condition(False)
+            assert isinstance(condition, PatternCall)
+            more.append(self._for_each(ObserveFind(condition, dice.one([None, 2])), always=True))
         for name in names:
-            size = dice.one([(3, 3), (1, 5), (3, 1)])
-            window = ObserveAround(Variable(name), *size)
-            if dice.chance(40):
-                patterns = [one for one in self._engine.patterns if len(self._engine.library.inputs(one)) == 0]
-                pattern = dice.one(patterns)
-                count = len(self._engine.library.parameter_types(pattern))
-                terms = [Variable(dice.one([name, "cell", "_"])) for _ in range(count)]
-                window = replace(window, visible=PatternCall(pattern, tuple(terms)))
-            if names is self._scope:
-                found = self._with(found, observations=(*found.observations, window))
-            else:
-                block = replace(found.agents[-1], observations=(*found.agents[-1].observations, window))
+            if isinstance(found.draw, DrawGrid) and dice.chance(80):
+                more.append(random_window(dice, self._engine, found.draw, name, {**self._scope, **names}))
+        for one in more:
+            if one is not None and names is self._scope:
+                found = self._with(found, observations=(*found.observations, one))
+            elif one is not None:
+                block = replace(found.agents[-1], observations=(*found.agents[-1].observations, one))
                 found = self._with(found, agents=(*found.agents[:-1], block))
         return found
+
+    def _float(self, names: Mapping[str, StaticType]) -> Observation | None:
+        """A float of an object, or of each object of a class; None if there is none."""
+        dice = self._views
+        each = Parameter("each", dice.one(list(self._metamodel.classes))) if dice.chance(60) or not names else None
+        scope = dict(names) if each is None else {"each": ObjectType(each.type or "")}
+        paths = [one for one, type_ in self._paths(scope) if type_ is Scalar.FLOAT]
+        if not paths:
+            return None
+        path, visible, name = dice.one(paths), None, "each" if each is not None else dice.one([*names])
+        if dice.chance(40):
+            known = {**self._scope, **names}
+            visible = random_sight(dice, self._engine, name, scope[name].cls, known)  # type: ignore[union-attr]
+        if self._has_range(path, scope) and dice.chance(60):
+            return ObserveAttribute(path, each, visible)
+        return ObserveRange(path, *dice.one([(0.0, 1.0), (-2.5, 0.6), (0, 3), (0.1, 1e200)]), each, visible)
+
+    def _has_range(self, path: Expression, scope: dict[str, StaticType]) -> bool:
+        """True if a path leads to an attribute with `@range`."""
+        owners = [own for one, own in self._paths(scope) if isinstance(path, Navigation) and one == path.object]
+        return any(
+            isinstance(own, ObjectType) and self._metamodel.feature(own.cls, path.feature).range  # type: ignore
+            for own in owners
+        )
 
     def _with(self, found: Behaviour, **changes: object) -> Behaviour:
         """The behaviour with a clause more, if that is one that can be compiled."""
@@ -344,18 +430,28 @@ class _Builder:
         problems = check_behaviour(made, self._engine)
         if any(one.severity is Severity.ERROR for one in problems):
             return found
+        must_run = self._views.chance(80)
+        return made if self.is_compiled(_added(found, made), must_run=must_run) else found
+
+    def is_compiled(self, behaviour: Behaviour, *, must_run: bool = False) -> bool:
+        """True if there is a program of a behaviour, of few observations; and if some steps end without an error."""
         try:
-            keys = family_keys(self._engines, made)
-            engines = [one.copy() for one in self._engines]
-            program = program_of(self._engine.copy(), made, engines, keys, native=False)
+            keys = family_keys(self._copies, behaviour)
+            program = program_of(self._copies[0], behaviour, self._copies, keys, native=False)
         except NotCompiled as reason:
             self.refused.append(reason.construct)
-            return found
+            return False
         except (EvaluationError, ResolutionError):
-            return found
-        return made if prod(program.observation_shape) <= LARGEST_INT else found
+            return False
+        return len(program.observation_shape) <= MOST_COMPONENTS and (not must_run or _runs(program))
 
     # --- clauses
+
+    def _move(self, rule: str) -> Action:
+        """An action that does a rule, to any object that it takes."""
+        taken = self._engine.signature(rule).parameters
+        call = RuleCall(rule, tuple(Variable(one.name) for one in taken))
+        return Action(rule, (Branch(1.0, call),), tuple((one.name, _domain(one.type)) for one in taken))
 
     def _action(self, name: str) -> Action:
         dice = self._dice
@@ -551,18 +647,20 @@ class _Builder:
             return ObserveObject(path, type_.cls, dice.chance(80), each, visible)
         if type_ is Scalar.INT:
             lowest, highest = dice.number(-1, 0), dice.number(1, 3)
+            if self._has_range(path, scope) and self._operations.chance(50):
+                return ObserveAttribute(path, each, visible)
             return ObserveRange(path, lowest * self._operations.one([1, 1.5]), highest, each, visible)
         if type_ is Scalar.FLOAT:
             low, high = self._operations.one([(0.0, 1.0), (-2.5, 0.6), (0, 3), (0.1, 1e200)])
             return ObserveRange(path, low, high, each, visible)
         return ObserveAttribute(path, each, visible)
 
-    def _for_each(self, seen: ObserveFind) -> ObserveFind:
-        """The observation, half of the time for each object of a class that its pattern takes."""
+    def _for_each(self, seen: ObserveFind, *, always: bool = False) -> ObserveFind:
+        """The observation, half of the time or always for each object of a class that its pattern takes."""
         other, call = self._operations, seen.call
         types = self._engine.library.parameter_types(call.pattern)
         places = [number for number, type_ in enumerate(types) if isinstance(type_, ObjectType)]
-        if not places or other.chance(50):
+        if not places or not (always or other.chance(50)):
             return seen
         place, each = other.one(places), Variable("each")
         arguments = tuple(each if number == place else one for number, one in enumerate(call.arguments))

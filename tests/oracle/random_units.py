@@ -5,6 +5,11 @@ from __future__ import annotations
 from random import Random
 from typing import Final
 
+from envgraph.behaviour import Action, Behaviour, Branch, Domain, ObserveFind, ObserveRange, OnRefused, RuleCall
+from envgraph.pattern import Constant, Navigation, Parameter, PatternCall, Variable
+from envgraph.rewrite import Engine
+from tests.unit.rewrite.graphs import chain, definitions, patterns
+
 QUERIES: Final = """
 pattern big(a : Item) { Item.n(a, n); check(n > 2); }
 pattern linked(a : Item, b : Item) { Item.links(a, b); }
@@ -32,6 +37,36 @@ unit after(a : Item, out c : Item) { next(a, b); next(b, c); }
 @priority(1) unit half { grow; never; }
 unit value(a : Item, out x : int) { atomic { read(a, x); grow; } }
 """
+
+
+def random_unit_case(seed: int) -> tuple[Engine, Behaviour]:
+    """A unit that an action runs, with so few steps that some take more, and often a meaning of what is refused."""
+    model, random = chain(1 + seed % 4), Random(seed + 1)
+    model.node(seed % 4).links.append(model.node(0))
+    engine = Engine(model)
+    engine.add(*patterns(QUERIES), *definitions(RULES + Writer(Random(seed)).unit()))
+    engine.step_limit = 15 if seed % 3 == 0 else 150
+    actions = [
+        Action(name, (Branch(1.0, RuleCall(name, tuple(map(Variable, names)))),), tuple((n, ITEM) for n in names))
+        for name, names in (("u", "a"), ("up", "a"), ("link", "ab"), ("cut", "a"))
+    ]
+    item, number = Parameter("item", "Item"), Navigation(Variable("item"), "n")
+    seen = (
+        ObserveFind(PatternCall("big", (Variable("_"),)), 3),
+        ObserveFind(PatternCall("linked", (Variable("item"), Variable("_"))), random.choice([None, 2]), item),
+        ObserveRange(
+            number, 0, 6, item, random.choice([None, PatternCall("linked", (Variable("_"), Variable("item")))])
+        ),
+    )
+    rewards = (None, Constant(-0.5), Constant(0.25))
+    refused = [
+        OnRefused(random.choice(rewards), random.choice([None, None, "failure", "truncation"]))  # type: ignore[arg-type]
+        for _ in range(random.choice([0, 1, 1, 2]))
+    ]
+    return engine, Behaviour("random", actions=tuple(actions), effects=tuple(refused), observations=seen, limit=6)
+
+
+ITEM: Final = Domain(cls="Item")
 
 
 class Writer:

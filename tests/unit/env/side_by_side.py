@@ -106,7 +106,12 @@ class Family:
     Args:
         engines: of the members. A program keeps them: nothing else may change their models.
         spare: how many new objects a state has space for.
+
+    Attributes:
+        compared: how many steps have been compared.
     """
+
+    compared = 0
 
     def __init__(self, engines: Sequence[Engine], behaviour: Behaviour, spare: int = 12) -> None:
         self.engines = engines
@@ -198,6 +203,7 @@ def compare_random_steps(family: Family, steps: int, *, native: bool, seed: int 
             assert can or not outcome.did, at  # of those that act together, one may let another one act
             assert results == (outcome.reward, outcome.terminated, outcome.observation), at
             same[number].see(at)
+            family.compared += 1
     return program
 
 

@@ -346,6 +346,19 @@ CORNERS = {
         """,
         head="i1 : Heavy, i2 : Item",
     ),
+    "a reward reads what an object loses with its class": Yard(
+        """
+        @semantics(spo) rule flatten(b : Crate) { lhs { b : Box; } modify { retype b : Plain; } }
+        rule lit(s : Spot) { lhs { s : Spot; } modify { set s.lit = !s.lit; } }
+        """,
+        """
+        action flatten(b : Box) = flatten(b)
+        action lit(s : Spot) = lit(s)
+        each step reward b1.item.weight
+        observe b1.size in 0..3
+        """,
+        head="b1 : Box",
+    ),
     "retyping within a family of classes": Yard(
         """
         rule dig(s : Spot) { lhs { s : Spot; } modify { retype s : Pit; } }
