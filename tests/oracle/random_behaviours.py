@@ -114,7 +114,7 @@ def random_behaviour_case(seed: int) -> BehaviourCase:
     metamodel = _simplified_metamodel(dice, random_metamodel(dice))
     while not metamodel.references or not concrete(metamodel):
         metamodel = _simplified_metamodel(dice, random_metamodel(dice))
-    if seed % 3 == 1:
+    if seed % 3:
         metamodel = with_places(Dice(seed + 4), metamodel)
     if seed % 2:
         metamodel = _with_keys(Dice(seed), metamodel)
@@ -303,7 +303,7 @@ class _Builder:
                 node = dice.one(everywhere)
                 cls = dice.one(self._metamodel.supertypes(model.graph.class_of(node)))
                 found = self._with(found, parameters=(*found.parameters, Parameter(f"n{node}", cls)))
-        if self._views.chance(60) and (grid := random_grid(self._views, self._metamodel)) is not None:
+        if self._views.chance(80) and (grid := random_grid(self._views, self._metamodel)) is not None:
             found = self._with(found, draw=grid)
             drawn = [grid.cls, *(one.cls or "" for one in grid.tokens)]
             nodes = [one for one in everywhere if {*self._metamodel.supertypes(model.graph.class_of(one))} & {*drawn}]
@@ -383,7 +383,7 @@ class _Builder:
     def _observed(self, found: Behaviour, names: Mapping[str, StaticType]) -> Behaviour:
         """Often observations of floats, patterns for each object, and windows: by dice of their own, as above."""
         dice, more = self._views, list[Observation | None]()
-        for _ in range(dice.one([0, 0, 1, 2])):
+        for _ in range(dice.one([0, 1, 1, 2])):
             more.append(self._float(names))
         if dice.chance(40):
             condition, _ = self._condition(False)

@@ -23,14 +23,14 @@ class State:
 
     Attributes:
         number: of those before it; -1 for the one in which no episode has begun.
-        row: what a program says it is; empty where that was not asked.
+        row: the length and a digest of what a program says it is; None where that was not asked.
         allowed: the mask of actions, where that was asked.
     """
 
     version: Version
     turn: int
     number: int
-    row: bytes = b""
+    row: tuple[int, bytes] | None = None
     allowed: NDArray[np.bool_] | None = None
 
 

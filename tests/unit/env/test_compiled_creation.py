@@ -71,6 +71,15 @@ def test_step_that_creates_more_objects_than_fit_into_a_state_is_an_error() -> N
         batch.step(np.zeros(1, dtype=np.int64), resets_ended=False)
 
 
+def test_pattern_of_three_objects_with_space_for_too_many_is_an_error() -> None:
+    three = "pattern three(a : Spot, b : Spot, c : Spot) { Spot.east(a, b); Spot.east(b, c); }"
+    body = "action born = born()\non neg find three(s0, s1, s3) reward 1\nobserve s0.lit"
+    engine, behaviour = Yard(BORN, body, three, head="s0 : Spot, s1 : Spot, s3 : Spot").opened()
+    assert program_of(engine, behaviour, native=False, spare=20).spare == 20
+    with pytest.raises(EvaluationError, match=r"a table of \d\d\d,\d\d\d,\d\d\d entries is too large"):
+        program_of(engine, behaviour, native=False, spare=700)
+
+
 def test_space_of_a_state_grows_when_rules_create_objects() -> None:
     rules = MADE + DROP + BORN + "rule grow { lhs { b : Box; } modify { set b.size += 1; } }\n"
     body = "action born = born() reward 1\naction grow = grow()\naction make(m : Man) = make(m, _)\n"

@@ -3,9 +3,11 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from math import prod
 from typing import TypeAlias
 
 from envgraph.code import dataclass
+from envgraph.errors import EvaluationError
 from envgraph.metamodel import Attribute, EnumType, Reference, Scalar
 from envgraph.pattern import Library, ObjectType, StaticType
 
@@ -72,7 +74,10 @@ class KeyColumns:
 
     def value_counts(self, stride: int) -> tuple[int, ...]:
         """Return the number of possible values of each key column; `stride` is this number for objects."""
-        return tuple(width or stride for width in self.widths)
+        sizes = tuple(width or stride for width in self.widths)
+        if prod(sizes) > 2**28:
+            raise EvaluationError(f"a table of {prod(sizes):,} entries is too large", hint='use `engine="live"`')
+        return sizes
 
     def table_positions(self, rows: Sequence[Row], sizes: Sequence[int]) -> list[int]:
         """Return the table position of each row, which is computed from the row's key values."""
