@@ -56,6 +56,7 @@ class AgentOrder:
         action_names: the names of all actions; an action number means the same name for every agent of the family.
         shape: for each component of an observation, the maximum number of values over all blocks. With several `agent`
             blocks, the first component is the block number of the agent whose turn it is.
+        block_sizes: the numbers of values of each block; see `merge_sizes`.
     """
 
     def __init__(self, behaviour: Behaviour, engine: Engine, keys: KeyIndex) -> None:
@@ -67,16 +68,16 @@ class AgentOrder:
         self.together = behaviour.together
         shared = {parameter.name: parameter.type or "" for parameter in behaviour.parameters}
         names: dict[str, None] = {}
-        shapes = []
+        self.block_sizes: list[list[int]] = []
         for block in behaviour.agents or (Agent("", ""),):
             own = {**shared, block.variable: block.cls}
             for action, _ in merge_clauses(block.actions, own, behaviour.actions, shared):
                 names.update((name, None) for name, _ in expand_action(action, keys, engine.model.metamodel))
             seen = merge_clauses(block.observations, own, behaviour.observations, shared)
-            shapes.append(component_sizes(seen, keys, engine.model.metamodel, behaviour))
+            self.block_sizes.append(component_sizes(seen, keys, engine.model.metamodel, behaviour))
         self.action_names = tuple(names)
         lead = (len(behaviour.agents),) if len(behaviour.agents) > 1 else ()
-        self.shape = (*lead, *merge_sizes(shapes))
+        self.shape = (*lead, *merge_sizes(self.block_sizes, mixed=self.together))
         weights = [prod(self.shape[:place]) for place in range(len(lead), len(self.shape))]
         self.prepared_agents = tuple(
             PreparedAgent(

@@ -129,15 +129,15 @@ def component_sizes(
     return found
 
 
-def merge_sizes(sizes_of_blocks: Iterable[Sequence[int]]) -> list[int]:
+def merge_sizes(sizes_of_blocks: Iterable[Sequence[int]], *, mixed: bool = False) -> list[int]:
     """Return for each component of an observation the maximum number of values over all `agent` blocks.
 
     Raises:
-        EvaluationError: a component is a float for one block, and something else for another.
+        EvaluationError: a component is a float for one block, and something else for another, but not `mixed`.
     """
     columns = [[size for size in column if size is not None] for column in zip_longest(*sizes_of_blocks)]
     for place, column in enumerate(columns, start=1):
-        if len({getattr(size, "limits", None) for size in column}) > 1:
+        if not mixed and len({getattr(size, "limits", None) for size in column}) > 1:
             message = f"component {place} of an observation is a float for agents of one block, but not for all others"
             hint = "observe floats first in each `agent` block, in the same order and with equal ranges"
             raise EvaluationError(message, hint=hint)

@@ -20,7 +20,7 @@ from numpy.typing import NDArray
 from envgraph.env._flat_observations import FlatLayout
 from envgraph.env._gymnasium import RENDER_MODES, FamilyEnvironment, check_render_mode
 from envgraph.env._model_views import TextView
-from envgraph.env._observation_components import component_names
+from envgraph.env._observation_components import component_names, merge_sizes
 from envgraph.env._observation_spaces import ComponentView, ObservationKind, split_index
 from envgraph.env._simulator import SUCCESS, Simulator
 from envgraph.env.scene._pixels import scene_rgb
@@ -72,6 +72,7 @@ class _MultiAgentEnvironment(FamilyEnvironment):
         self.possible_agents = [*simulator.all_agent_names]
         self.agents: list[str] = []
         self.action_names = simulator.agents.action_names
+        merge_sizes(simulator.agents.block_sizes)  # all agents observe in one space
         self._shape, self._cell = simulator.agents.shape, cell
         names = component_names(simulator.behaviour, simulator.keys, len(self._shape))
         is_text = observation == "text"
@@ -90,12 +91,9 @@ class _MultiAgentEnvironment(FamilyEnvironment):
 
     def _switch_member(self, member_data: Simulator) -> None:
         if [*member_data.all_agent_names] != self.possible_agents:
-            hint = "make another environment for that variant"
-            other = list_names(member_data.all_agent_names)
-            raise InvalidArgument(
-                f"this environment has the agents {list_names(self.possible_agents)}, but that variant has {other}",
-                hint,
-            )
+            mine, other = list_names(self.possible_agents), list_names(member_data.all_agent_names)
+            message = f"this environment has the agents {mine}, but that variant has {other}"
+            raise InvalidArgument(message, "make another environment for that variant")
         self.simulator = member_data
         if member_data.behaviour.draw is not None:
             member_data.painter()  # finds parameters in the initial state

@@ -35,8 +35,8 @@ MASKED = 500
 """Actions of which all masks are compared: of many agents that act together there may be some ten thousand."""
 TOO_LARGE = " entries is too large"
 """The end of the error of a table of a pattern, with space for objects that rules create."""
-LARGEST_STATE = 100_000
-"""Cells of a state: objects that are created without end need more and more space for their links."""
+MOST_SPACE = 100
+"""For new objects in a state: those that are created without end take more and more time and space."""
 ERROR = 0
 """The column of `Batch.states` that says what went wrong in an environment; 0 for nothing."""
 EXTRA = REPOSITORY / "tests" / "data" / "compiled"
@@ -166,7 +166,7 @@ def compare_random_steps(family: Family, steps: int, *, native: bool, seed: int 
     What each step gives is compared, and whether states that are one are one on both sides; of the states those that
     are new at first, and each 128th of the others, cell by cell. The live engine makes each transition once.
 
-    Where an episode cannot begin, something has no space in a state, or states have become large, that is all.
+    Where an episode cannot begin, something has no space in a state, or many objects have been created, that is all.
     """
     engines, behaviour, keys = family.copies(), family.behaviour, family.keys
     program = family.native if native else family.program
@@ -197,7 +197,7 @@ def compare_random_steps(family: Family, steps: int, *, native: bool, seed: int 
         said = f"step {step}, {[program.action_names[action] for action in actions]}"
         if not _agree(batch, _raised_error(batch.step, actions, resets_ended=False), expected, said):
             break
-        if batch.states.shape[1] > LARGEST_STATE:
+        if batch.program.spare > max(MOST_SPACE, 2 * program.spare):
             break
         over = (batch.ended != 0) | (batch.steps >= (behaviour.limit or 200))
         found = zip(batch.reward.tolist(), batch.ended.tolist(), observation_numbers(batch), strict=True)

@@ -14,6 +14,7 @@ from gymnasium import spaces
 import envgraph
 from envgraph.env import EnvgraphLiveEnv, FloatRange, Simulator
 from envgraph.env._flat_observations import LARGEST_FLOAT32, FlatLayout
+from envgraph.env._observation_components import merge_sizes
 from envgraph.env.compiled import CompiledEnv, Learner, program_of
 from envgraph.errors import EnvgraphError, EvaluationError, LoadError
 from envgraph.lang import TextFiles, load_workspace
@@ -181,6 +182,10 @@ def test_floats_of_different_blocks_are_not_mixed() -> None:
     with pytest.raises(EvaluationError, match="component 2 of an observation is a float for agents of one block"):
         simulator(later)  # the number of objects is that of the model
     assert simulator(blocks.replace("0..2", "0..1")).observation_shape == (2, FloatRange(0.0, 1.0, False))
+    together = simulator(f"agents together {blocks}")
+    assert together.observation_shape == (FloatRange(0.0, 1.0, False), *[FloatRange(0.0, 2.0, False)] * 3)
+    with pytest.raises(EvaluationError, match="component 1 of an observation is a float for agents of one block"):
+        merge_sizes(together.agents.block_sizes)
 
 
 def test_sizes_of_floats_can_be_copied() -> None:

@@ -108,6 +108,11 @@ CORNERS = {
             observe min find gap(m, s, #) in 0.0..2.0 for s : Spot if find near(m, s)
             observe find open(s, way) for way : Way, s : Spot if find near(m, s)
         }
+        agent p : Pit {
+            action dim = dim()
+            observe p.lit
+            observe p.f in 0.0..2.0
+        }
         each step apply 0.5: dim()
         observe s.f in 0.0..0.5 for s : Spot
         observe find lies(s, _) for s : Spot
