@@ -25,7 +25,7 @@ from envgraph.pattern import (
 from tests.oracle.naive._naive import NaiveMatcher
 from tests.oracle.worlds import Dice, edit
 from tests.profile import examples
-from tests.unit.match.writing import equal, find, fold, neg, op, path, pattern, v, value
+from tests.unit.match.writing import check, equal, find, fold, is_a, neg, op, path, pattern, v, value
 
 COLOUR = EnumType("Colour", ("red", "green"))
 WORLD = Metamodel(
@@ -115,6 +115,16 @@ def patterns(dice: Dice) -> list[Pattern]:
         pattern("nobody(b : P)", [neg(find("pair", "_", "b"))]),
         pattern("number(a : P, n : int)", [equal("n", fold("count", find("pair", "a", "_")))]),
         pattern("some(a : P)", [find("pair", "a", "b"), path("P.next", "b", "c"), find("pair", "c", "_")]),
+        pattern(
+            "itself(a : P, b : P)",  # a number of itself is compared for each pair
+            [
+                path("P.i", "a", "n"),
+                is_a("P", "b"),
+                path("P.i", "b", "m"),
+                check("m", "<", "n"),
+                equal("n", fold("count", path("P.many", "b", "n"))),
+            ],
+        ),
         pattern("bucket(k : int, a : P)", [path("P.i", "a", "x"), equal("k", value(op("x", "/", 2)))]),
         pattern(
             "buckets(k : int, n : int)",

@@ -146,7 +146,7 @@ def _comparison_of(
             return None
         case AttributeAtom(_, _, value) | ValuationAtom(_, _, value) | AggregateAtom(_, _, _, value):
             side = ComparisonSide(Variable("value"), (("value", value),))
-            if value in known and all(v in own for v in visible_variables(goal) if v != value):
+            if value in known and [v for v in visible_variables(goal) if v == value or v not in own] == [value]:
                 return "==", side, side
         case ConditionAtom(Binary(operator) as whole, reads) if operator in _FLIPPED and _is_indexable(whole):
             one, other = (_side(side, dict(reads)) for side in (whole.left, whole.right))
