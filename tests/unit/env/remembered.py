@@ -13,6 +13,8 @@ from envgraph.errors import EvaluationError, RuleError
 from envgraph.graph import Version
 
 LARGEST_BELOW_1 = np.nextafter(1.0, 0.0).item()
+MOST_REMEMBERED = 50_000
+"""Choices and transitions; after more, all are forgotten."""
 Asked = tuple[float, ...] | int
 """What a choice was made of: probabilities, or a number of equal alternatives."""
 
@@ -130,6 +132,8 @@ class CachedSimulator:
         told = RecordedChoices(uniform)
         done = self._do(action, told)
         path = (self.present, action)
+        if len(self._known) > MOST_REMEMBERED:
+            self._known.clear()
         for asked, answer in told.made:
             self._known[path] = asked
             path = (*path, answer)
