@@ -38,5 +38,5 @@ def family(corner: str) -> Family:
 def test_vectors_observe_what_single_environments_do(corner: str, kind: ObservationKind) -> None:
     one, histories = family(corner), [None] if kind in ("graph", "text") else [None, 1, 3]
     for seed, mode in enumerate(AutoresetMode):
-        compare_vectors(one, kind, histories[seed % len(histories)], mode, 400 if NIGHTLY else 8, seed)
+        compare_vectors(one, kind, histories[seed % len(histories)], mode, 100 if NIGHTLY else 8, seed)
     assert one.compared or (corner, kind) not in BY_DAY, "others have no such observations"
