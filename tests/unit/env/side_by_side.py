@@ -197,7 +197,7 @@ def compare_random_steps(family: Family, steps: int, *, native: bool, seed: int 
         said = f"step {step}, {[program.action_names[action] for action in actions]}"
         if not _agree(batch, _raised_error(batch.step, actions, resets_ended=False), expected, said):
             break
-        if batch.program.spare > max(MOST_SPACE, 2 * program.spare):
+        if batch.program.members.spare > max(MOST_SPACE, 2 * program.members.spare):
             break
         over = (batch.ended != 0) | (batch.steps >= (behaviour.limit or 200))
         found = zip(batch.reward.tolist(), batch.ended.tolist(), observation_numbers(batch), strict=True)

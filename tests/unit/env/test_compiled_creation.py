@@ -75,7 +75,7 @@ def test_pattern_of_three_objects_with_space_for_too_many_is_an_error() -> None:
     three = "pattern three(a : Spot, b : Spot, c : Spot) { Spot.east(a, b); Spot.east(b, c); }"
     body = "action born = born()\non neg find three(s0, s1, s3) reward 1\nobserve s0.lit"
     engine, behaviour = Yard(BORN, body, three, head="s0 : Spot, s1 : Spot, s3 : Spot").opened()
-    assert program_of(engine, behaviour, native=False, spare=20).spare == 20
+    assert program_of(engine, behaviour, native=False, spare=20).members.spare == 20
     with pytest.raises(EvaluationError, match=r"a table of \d\d\d,\d\d\d,\d\d\d entries is too large"):
         program_of(engine, behaviour, native=False, spare=700)
 

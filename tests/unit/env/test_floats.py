@@ -178,7 +178,7 @@ def test_floats_of_different_blocks_are_not_mixed() -> None:
     with pytest.raises(LoadError, match="each `agent` block must observe this float at the same place"):
         simulator(blocks)
     known = "agent d : Drone { observe q.x in 0..2 for q : Pad observe d.battery in 0..1 }"
-    later = known + "agent p : Pad { observe p.x in 0..2 for e : Drone observe p.wind in 0..1 }"
+    later = known + "agent p : Pad { observe e.at among Pad for e : Drone observe p.wind in 0..1 }"
     with pytest.raises(EvaluationError, match="component 2 of an observation is a float for agents of one block"):
         simulator(later)  # the number of objects is that of the model
     assert simulator(blocks.replace("0..2", "0..1")).observation_shape == (2, FloatRange(0.0, 1.0, False))
