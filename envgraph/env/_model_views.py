@@ -23,7 +23,7 @@ from envgraph.behaviour import (
     ObserveObject,
     feature_reader,
 )
-from envgraph.env._flat_observations import FlatLayout, FloatRange
+from envgraph.env._flat_observations import LARGEST_FLOAT32, FlatLayout, FloatRange
 from envgraph.env._observation_components import (
     clause_name,
     component_names,
@@ -398,4 +398,4 @@ def _feature_values(attribute: Attribute, value: Value | None) -> list[float]:
     there = float(value is not None)
     if isinstance(attribute.type, EnumType):
         return [there, *(float(value == literal) for literal in attribute.type.literals)]
-    return [there, 0.0 if value is None else float(value)]
+    return [there, 0.0 if value is None else min(max(float(value), -LARGEST_FLOAT32), LARGEST_FLOAT32)]

@@ -35,7 +35,7 @@ MASKED = 500
 """Actions of which all masks are compared: of many agents that act together there may be some ten thousand."""
 TOO_LARGE = " entries is too large"
 """The end of the error of a table of a pattern, with space for objects that rules create."""
-MOST_SPACE = 100
+MOST_SPACE = 50
 """For new objects in a state: those that are created without end take more and more time and space."""
 ERROR = 0
 """The column of `Batch.states` that says what went wrong in an environment; 0 for nothing."""

@@ -12,7 +12,7 @@ import pytest
 from gymnasium import spaces
 
 import envgraph
-from envgraph.env import EnvgraphLiveEnv, FloatRange, Simulator
+from envgraph.env import EnvgraphLiveEnv, FloatRange, GraphView, Simulator
 from envgraph.env._flat_observations import LARGEST_FLOAT32, FlatLayout
 from envgraph.env._observation_components import merge_sizes
 from envgraph.env.compiled import CompiledEnv, Learner, program_of
@@ -153,6 +153,15 @@ def test_floats_and_patterns_have_channels_of_an_image() -> None:
     wind, step, battery = np.moveaxis(env.reset(seed=0)[0], -1, 0)[-3:]
     assert wind.diagonal().tolist() == [round(255 * 3.5 / 7), round(255 / 7), 255]
     assert step.diagonal().tolist() == [127, 255, 127] and (battery == 128).all()
+
+
+def test_floats_of_a_graph_are_cut_to_those_of_32_bits() -> None:
+    made = simulator("observe drone.battery")
+    view = GraphView(made.behaviour, made.engine.model.metamodel)
+    with made.engine.transaction():
+        next(iter(made.engine.model.nodes("Drone"))).battery = -1e300
+    column = view.observe(made).nodes[:, view.features.index("Drone.battery")]
+    assert column.min() == np.float32(-LARGEST_FLOAT32)
 
 
 @pytest.mark.parametrize("kind", ["index", "multi"])
