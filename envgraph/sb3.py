@@ -70,8 +70,11 @@ def evaluate(model: Any, envs: Any, episodes: int = 20, *, deterministic: bool =
             actions = (weights * masks.get("action_masks", True)).argmax(axis=1)
         seen, _, over, infos = envs.step(actions)
         for place in np.flatnonzero(over & (count < episodes)):
-            info, total = infos[place], infos[place]["episode"]
-            found.setdefault(info.get("variant", ""), []).append((total["r"], info["is_success"], total["l"]))
+            info = infos[place]
+            if "episode" not in info:
+                raise InvalidArgument("`envs` report no returns of episodes", "wrap each environment in `Monitor`")
+            episode = info["episode"]["r"], info.get("is_success", np.nan), info["episode"]["l"]
+            found.setdefault(info.get("variant", ""), []).append(episode)
         count += over
     names = sorted(found, key=lambda name: (len(name), name))
     means = np.array([np.mean(found[name], axis=0) for name in names])

@@ -97,3 +97,16 @@ def test_wrong_arguments_of_evaluations_are_named(sb3: Any) -> None:
     ):
         with pytest.raises(envgraph.EnvgraphError, match="must be a `VecEnv`, and `episodes` at least 1"):
             sb3.evaluate(None, envs, episodes)
+
+
+def test_environments_without_returns_of_episodes_are_refused(sb3: Any) -> None:
+    envs = sb3.make_vec(domain="keydoor", num_envs=2)
+    play = envs.step
+
+    def step(actions: Any) -> Any:
+        *results, infos = play(actions)
+        return *results, [{name: value for name, value in info.items() if name != "episode"} for info in infos]
+
+    envs.step = step
+    with pytest.raises(envgraph.EnvgraphError, match="report no returns of episodes"):
+        sb3.evaluate(None, envs)
