@@ -1,0 +1,90 @@
+"""Train MaskablePPO on the members of a family from the ends of their plans backwards, and print how many it solves.
+
+    pip install "envgraph[fast,sb3]" sb3-contrib
+    python backwards.py RUN 52 4000000      # the 52 easiest members, for 4,000,000 steps
+
+A random walk does not solve long levels, but from the last states of a plan it does. So each state of a plan becomes an
+environment, and the agent begins one step earlier as soon as it succeeds (Florensa et al. 2017).
+"""
+
+from __future__ import annotations
+
+import json
+import sys
+from dataclasses import replace
+
+import numpy as np
+import torch
+from sb3_contrib import MaskablePPO
+from sb3_contrib.common.maskable.utils import get_action_masks
+
+import envgraph.sb3
+from envgraph.env.compiled import Plans
+from envgraph.env.schedules import Batch, Outcomes
+from envgraph.graph import model_to_json
+from envgraph.search import Family, Member, open_family
+
+
+class Backwards:
+    """A schedule that begins with the first start of each level; `starts` has a range of members for each level."""
+
+    def __init__(self, starts: list[range]) -> None:
+        self.starts, self.success = starts, np.zeros(len(starts))
+        self.first = np.array([row.start for row in starts])
+        self.next = self.first.copy()
+        self.level = np.repeat(np.arange(len(starts)), [len(row) for row in starts])
+
+    def ask(self, count: int, rng: np.random.Generator) -> Batch:
+        """Return the next starts of random levels; in 30 % of cases earlier ones, so that the agent forgets none."""
+        levels = rng.integers(len(self.starts), size=count)
+        earlier = rng.integers(self.first[levels], self.next[levels] + 1)
+        return Batch(np.where(rng.random(count) < 0.7, self.next[levels], earlier))
+
+    def tell(self, outcomes: Outcomes) -> None:
+        """Go one step back in each level whose next start is solved in about half of the episodes."""
+        for member, success in zip(outcomes.members.tolist(), outcomes.success.tolist(), strict=True):
+            level = self.level[member]
+            if member == self.next[level]:
+                self.success[level] += 0.25 * (success - self.success[level])
+                if self.success[level] > 0.5 and member + 1 in self.starts[level]:
+                    self.next[level], self.success[level] = member + 1, 0.2
+
+
+def starts_of(family: Family) -> tuple[Family, Backwards]:
+    """Return the states of a plan of each member as a family, the last ones first, and the schedule of this family."""
+    plans, members, rows = Plans(family.behaviour), list[Member](), list[range]()
+    for member in family.members:
+        engine = family.domain.engine(family.model(member))
+        states = [json.dumps(model_to_json(one.engine.model)) for one in plans.episode(engine)][-2::-1]
+        if states:  # otherwise no plan was found
+            rows.append(range(len(members), len(members) + len(states)))
+            members += [Member(f"{member.name} {left}", {}, state) for left, state in enumerate(states, 1)]
+    return replace(family, members=tuple(members)), Backwards(rows)
+
+
+def main(run: str, easiest: int, total_steps: int, num_envs: int = 256, limit: int = 64) -> None:
+    torch.set_num_threads(1)  # small networks are slower on several
+    members = open_family(run).members[:easiest]
+    family = open_family(run).subset(members)
+    starts, schedule = starts_of(family)
+    print(f"{len(members)} members, {len(starts.members)} starts", flush=True)
+    envs = envgraph.sb3.make_vec(starts, num_envs, schedule=schedule, max_episode_steps=limit)
+    network = {"net_arch": [192, 128], "activation_fn": torch.nn.ReLU}
+    options = {"gamma": 0.97, "learning_rate": 6e-4, "ent_coef": 0.001, "n_steps": 48, "batch_size": 512, "n_epochs": 4}
+    model = MaskablePPO("MlpPolicy", envs, policy_kwargs=network, seed=0, device="cpu", **options)
+    model.learn(total_steps)
+
+    test = envgraph.sb3.make_vec(family, len(members), [member.name for member in members])
+    test.seed(1)
+    seen, episodes = test.reset(), {member.name: list[bool]() for member in members}
+    while min(map(len, episodes.values())) < 10:
+        actions, _ = model.predict(seen, action_masks=get_action_masks(test))
+        seen, _, _, infos = test.step(actions)
+        for info in filter(None, infos):
+            episodes[info["variant"]].append(info["is_success"])
+    solved = [name for name, found in episodes.items() if sum(found[:10]) >= 5]
+    print(f"solved in at least 5 of 10 episodes: {len(solved)} of {len(members)} members,", *solved)
+
+
+if __name__ == "__main__":
+    main(sys.argv[1], *map(int, sys.argv[2:]))
