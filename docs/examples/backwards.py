@@ -83,7 +83,7 @@ def main(run: str, easiest: int, total_steps: int, num_envs: int = 256, limit: i
         for info in filter(None, infos):
             episodes[info["variant"]].append(info["is_success"])
     solved = [name for name, found in episodes.items() if sum(found[:10]) >= 5]
-    print(f"solved in at least 5 of 10 episodes: {len(solved)} of {len(members)} members,", *solved)
+    print(f"{total_steps} steps: {len(solved)} of {len(members)} members are solved mostly:", *solved)
 
 
 if __name__ == "__main__":
