@@ -481,6 +481,12 @@ class Application:
                 old = state.container(instance.thing(move.node.name))
                 if old is not None:
                     state.links -= state.both(old)
+        for _, thing, feature, operator, values in self.assigned:
+            if operator == "-=" and self.before.attribute(feature) is None:
+                for value in values:
+                    link = (feature, thing, value)
+                    if isinstance(value, Thing) and any(map(state.contains, state.both(link))):
+                        state.links -= state.both(link)  # so that another container can be given to it
         self.hand_over()
         roots = [t for t in gone if not any(t != other and t in state.tree(other) for other in gone)]
         whole = {thing: root for root in roots for thing in state.tree(root)}
