@@ -16,7 +16,6 @@ from dataclasses import replace
 import numpy as np
 import torch
 from sb3_contrib import MaskablePPO
-from sb3_contrib.common.maskable.utils import get_action_masks
 
 import envgraph.sb3
 from envgraph.env.compiled import Plans
@@ -74,15 +73,9 @@ def main(run: str, easiest: int, total_steps: int, num_envs: int = 256, limit: i
     model = MaskablePPO("MlpPolicy", envs, policy_kwargs=network, seed=0, device="cpu", **options)
     model.learn(total_steps)
 
-    test = envgraph.sb3.make_vec(family, len(members), [member.name for member in members])
-    test.seed(1)
-    seen, episodes = test.reset(), {member.name: list[bool]() for member in members}
-    while min(map(len, episodes.values())) < 10:
-        actions, _ = model.predict(seen, action_masks=get_action_masks(test))
-        seen, _, _, infos = test.step(actions)
-        for info in filter(None, infos):
-            episodes[info["variant"]].append(info["is_success"])
-    solved = [name for name, found in episodes.items() if sum(found[:10]) >= 5]
+    names = [member.name for member in members]
+    found = envgraph.sb3.evaluate(model, envgraph.sb3.make_vec(family, len(names), names), 10, deterministic=False)
+    solved = [name for name, share in zip(found.members, found.success, strict=True) if share >= 0.5]
     print(f"{total_steps} steps: {len(solved)} of {len(members)} members are solved mostly:", *solved)
 
 

@@ -45,19 +45,6 @@ def imitate(policy: torch.nn.Module, family: Family, epochs: int) -> None:
             optimiser.step()
 
 
-def evaluate(model: MaskablePPO, family: Family, episodes: int = 10) -> dict[str, float]:
-    """Return the share of episodes in which each member is solved; actions are sampled from the policy."""
-    names = [member.name for member in family.members]
-    envs = envgraph.sb3.make_vec(family, len(names), names)
-    seen, solved = envs.reset(), {name: list[bool]() for name in names}
-    while min(map(len, solved.values())) < episodes:
-        actions, _ = model.predict(seen, action_masks=np.array(envs.env_method("action_masks")))
-        seen, _, _, infos = envs.step(actions)
-        for info in filter(None, infos):
-            solved[info["variant"]].append(info["is_success"])
-    return {name: float(np.mean(found[:episodes])) for name, found in solved.items()}
-
-
 def main(run: str, easiest: int, total_steps: int, epochs: int = 200, num_envs: int = 256) -> None:
     torch.set_num_threads(1)  # small networks are slower on several
     opened = open_family(run)
@@ -67,10 +54,13 @@ def main(run: str, easiest: int, total_steps: int, epochs: int = 200, num_envs: 
     options = {"gamma": 0.98, "n_steps": 48, "batch_size": 1536, "n_epochs": 4, "learning_rate": 1e-4}
     model = MaskablePPO("MlpPolicy", envs, policy_kwargs=network, seed=0, device="cpu", **options)
     imitate(model.policy, family, epochs)
+    names = [member.name for member in family.members]
+    test = envgraph.sb3.make_vec(family, len(names), names)
     for steps in (0, total_steps):
         if steps:
             model.learn(steps)
-        solved = [name for name, share in evaluate(model, family).items() if share >= 0.5]
+        found = envgraph.sb3.evaluate(model, test, 10, deterministic=False)
+        solved = [name for name, share in zip(found.members, found.success, strict=True) if share >= 0.5]
         print(f"{steps} steps: {len(solved)} of {easiest} members are solved mostly:", *solved, flush=True)
 
 
