@@ -3,8 +3,8 @@
     pip install "envgraph[fast,sb3]" sb3-contrib
     python backwards.py RUN 52 4000000      # the 52 easiest members, for 4,000,000 steps
 
-A random walk does not solve long levels, but from the last states of a plan it does. So each state of a plan becomes an
-environment, and the agent begins one step earlier as soon as it succeeds (Florensa et al. 2017).
+A random walk does not solve long levels, but from the last states of a plan it does. So every second state of a plan
+becomes an environment, and the agent begins two steps earlier as soon as it succeeds (Florensa et al. 2017).
 """
 
 from __future__ import annotations
@@ -29,35 +29,40 @@ class Backwards:
 
     def __init__(self, starts: list[range]) -> None:
         self.starts, self.success = starts, np.zeros(len(starts))
-        self.first = np.array([row.start for row in starts])
+        self.first, self.last = np.array([(row.start, row.stop - 1) for row in starts]).T
         self.next = self.first.copy()
         self.level = np.repeat(np.arange(len(starts)), [len(row) for row in starts])
 
     def ask(self, count: int, rng: np.random.Generator) -> Batch:
-        """Return the next starts of random levels; in 30 % of cases earlier ones, so that the agent forgets none."""
-        levels = rng.integers(len(self.starts), size=count)
+        """Return the next starts of random levels; in 30 % of cases earlier ones, so that the agent forgets none.
+
+        Levels that begin at their first state already are chosen less than half as often.
+        """
+        weights = np.where(self.next < self.last, 1.0, 0.4)
+        levels = rng.choice(len(self.starts), size=count, p=weights / weights.sum())
         earlier = rng.integers(self.first[levels], self.next[levels] + 1)
         return Batch(np.where(rng.random(count) < 0.7, self.next[levels], earlier))
 
     def tell(self, outcomes: Outcomes) -> None:
-        """Go one step back in each level whose next start is solved in about half of the episodes."""
+        """Go back in each level whose next start is solved in about half of the episodes."""
         for member, success in zip(outcomes.members.tolist(), outcomes.success.tolist(), strict=True):
             level = self.level[member]
             if member == self.next[level]:
                 self.success[level] += 0.25 * (success - self.success[level])
-                if self.success[level] > 0.5 and member + 1 in self.starts[level]:
+                if self.success[level] > 0.5 and member < self.last[level]:
                     self.next[level], self.success[level] = member + 1, 0.2
 
 
 def starts_of(family: Family) -> tuple[Family, Backwards]:
-    """Return the states of a plan of each member as a family, the last ones first, and the schedule of this family."""
+    """Return every second state of a plan of each member, the last ones first, as a family, and its schedule."""
     plans, members, rows = Plans(family.behaviour), list[Member](), list[range]()
     for member in family.members:
         engine = family.domain.engine(family.model(member))
-        states = [json.dumps(model_to_json(one.engine.model)) for one in plans.episode(engine)][-2::-1]
+        states = [json.dumps(model_to_json(one.engine.model)) for one in plans.episode(engine)][:-1]
         if states:  # otherwise no plan was found
-            rows.append(range(len(members), len(members) + len(states)))
-            members += [Member(f"{member.name} {left}", {}, state) for left, state in enumerate(states, 1)]
+            chosen = [*states[:0:-2], states[0]]
+            rows.append(range(len(members), len(members) + len(chosen)))
+            members += [Member(f"{member.name} {place}", {}, state) for place, state in enumerate(chosen)]
     return replace(family, members=tuple(members)), Backwards(rows)
 
 
