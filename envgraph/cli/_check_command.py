@@ -15,8 +15,8 @@ from envgraph.errors import (
     InvalidArgument,
     LoadError,
     Severity,
-    check_known,
     has_errors,
+    name_hint,
     sort_diagnostics,
 )
 
@@ -44,7 +44,8 @@ def check_files(
     from envgraph.lang import NEED_ENVIRONMENT
 
     for code in ignore:
-        check_known(code, WARNING_CODES, f"there is no warning `{code}`")
+        if code not in WARNING_CODES:
+            raise InvalidArgument(f"there is no warning `{code}`", name_hint(code, WARNING_CODES))
     inputs.check_metamodels()
     diagnostics: dict[Diagnostic, None] = {}
 

@@ -45,17 +45,17 @@ def conformance_warnings(text: ModelText) -> list[Diagnostic]:
     """
     if text.model is None:
         return []
-    violations = check_conformance(text.model)
-    found = [
-        Diagnostic(
-            "outside-range" if violation.kind == "outside-range" else "conformance",
-            violation.message,
-            text.spans.get(violation.node, text.span),
-            _completion_hint(violation, text.model, text.span.source.text.lstrip()[:1]),
-            Severity.WARNING,
-        )
-        for violation in violations[:MAX_ERRORS]
-    ]
+    alike: dict[object, list[Violation]] = {}
+    for one in check_conformance(text.model):  # numbers of a legend or a table occur at many objects
+        number = one.message.rpartition(" has ")[2] if one.kind == "outside-range" else one
+        alike.setdefault((one.feature, number), []).append(one)
+    violations, found = [*alike.values()], []
+    for first, *others in violations[:MAX_ERRORS]:
+        code = "outside-range" if first.kind == "outside-range" else "conformance"
+        message = first.message + (f", and {len(others)} more like it" if others else "")
+        hint = _completion_hint(first, text.model, text.span.source.text.lstrip()[:1])
+        place = text.spans.get(first.node, text.span)
+        found.append(Diagnostic(code, message, place, hint, Severity.WARNING))
     if len(violations) > MAX_ERRORS:
         message = f"{len(violations) - MAX_ERRORS} more warnings of this kind are not shown"
         found.append(replace(found[-1], message=message, hint=None))
@@ -68,14 +68,17 @@ def check_start(behaviour: Behaviour, text: ModelText, notes: tuple[Note, ...] =
 
     assert text.model is not None, "the files have no errors"
     found = [replace(one, notes=(*one.notes, *notes)) for one in unbound_names(behaviour, text.model, text.spans)]
-    try:
-        KeyIndex.of_model(text.model, indexed_classes(behaviour, text.model.metamodel))
-    except EvaluationError as error:
-        first, last = map(text.spans.get, error.nodes) if isinstance(error, DuplicateKeyError) else (None, None)
-        hint = "give each of these objects a different key: the environment numbers them by key"
-        other = (Note("the other object is here", first),) if first else ()
-        found.append(Diagnostic("no-key", error.message, last or text.span, hint, notes=other))
-    return found
+    lacking: dict[object, Diagnostic] = {}
+    for cls in indexed_classes(behaviour, text.model.metamodel):
+        try:
+            KeyIndex.of_model(text.model, [cls])
+        except EvaluationError as error:
+            first, last = map(text.spans.get, error.nodes) if isinstance(error, DuplicateKeyError) else (None, None)
+            hint = "give each of these objects a different key: the environment numbers them by key"
+            other = (Note("the other object is here", first),) if first else ()
+            span = last or text.span  # objects of a superclass, too, are reported once
+            lacking.setdefault(span, Diagnostic("no-key", error.message, span, hint, notes=other))
+    return [*found, *lacking.values()]
 
 
 def _completion_hint(violation: Violation, model: Model, start: str) -> str:

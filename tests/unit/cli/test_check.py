@@ -106,6 +106,12 @@ BEFORE: dict[str, tuple[Changes, list[str]]] = {
          "    agent mole : Mole { action lift = lift(mole) }")},
         [SAME_KEY],
     ),
+    "keys of two classes": (
+        {"pit.metamodel": ("@key(name) class Mole {", "@key(name) class Ant { string name }\n@key(name) class Mole {"),
+         "pit.model": ('"b" }] }', '"a" }] }\n    Ant { name = "a" }\n    Ant { name = "a" }'),
+         "pit.environment": ("action lift", "action tread(ant : Ant) = nothing()\n    action lift")},
+        [SAME_KEY, "pit/pit.model:7:5: `Ant#3` and `Ant#4` have the same key, name = a, but each"],
+    ),
     "several": (
         {**TWICE, "family.toml": ("reachable", 'forbid = ["down"]\nreachable'),
          "pit.environment": ("pit : Pit", "pit : Pit, top : Mole")},
@@ -174,7 +180,7 @@ def test_generate_warns_of_numbers_outside_their_range(check: Check, monkeypatch
 
 @pytest.mark.parametrize(
     ("code", "hint"),
-    [("used-onc", "; did you mean `used-once`?"), ("unknown-class", ""), ("", "; there are ")],
+    [("used-onc", "; did you mean `used-once`?"), ("unknown-class", ""), ("", "; there are `always-different`, ")],
 )
 def test_unknown_codes_to_ignore_are_refused(check: Check, code: str, hint: str) -> None:
     found = check({}, "pit", "--ignore", code)
