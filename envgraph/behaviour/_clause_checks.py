@@ -65,7 +65,8 @@ class CheckBase:
         if name in self.metamodel.classes:
             return ObjectType(name)
         if static_type(name, self.metamodel) is not None:
-            self.report("unknown-class", f"`{name}` is not a class", span, "write the name of a class")
+            wanted = "class or an enum" if others else "class"
+            self.report("unknown-class", f"`{name}` is not a class", span, f"write the name of a {wanted}")
         else:
             hint = did_you_mean(name, others) or self.metamodel.suggest_class(name)
             self.report("unknown-class", f"unknown class `{name}`", span, hint)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections import Counter
 from dataclasses import replace
 
 from envgraph.behaviour._behaviour import (
@@ -29,7 +30,7 @@ from envgraph.behaviour._helper_patterns import (
 from envgraph.code import walk_parts
 from envgraph.errors import LARGEST_INT, Severity, Span, did_you_mean, name_hint
 from envgraph.metamodel import Attribute, EnumType, Reference, Scalar
-from envgraph.pattern import Expression, Navigation, ObjectType, StaticType, Variable
+from envgraph.pattern import Expression, Navigation, ObjectType, Parameter, StaticType, Variable, type_text
 
 _HINTS = {
     "many-valued": "use a pattern: `observe find p(..)`, or `observe count find p(..) up to n`",
@@ -57,6 +58,7 @@ class ViewChecks(CheckBase):
             if len({self.float_ranges.get(one.span or id(one)) for one in column}) > 1:
                 message = "each `agent` block must observe this float at the same place and in the same range"
                 hint = "observe floats first in each block, in the same order and with equal ranges"
+                hint = "write it before the `agent` blocks" if floats[0] in behaviour.observations else hint
                 self.report("float-place", message, floats[0].span, hint)
                 return
             if len({one.each and one.each.type for one in column}) > 1 or ObserveAround in map(type, column):
@@ -95,9 +97,10 @@ class ViewChecks(CheckBase):
     def _check_observe_find(self, observation: ObserveFind, scope: Scope) -> None:
         question = find_helper("#check", observation, type_names(scope))
         sound, low, high = self.check_helper(question, observation.call, scope), observation.low, observation.up_to
+        entries = self.library.analyse(question.pattern).analysis.entries
+        asked = entries[question.pattern.qualified_name] if sound else None
         if high is not None:
-            entries = self.library.analyse(question.pattern).analysis.entries
-            type_ = entries[question.pattern.qualified_name].types[-1] if sound else None
+            type_ = asked.types[-1] if asked else None
             self._check_range(observation, type_, low, high, observation.call.span)
             if observation.aggregate == "count" and high < 1:
                 message = f"the bound of `up to` is {high}, but must be at least 1"
@@ -105,12 +108,14 @@ class ViewChecks(CheckBase):
             elif type_ is Scalar.FLOAT and isinstance(low, int) and isinstance(high, int):
                 message = f"this `{observation.aggregate}` is a `float`, but the bounds of its range are ints"
                 self.report("wrong-type", message, observation.span, f"write `in {low}.0..{high}.0`")
-        occurring = [one for one in variable_occurrences(observation.call) if is_bound_by_match(one, scope)]
-        for variable in {one.name: one for one in occurring}.values():
-            is_single = sum(one.name == variable.name for one in occurring) == 1
-            if is_single and did_you_mean(variable.name, [*scope]) is None:  # else there is a warning already
+        if asked is None or (observation.each and scope[observation.each.name] is None):
+            return  # there is an error already
+        types = dict(zip(observation.call.arguments, entries[asked.calls[observation.call.pattern]].types, strict=True))
+        uses = Counter(one for one in variable_occurrences(observation.call) if is_bound_by_match(one, scope))
+        for variable in (one for one, count in uses.items() if count == 1):
+            if did_you_mean(variable.name, [*scope]) is None:  # else there is a warning already
                 message = f"`{variable.name}` stands for any value, so that there is one component in all"
-                hint = f"write `_`, or at the end `for {variable.name} : Class` for a component for each object"
+                hint = _unbound_hint(variable.name, types.get(variable), observation.each)
                 self.report("used-once", message, variable.span, hint, Severity.WARNING)
 
     def _check_observe_around(self, observation: ObserveAround, scope: Scope) -> None:
@@ -177,7 +182,8 @@ class ViewChecks(CheckBase):
         is_float = type_ is Scalar.FLOAT or not (isinstance(low, int) and isinstance(high, int))
         if type_ is not None and type_ not in (Scalar.INT, Scalar.FLOAT):
             message = f"only an `int` or a `float` can be observed in a range, not {type_with_article(type_)}"
-            hint = f"write `among {type_.cls}`" if isinstance(type_, ObjectType) else _data_hint(type_)
+            hint = _data_hint(type_) if type_ is Scalar.STRING else "leave the range out"
+            hint = f"write `among {type_.cls}`" if isinstance(type_, ObjectType) else hint
             self.report("wrong-type", message, observed, hint)
         if low > high or (is_float and low == high):
             hint = f"write `{high}..{low}`" if low > high else "write a higher number after `..`"
@@ -288,3 +294,14 @@ def _data_hint(type_: StaticType) -> str | None:
     if type_ in (Scalar.INT, Scalar.FLOAT):
         return "write `in lo..hi`, or `@range(lo, hi)` before the attribute"
     return "observe a bool, an enum, a number in a range, or an object" if isinstance(type_, Scalar) else None
+
+
+def _unbound_hint(name: str, type_: StaticType | None, each: Parameter | None) -> str:
+    """Return a hint for a name of some type, perhaps unknown, that only a match binds, besides the name `each`."""
+    if isinstance(type_, EnumType) and name in type_.literals:
+        return f"write `{type_.name}::{name}`"
+    if isinstance(type_, Scalar) or (each and isinstance(type_, ObjectType)):
+        return "write `_`"
+    others = f"{each.name} : {each.type}, " if each else ""
+    text, kind = type_text(type_) if type_ else "Class", "literal" if isinstance(type_, EnumType) else "object"
+    return f"write `_`, or at the end `for {others}{name} : {text}` for a component for each {kind}"

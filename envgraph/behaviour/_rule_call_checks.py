@@ -104,7 +104,8 @@ class CallChecks(CheckBase):
         self.check_reward(action.else_reward, shared)
         if action.else_reward and [one.probability for one in action.branches if one.call.rule is None] == [1.0]:
             message = "`nothing()` can always be done, so that this reward is never paid"
-            self.report("never-paid", message, action.else_reward.span, "write it without `else`", Severity.WARNING)
+            hint = "leave it out" if action.reward else "write it without `else`"
+            self.report("never-paid", message, action.else_reward.span, hint, Severity.WARNING)
 
     def _check_output_bound(self, reward: Expression | None, names: set[str], hint: str) -> None:
         """Report the first of the variables `names`, which may have no value, in a reward; the hint is `hint`."""

@@ -282,30 +282,34 @@ def parse_on_reset(reading: FileReading, tree: Tree[Token]) -> OnReset | None:
 def parse_observations(reading: FileReading, tree: Tree[Token]) -> list[Observation]:
     """Parse an `observe ..` clause; return a copy of it for each literal of the enums in its `for`.
 
-    The literals replace the name; those of the last enum vary fastest. Report a second name for objects.
+    The literals replace the name; those of the last enum vary fastest. Report a second name for objects, and put `_` in
+    its place. A name of an unknown type, which is reported later, is the first one.
     """
     each = reading.first_or_report("`for`", select_trees(tree.children, "each_object"))
     names = [_parse_each_name(reading, part) for part in select_trees(each.children)] if each else []
     metamodel = reading.types.metamodel if reading.types else None
-    enums = metamodel.enums if metamodel else {}
-    objects = [one for one in names if one.type not in enums]
-    if metamodel and len(objects) > 1:
+    enums, classes = (metamodel.enums, metamodel.classes) if metamodel else ({}, {})
+    objects = sorted((one for one in names if one.type not in enums), key=lambda one: one.type in classes)
+    if len(objects) > 1 and objects[0].type in classes:
         first, second, *_ = (f"`{one.name}`" for one in objects)
         message = f"`for` takes one name for objects, but {first} and {second} stand for objects"
         reading.add(Diagnostic("duplicate-part", message, objects[1].span, f"write `_` instead of {second}"))
     found = [_parse_observation(reading, tree, next(iter(objects), None))]
+    for one in objects[1:]:
+        found = [_with_term(found[0], one, Variable("_"))]
     for one in names:
         if enum := enums.get(one.type or ""):
             if Variable(one.name) not in walk_parts(tuple(found)):
                 reading.add(Diagnostic("unused-name", f"`{one.name}` is not used", one.span, "leave it out"))
-            found = [_with_literal(clause, one, literal) for clause in found for literal in enum.literals]
+            terms = [EnumLiteral(one.type, literal) for literal in enum.literals]
+            found = [_with_term(clause, one, term) for clause in found for term in terms]
     return found
 
 
-def _with_literal(clause: Observation, name: Parameter, literal: str) -> Observation:
-    """Return the clause with a literal of an enum in place of a name."""
+def _with_term(clause: Observation, name: Parameter, term: EnumLiteral | Variable) -> Observation:
+    """Return the clause with a term in place of a name."""
     old = Variable(name.name)
-    return rewrite_expressions(clause, lambda one: EnumLiteral(name.type, literal, one.span) if one == old else one)
+    return rewrite_expressions(clause, lambda one: replace(term, span=one.span) if one == old else one)
 
 
 def _parse_observation(reading: FileReading, tree: Tree[Token], parameter: Parameter | None) -> Observation:
@@ -340,12 +344,8 @@ def _parse_observation(reading: FileReading, tree: Tree[Token], parameter: Param
 
 def _parse_each_name(reading: FileReading, tree: Tree[Token]) -> Parameter:
     name, type_ = select_tokens(tree.children)[0], select_trees(tree.children)[0]
-    return Parameter(
-        str(name),
-        resolve_type(reading, type_),
-        span=reading.span(name),
-        type_span=type_name_span(reading, type_),
-    )
+    span, type_span = reading.span(name), type_name_span(reading, type_)
+    return Parameter(str(name), resolve_type(reading, type_), span=span, type_span=type_span)
 
 
 def parse_path(reading: FileReading, tree: Tree[Token]) -> Expression:
@@ -368,40 +368,18 @@ def parse_drawing(reading: FileReading, tree: Tree[Token]) -> DrawGrid | DrawGra
     drawn = _parse_drawn_tokens(reading, select_trees(tree.children, "tokens"))
     if tree.data == "draw_graph":
         nodes, *links = (_parse_drawn_link(reading, part) for part in select_trees(tree.children, "drawn"))
-        return DrawGraph(
-            nodes.cls,
-            nodes.label,
-            drawn,
-            tuple(links),
-            span,
-            cls_span=nodes.cls_span,
-            label_span=nodes.label_span,
-        )
+        return DrawGraph(nodes.cls, nodes.label, drawn, tuple(links), span, nodes.cls_span, nodes.label_span)
     type_ = select_trees(tree.children, "type")[0]
-    names = select_tokens(tree.children, "NAME")
-    spans = reading.spans(names)
-    column, row = (str(name) for name in names)
-    return DrawGrid(
-        resolve_type(reading, type_),
-        column,
-        row,
-        drawn,
-        span,
-        cls_span=type_name_span(reading, type_),
-        column_span=spans[0],
-        row_span=spans[1],
-    )
+    column, row = names = select_tokens(tree.children, "NAME")
+    cls, cls_span = resolve_type(reading, type_), type_name_span(reading, type_)
+    return DrawGrid(cls, str(column), str(row), drawn, span, cls_span, *reading.spans(names))
 
 
 def _parse_drawn_link(reading: FileReading, tree: Tree[Token]) -> DrawnLink:
     type_, labels = select_trees(tree.children)[0], select_tokens(tree.children, "NAME")
-    return DrawnLink(
-        resolve_type(reading, type_),
-        str(labels[0]) if labels else None,
-        reading.span(tree),
-        type_name_span(reading, type_),
-        next(iter(reading.spans(labels)), None),
-    )
+    cls, cls_span = resolve_type(reading, type_), type_name_span(reading, type_)
+    label, label_span = (str(labels[0]), reading.span(labels[0])) if labels else (None, None)
+    return DrawnLink(cls, label, reading.span(tree), cls_span, label_span)
 
 
 def _parse_drawn_tokens(reading: FileReading, groups: Iterable[Tree[Token]]) -> tuple[DrawnToken, ...]:

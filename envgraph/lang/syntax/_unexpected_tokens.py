@@ -100,6 +100,9 @@ def habit_hint(grammar: Grammar, states: list[int], lexemes: Sequence[Lexeme], i
             return "leave out the `,` before `with`"
         if word in ("near", "when", "where", "within") and grammar.accepts(states, keywords["if"]):
             return "to show an observation only in some states, write `if find p(..)` with a pattern for these states"
+        if word == "find" and before[0] in ("observe", "reward"):
+            aggregates = "write `find p(..)`, or `count`, `sum`, `min`, `max` or `avg` before it"
+            return aggregates if before[0] == "observe" else "let a match bind it: `on find p(.., n) reward n`"
         if before[1] == "terminate" and word.startswith("truncat"):
             return "write `truncate`, without `terminate`"
         if grammar.expected_terminals(states) == [keywords["up"]]:
