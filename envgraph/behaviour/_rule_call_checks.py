@@ -210,7 +210,7 @@ class CallChecks(CheckBase):
 
     def _check_argument(self, argument: Expression, expected: StaticType | None, scope: Scope) -> None:
         if isinstance(argument, Variable) and argument.is_anonymous:
-            hint = "bind it: `on find p(x) apply r(x)`; or remove the parameter from the rule"
+            hint = "bind it: `action a(x : Class) = r(x)`, `on find p(x) apply r(x)`; or remove it from the rule"
             self.report("wrong-type", "`_` has no value, so it cannot be an argument", argument.span, hint)
             return
         wanted = None if isinstance(expected, ObjectType) else expected
