@@ -75,6 +75,8 @@ class _MultiAgentEnvironment(FamilyEnvironment):
         merge_sizes(simulator.agents.block_sizes)  # all agents observe in one space
         self._shape, self._cell = simulator.agents.shape, cell
         names = component_names(simulator.behaviour, simulator.keys, len(self._shape))
+        if observation in ("image", "graph", "padded_graph"):
+            raise InvalidArgument(f'agents of PettingZoo see no "{observation}"', 'use "flat", "dict" or "text"')
         is_text = observation == "text"
         self._view = TextView(simulator.behaviour) if is_text else ComponentView(observation, self._shape, names)
         actions = len(self.action_names)

@@ -198,6 +198,8 @@ def test_environments_of_another_kind_are_refused(together: Path) -> None:
         envgraph.make_parallel(domain="warehouse")
     with pytest.raises(InvalidArgument, match="has no `agent` blocks"):
         envgraph.make_aec(domain="keydoor")
+    with pytest.raises(InvalidArgument, match='see no "graph"; use "flat", "dict" or "text"'):
+        envgraph.make_aec(domain="warehouse", observation="graph")
     env = envgraph.make_parallel(domain=together)
     env.reset(seed=0)
     with pytest.raises(InvalidArgument, match="`actions` has no action for `right`"):
