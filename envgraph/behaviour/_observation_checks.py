@@ -145,9 +145,8 @@ class ViewChecks(CheckBase):
         if type_ is None or among is None:
             return
         if not isinstance(type_, ObjectType):
-            hint = _data_hint(type_)
             message = f"the path leads to {type_with_article(type_)}, not to an object of `{among.cls}`"
-            self.report("wrong-type", message, observation.path.span, hint)
+            self.report("wrong-type", message, observation.path.span, _data_hint(type_))
         elif not self.metamodel.may_overlap(type_.cls, among.cls):
             message = f"the path leads to {type_with_article(type_)}, which is never {type_with_article(among)}"
             span = observation.among_span or observation.span
@@ -290,10 +289,11 @@ class ViewChecks(CheckBase):
             self.report("wrong-type", message, token.path.span, hint)
 
 
-def _data_hint(type_: StaticType) -> str | None:
+def _data_hint(type_: StaticType) -> str:
     if type_ in (Scalar.INT, Scalar.FLOAT):
         return "write `in lo..hi`, or `@range(lo, hi)` before the attribute"
-    return "observe a bool, an enum, a number in a range, or an object" if isinstance(type_, Scalar) else None
+    unseen = "observe a bool, an enum, a number in a range, or an object"
+    return unseen if type_ is Scalar.STRING else "leave `among` and the class out"
 
 
 def _unbound_hint(name: str, type_: StaticType | None, each: Parameter | None) -> str:
