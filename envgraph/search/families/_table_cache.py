@@ -140,8 +140,7 @@ class TableCache:
 
     def _paths(self, name: str) -> list[Path]:
         """Return the path of a file in each directory, except pipes and other users' files in the user's cache."""
-        paths = [place / name for place in self.directories]
-        return [path for path in paths if not os.path.exists(path) or _is_trusted(path)]
+        return [path for place in self.directories if _is_trusted(path := place / name)]
 
     def read_table(self, name: str, *, needs_pictures: bool) -> ExploredEnvironment | None:
         """Read a table from the cache. Return None if it is missing or damaged, or lacks pictures although
@@ -237,9 +236,9 @@ class TableCache:
 
 
 def _is_trusted(path: Path) -> bool:
-    if path.parent == cache_directory():
-        return is_private_file(path.stat())
-    return path.is_file()
+    with suppress(OSError):  # it is missing, or another process has just removed it
+        return is_private_file(path.stat()) if path.parent == cache_directory() else path.is_file() or not path.exists()
+    return True
 
 
 def table_file_name(domain: Domain, behaviour: Behaviour, model: Model, keys: KeyIndex) -> str:

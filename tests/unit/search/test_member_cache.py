@@ -5,6 +5,7 @@ from __future__ import annotations
 import os
 from collections.abc import Iterator
 from dataclasses import replace
+from hashlib import sha256
 from pathlib import Path
 from typing import Any
 
@@ -12,11 +13,15 @@ import numpy as np
 import pytest
 
 from envgraph.env.compiled import CompiledProgram, CompiledVectorEnv, MemberEngines
+from envgraph.env.compiled.layout._program_layout import ProgramLayout
+from envgraph.env.compiled.layout._symbols import MemberNumbers
 from envgraph.graph import model_to_json
 from envgraph.rewrite import Engine
 from envgraph.search import Components, Domain, Family, Member, generate, open_family
 from envgraph.search._run_store import dump_json
-from envgraph.search.families import _member_family
+from envgraph.search.families import _member_family, _table_cache
+from tests.unit.env.side_by_side import family_of
+from tests.unit.env.test_compiled_corners import CORNERS
 
 STREET = {
     "street.metamodel": """
@@ -181,6 +186,19 @@ def test_damaged_files_are_computed_again(street: Family, cache: Path, ending: s
     assert is_mapped(reopened(street).program(street.members).arrays.tables)
 
 
+def test_files_that_another_process_removes_are_computed_again(
+    street: Family, cache: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def removed() -> Path:
+        for file in cache.glob("*.npy"):
+            file.unlink()
+        return cache
+
+    known = street.program(street.members)
+    monkeypatch.setattr(_table_cache, "cache_directory", removed)  # asked for after the file was seen
+    assert_equal(reopened(street).program(street.members), known)
+
+
 @pytest.mark.skipif(os.name != "posix", reason="permissions of POSIX")
 def test_files_that_others_can_write_are_not_mapped(street: Family, cache: Path) -> None:
     known = street.program(street.members)
@@ -204,3 +222,31 @@ def test_nothing_is_cached_without_a_cache_or_with_python_functions(
         monkeypatch.setenv("ENVGRAPH_CACHE", place)
         street.program(street.members)
     assert not [*cache.glob("*.npy"), *cache.glob("*.keys")]
+
+
+FILLED = {
+    "network": "91018552",
+    "wildfire": "5cf7021d",
+    "containers that go with what they contain": "29735810",
+    "several that may have one index": "272a2382",
+    "operations on strings": "762e05d9",
+}
+"""Checksums of arrays. Their tables and columns are sorted by their numbers, so that other programs may have the same."""
+
+
+def test_arrays_are_those_of_the_format_of_the_cache() -> None:
+    """Where the numbers of a table or column have changed: increase `CACHE_FORMAT`, and change both here."""
+    found = {}
+    for corner in FILLED:
+        program = family_of(CORNERS[corner], 2).program
+        stride = int(program.arrays.offsets[0])
+        used = [one for one in program.layout._numbers if isinstance(one, MemberNumbers)]
+        rows = {one: str([[*one.fill(member, stride)] for _, member in program.members.read_all()]) for one in used}
+        layout = ProgramLayout()
+        for symbol in sorted(used, key=lambda one: (type(one).__name__, rows[one])):
+            layout.offset(symbol)
+        content = sha256()
+        for array in layout.fill_arrays(program.members, stride):
+            content.update(f"{array.dtype} {array.shape}".encode() + array.tobytes())
+        found[corner] = content.hexdigest()[:8]
+    assert (found, _table_cache.CACHE_FORMAT) == (FILLED, 6)
