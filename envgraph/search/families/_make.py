@@ -114,6 +114,8 @@ def make_vec(
     _check_options(options, make_environment, make_vector_environment)
     given = _without_none(variant=variant, schedule=schedule)
     if isinstance(family, Family):
+        for name in sorted({*options} - {*signature(make_vector_environment).parameters}):
+            raise InvalidArgument(f"`{name}` needs a family in a file", "use `write_family`, or leave out the option")
         options = {"max_episode_steps": family.limit, **given, **options}
         return make_vector_environment(num_envs, family=family, **options)
     return make_vec_spec(_environment_spec(family, domain, model, environment), num_envs, **given, **options)

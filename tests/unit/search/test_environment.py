@@ -341,6 +341,11 @@ def test_a_vector_of_a_family_object_equals_that_of_its_file(imported: Family, f
         for _ in range(2 * (imported.limit or 0)):
             seen[-1] += envs.step(np.arange(4))[:4]
     assert all(map(same, *seen)) and any(part.any() for part in seen[0][4::4])  # truncated by the limit
+    for option in ({"vectorization_mode": "sync"}, {"cell": 8}):
+        with pytest.raises(
+            InvalidArgument, match=f"`{next(iter(option))}` needs a family in a file; use `write_family`"
+        ):
+            envgraph.make_vec(imported, 4, **option)
 
 
 @pytest.mark.parametrize("engine", ["table", "compiled", "live"])
