@@ -49,25 +49,30 @@ def evaluate(model: Any, envs: Any, episodes: int = 20, *, deterministic: bool =
     """Play exactly `episodes` episodes in each environment, so that short episodes do not count more than long ones.
 
     `envs` is seeded and reset. A `VecNormalize` around it, or else that of `model`, normalises observations without an
-    update; returns and lengths are those of `Monitor`. If `model` is None, actions are sampled uniformly from those
-    that the masks allow.
+    update; returns and lengths are those of `Monitor`. `model` may also be a policy. If it is None, actions are sampled
+    uniformly from those that the masks allow.
     """
     if not isinstance(envs, VecEnv) or episodes < 1:
         raise InvalidArgument("`envs` must be a `VecEnv`, and `episodes` at least 1", "use `envgraph.sb3.make_vec`")
     own, found, rng = unwrap_vec_normalize(envs), dict[str, list[tuple[float, ...]]](), np.random.default_rng(seed)
-    normal, envs = (own, own.venv) if own is envs else (model and not own and model.get_vec_normalize_env(), envs)
+    if own and own is not envs and own.training:
+        raise InvalidArgument("a `VecNormalize` below another wrapper would be updated", "set its `training` to False")
+    of_model = None if own or not hasattr(model, "get_vec_normalize_env") else model.get_vec_normalize_env()
+    normal, envs = (own, own.venv) if own is envs else (of_model, envs)
     has_masks = envs.has_attr("action_masks") and (not model or "action_masks" in signature(model.predict).parameters)
     count, over, state = np.zeros(envs.num_envs, np.int64), np.ones(envs.num_envs, np.bool_), None
     envs.seed(seed)
+    envs.action_space.seed(seed)
     seen = envs.reset()
     while count.min() < episodes:
         masks = {"action_masks": np.stack(envs.env_method("action_masks"))} if has_masks else {}
         if model:
             normalised = normal.normalize_obs(seen) if normal else seen
             actions, state = model.predict(normalised, state, over, deterministic, **masks)
+        elif has_masks:
+            actions = (rng.random(masks["action_masks"].shape) * masks["action_masks"]).argmax(axis=1)
         else:
-            weights = rng.random((envs.num_envs, envs.action_space.n))
-            actions = (weights * masks.get("action_masks", True)).argmax(axis=1)
+            actions = np.stack([envs.action_space.sample() for _ in range(envs.num_envs)])
         seen, _, over, infos = envs.step(actions)
         for place in np.flatnonzero(over & (count < episodes)):
             info = infos[place]

@@ -187,6 +187,11 @@ def test_evaluations_are_those_of_their_function_for_each_member(algorithm: Any,
     assert np.mean(lengths) == pytest.approx(found.lengths.mean())
     once = envgraph.sb3.evaluate(model, VecFrameStack(copy, 1), 4)
     assert same(list(found), list(once)), "the `VecNormalize` below another wrapper is used, and not that of the model"
+    copy.training = True
+    with pytest.raises(envgraph.EnvgraphError, match="below another wrapper would be updated; set its `training`"):
+        envgraph.sb3.evaluate(model, VecFrameStack(copy, 1), 4)
+    once = envgraph.sb3.evaluate(model.policy, copy, 4)
+    assert same(list(found), list(once)), "a policy plays as its model"
 
 
 def test_random_actions_are_allowed_and_each_environment_plays_as_many_episodes(family: Path) -> None:

@@ -10,6 +10,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+from gymnasium.spaces import MultiDiscrete
 
 import envgraph
 
@@ -97,6 +98,22 @@ def test_wrong_arguments_of_evaluations_are_named(sb3: Any) -> None:
     ):
         with pytest.raises(envgraph.EnvgraphError, match="must be a `VecEnv`, and `episodes` at least 1"):
             sb3.evaluate(None, envs, episodes)
+
+
+def test_random_actions_without_masks_are_samples_of_the_space(sb3: Any) -> None:
+    rows = []
+    for _ in range(2):
+        envs = sb3.make_vec(domain="keydoor", num_envs=2, max_episode_steps=5)
+        play, actions, met = envs.step, MultiDiscrete([3, 3]), list[list[int]]()
+
+        def step(chosen: Any, play: Any = play, met: list[list[int]] = met) -> Any:
+            met += chosen.tolist()
+            return play(chosen @ [3, 1])
+
+        envs.step, envs.has_attr, envs.action_space = step, lambda name: False, actions
+        assert sb3.evaluate(None, envs, 20, seed=3).episodes == (40,)
+        rows.append(met)
+    assert rows[0] == rows[1] and {*map(tuple, rows[0])} == {(x, y) for x in range(3) for y in range(3)}
 
 
 def test_environments_without_returns_of_episodes_are_refused(sb3: Any) -> None:
