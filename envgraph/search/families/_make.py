@@ -42,7 +42,7 @@ from envgraph.search.families._lazy_family import (
     LazyMembers,
     open_lazy_family,
 )
-from envgraph.search.families._member_family import Family, find_run_store
+from envgraph.search.families._member_family import Family, Member, find_run_store
 
 if TYPE_CHECKING:
     from envgraph.env.compiled import CompiledEnv, CompiledVectorEnv, StreamMode
@@ -113,7 +113,7 @@ def make_vec(
     """
     _check_options(options, make_environment, make_vector_environment)
     given = _without_none(variant=variant, schedule=schedule)
-    if isinstance(family, Family):
+    if isinstance(family, Family) and not (domain or model or environment):
         for name in sorted({*options} - {*signature(make_vector_environment).parameters}):
             raise InvalidArgument(f"`{name}` needs a family in a file", "use `write_family`, or leave out the option")
         options = {"max_episode_steps": family.limit, **given, **options}
@@ -227,7 +227,7 @@ def register(
     )
 
 
-def _environment_spec(*location: FamilyLocation | None) -> EnvSpec:
+def _environment_spec(*location: Any) -> EnvSpec:
     """Return the `EnvSpec` of a family or domain for Gymnasium. The arguments are those of `_locate_family`."""
     given = _locate_family(*location)
     record = open_lazy_family(**given).record
@@ -391,7 +391,7 @@ def make_vector_environment(
         wanted = "compiled"
     if wanted == "live":
         raise InvalidArgument('`engine="live"` needs single environments', 'use `vectorization_mode="sync"`')
-    variants = () if variant is None else (variant,) if isinstance(variant, int | str) else tuple(variant)
+    variants = () if variant is None else (variant,) if isinstance(variant, int | str | Member) else tuple(variant)
     opened = open_lazy_family(domain, family, variants)
     check_render_mode(render_mode, ("rgb_array",), drawn=opened.record.drawn)
     if schedule is not None and not variants:

@@ -346,6 +346,10 @@ def test_a_vector_of_a_family_object_equals_that_of_its_file(imported: Family, f
             InvalidArgument, match=f"`{next(iter(option))}` needs a family in a file; use `write_family`"
         ):
             envgraph.make_vec(imported, 4, **option)
+    with pytest.raises(InvalidArgument, match="give one of these: a `family`, a `domain`, or"):
+        envgraph.make_vec(imported, 4, domain="keydoor")
+    with pytest.raises(InvalidArgument, match=r"has no environment `Member\(name='E1'.*there are `E1`, `E2`"):
+        envgraph.make_vec(imported, 4, imported.members[0])  # type: ignore[arg-type]
 
 
 @pytest.mark.parametrize("engine", ["table", "compiled", "live"])
