@@ -231,7 +231,7 @@ FILLED = {
     "several that may have one index": "272a2382",
     "operations on strings": "762e05d9",
 }
-"""Checksums of arrays. Their tables and columns are sorted by their numbers, so that other programs may have the same."""
+"""Checksums of arrays, whose tables and columns are sorted by their numbers: programs may change their order."""
 
 
 def test_arrays_are_those_of_the_format_of_the_cache() -> None:
