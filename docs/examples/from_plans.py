@@ -61,7 +61,7 @@ def main(run: str, easiest: int, total_steps: int, epochs: int = 200, num_envs: 
             model.learn(steps)
         found = envgraph.sb3.evaluate(model, test, 10, deterministic=False)
         solved = [name for name, share in zip(found.members, found.success, strict=True) if share >= 0.5]
-        print(f"{steps} steps: {len(solved)} of {easiest} members are solved mostly:", *solved, flush=True)
+        print(f"{steps} steps: {len(solved)} of {len(names)} members are solved mostly:", *solved, flush=True)
 
 
 if __name__ == "__main__":
