@@ -201,7 +201,7 @@ def ask_all(dice: Dice, model: Model, library: Library) -> None:
         edit_or_roll_back(dice, model)
 
 
-@settings(max_examples=examples(60))
+@settings(max_examples=examples(30))
 @given(st.integers(0, 2**48))
 def test_matchers_agree_on_comparisons_of_computed_values(seed: int) -> None:
     dice = Dice(seed)
