@@ -158,7 +158,7 @@ class BodyEmitter(PlanTranslator):
 
     def solve(self, step: PlanStep) -> None:
         free = self.unbound_variables(step.goal) if step.kind is StepKind.TEST else []
-        if free and not self.is_static(step.goal):
+        if free and (isinstance(step.goal, InstanceAtom) or not self.is_static(step.goal)):
             whole = replace(step, kind=StepKind.LOOP, binds=tuple(free))
             self.block.open_test(self.emit_existence(SearchPlan((whole,), step.rows, step.cost)))
         else:

@@ -35,6 +35,11 @@ CORNERS = {
         "on find size(b, n) reward n * 0.01\non find sizes(n) reward n\n" + LOOK,
         SIZES,
     ),
+    "any object of a class that rules do not change": Yard(
+        BORN,
+        "action born = born()\non find beside(k, b, _) reward 1\non find beside(k, _, _) reward 10\n" + LOOK,
+        SIZES + "pattern beside(k : Kind, b : Box, m : Man) { k == Kind::ant; Box(b); Man(m); }",
+    ),
     "items are made and dropped": Yard(
         MADE + DROP + GO,
         "action make(m : Man) = make(m, i) reward i.weight else reward -1\naction drop = drop() reward 0.25\n"
