@@ -8,11 +8,12 @@ DEMO_EXTRAS := fast
 TEST_EXTRAS := test,fast,emf
 BENCH_EXTRAS := bench
 CLUSTER_EXTRAS := dask,ray
+SITE_EXTRAS := docs
 
 # The tests start many processes, each of which would compile everything anew.
 unexport PYTHONDONTWRITEBYTECODE
 
-.PHONY: demo test test-cluster test-integrations bench nightly campaign clean venv
+.PHONY: demo docs test test-cluster test-integrations bench nightly campaign clean venv
 
 # --- demo: a family for one target, agents that learn on it and on controls, a report of both ---
 
@@ -26,6 +27,11 @@ demo: $(VENV)/.demo
 	@$(BIN)/envgraph train $(DEMO_RUN) --curricula full,direct
 	@echo "3. report: everything on one page"
 	@$(BIN)/envgraph report $(DEMO_RUN)
+
+# --- the site: build/site/index.html ---
+
+docs: $(VENV)/.docs
+	$(BIN)/python -m sphinx --fail-on-warning --keep-going --quiet --jobs auto -b html docs build/site
 
 # --- checks ---
 
@@ -81,6 +87,10 @@ $(VENV)/.test: $(VENV)/.backend
 # What the benchmarks compare with need not exist for every machine; they say what they had to leave out.
 $(VENV)/.bench: $(VENV)/.test
 	$(PIP) --no-build-isolation -e ".[$(BENCH_EXTRAS)]" && touch $@ || echo "not everything could be installed"
+
+$(VENV)/.docs: $(VENV)/.test
+	$(PIP) --no-build-isolation -e ".[$(SITE_EXTRAS)]"
+	touch $@
 
 $(VENV)/.cluster: $(VENV)/.test
 	$(PIP) --no-build-isolation -e ".[$(CLUSTER_EXTRAS)]"

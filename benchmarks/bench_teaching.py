@@ -7,7 +7,7 @@ each search names the target, the seed of the search, the CPU seconds of the sea
 all, and the success of new agents: of the family, and of the best control of each kind. Then follow tables: the least
 success, and the mean difference between the family and each control. The interval of that mean has targets as units;
 the searches of a target are averaged first, and the agents of a search before that. The full form takes hours; the
-tables of docs/evidence.md say which part of it they are.
+tables of docs/evidence/families.md say which part of it they are.
 """
 
 from __future__ import annotations

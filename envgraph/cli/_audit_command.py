@@ -181,6 +181,6 @@ def _reproduction_facts(found: Sequence[tuple[Domain, AuditSettings]]) -> dict[s
                 f"rewards times {settings.scale:g}",
             )
         )
-    facts["definitions"] = "docs/evidence.md"
+    facts["definitions"] = "docs/evidence/levels.md"
     facts["versions"] = f"envgraph {__version__}, Python {platform.python_version()}, NumPy {version('numpy')}"
     return facts

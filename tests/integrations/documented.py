@@ -5,15 +5,15 @@ from __future__ import annotations
 from tests.unit.test_docs import ROOT, Block, blocks, run_python, run_shell
 
 
-def run_section(first: str, last: str, names: dict[str, object]) -> list[str]:
-    """Run the blocks between two headings in the present directory, those that are skipped elsewhere as well.
+def run_section(name: str, names: dict[str, object], first: str = "", last: str = "") -> list[str]:
+    """Run the blocks of a page, or those between two of its lines, in the present directory, and also skipped blocks.
 
     Returns:
         What each prints that has its text below it; that is what is there.
     """
-    page = ROOT / "docs" / "environments.md"
+    page = ROOT / "docs" / name
     text = page.read_text("utf-8")
-    start, end = (text.count("\n", 0, text.index(heading)) for heading in (first, last))
+    start, end = text.count("\n", 0, text.index(first)), text.count("\n", 0, text.index(last) if last else len(text))
     found = [block for block in blocks(page) if start < block.line < end]
     after: list[Block | None] = [*found[1:], None]
     said = []

@@ -212,7 +212,7 @@ def test_the_examples_of_the_documentation_learn(tmp_path: Path, monkeypatch: py
     monkeypatch.chdir(tmp_path)
     pytest.importorskip("supersuit")
     names: dict[str, object] = {"envgraph": envgraph, "np": np}
-    assert run_section("## Several agents", "## Code from templates", names)[-1] == "True\n"
+    assert run_section("howto/pettingzoo.md", names)[-1] == "True\n"
 
 
 @pytest.mark.parametrize("made", [copy.deepcopy, lambda env: pickle.loads(pickle.dumps(env))])

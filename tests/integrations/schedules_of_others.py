@@ -36,7 +36,7 @@ def test_a_schedule_says_what_is_played(
     family = generate("burning_forest/paper.toml", Path("run.sqlite"), seed=2, generations=30)
     Path("family.json").write_text(write_family(family))
     names: dict[str, object] = {"envgraph": envgraph, "np": np, "names": ["E1", "E2", "E3"]}
-    run_section("## Schedules", "### Schedules in other code bases", names)
+    run_section("python/schedules.md", names)
     told: set[int] = set()
     tell = Weighted.tell
 
@@ -45,7 +45,7 @@ def test_a_schedule_says_what_is_played(
         tell(self, outcomes)
 
     monkeypatch.setattr(Weighted, "tell", noted)
-    run_section(first, last, {**names, "named_schedule": named_schedule})
+    run_section("howto/schedules-elsewhere.md", {**names, "named_schedule": named_schedule}, first, last)
     assert told == {0, 1, 2}
 
 
@@ -57,4 +57,4 @@ def test_rllib_learns_with_the_documented_masks(tmp_path: Path, monkeypatch: pyt
     family = generate("burning_forest/paper.toml", Path("run.sqlite"), seed=2, generations=30)
     Path("family.json").write_text(write_family(family))
     names = {"envgraph": envgraph, "np": np, "gymnasium": gymnasium}
-    assert run_section("## RLlib", "## CleanRL", names) == ["True\n"]
+    assert run_section("howto/rllib.md", names) == ["True\n"]

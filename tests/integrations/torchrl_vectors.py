@@ -64,4 +64,4 @@ def test_the_documented_masks_allow_all_that_is_done(tmp_path: Path, monkeypatch
     monkeypatch.chdir(tmp_path)
     family = generate("burning_forest/paper.toml", Path("run.sqlite"), seed=2, generations=30)
     Path("family.json").write_text(write_family(family))
-    assert run_section("## TorchRL", "## RLlib", {"envgraph": envgraph, "torch": torch}) == ["True\n"]
+    assert run_section("howto/torchrl.md", {"envgraph": envgraph, "torch": torch}) == ["True\n"]

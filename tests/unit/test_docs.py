@@ -42,10 +42,31 @@ from envgraph.search import generate
 ROOT = Path(__file__).parents[2]
 REFERENCE = [
     ROOT / "docs" / "languages" / f"{name}.md"
-    for name in ("metamodel", "model", "query", "rules", "environment", "family")
+    for name in (
+        "metamodel",
+        "model",
+        "query",
+        "derived-features",
+        "rules",
+        "derived",
+        "units",
+        "environment",
+        "effects",
+        "observations",
+        "agents",
+        "../howto/environment-recipes",
+        "family",
+        "objective",
+    )
 ]
-COMMANDS = ROOT / "docs" / "commands.md"
+COMMANDS = ROOT / "docs" / "reference" / "commands.md"
 PAGES = [ROOT / "README.md", *sorted((ROOT / "docs").rglob("*.md"))]
+
+
+def page_name(page: Path) -> str:
+    """Return the path of a page below `docs`, as the name of a test."""
+    return page.relative_to(ROOT).as_posix().removeprefix("docs/")
+
 
 FENCE = re.compile(r"^( *)```(\w+)([^\n`]*)\n(.*?)^ *```$", re.MULTILINE | re.DOTALL)
 
@@ -316,7 +337,7 @@ def run_command(block: Block, words: list[str]) -> str:
     return printed.getvalue()
 
 
-@pytest.mark.parametrize("page", [page for page in PAGES if runs(page)], ids=lambda page: page.name)
+@pytest.mark.parametrize("page", [page for page in PAGES if runs(page)], ids=page_name)
 def test_code_of_a_page_runs_and_prints_what_it_shows(
     page: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -354,7 +375,7 @@ def test_every_command_is_explained(capsys: pytest.CaptureFixture[str], monkeypa
 # --- what the pages say exists
 
 
-@pytest.mark.parametrize("page", PAGES, ids=lambda page: page.name)
+@pytest.mark.parametrize("page", PAGES, ids=page_name)
 def test_files_that_a_page_names_exist(page: Path) -> None:
     text = page.read_text(encoding="utf-8")
     named = set(re.findall(r"`((?:envgraph|tests|grammars|rules|docs)/[\w./]*)`", text))
@@ -365,7 +386,7 @@ def test_files_that_a_page_names_exist(page: Path) -> None:
 
 
 def test_the_page_of_environments_lists_exactly_what_is_not_compiled() -> None:
-    page = (ROOT / "docs" / "environments.md").read_text("utf-8")
+    page = (ROOT / "docs" / "python" / "observations.md").read_text("utf-8")
     rows = page.split("| compiled environments do not support |", 1)[1].split("\n\n", 1)[0].splitlines()[2:]
     listed = [phrase for row in rows for phrase in re.findall("`([^`]+)`", row.split(" | ")[0])]
     raised = [
@@ -406,7 +427,7 @@ def test_an_architecture_page_names_three_types_of_its_package(page: Path) -> No
     assert [name for name in names if not re.search(rf"^(?:class|def) {name}\b", modules, re.MULTILINE)] == []
 
 
-@pytest.mark.parametrize("page", PAGES, ids=lambda page: page.name)
+@pytest.mark.parametrize("page", PAGES, ids=page_name)
 def test_rows_of_a_table_have_as_many_cells_as_its_head(page: Path) -> None:
     width = 0
     for number, line in enumerate(page.read_text(encoding="utf-8").splitlines(), start=1):

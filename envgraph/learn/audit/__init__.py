@@ -2,7 +2,7 @@
 
 `audit` runs students on levels that mutation rules make, one for each method and seed; `findings_of` decides which
 claims hold. Methods and claims are named in `METHODS` and `CONTRASTS`, before anything is run. The method is described
-in `docs/evidence.md`.
+in `docs/evidence/levels.md`.
 """
 
 from typing import TYPE_CHECKING

@@ -15,7 +15,7 @@ from envgraph.solve.learning import PolicySettings
 
 @dataclass(frozen=True, slots=True)
 class AuditProtocol:
-    """The numbers that are the same in all audits; `docs/evidence.md` has results with these numbers, so another
+    """The numbers that are the same in all audits; `docs/evidence/levels.md` has results with these numbers, so another
     needs new runs.
     """
 

@@ -57,7 +57,7 @@ def derived_rules(derivation: Derivation, metamodel: Metamodel) -> tuple[Rule, .
     """Return the rules that a derivation without errors generates.
 
     For `retype among`: a rule for each ordered pair of classes, in the order of the text; the first class matches
-    exactly, without subclasses. For `operators for` see `docs/languages/rules.md`.
+    exactly, without subclasses. For `operators for` see `docs/languages/derived.md`.
     """
     return derived(derivation, metamodel).rules
 

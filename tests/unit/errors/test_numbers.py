@@ -113,7 +113,7 @@ ROWS = {
 
 
 def test_the_documented_limits_are_those_that_are_raised() -> None:
-    text = (ROOT / "docs" / "languages.md").read_text()
+    text = (ROOT / "docs" / "languages" / "index.md").read_text()
     table = dict(re.findall(r"^\| (.*?) \| ([\d,]+(?: MB)?) \|$", text.split("**Limits**")[1], re.MULTILINE))
     for name, begin in ROWS.items():
         (most,) = (most for what, most in table.items() if what.startswith(begin))

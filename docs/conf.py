@@ -1,0 +1,28 @@
+"""The settings of Sphinx, which makes the site from the pages of this folder: `make docs`."""
+
+from __future__ import annotations
+
+import sys
+from pathlib import Path
+
+import envgraph
+
+sys.path.insert(0, str(Path(__file__).parent / "extensions"))
+
+project = "envgraph"
+author = "The envgraph authors"
+copyright = "The envgraph authors"
+version = release = envgraph.__version__
+
+extensions = ["myst_parser", "sphinx_copybutton"]
+exclude_patterns = ["changes"]
+source_suffix = {".md": "markdown"}
+nitpicky = True
+
+myst_enable_extensions = ["attrs_block", "attrs_inline", "colon_fence"]
+myst_heading_anchors = 4
+
+html_theme = "furo"
+html_title = "envgraph"
+html_copy_source = False
+copybutton_exclude = ".linenos, .gp, .go"
