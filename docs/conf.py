@@ -14,7 +14,7 @@ author = "The envgraph authors"
 copyright = "The envgraph authors"
 version = release = envgraph.__version__
 
-extensions = ["myst_parser", "sphinx_copybutton"]
+extensions = ["myst_parser", "sphinx_copybutton", "highlighting"]
 exclude_patterns = ["changes"]
 source_suffix = {".md": "markdown"}
 nitpicky = True
