@@ -113,6 +113,11 @@ def runs_() -> None:
 @variant_option
 @click.option("--lineage", metavar="VARIANT", help="Print the rule applications that led to this environment of a run.")
 @click.option("--rejections", is_flag=True, help="Print why models were rejected in a run, and how often.")
+@click.option(
+    "--classes",
+    metavar="NAMES",
+    help="In a picture of a model draw only objects of these classes, separated by commas.",
+)
 @directory_option
 @inputs_options
 @click.option(

@@ -44,3 +44,24 @@ def test_errors_are_printed_in_the_format_of_the_option_not_of_the_file_name(
     assert printed.err.startswith("error: a metamodel cannot be printed as JSON")
     assert show(monkeypatch, "s.metamodel", "--format", "json", "-o", "x.json") == 1
     assert json.loads(capsys.readouterr().out)["ok"] is False
+
+
+def test_only_objects_of_the_named_classes_are_drawn(
+    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    Path("s.metamodel").write_text("metamodel s class Part { } class Bolt { } class Nut { }", encoding="utf-8")
+    Path("s.model").write_text('import "s.metamodel" model small : s { p : Part  b : Bolt  n : Nut }', encoding="utf-8")
+    for format in ("svg", "dot"):
+        assert show(monkeypatch, "s.model", "--classes", "Part, Nut", "--format", format) == 0
+        drawn = capsys.readouterr().out
+        assert [name in drawn for name in ("Part", "Bolt", "Nut")] == [True, False, True]
+    assert show(monkeypatch, "s.model", "--classes", "Part,But", "-o", "x.svg") == 1
+    assert "But" in capsys.readouterr().err
+
+
+@pytest.mark.parametrize("arguments", [["s.model"], ["s.metamodel", "--format", "svg"], ["nothing"]])
+def test_classes_are_refused_without_a_picture_of_a_model(
+    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str], arguments: list[str]
+) -> None:
+    assert show(monkeypatch, *arguments, "--classes", "Part") == 1
+    assert "`--classes` is allowed only for a picture of a model" in capsys.readouterr().err
