@@ -129,12 +129,13 @@ def apply_rule(
     taken = (*signature.parameters, *signature.variables)
     bound = parse_values(engine, {one.name: one.type for one in taken}, where)
     add_unique_arguments(engine, signature, bound)
+    named = {value.id: format_value(value) for value in bound.values() if isinstance(value, Node)}
     done: list[dict[str, Any]] = []
     lines: list[str] = []
     failed: RunResult | None = None
     with engine.recording() as recorded:
         for number in range(1, times + 1):
-            steps, failed = _apply_once(engine, rule, bound)
+            steps, failed = _apply_once(engine, rule, bound, named)
             if steps:
                 done.append({"application": number, "steps": [step.data for step in steps]})
                 lines += [f"{number}: {step.text}" for step in steps]
@@ -193,35 +194,42 @@ class _AppliedStep:
     data: dict[str, Any]
 
 
-def _apply_once(engine: Engine, rule: str, bound: dict[str, Any]) -> tuple[list[_AppliedStep], RunResult | None]:
-    """Return the steps of one application (none without a match), and the result of a unit if it failed, or None."""
+def _apply_once(
+    engine: Engine, rule: str, bound: dict[str, Any], named: Mapping[int, str]
+) -> tuple[list[_AppliedStep], RunResult | None]:
+    """Return the steps of one application (none without a match), and the result of a unit if it failed, or None.
+
+    `named` has the names of the objects in `bound` before any of them was deleted.
+    """
     if engine.signature(rule).kind == "unit":
         result = engine.run(rule, bound=bound)
-        return [_trace_step(engine, firing) for firing in result.firings], None if result else result
+        return [_trace_step(engine, firing, named) for firing in result.firings], None if result else result
     application = engine.apply(rule, bound=bound)
-    return [] if application is None else [_application_step(engine, application)], None
+    return [] if application is None else [_application_step(engine, application, named)], None
 
 
-def _trace_step(engine: Engine, firing: Firing) -> _AppliedStep:
-    """Return a rule application as a step; an object that this or a later application deleted is shown by its id."""
+def _trace_step(engine: Engine, firing: Firing, named: Mapping[int, str]) -> _AppliedStep:
+    """Return a rule application as a step.
+
+    An object that this or a later application deleted is shown as in `named`, or else by its id.
+    """
     shape, model, shown = engine.prepare(firing.rule).shape, engine.model, []
     match: dict[str, Any] = {}
     for position, (name, value) in enumerate(zip(shape.names, firing.values, strict=True)):
-        found: Node | Value = value
-        if shape.is_object(position) and isinstance(value, int):
-            if model.graph.alive(value):
-                found = model.node(value)
-                match[name] = _json_value(found)
-            else:
-                match[name] = {"id": value, "deleted": True}
+        if shape.is_object(position) and isinstance(value, int) and model.graph.alive(value):
+            match[name] = _json_value(model.node(value))
+            shown.append(f"{name}={format_value(model.node(value))}")
+        elif shape.is_object(position) and isinstance(value, int):
+            match[name] = {"id": value, "deleted": True}
+            shown.append(f"{name}={named.get(value, f'#{value}')} (deleted)")
         else:
             match[name] = value
-        shown.append(f"{name}={format_value(found)}")
+            shown.append(f"{name}={format_value(value)}")
     return _AppliedStep(f"{firing.rule}({', '.join(shown)})", {"rule": firing.rule, "match": match})
 
 
-def _application_step(engine: Engine, application: Application) -> _AppliedStep:
-    step, nodes = _trace_step(engine, application.firing), application.created
+def _application_step(engine: Engine, application: Application, named: Mapping[int, str]) -> _AppliedStep:
+    step, nodes = _trace_step(engine, application.firing, named), application.created
     created = "".join(f"; created {format_value(node)}" for node in nodes.values())
     created_data = {name: _json_value(node) for name, node in nodes.items()}
     return _AppliedStep(step.text + created, {**step.data, "created": created_data})

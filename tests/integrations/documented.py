@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from tests.unit.test_docs import ROOT, Block, blocks, run_python, run_shell
+from tests.unit.test_docs import ROOT, Block, blocks, run_python, run_shell, save_file
 
 
 def run_section(name: str, names: dict[str, object], first: str = "", last: str = "") -> list[str]:
@@ -18,6 +18,7 @@ def run_section(name: str, names: dict[str, object], first: str = "", last: str 
     after: list[Block | None] = [*found[1:], None]
     said = []
     for block, below in zip(found, after, strict=True):
+        save_file(block)
         if block.language in ("python", "sh"):
             printed = run_python(block, names) if block.language == "python" else run_shell(block)
             if below is not None and block.precedes(below) and below.language == "text":

@@ -6,6 +6,7 @@ Fenced blocks are told apart by the words after the fence, which readers do not 
   that language. All files are read without an error or a warning.
 - `environment clause` stands inside an environment; `toml part` replaces tables of the family file.
 - `query wrong` has a mistake; the `text` block after it shows lines of what is reported.
+- `query cloud.query file` is that file in the directory of the page, as a reader saves it; `cloud.query append` adds to it.
 - `python` and `sh` blocks of a page run one after the other in one empty directory; a `text` block after one of them
   is what it prints. `skip` is for what takes too long. A search for a family that teaches is cut short in a `shorter`
   block, which shows nothing of the result.
@@ -285,6 +286,13 @@ def runs(page: Path) -> bool:
     return any(block.language in ("python", "sh") and "skip" not in block.words for block in blocks(page))
 
 
+def save_file(block: Block) -> None:
+    """Write the file that a `file` block shows, or add an `append` block to it, in the present directory."""
+    if {"file", "append"} & set(block.words):
+        with Path(block.words[0]).open("w" if "file" in block.words else "a", encoding="utf-8") as file:
+            file.write(block.text)
+
+
 def run_python(block: Block, names: dict[str, object]) -> str:
     """What a block prints."""
     printed = io.StringIO()
@@ -346,6 +354,7 @@ def test_code_of_a_page_runs_and_prints_what_it_shows(
     names: dict[str, object] = {"__name__": "page"}
     found = blocks(page)
     for block, after in zip(found, [*found[1:], None], strict=True):
+        save_file(block)
         if "skip" in block.words or block.language not in ("python", "sh"):
             continue
         printed = run_python(block, names) if block.language == "python" else run_shell(block)

@@ -262,7 +262,7 @@ def test_apply_fixes_any_variable_of_the_match(envgraph: Envgraph) -> None:
     assert result.code == 1 and "unknown variable `their`; did you mean `there`?" in result.err
 
 
-def test_apply_prints_deleted_objects_by_their_id(envgraph: Envgraph, tmp_path: Path) -> None:
+def test_apply_prints_a_deleted_object_by_its_name_if_given_else_by_its_id(envgraph: Envgraph, tmp_path: Path) -> None:
     (tmp_path / "s.metamodel").write_text("metamodel s class Box { contains Box[0..*] parts int n }")
     (tmp_path / "s.model").write_text(
         'import "s.metamodel" model m : s { top : Box { parts = [ a : Box { n = 1 }, b : Box { n = 2 } ] } }'
@@ -277,7 +277,8 @@ def test_apply_prints_deleted_objects_by_their_id(envgraph: Envgraph, tmp_path: 
         """
     )
     result = envgraph("apply", "s.model", "s.rules", "drop", "--where", "part=b", "--trace", "t.jsonl", "-o", "o.xmi")
-    assert ok(result).out.splitlines()[0] == "1: drop(part=2, box=Box top); created Box#3"
+    assert ok(result).out.splitlines()[0] == "1: drop(part=Box b (deleted), box=Box top); created Box#3"
+    assert "drop(part=#2 (deleted), box=Box top)" in ok(envgraph("apply", "s.model", "s.rules", "both")).out
     assert "Box" in (tmp_path / "o.xmi").read_text()
     assert "1 application" in ok(envgraph("replay", "s.model", "s.rules", "t.jsonl")).out
     told = json.loads(ok(envgraph("apply", "s.model", "s.rules", "both", "--format", "json")).out)
