@@ -14,7 +14,7 @@ author = "The envgraph authors"
 copyright = "The envgraph authors"
 version = release = envgraph.__version__
 
-extensions = ["myst_parser", "sphinx_copybutton", "highlighting"]
+extensions = ["myst_parser", "sphinx_copybutton", "highlighting", "grammar_diagrams"]
 exclude_patterns = ["changes"]
 source_suffix = {".md": "markdown"}
 nitpicky = True
@@ -25,4 +25,6 @@ myst_heading_anchors = 4
 html_theme = "furo"
 html_title = "envgraph"
 html_copy_source = False
+html_static_path = ["static"]
+html_css_files = ["site.css"]
 copybutton_exclude = ".linenos, .gp, .go"
