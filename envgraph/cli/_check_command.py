@@ -85,13 +85,20 @@ def _collect_problems(
     files: Sequence[str], inputs: Inputs, overrides: Sequence[str]
 ) -> tuple[list[Diagnostic], Workspace | None]:
     """Return the problems of files that are read together, but for those that a search finds, and what was read."""
-    from envgraph.lang import check_start, load_workspace
+    from envgraph.lang import load_workspace
 
     try:
         named = [*inputs.metamodels, *files]
         workspace = load_workspace(named, allow_unresolved=inputs.allow_unresolved, overrides=tuple(overrides))
     except LoadError as error:
         return list(error.diagnostics), None
+    return find_problems(workspace), workspace
+
+
+def find_problems(workspace: Workspace) -> list[Diagnostic]:
+    """Return all problems of the files of a workspace, sorted, but for those that a search finds."""
+    from envgraph.lang import check_start
+
     found = list(workspace.diagnostics)
     if not (workspace.families or workspace.errors) and len(workspace.models) == len(workspace.behaviours) == 1:
         found += check_start(workspace.behaviours[0], workspace.models[0])
@@ -101,7 +108,7 @@ def _collect_problems(
             from envgraph.learn.audit import check_audit
 
             found += check_audit(spec, workspace)
-    return sort_diagnostics(found), workspace
+    return sort_diagnostics(found)
 
 
 def _domain_problems(spec: FamilySpec, workspace: Workspace, search: bool) -> Sequence[Diagnostic]:

@@ -66,6 +66,14 @@ def check() -> None:
     """Read files and all their imports, and print all problems: position, line, hint. Exit code 1 on errors."""
 
 
+@app.command("help")
+@click.argument("names", nargs=-1, metavar="[NAME]...", help="Codes of errors and warnings, or names of commands.")
+@format_option
+@implemented_in("_help_command", "print_help")
+def help_() -> None:
+    """Explain a code of an error or warning: its meaning, its cure, an example. Without a name, list all codes."""
+
+
 @app.command("format")
 @click.argument(
     "files",

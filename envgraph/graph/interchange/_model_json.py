@@ -194,7 +194,7 @@ class _JsonModelReader:
         if data.get("metamodel", self.metamodel.name) != self.metamodel.name:
             text = f"the model is of metamodel {data['metamodel']!r}, not of {self.metamodel.name!r}"
             hint = "read it with the metamodel that it was written with"
-            self._report(("metamodel",), "wrong-metamodel", text, hint)
+            self._report(("metamodel",), "other-metamodel", text, hint)
             return
         name = data.get("name", "model")
         if isinstance(name, str):

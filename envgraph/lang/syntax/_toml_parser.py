@@ -103,9 +103,9 @@ def parse_toml(source: Source) -> TomlText:
         span = source.span_between(*found.span() if found else (0, 0))
         if found is None:
             raise LoadError.from_problem(
-                "syntax-error", "a list is nested too deeply", span, "use fewer levels"
+                "syntax", "a list is nested too deeply", span, "use fewer levels"
             ) from None
-        raise LoadError.from_problem("syntax-error", "the number is too large", span, _INT_SIZE_HINT) from None
+        raise LoadError.from_problem("syntax", "the number is too large", span, _INT_SIZE_HINT) from None
     return text
 
 
@@ -164,7 +164,7 @@ def _parse_setting(text: str) -> TomlText:
         source = Source(SETTING_SOURCE_NAME, text)
         hint = "write a key of the file and its value: `--set search.population=10`"
         raise LoadError.from_problem(
-            "syntax-error", "a setting must be `key=value`", source.span_between(0, len(text)), hint
+            "syntax", "a setting must be `key=value`", source.span_between(0, len(text)), hint
         )
     if _WORD.fullmatch(value.strip()) and value.strip() not in _UNQUOTED_VALUES:
         value = f'"{value.strip()}"'
@@ -223,8 +223,8 @@ def _syntax_error(source: Source, message: str) -> Diagnostic:
     if word:
         meant = word.group().lower()
         hint = f"write `{meant}`" if meant in {"true", "false"} else f'write `"{word.group()}"` for a string'
-        return Diagnostic("syntax-error", text, source.span_between(start, word.end()), hint)
-    return Diagnostic("syntax-error", text, source.span_between(start, start + 1), _hint_for(text))
+        return Diagnostic("syntax", text, source.span_between(start, word.end()), hint)
+    return Diagnostic("syntax", text, source.span_between(start, start + 1), _hint_for(text))
 
 
 def _hint_for(text: str) -> str:

@@ -243,7 +243,7 @@ class XmlReader:
         byte = self._parser.CurrentByteIndex
         self.open_tags.append((tag, byte))
         if len(self.open_tags) > self._most_open:
-            self.raise_limit_exceeded("too-deep", f"the tags are nested more than {self._most_open:,} deep")
+            self.raise_limit_exceeded("nested-too-deeply", f"the tags are nested more than {self._most_open:,} deep")
         return byte
 
     def raise_limit_exceeded(self, code: str, message: str) -> NoReturn:

@@ -74,7 +74,7 @@ def check_expression(
     found = _size_problem(expression)
     if found:
         hint = "compute a part of it with `v == eval(..)` first"
-        return None, [Diagnostic("expression-too-deep", found, expression.span, hint)]
+        return None, [Diagnostic("nested-too-deeply", found, expression.span, hint)]
     checker = ExpressionChecker(scope, metamodel, bare_objects)
     type_ = checker.type_of(expression, expected)
     if type_ and expected and not checker.problems and not is_assignable(type_, expected, metamodel):

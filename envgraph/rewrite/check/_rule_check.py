@@ -89,7 +89,7 @@ def check_rule(rule: Rule, library: Library) -> CheckedRule:
     if _nesting_depth(rule) > MAX_NESTING:
         hint = "move a part of the rule into a pattern, and call it with `find`"
         message = f"blocks are nested more than {MAX_NESTING} levels deep"
-        return CheckedRule(rule, (), None, (*problems, Diagnostic("rule-too-deep", message, rule.span, hint)))
+        return CheckedRule(rule, (), None, (*problems, Diagnostic("nested-too-deeply", message, rule.span, hint)))
     called = _called_types(rule, library)
     lowering = LhsLowering(rule, library, _untyped_variables(rule, called, library.metamodel))
     lowered = lowering.lower(_created_outputs(rule))

@@ -193,7 +193,7 @@ class _UnitChecker:
         if nesting_depth(unit.body) > MAX_NESTING:
             hint = "move a part of the unit into another unit, and call it"
             self._report_error(
-                "unit-too-deep", f"blocks are nested more than {MAX_NESTING} levels deep", unit.span, hint
+                "nested-too-deeply", f"blocks are nested more than {MAX_NESTING} levels deep", unit.span, hint
             )
             return
         self._check_step(unit.body, scope)

@@ -109,7 +109,7 @@ def parse_expression(text: str, text_span: Span | None, hint: str) -> tuple[Expr
         case (Comparison(left=Variable(), right=Evaluation(expression=expression)),):
             return expression, []
         case _:
-            return None, [Diagnostic("syntax-error", "this is not a single expression", text_span, hint)]
+            return None, [Diagnostic("syntax", "this is not a single expression", text_span, hint)]
 
 
 def check_number_expression(

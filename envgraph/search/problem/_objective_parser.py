@@ -211,7 +211,7 @@ class _ObjectiveParser:
                     pass
                 case _:
                     hint = "write two numbers and one of `>=`, `<=` and `==`: `entropy(complexity) >= 2.5`"
-                    self._report_problem("syntax-error", "this is not a comparison", place, hint)
+                    self._report_problem("syntax", "this is not a comparison", place, hint)
         return found
 
     def _expression_texts(self, key: str) -> list[tuple[str, Span | None]]:

@@ -170,7 +170,7 @@ def test_too_deep_expressions_are_reported_without_a_crash():
     expression = expr("n")
     for _ in range(5_000):
         expression = Unary("-", expression)
-    assert checked(expression)[1] == ["expression-too-deep"]
+    assert checked(expression)[1] == ["nested-too-deeply"]
 
 
 def flat(first, count, *operators):

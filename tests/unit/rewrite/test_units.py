@@ -500,7 +500,7 @@ def test_deeply_nested_steps_are_refused() -> None:
     assert made.run("deep")
     for _ in range(10_000):
         body = AtomicStep(body)
-    assert [d.code for d in made.check(Unit("deeper", (), body))] == ["unit-too-deep"]
+    assert [d.code for d in made.check(Unit("deeper", (), body))] == ["nested-too-deeply"]
     calls = UnitCall("up")
     units = [Unit(f"u{i}", (), nested(UnitCall(f"u{i - 1}") if i else calls, 40)) for i in range(45)]
     made.add(*units)

@@ -1,0 +1,180 @@
+"""The command `envgraph help`: explain the codes of errors and warnings, or print the help of a command.
+
+The explanations are in `codes/KIND.toml`, a table for each code. Their examples are texts for the domain that
+`envgraph new maze` writes. The message of an example is never stored: the example is read and checked when it is shown.
+"""
+
+from __future__ import annotations
+
+import re
+import tomllib
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import field
+from importlib.resources import files
+from typing import Final
+
+import click
+
+from envgraph.cli._output import print_json, print_lines, print_table
+from envgraph.code import dataclass
+from envgraph.errors import WARNING_CODES, Diagnostic, InvalidArgument, LoadError, did_you_mean
+
+KINDS: Final = {
+    "text": "Any file",
+    "metamodel": "Metamodels",
+    "model": "Models",
+    "query": "Queries",
+    "rules": "Rules and units",
+    "environment": "Environments",
+    "family": "Families and problems",
+    "interchange": "Files of other tools, and levels",
+    "running": "While a command runs",
+}
+"""The titles of the kinds of codes. Each kind is a file `codes/KIND.toml`."""
+
+
+@dataclass(frozen=True, slots=True)
+class CodeExplanation:
+    """The explanation of a diagnostic code.
+
+    Attributes:
+        kind: the key in `KINDS`.
+        means: what is wrong.
+        cure: how to correct the problem.
+        wrong, right: the same text with and without the problem; empty if no text can have it.
+        file: the file of the example. A file of the domain `maze` is continued by the text, any other consists of it.
+        also: texts that continue other files of the domain, for both examples.
+        shell: commands that report the code, if no text can have the problem.
+    """
+
+    code: str
+    kind: str
+    means: str
+    cure: str
+    wrong: str = ""
+    right: str = ""
+    file: str = ""
+    also: Mapping[str, str] = field(default_factory=dict)
+    shell: str = ""
+
+    @property
+    def severity(self) -> str:
+        """Return "warning" if the code is mainly that of a warning, otherwise "error"."""
+        return "warning" if self.code in WARNING_CODES else "error"
+
+    def wrong_diagnostics(self) -> list[Diagnostic]:
+        """Return the problems of the domain `maze` with the wrong text."""
+        return _diagnose_example({**self.also, self.file: self.wrong}, self.file)
+
+    def right_diagnostics(self) -> list[Diagnostic]:
+        """Return the problems of the domain `maze` with the right text."""
+        return _diagnose_example({**self.also, self.file: self.right}, self.file)
+
+    def messages(self) -> str:
+        """Return the text that `envgraph check` prints about the wrong text; empty without an example."""
+        found = self.wrong_diagnostics() if self.wrong else []
+        return "\n\n".join(str(one) for one in found if one.code == self.code)
+
+    def to_dict(self) -> dict[str, object]:
+        """Return the explanation as JSON-ready data; what the code has no example of is None."""
+        data = {name: getattr(self, name) for name in ("code", "kind", "severity", "means", "cure", "file", "also")}
+        return {**data, "wrong": self.wrong, "message": self.messages(), "right": self.right, "shell": self.shell}
+
+
+def load_explanations() -> dict[str, CodeExplanation]:
+    """Return the explanations of all codes, by kind and then by name."""
+    found: dict[str, CodeExplanation] = {}
+    for kind in KINDS:
+        data = tomllib.loads(files("envgraph.cli").joinpath("codes", f"{kind}.toml").read_text(encoding="utf-8"))
+        usual = "family.toml" if kind == "family" else f"maze.{kind}"
+        for code in sorted(data):
+            place = data[code].setdefault("file", usual) if "wrong" in data[code] else ""
+            found[code] = CodeExplanation(code, kind, **{**data[code], "file": place})
+    return found
+
+
+def print_help(names: Sequence[str]) -> None:
+    """Print the explanations of codes and the help of commands; without names, list all codes."""
+    known = load_explanations()
+    commands = click.get_current_context().find_root().command
+    assert isinstance(commands, click.Group)
+    if not names:
+        _list_codes(known)
+        return
+    for name in names:
+        if name not in known and name not in commands.commands:
+            hint = did_you_mean(name, [*known, *commands.commands]) or "`envgraph help` lists all codes"
+            raise InvalidArgument(f"there is no code and no command `{name}`", hint)
+    if print_json(lambda: [known[name].to_dict() for name in names if name in known]):
+        return
+    for number, name in enumerate(names):
+        if name in known:
+            print_lines("\n" * bool(number) + "\n".join(_explanation_lines(known[name])))
+        else:
+            root = click.get_current_context().find_root()
+            command = commands.commands[name]
+            print_lines(command.get_help(click.Context(command, root, name)))
+
+
+def _list_codes(known: dict[str, CodeExplanation]) -> None:
+    if print_json(lambda: [one.to_dict() for one in known.values()]):
+        return
+    for kind, title in KINDS.items():
+        rows = [(one.code, re.split(r"(?<=\.)\s", one.means, maxsplit=1)[0]) for one in known.values() if one.kind == kind]
+        print_table(title, ("code", "means"), rows)
+        print_lines("")
+    print_lines("next: `envgraph help CODE` explains a code, `envgraph help COMMAND` a command")
+
+
+def _explanation_lines(one: CodeExplanation) -> Iterator[str]:
+    yield f"{one.severity} `{one.code}` ({KINDS[one.kind].lower()})"
+    yield f"\n{one.means}\nCure: {one.cure}"
+    if one.wrong:
+        for file, text in one.also.items():
+            yield f"\nwith, {_place(file)}:\n\n{_indented(text)}"
+        yield f"\nwrong, {_place(one.file)}:\n\n{_indented(one.wrong)}\n\n{one.messages()}"
+        yield f"\nright:\n\n{_indented(one.right)}"
+    if one.shell:
+        yield f"\nreported by:\n\n{_indented(one.shell)}"
+
+
+def _place(file: str) -> str:
+    where = "at the end of " if file.startswith("maze.") else ""
+    return f"{where}`{file}`" + (" of a new domain `maze`" if where or file == "family.toml" else "")
+
+
+def _indented(text: str) -> str:
+    return "\n".join(f"    {line}" if line else "" for line in text.strip("\n").split("\n"))
+
+
+def _diagnose_example(examples: Mapping[str, str], file: str) -> list[Diagnostic]:
+    """Return the problems of a file in a new domain `maze` whose files are continued or added by examples."""
+    from envgraph.cli._check_command import find_problems
+    from envgraph.cli._new_command import render_domain
+    from envgraph.lang import TextFiles, load_workspace
+
+    texts = render_domain("new", "maze", {})
+    for name, example in examples.items():
+        if name == "family.toml":
+            texts[name] = _replace_tables(texts[name], example)
+        elif name in ("maze.environment", "maze.model"):  # the example stands at the end of the last block
+            head, brace, _ = texts[name].rpartition("}")
+            texts[name] = f"{head}\n{example.strip()}\n{brace}\n"
+        else:
+            texts[name] = f"{texts[name]}\n{example.strip()}\n" if name in texts else example
+    needed = ["maze.metamodel"] if file.endswith((".xmi", ".json")) else []
+    try:
+        return find_problems(load_workspace([*needed, file], files=TextFiles(texts)))
+    except LoadError as error:
+        return list(error.diagnostics)
+
+
+def _replace_tables(text: str, example: str) -> str:
+    """Return a family file with the tables of an example in place of its own, and with the keys at its top."""
+    keys: dict[str, str] = {}
+    tables: dict[str, str] = {}
+    for whole in (text, example):
+        top, *rest = re.split(r"^(?=\[)", whole, flags=re.MULTILINE)
+        keys |= {line.partition("=")[0].strip(): line for line in top.splitlines() if "=" in line}
+        tables |= {one.partition("]")[0]: one.rstrip() for one in rest}
+    return "\n".join([*keys.values(), *tables.values(), ""])
