@@ -32,6 +32,13 @@ KINDS: Final = {
 }
 """The titles of the kinds of codes. Each kind is a file `codes/KIND.toml`."""
 
+_ECORE: Final = (
+    '<ecore:EPackage xmi:version="2.0" xmlns:xmi="http://www.omg.org/XMI" '
+    'xmlns:xsi="http://www.w3.org/2001/XMLSchema-instance" xmlns:ecore="http://www.eclipse.org/emf/2002/Ecore" '
+    'name="example" nsURI="http://example.org/example" nsPrefix="example">\n'
+)
+"""The begin of `example.ecore`: its examples are the content of this tag."""
+
 
 @dataclass(frozen=True, slots=True)
 class CodeExplanation:
@@ -120,7 +127,9 @@ def _list_codes(known: dict[str, CodeExplanation]) -> None:
     if print_json(lambda: [one.to_dict() for one in known.values()]):
         return
     for kind, title in KINDS.items():
-        rows = [(one.code, re.split(r"(?<=\.)\s", one.means, maxsplit=1)[0]) for one in known.values() if one.kind == kind]
+        rows = [
+            (one.code, re.split(r"(?<=\.)\s", one.means, maxsplit=1)[0]) for one in known.values() if one.kind == kind
+        ]
         print_table(title, ("code", "means"), rows)
         print_lines("")
     print_lines("next: `envgraph help CODE` explains a code, `envgraph help COMMAND` a command")
@@ -139,7 +148,7 @@ def _explanation_lines(one: CodeExplanation) -> Iterator[str]:
 
 
 def _place(file: str) -> str:
-    where = "at the end of " if file.startswith("maze.") else ""
+    where = "at the end of " if file.startswith("maze.") else "inside of the package of " if "ecore" in file else ""
     return f"{where}`{file}`" + (" of a new domain `maze`" if where or file == "family.toml" else "")
 
 
@@ -160,6 +169,8 @@ def _diagnose_example(examples: Mapping[str, str], file: str) -> list[Diagnostic
         elif name in ("maze.environment", "maze.model"):  # the example stands at the end of the last block
             head, brace, _ = texts[name].rpartition("}")
             texts[name] = f"{head}\n{example.strip()}\n{brace}\n"
+        elif name == "example.ecore":
+            texts[name] = f"{_ECORE}{example}</ecore:EPackage>\n"
         else:
             texts[name] = f"{texts[name]}\n{example.strip()}\n" if name in texts else example
     needed = ["maze.metamodel"] if file.endswith((".xmi", ".json")) else []

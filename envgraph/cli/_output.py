@@ -24,6 +24,9 @@ from envgraph.files import replace_file, report_progress
 _MAX_STYLED_ROWS: Final = 2000
 """The maximum number of rows of a styled table; longer tables are printed as plain text."""
 
+_MAX_CODES: Final = 3
+"""The maximum number of codes that a closing line names: who needs more of them corrects these first."""
+
 
 class UpdateProgress(Protocol):
     """A callback that updates a progress bar."""
@@ -145,7 +148,10 @@ def _print_unstyled_table(
 
 
 def print_diagnostics(diagnostics: Iterable[Diagnostic], first: bool = True) -> None:
-    """Print diagnostics on standard error, separated by blank lines, also from earlier ones; coloured on a terminal."""
+    """Print diagnostics on standard error, separated by blank lines, also from earlier ones; coloured on a terminal.
+
+    The last line names the command that explains their codes, errors first.
+    """
     diagnostics = list(diagnostics)
     if not diagnostics:
         return
@@ -160,6 +166,8 @@ def print_diagnostics(diagnostics: Iterable[Diagnostic], first: bool = True) -> 
         console.print(Text(head, "bold red" if diagnostic.severity is Severity.ERROR else "bold yellow"))
         for line in rest:
             console.print(Text(line, "cyan" if line.startswith("hint:") else ""))
+    codes = list(dict.fromkeys(one.code for one in sorted(diagnostics, key=lambda one: one.severity)))
+    console.print(Text(f"\nmore: envgraph help {' '.join(codes[:_MAX_CODES])}", "dim"))
 
 
 def print_error(error: EnvgraphError | OSError) -> None:

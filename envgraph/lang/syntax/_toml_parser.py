@@ -102,9 +102,7 @@ def parse_toml(source: Source) -> TomlText:
         found = re.search("[0-9][0-9_]{4299,}", source.text)
         span = source.span_between(*found.span() if found else (0, 0))
         if found is None:
-            raise LoadError.from_problem(
-                "syntax", "a list is nested too deeply", span, "use fewer levels"
-            ) from None
+            raise LoadError.from_problem("syntax", "a list is nested too deeply", span, "use fewer levels") from None
         raise LoadError.from_problem("syntax", "the number is too large", span, _INT_SIZE_HINT) from None
     return text
 
@@ -163,9 +161,7 @@ def _parse_setting(text: str) -> TomlText:
     if not equals or "\n" in text:
         source = Source(SETTING_SOURCE_NAME, text)
         hint = "write a key of the file and its value: `--set search.population=10`"
-        raise LoadError.from_problem(
-            "syntax", "a setting must be `key=value`", source.span_between(0, len(text)), hint
-        )
+        raise LoadError.from_problem("syntax", "a setting must be `key=value`", source.span_between(0, len(text)), hint)
     if _WORD.fullmatch(value.strip()) and value.strip() not in _UNQUOTED_VALUES:
         value = f'"{value.strip()}"'
     return parse_toml(Source(SETTING_SOURCE_NAME, f"{key}={value}"))
