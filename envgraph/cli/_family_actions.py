@@ -294,7 +294,8 @@ def print_family(family: Family, path: Path | None, low: Diagnostic | None = Non
         )
         for place, member in enumerate(family.members)
     ]
-    print_table(f"{family.name}: {outcome}", columns, rows, range(1, len(columns) - 1))
+    found = str(outcome) or f"{len(rows)} environments"
+    print_table(f"{family.name}: {found}", columns, rows, range(1, len(columns) - 1))
     if path is not None:
         print_line(f"run: {path.parent}")
 
@@ -307,7 +308,7 @@ def _print_summary(family: Family, outcome: Outcome) -> None:
         values = sorted(member.measures[name] for member in family.members)
         shown = [values[round(share * (len(values) - 1))] for share in (0, 0.25, 0.5, 0.75, 1)]
         rows.append((name, *format_measure(shown), f"{len(set(values)):,}"))
-    title = f"{family.name}: {len(family.members):,} environments, {outcome}"
+    title = ", ".join(filter(None, (f"{family.name}: {len(family.members):,} environments", str(outcome))))
     print_table(title, names, rows, range(1, len(names)))
 
 

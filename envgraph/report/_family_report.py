@@ -50,9 +50,10 @@ def family_report(
     count, classes = len(family.members), family.differing_class_counts()
     target = family.members[-1].name
     best = "".join(f"{one.suffix and f' {one.student}:'} {way}" for one in trained if (way := one.best_way(target)))
+    result = f" Result: {outcome}." if str(outcome) else ""
     return Report(
         title=f"{family.name}: a family of {count} environments",
-        summary=f"{_order_sentence(family)} Result: {outcome}.{_unverified_note(family)}{best}",
+        summary=f"{_order_sentence(family)}{result}{_unverified_note(family)}{best}",
         cards=tuple(_member_card(family, place, classes) for place in range(count)),
         legend=legend(scene for member in family.members if (scene := family.scene(member))),
         sections=tuple(sections),

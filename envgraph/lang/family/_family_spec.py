@@ -264,6 +264,13 @@ class FamilySpec:
         return whole and self.samples is None
 
     @property
+    def uses_diversity(self) -> bool:
+        """Return True if a diversity is maximised, or the file has the table `[diversity]`."""
+        text = self.diversity.text
+        has_table = text is not None and any(key[0] == "diversity" for key in text.values)
+        return has_table or self.uses_genetic_algorithm
+
+    @property
     def size(self) -> int:
         """Return the number of members that the family should have."""
         return self.search.population if self.samples is None else self.samples.count

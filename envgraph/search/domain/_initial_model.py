@@ -102,6 +102,8 @@ def _check_demanded_diversity(domain: Domain, problem: Problem) -> list[Diagnost
 def _check_diversity_range(domain: Domain, problem: Problem, measures: Mapping[str, float]) -> list[Diagnostic]:
     """Return a warning if the diversity's measure of the initial model is outside of the range of the bins; else []."""
     diversity, value = problem.diversity, measures[problem.diversity_measure_name]
+    if not domain.spec.uses_diversity:
+        return []
     if not isinstance(diversity, BinnedEntropy) or diversity.low <= value <= diversity.high:
         return []
     end = "first" if value < diversity.low else "last"

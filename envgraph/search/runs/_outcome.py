@@ -56,6 +56,7 @@ class Outcome:
             bins = tuple(measure.bin_of(value) + 1 for value in values)
         unit, target, spec = "bits" if bins else "", family.members[-1].name, family.domain.spec.objective
         diverse = "steps" not in family.objective or (spec is not None and "diversity" in spec.options)
+        diverse = diverse and (family.domain.spec.samples is None or family.domain.spec.uses_diversity)
         return cls(measure.score(values), maximum, unit, bins, family.objective, target, diverse)
 
     def __str__(self) -> str:

@@ -91,6 +91,16 @@ def test_a_run_stops_at_the_maximum(beds: Path) -> None:
     assert str(outcome) == "diversity 2.000 of 2.000 bits, members in bins 1,3,4,2"
 
 
+def test_samples_have_a_diversity_if_the_file_has_its_table(beds: Path) -> None:
+    asked = '[mutation]\nrules = ["plant", "pick"]\n[samples]\ncount = 5\n'
+    family, _ = evolved(beds, asked)
+    assert family.domain.check_initial() == [] and str(Outcome.of(family)) == ""
+    (beds.parent / "run.sqlite").unlink()
+    family, _ = evolved(beds, "[diversity]\nrange = [0, 1]\n" + asked)
+    assert str(Outcome.of(family)).startswith("diversity ")
+    assert [one.code for one in family.domain.check_initial()] == ["outside-range"]
+
+
 def test_run_without_a_target_continues_at_the_maximum_diversity(beds: Path) -> None:
     text = '[diversity]\nkind = "binned_entropy"\nrange = [0, 8]\n[mutation]\nrules = ["plant", "pick"]\n'
     evolved(beds, text + SEARCH + "target = false\n")
