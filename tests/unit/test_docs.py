@@ -47,6 +47,7 @@ REFERENCE = [
         "metamodel",
         "model",
         "query",
+        "expressions",
         "derived-features",
         "rules",
         "derived",
@@ -139,14 +140,7 @@ def problems(extra: dict[str, str], *roots: str) -> tuple[Diagnostic, ...]:
 
 def inside_environment(clauses: str) -> str:
     """Clauses as a whole environment file."""
-    files = (
-        "garden.behaviour.query",
-        "garden.behaviour.rules",
-        "garden.death.query",
-        "garden.death.rules",
-        "garden.weather.rules",
-    )
-    imports = "".join(f'import "{name}"\n' for name in files)
+    imports = 'import "garden.behaviour.query"\nimport "garden.behaviour.rules"\n'
     return f"{imports}\nenvironment Garden(hedgehog : Hedgehog) {{\n{clauses}}}\n"
 
 

@@ -16,7 +16,7 @@ from tests.reading import read_metamodel_text
 from tests.unit.rewrite.domains import domain
 from tests.unit.test_docs import GARDEN
 
-PAGE = Path(__file__).parents[3] / "docs" / "languages" / "rules.md"
+PAGE = Path(__file__).parents[3] / "docs" / "languages" / "derived.md"
 
 
 def metamodel(text: str) -> Metamodel:
