@@ -388,8 +388,8 @@ def test_files_that_a_page_names_exist(page: Path) -> None:
     assert missing == []
 
 
-def test_the_page_of_environments_lists_exactly_what_is_not_compiled() -> None:
-    page = (ROOT / "docs" / "python" / "observations.md").read_text("utf-8")
+def test_the_page_of_engines_lists_exactly_what_is_not_compiled() -> None:
+    page = (ROOT / "docs" / "python" / "engines.md").read_text("utf-8")
     rows = page.split("| compiled environments do not support |", 1)[1].split("\n\n", 1)[0].splitlines()[2:]
     listed = [phrase for row in rows for phrase in re.findall("`([^`]+)`", row.split(" | ")[0])]
     raised = [
