@@ -49,6 +49,7 @@ class _ModelWriter:
         nodes = [node.id for node in model.nodes()]
         self._top = [node for node in nodes if model.graph.container(node) is None]
         self._names: dict[int, str] = {}
+        self._next_numbers: dict[str, int] = {}
         taken: set[str] = set()
         asked = {
             target
@@ -73,7 +74,11 @@ class _ModelWriter:
             wanted = cls[:1].lower() + cls[1:]
         if wanted not in taken and wanted != cls:
             return wanted
-        return next(name for number in range(1, len(taken) + 2) if (name := f"{wanted}_{number}") not in taken)
+        number = self._next_numbers.get(wanted, 1)  # from 1 each time, the work would be quadratic in the objects
+        while (name := f"{wanted}_{number}") in taken:
+            number += 1
+        self._next_numbers[wanted] = number + 1
+        return name
 
     def _written_references(self, node: int) -> list[Reference]:
         """Return the references whose targets are written: no containments or their opposites, one of two opposites."""

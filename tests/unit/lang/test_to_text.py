@@ -2,14 +2,18 @@
 
 from __future__ import annotations
 
+import sys
 from dataclasses import replace
+from itertools import pairwise
 from pathlib import Path
+from types import FrameType
 
 import pytest
 
 from envgraph.errors import InvalidArgument
-from envgraph.lang import data_path, load_workspace, open as open_files, spelled_out, to_text
-from envgraph.metamodel import Annotation
+from envgraph.graph import Model
+from envgraph.lang import data_path, load_workspace, model_to_text, open as open_files, spelled_out, to_text
+from envgraph.metamodel import Annotation, Class, Metamodel, Reference
 from envgraph.pattern import (
     Body,
     Check,
@@ -248,3 +252,30 @@ def test_derived_rules_and_their_texts_do_the_same(domain: str) -> None:
             engine.fire(*chosen)
         states.append((said, engine.model.state_hash()))
     assert states[0] == states[1]
+
+
+def lines_run_for_a_chain_of(size: int) -> int:
+    """Return how many lines of the writer run for a chain of objects without names."""
+    model = Model(Metamodel("chains", (Class("Ring", features=(Reference("next", "Ring", upper=1),)),)), "chain")
+    rings = [model.create("Ring") for _ in range(size)]
+    for ring, following in pairwise(rings):
+        ring.next = following
+    count = 0
+
+    def trace(frame: FrameType, event: str, _: object) -> object:
+        nonlocal count
+        count += event == "line"
+        return trace if frame.f_code.co_filename.endswith("_model_to_text.py") else None
+
+    before = sys.gettrace()
+    sys.settrace(trace)
+    try:
+        text = model_to_text(model)
+    finally:
+        sys.settrace(before)
+    assert f"ring_{size - 2} : Ring" in text
+    return count
+
+
+def test_names_for_many_objects_take_linear_time() -> None:
+    assert lines_run_for_a_chain_of(400) < 2.5 * lines_run_for_a_chain_of(200)
