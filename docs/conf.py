@@ -14,13 +14,23 @@ author = "The envgraph authors"
 copyright = "The envgraph authors"
 version = release = envgraph.__version__
 
-extensions = ["myst_parser", "sphinx_copybutton", "highlighting", "grammar_diagrams"]
+extensions = ["myst_parser", "sphinx_copybutton", "highlighting", "grammar_diagrams", "api_reference", "built_links"]
 exclude_patterns = ["changes"]
 source_suffix = {".md": "markdown"}
 nitpicky = True
 
 myst_enable_extensions = ["attrs_block", "attrs_inline", "colon_fence"]
 myst_heading_anchors = 4
+
+autodoc_member_order = "bysource"
+autodoc_typehints_format = "short"
+autodoc_preserve_defaults = True
+napoleon_numpy_docstring = False
+napoleon_use_ivar = True
+napoleon_attr_annotations = False
+napoleon_use_rtype = False
+python_maximum_signature_line_length = 90
+toc_object_entries_show_parents = "hide"
 
 html_theme = "furo"
 html_title = "envgraph"

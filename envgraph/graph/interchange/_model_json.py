@@ -34,6 +34,8 @@ _INFINITIES = {"inf": float("inf"), "-inf": float("-inf")}
 def model_to_json(model: Model) -> dict[str, Any]:
     """Return the current state as data for `json.dump`. Equal states give equal data.
 
+    For example::
+
         {
           "format": "envgraph-model-1",
           "name": "running_4x4",

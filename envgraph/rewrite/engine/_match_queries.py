@@ -134,7 +134,8 @@ class Queries:
         Args:
             name: name of the pattern or rule.
             *variables: names of the bound variables.
-            bound, **values: variables with their values, as in `matches`.
+            bound: values of variables; objects as `Node`s or ids.
+            **values: the same, for variables whose names are possible as keywords.
 
         Raises:
             InvalidArgument: a name or variable is unknown, both names and values are given, or the matcher has no
@@ -158,7 +159,8 @@ class Queries:
 
         Args:
             name: name of the pattern, rule, unit or group.
-            bound, **values: values of variables, as in `matches`, or of parameters, as in `run`.
+            bound: values of variables or, for a unit, of parameters; objects as `Node`s or ids.
+            **values: the same, for names that are possible as keywords.
 
         Returns:
             An explanation that `print` shows as text; if there is a match, it contains this match.

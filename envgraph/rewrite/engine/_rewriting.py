@@ -69,7 +69,8 @@ class Rewriting:
                 must be true.
             by: an expression over the variables of the match, or a function of the match: the match with the largest
                 value is taken; of several, the first.
-            bound, **values: values of variables of the match, as in `matches`.
+            bound: values of variables of the match; objects as `Node`s or ids.
+            **values: the same, for variables whose names are possible as keywords.
 
         Returns:
             The application, or None if there is no match.
@@ -109,7 +110,8 @@ class Rewriting:
             where: restricts the matches; see `apply`.
             by: orders the matches by this value, largest first; equal values keep their order; see `apply`.
             top: maximal number of matches; only with `by`.
-            bound, **values: values of variables of the match, as in `matches`.
+            bound: values of variables of the match; objects as `Node`s or ids.
+            **values: the same, for variables whose names are possible as keywords.
 
         Returns:
             The applications, in order.

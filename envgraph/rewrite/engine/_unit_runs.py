@@ -63,7 +63,8 @@ class EngineRuns:
 
         Args:
             unit: name of the unit.
-            bound, **values: values of its parameters, as in `matches`.
+            bound: values of its parameters; objects as `Node`s or ids.
+            **values: the same, for parameters whose names are possible as keywords.
 
         Returns:
             The result, which is true if the run succeeded. The changes of a failed unit remain, unless it is
