@@ -14,7 +14,17 @@ author = "The envgraph authors"
 copyright = "The envgraph authors"
 version = release = envgraph.__version__
 
-extensions = ["myst_parser", "sphinx_copybutton", "highlighting", "grammar_diagrams", "api_reference", "built_links"]
+extensions = [
+    "myst_parser",
+    "sphinx_copybutton",
+    "highlighting",
+    "grammar_diagrams",
+    "api_reference",
+    "built_links",
+    "codes",
+    "commands",
+    "family_tables",
+]
 exclude_patterns = ["changes"]
 source_suffix = {".md": "markdown"}
 nitpicky = True

@@ -140,14 +140,14 @@ def _explanation_lines(one: CodeExplanation) -> Iterator[str]:
     yield f"\n{one.means}\nCure: {one.cure}"
     if one.wrong:
         for file, text in one.also.items():
-            yield f"\nwith, {_place(file)}:\n\n{_indented(text)}"
-        yield f"\nwrong, {_place(one.file)}:\n\n{_indented(one.wrong)}\n\n{one.messages()}"
+            yield f"\nwith, {example_place(file)}:\n\n{_indented(text)}"
+        yield f"\nwrong, {example_place(one.file)}:\n\n{_indented(one.wrong)}\n\n{one.messages()}"
         yield f"\nright:\n\n{_indented(one.right)}"
     if one.shell:
         yield f"\nreported by:\n\n{_indented(one.shell)}"
 
 
-def _place(file: str) -> str:
+def example_place(file: str) -> str:
     where = "at the end of " if file.startswith("maze.") else "inside of the package of " if "ecore" in file else ""
     return f"{where}`{file}`" + (" of a new domain `maze`" if where or file == "family.toml" else "")
 

@@ -16,7 +16,7 @@ import pytest
 
 import envgraph
 import envgraph.env
-import envgraph.search.problem  # noqa: F401, with all exceptions
+import envgraph.search.problem
 from envgraph.cli import main
 from envgraph.cli._app import app
 from envgraph.cli._help_command import KINDS, load_explanations
