@@ -1,13 +1,19 @@
-"""The directive `family-table`: the keys of a table of family files, from its dataclass and its docstring.
+"""Directives for the reference of family files: tables from the dataclasses and their docstrings.
 
 ```{family-table} search
+```
+
+writes a table of the keys of `[search]`, `top` one of the keys at the top. The second directive writes a table of the
+components of a role, with their options:
+
+```{family-components} survivors
 ```
 """
 
 from __future__ import annotations
 
 import re
-from dataclasses import MISSING, Field, fields
+from dataclasses import MISSING, Field, fields, is_dataclass
 from inspect import getdoc
 from typing import Any
 
@@ -17,7 +23,10 @@ from sphinx.application import Sphinx
 from sphinx.util.docutils import SphinxDirective
 
 from envgraph.errors import LIMITS
+from envgraph.lang import FamilySpec
 from envgraph.lang.family._family_reader import TABLES
+from envgraph.learn.audit._audit_settings import AuditSettings
+from envgraph.search import Components
 
 TYPES = {
     **{"string": "a name", "choice": "a word", "choices": "words", "integer": "a whole number", "number": "a number"},
@@ -26,6 +35,12 @@ TYPES = {
     **{"_read_epsilon": "a table"},
 }
 """The types of the methods that read a key."""
+
+_KEYS: dict[str, tuple[Any, tuple[str, ...]]] = {
+    "top": (FamilySpec, ("name", "model", "environment", "imports", "seed", "limit")),
+    "audit": (AuditSettings, tuple(one.name for one in fields(AuditSettings) if one.name != "policy")),
+}
+"""The keys of tables that are not read as a whole dataclass."""
 
 
 class FamilyTable(SphinxDirective):
@@ -36,12 +51,40 @@ class FamilyTable(SphinxDirective):
     def run(self) -> list[nodes.Node]:
         """Return the table of the keys."""
         name = self.arguments[0]
+        if name in _KEYS:
+            spec, keys = _KEYS[name]
+            found = read_attributes(spec)
+            return [
+                make_table(["key", "means"], [[[nodes.literal("", key)], parse_inline(found[key])] for key in keys])
+            ]
         if name not in TABLES:
             raise self.error(f"unknown table of family files: {name}")
-        spec: Any = TABLES[name]
+        spec = TABLES[name]
         meanings = read_attributes(spec)
         rows = [_row(one, meanings[one.name]) for one in fields(spec)]
         return [make_table(["key", "value", "default", "means"], rows)]
+
+
+class FamilyComponents(SphinxDirective):
+    """The directive; its argument is a role of components: parents, survivors or strategy."""
+
+    required_arguments = 1
+
+    def run(self) -> list[nodes.Node]:
+        """Return the table of the components."""
+        rows = []
+        for name, factory in getattr(Components(), self.arguments[0]).items():
+            made: Any = factory.__closure__[0].cell_contents if factory.__closure__ else type(factory(None, None))
+            does = " ".join((getdoc(made) or "").partition("\n\n")[0].split())
+            meanings = read_attributes(made)
+            options = [_option_text(one, meanings[one.name]) for one in (fields(made) if is_dataclass(made) else ())]
+            rows.append([[nodes.literal("", name)], parse_inline(does), parse_inline(" ".join(options) or "none")])
+        return [make_table(["name", "does", "options"], rows)]
+
+
+def _option_text(one: Field[Any], meaning: str) -> str:
+    default = "" if one.default is None else f" ({one.default:g})"
+    return f"`{one.name}`{default}: {meaning}"
 
 
 def read_attributes(spec: type) -> dict[str, str]:
@@ -90,6 +133,7 @@ def _default_text(value: Any) -> str:
 
 
 def setup(app: Sphinx) -> dict[str, bool]:
-    """Register the directive."""
+    """Register the directives."""
     app.add_directive("family-table", FamilyTable)
+    app.add_directive("family-components", FamilyComponents)
     return {"parallel_read_safe": True}

@@ -25,7 +25,7 @@ _MAX_STYLED_ROWS: Final = 2000
 """The maximum number of rows of a styled table; longer tables are printed as plain text."""
 
 _MAX_CODES: Final = 3
-"""The maximum number of codes that a closing line names: who needs more of them corrects these first."""
+"""The maximum number of codes in the last line after errors. Who gets more errors corrects these first."""
 
 
 class UpdateProgress(Protocol):
@@ -150,7 +150,7 @@ def _print_unstyled_table(
 def print_diagnostics(diagnostics: Iterable[Diagnostic], first: bool = True) -> None:
     """Print diagnostics on standard error, separated by blank lines, also from earlier ones; coloured on a terminal.
 
-    The last line names the command that explains their codes, errors first.
+    A last line names the command that explains the codes of the errors.
     """
     diagnostics = list(diagnostics)
     if not diagnostics:
@@ -166,8 +166,9 @@ def print_diagnostics(diagnostics: Iterable[Diagnostic], first: bool = True) -> 
         console.print(Text(head, "bold red" if diagnostic.severity is Severity.ERROR else "bold yellow"))
         for line in rest:
             console.print(Text(line, "cyan" if line.startswith("hint:") else ""))
-    codes = list(dict.fromkeys(one.code for one in sorted(diagnostics, key=lambda one: one.severity)))
-    console.print(Text(f"\nmore: envgraph help {' '.join(codes[:_MAX_CODES])}", "dim"))
+    codes = dict.fromkeys(one.code for one in diagnostics if one.severity is Severity.ERROR)
+    if codes:  # warnings show their code themselves
+        console.print(Text(f"\nmore: envgraph help {' '.join([*codes][:_MAX_CODES])}", "dim"))
 
 
 def print_error(error: EnvgraphError | OSError) -> None:

@@ -41,8 +41,8 @@ class ConstraintsSpec:
     Attributes:
         require: patterns that must have at least one match.
         forbid: patterns that must have no match.
-        count: patterns with bounds (inclusive) on the number of their matches; None for no upper bound.
-        reachable: outcomes ("success", "failure") that the environment of a member must be able to reach.
+        count: patterns with bounds on the number of their matches, such as `{ p = "1..5", q = 3, r = "2..*" }`.
+        reachable: outcomes that the agent must be able to reach.
     """
 
     require: tuple[LocatedName, ...] = key((), TableReader.names)
@@ -58,9 +58,10 @@ class MutationSpec:
     Attributes:
         rules: names of rules, units and derived groups.
         rate: probability that a child is mutated.
-        initial_applications: range (inclusive) of the number of rules applied to each clone of the initial model.
+        initial_applications: smallest and largest number of rule applications that make a member of the first
+            population.
         max_attempts: number of attempts at a mutation that satisfies the constraints.
-        strength: number of rule applications in a mutation: one, or drawn each time from a heavy-tailed distribution.
+        strength: number of rule applications in a mutation: one, or sampled each time from a heavy-tailed distribution.
     """
 
     rules: tuple[LocatedName, ...] = key((), TableReader.names)
@@ -75,11 +76,14 @@ class SearchSpec:
     """The `[search]` table; the defaults are those of the paper (X. Liu and I. David, 2026).
 
     Attributes:
-        generations: number of generations; None for no limit (another stop criterion is then required).
-        keep_initial: True if the initial model is always a member of the family.
-        time_limit: seconds, or None for no limit.
-        target: diversity at which the search stops; None for the largest possible one, infinity for never.
-        stagnation: number of generations without improvement after which the search stops, or None.
+        population: number of members of the family.
+        generations: number of generations; `false` means no limit, and another stop criterion is then required.
+        keep_initial: true if the initial model is always a member of the family.
+        parents: parent selection.
+        survivors: survivor selection.
+        time_limit: seconds after which the search stops.
+        target: diversity at which the search stops: by default the largest possible one; `false` means never.
+        stagnation: number of generations without improvement after which the search stops.
     """
 
     population: int = key(6, TableReader.integer, low=1, most="members")
@@ -100,10 +104,10 @@ class OptimiseSpec:
 
     Attributes:
         maximise, minimise: names of measures, at least one in total.
-        strategy: the search algorithm.
-        steps: number of candidate models to try.
-        time_limit: seconds, or None for no limit.
-        target: value of a single objective at which the search ends, or None.
+        strategy: search strategy.
+        steps: number of moves to try.
+        time_limit: seconds after which the search stops. With a limit the result depends on the machine.
+        target: value of a single objective at which the search ends.
     """
 
     maximise: tuple[LocatedName, ...] = key((), TableReader.names)
@@ -120,10 +124,10 @@ class SamplesSpec:
 
     Attributes:
         count: number of members, including the initial model.
-        cover: measures over whose bins the members are spread evenly; their options are `bins` and `range`.
+        cover: measures, each with a number of bins. The members are spread evenly over the bins.
         maximise, minimise: measures by which a better model replaces a member in the same bins, the most important
-            first; one of the two is empty.
-        attempts: number of models to try; None for ten times the number of members.
+            first. One of the two is empty.
+        attempts: number of models to try, by default ten times `count`.
     """
 
     count: int = key(1_000, TableReader.integer, low=2, most="members")
@@ -138,9 +142,10 @@ class CurriculumSpec:
     """The `[curriculum]` table: how environments are ordered for training.
 
     Attributes:
-        order: the measure that orders the environments from easy to hard.
-        sequences: the sequences of environments to train on.
-        initial: position of the initial model: "last" as the target, or "ordered" by the measure.
+        order: measure that orders the environments from easy to hard.
+        sequences: curricula to train on: every suffix of the family, the whole family, each member alone, or the target
+            alone.
+        initial: position of the initial model: last as the target, or ordered by the measure.
         schedules: adaptive schedules to compare the curricula with.
     """
 
@@ -152,7 +157,15 @@ class CurriculumSpec:
 
 @dataclass(frozen=True, slots=True)
 class EpsilonSpec:
-    """The exploration rate `epsilon` of `[training]`: from `start`, it is multiplied by `decay` down to `minimum`."""
+    """The exploration rate `epsilon` of `[training]`: from `start`, it is multiplied by `decay` down to `minimum`.
+
+    Attributes:
+        start: probability of a random action at the beginning.
+        decay: factor of the probability after each episode or step.
+        minimum: smallest probability.
+        per: unit of the decay.
+        reset: when `epsilon` starts again: with each stage, or never.
+    """
 
     start: float = key(1.0, TableReader.number, low=0, high=1)
     decay: float = key(0.995, TableReader.number, low=0, high=1)
@@ -172,7 +185,21 @@ def _read_epsilon(top: TableReader, name: str, default: EpsilonSpec) -> EpsilonS
 
 @dataclass(frozen=True, slots=True)
 class TrainingSpec:
-    """The `[training]` table; the defaults are those of the paper (X. Liu and I. David, 2026)."""
+    """The `[training]` table; the defaults are those of the paper (X. Liu and I. David, 2026).
+
+    Attributes:
+        agent: update rule.
+        learning_rate: learning rate of the update.
+        discount: discount of future rewards.
+        epsilon: exploration rate, with the keys below.
+        steps_per_environment: number of steps in a stage, on one environment.
+        evaluation_episodes: number of episodes if an evaluation has to sample.
+        seeds: number of training runs, each with an agent of its own.
+        initial_value: initial value of every action.
+        n_step: number of rewards that `sarsa` and `expected_sarsa` sum before they bootstrap (Sutton and Barto 2018,
+            7.1).
+        ties: choice among several best actions in training.
+    """
 
     agent: str = key(
         "q_learning", TableReader.choice, known=("q_learning", "sarsa", "expected_sarsa", "double_q_learning")
@@ -193,12 +220,12 @@ class FamilySpec:
     """The content of a whole family file.
 
     Attributes:
-        name: name of the family; by default that of the file's directory.
-        model: path of the initial model, as a name of `Files`; likewise `environment` and `imports`.
-        environment: path of the behaviour; None if the family is only generated.
-        imports: additional files, such as queries that neither model nor environment import.
-        seed: seed of the search.
-        limit: maximum steps of an episode; None for the environment's own limit.
+        name: name of the family, by default that of the file's directory.
+        model: path of the initial model. It must satisfy all constraints.
+        environment: path of the agent's behaviour. Without it the family can be generated, but no agent can be trained.
+        imports: paths of further files, such as queries that neither model nor environment import.
+        seed: seed of all random choices, by default 0.
+        limit: time limit of an episode in steps, by default the environment's own.
         measures: at least one, in the order of the file.
         diversity: `options["of"]` is the name of a measure.
         objective: the value of a family as a whole; None to maximise diversity. It is of a built-in kind, or has the

@@ -38,16 +38,17 @@ class AuditSettings:
     """The settings of an audit, except its methods.
 
     Attributes:
-        sees: patterns whose first parameter is an object that the environment observes; a student sees the other values
-            of their rows.
+        sees: patterns whose first parameter is an object that the environment observes. A student sees the other values
+            of their rows in the initial model of the level.
         knows: patterns whose rows a student sees in all states of a level.
-        levels: number of levels for training.
-        held_out: number of solvable levels that students are tested on; half as many hard levels are added.
-        probed: number of levels that scores are evaluated on.
-        steps: environment steps of each student, including those for scoring levels.
-        seeds: number of seeds of decisive methods.
-        controls: number of seeds of other methods.
-        scale: factor for the rewards of the student, which learns best from returns of about 1.
+        levels: number of levels for training, by default 6,000.
+        held_out: number of solvable levels that students are tested on, by default 400. Half as many hard levels are
+            added.
+        probed: number of levels that scores are evaluated on, by default 300.
+        steps: environment steps of each student, including those for scoring levels; by default 1,000,000.
+        seeds: number of students of each decisive method, by default 100.
+        controls: number of students of each other method, by default 30.
+        scale: factor for the rewards of the student, which learns best from returns of about 1; by default 1.
         policy: settings of the students.
     """
 

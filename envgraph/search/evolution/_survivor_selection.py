@@ -53,7 +53,11 @@ class RandomParents:
 
 @dataclass(frozen=True, slots=True)
 class TournamentParents:
-    """Tournament selection: each parent is the fittest of `rounds` uniformly sampled members; the first wins ties."""
+    """Tournament selection: each parent is the fittest of `rounds` uniformly sampled members; the first wins ties.
+
+    Attributes:
+        rounds: number of members that are sampled for each parent.
+    """
 
     rounds: int = key(2, ComponentOptions.integer, low=1, most="rounds")
 
@@ -65,7 +69,11 @@ class TournamentParents:
 
 @dataclass(frozen=True, slots=True)
 class ElitistParents:
-    """Elitist parent selection: the fittest members in turn, from the best down. The earlier member wins ties."""
+    """Elitist parent selection: the fittest members in turn, from the best down. The earlier member wins ties.
+
+    Attributes:
+        share: share of the members that become parents.
+    """
 
     share: float = key(0.5, ComponentOptions.number, low=0.0, high=1.0)
 

@@ -112,7 +112,8 @@ def test_commands_of_a_code_report_it(
             printed = capsys.readouterr().err
         else:
             subprocess.run(["sh", "-c", line], check=True)
-    assert re.search(rf"^more: envgraph help .*\b{code}\b", printed, re.MULTILINE) or code == "invalid-argument"
+    shown = rf"^more: envgraph help .*\b{code}\b|\[{code}\]$"
+    assert re.search(shown, printed, re.MULTILINE) or code == "invalid-argument"
 
 
 def test_explanations_are_short_sentences() -> None:
@@ -180,7 +181,7 @@ def test_unknown_name_is_refused_with_a_hint(
     )
 
 
-def test_closing_line_names_errors_first(
+def test_last_line_names_the_codes_of_errors(
     monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str], tmp_path: Path
 ) -> None:
     monkeypatch.chdir(tmp_path)
