@@ -413,6 +413,7 @@ def test_a_family_is_exported_as_code_from_templates(envgraph: Envgraph, tmp_pat
     assert (
         refused.err
         == "mine/README.md.j2:1:4: unknown name `nam`\n 1 | {{ nam }}\n   |    ^^^\nhint: did you mean `name`?\n"
+        "\nmore: envgraph help unknown-name\n"
     )
     (tmp_path / "mine/README.md.j2").write_text("about {{ name }}")
     ok(envgraph("export", "a", "--format", "python", "--templates", "mine", "-o", "more"))
@@ -676,6 +677,8 @@ def test_errors_during_an_application_show_the_text_of_the_rule(envgraph: Envgra
             " 2 | rule halve { lhs { robot : Robot -at-> tile; } modify { set tile.x = 1 / (tile.x - tile.x); } }",
             "   |" + " " * 70 + "^" * 21,
             "hint: write `check (tile.x - tile.x) != 0;` on the left side",
+            "",
+            "more: envgraph help no-value",
         ]
     result = envgraph("apply", "maze/maze.model", "more.rules", "vanish")
     assert result.code == 1
