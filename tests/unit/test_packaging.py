@@ -36,6 +36,7 @@ from envgraph.lang import bundled_domain
 domain = bundled_domain("burning_forest")
 for words in [
     ["check", *map(str, sorted(domain.glob("*.query")))],
+    ["help", "unknown-class"],
     *(
         ["generate", name, "--generations", "1", "--population", "2", "--seed", "1", "--name", name.partition("/")[0]]
         for name in {FAMILIES}
