@@ -215,6 +215,12 @@ def test_the_examples_of_the_documentation_learn(tmp_path: Path, monkeypatch: py
     assert run_section("howto/pettingzoo.md", names)[-1] == "True\n"
 
 
+def test_the_nurses_of_the_tutorial_get_rewards_of_their_own(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.chdir(tmp_path)
+    played = run_section("tutorials/clinic.md", {}, "## 1. Write objects", "## 5. Make a family")
+    assert "{'day': 0.0, 'night': -0.1} False" in played[-1]
+
+
 @pytest.mark.parametrize("made", [copy.deepcopy, lambda env: pickle.loads(pickle.dumps(env))])
 def test_copies_go_on_as_the_original_does_and_leave_it_alone(together: Path, made: Any) -> None:
     def played(env: Any, steps: int) -> list[object]:
