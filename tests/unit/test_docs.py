@@ -6,7 +6,8 @@ Fenced blocks are told apart by the words after the fence, which readers do not 
   that language. All files are read without an error or a warning.
 - `environment clause` stands inside an environment; `toml part` replaces tables of the family file.
 - `query wrong` has a mistake; the `text` block after it shows lines of what is reported.
-- `query cloud.query file` is that file in the directory of the page, as a reader saves it; `cloud.query append` adds to it.
+- `query cloud.query file` is that file in the directory of the page, as a reader saves it; `cloud.query append` adds
+  to it.
 - `python` and `sh` blocks of a page run one after the other in one empty directory; a `text` block after one of them
   is what it prints. `skip` is for what takes too long. A search for a family that teaches is cut short in a `shorter`
   block, which shows nothing of the result.
