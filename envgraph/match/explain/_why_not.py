@@ -28,6 +28,7 @@ from envgraph.pattern import (
     InstanceAtom,
     LinkAtom,
     ObjectType,
+    UnequalAtom,
     is_relation,
     relation_variables,
     visible_variables,
@@ -76,6 +77,7 @@ class BodyFailure:
         inner: the explanation for a called pattern without a match, or for one rule of a group; else None.
         witness: the match of a `not` or `neg` constraint that fails; else None.
         span: the place of the constraint in its text, if it was read from a text; for a block of a rule, the block.
+        distinct: the two names, if the constraint is that they are different objects and is not written in a text.
     """
 
     body: int
@@ -85,6 +87,7 @@ class BodyFailure:
     inner: WhyNot | None = None
     witness: Witness | None = None
     span: Span | None = field(default=None, compare=False)
+    distinct: tuple[str, str] | None = None
 
     def lines(self, show: Callable[[int], str], indent: str) -> list[str]:
         """Return the explanation as indented lines of text. `show` returns the text of an object."""
@@ -145,6 +148,11 @@ class WhyNot:
         lines = [f"{indent}{title} {'fails' if self.kind == 'unit' else 'has no match'}"]
         for failure in self.failures:
             lines.extend(failure.lines(show, indent + "  "))
+            if self.kind == "rule" and failure.distinct is not None:
+                names = ", ".join(failure.distinct)
+                lines.append(
+                    f"{indent}    different names stand for different objects, unless the rule has `@hom({names})`"
+                )
         if not self.failures:
             lines.append(f"{indent}  it never has a match: each of its bodies contradicts itself")
         return lines
@@ -241,7 +249,8 @@ class FailureSearch:
             known = {p: values[v] for p, v in enumerate(goal.arguments) if v in values}
             if (goal.pattern, known) not in asked:
                 inner = self.why_not(goal.pattern, known, asked)
-        return depth, BodyFailure(number + 1, shown, constraint, objects, inner, witness, span)
+        distinct = (names(goal.left), names(goal.right)) if isinstance(goal, UnequalAtom) and span is None else None
+        return depth, BodyFailure(number + 1, shown, constraint, objects, inner, witness, span, distinct)
 
     def _witness(
         self, names: VariableNames, conjunction: Conjunction, goal: AbsenceAtom, values: Mapping[int, Any]

@@ -195,3 +195,21 @@ def test_a_declared_object_is_shown_with_its_class() -> None:
     engine = hall_with("enter.rules", text)
     failures = engine.why_not("enter", robot=engine.model.graph.find_object("left")).failures
     assert [failure.constraint for failure in failures] == ["there : Shelf"]
+
+
+def test_the_two_names_that_must_be_different_objects_are_explained() -> None:
+    text = """package warehouse
+        import "warehouse.metamodel"
+        rule meet { lhs { robot : Robot -at-> here : Cell; robot -at-> there : Cell; } modify { delete robot; } }
+        @match(homomorphic)
+        rule apart { lhs { robot : Robot -at-> a : Cell; robot -at-> b : Cell; a != b; } modify { delete robot; } }
+    """
+    engine = hall_with("meet.rules", text)
+    why = engine.why_not("meet")
+    assert only(why).distinct == ("here", "there")
+    assert str(why).splitlines()[-1].strip() == (
+        "different names stand for different objects, unless the rule has `@hom(here, there)`"
+    )
+    assert only(engine.why_not("apart")).distinct is None, "this rule says so itself"
+    assert "@hom" not in str(engine.why_not("apart"))
+    assert hall_with("meet.rules", text.replace("rule meet", "@hom(here, there) rule meet")).exists("meet")
