@@ -101,14 +101,16 @@ def format_() -> None:
 @app.command()
 @model_or_run_argument
 @click.argument("queries", metavar="QUERYFILE", help="A .query or .vql file.")
-@click.argument("pattern", help="Name of a pattern, simple or qualified.")
+@click.argument(
+    "pattern", required=False, help="Name of a pattern, simple or qualified. Without it, list the patterns."
+)
 @where_option
 @variant_option
 @inputs_options
 @format_option
 @implemented_in("_match_and_apply", "print_matches")
 def match() -> None:
-    """Print the matches of a pattern in a model."""
+    """Print the matches of a pattern in a model, or list the patterns of a file."""
 
 
 @app.command()

@@ -31,9 +31,12 @@ _EXAMPLE_VALUES = {Scalar.INT: "3", Scalar.FLOAT: "2.5", Scalar.BOOL: "true"}
 """An example value of each type, for messages."""
 
 
-def print_matches(model: str, queries: str, pattern: str, where: Sequence[str], inputs: Inputs) -> None:
-    """Print the matches of a pattern in a model."""
+def print_matches(model: str, queries: str, pattern: str | None, where: Sequence[str], inputs: Inputs) -> None:
+    """Print the matches of a pattern in a model; if `pattern` is None, list the patterns that can be matched."""
     engine = open_engine(model, queries, inputs)
+    if pattern is None:
+        _list_patterns(engine)
+        return
     bound = parse_values(engine, _variable_types(engine, pattern), where)
     matches = engine.matches(pattern, bound=bound)
     if print_json(lambda: [{name: _json_value(match[name]) for name in match.names} for match in matches]):
@@ -44,6 +47,21 @@ def print_matches(model: str, queries: str, pattern: str, where: Sequence[str], 
     names = matches[0].names
     count = f"{len(matches)} match{'es' if len(matches) > 1 else ''} of {pattern}"
     print_table(count, names or ("",), [tuple(format_value(match[name]) for name in names) for match in matches])
+
+
+def _list_patterns(engine: Engine) -> None:
+    """Print the names and parameters of the patterns that are not private."""
+    patterns = {
+        one.qualified_name: [parameter.name for parameter in one.parameters]
+        for one in engine.library.patterns
+        if not one.private and "#" not in one.qualified_name
+    }
+    if print_json(lambda: [{"pattern": name, "parameters": found} for name, found in patterns.items()]):
+        return
+    if not patterns:
+        print_line("there are no patterns")
+        return
+    print_table("patterns", ("pattern", "parameters"), [(name, ", ".join(found)) for name, found in patterns.items()])
 
 
 def open_engine(model: str, definitions: str, inputs: Inputs, seed: int = 0) -> Engine:

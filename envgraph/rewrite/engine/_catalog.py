@@ -151,7 +151,7 @@ class Catalog:
             if not isinstance(name, str) or self.directory.candidates(name) or not self.library.resolve(name):
                 raise
             raise InvalidArgument(
-                f"`{name}` is a pattern, not a {what}", "call `matches` to find its matches"
+                f"`{name}` is a pattern, not a {what}", "call `matches`, or type `envgraph match`, to find its matches"
             ) from None
 
     def prepare(self, rule: str) -> RuleRunner:

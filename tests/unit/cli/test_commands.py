@@ -262,6 +262,22 @@ def test_apply_fixes_any_variable_of_the_match(envgraph: Envgraph) -> None:
     assert result.code == 1 and "unknown variable `their`; did you mean `there`?" in result.err
 
 
+def test_match_without_a_name_lists_the_patterns(envgraph: Envgraph) -> None:
+    ok(envgraph("new", "maze"))
+    files = ("match", "maze/maze.model", "maze/maze.query")
+    lines = ok(envgraph(*files)).out.splitlines()
+    assert [line.split(maxsplit=1) for line in lines[2:4]] == [
+        ["maze.neighbour", "from, to"],
+        ["maze.passage", "from, to"],
+    ]
+    listed = ok(envgraph(*files, "--format", "json")).json
+    assert {"pattern": "maze.onGoal", "parameters": ["robot"]} in listed and len(listed) == len(lines) - 2
+    assert "#" not in ok(envgraph("match", "maze/maze.model", "maze/maze.rules")).out, "patterns made for rules"
+    with open("private.query", "w", encoding="utf-8") as file:
+        file.write('import "maze/maze.metamodel" private pattern one(robot : Robot) { Robot(robot); }')
+    assert ok(envgraph("match", "maze/maze.model", "private.query")).out == "there are no patterns\n"
+
+
 def test_apply_prints_a_deleted_object_by_its_name_if_given_else_by_its_id(envgraph: Envgraph, tmp_path: Path) -> None:
     (tmp_path / "s.metamodel").write_text("metamodel s class Box { contains Box[0..*] parts int n }")
     (tmp_path / "s.model").write_text(
