@@ -7,52 +7,54 @@ from __future__ import annotations
 
 from pathlib import Path
 
-import numpy as np
 import pytest
 
-import envgraph
-from envgraph.env.schedules import Outcomes, Weighted, named_schedule
-from envgraph.search import generate, write_family
+from envgraph.env.schedules import Outcomes, Weighted
 from tests.integrations.documented import run_section
 
 pytestmark = pytest.mark.filterwarnings("default")  # theirs, not ours to fix
 
+ELSEWHERE = "howto/schedules-elsewhere.md"
 
-@pytest.mark.parametrize(
-    ("package", "first", "last"),
-    [
-        ("stable_baselines3", "# Schedules in other code bases", "**[Syllabus]"),
-        ("syllabus", "**[Syllabus]", "**RLlib.**"),
-        ("ray.rllib", "**RLlib.**", "`envgraph train --controls plr"),
-    ],
-    ids=["stable_baselines3", "syllabus", "rllib"],  # `make test-integrations` runs the last one by its name
-)
-def test_a_schedule_says_what_is_played(
-    package: str, first: str, last: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    """What the page says, after what it has said before: a family, and an environment that goes by a schedule."""
-    pytest.importorskip(package, exc_type=ImportError)
-    monkeypatch.chdir(tmp_path)
-    names: dict[str, object] = {"names": ["E1", "E2", "E3"]}
-    run_section("python/schedules.md", names)
-    told: set[int] = set()
+
+@pytest.fixture
+def told(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> set[int]:
+    """The members whose outcomes a weighted schedule is told, in a new directory."""
+    found: set[int] = set()
     tell = Weighted.tell
 
     def noted(self: Weighted, outcomes: Outcomes) -> None:
-        told.update(outcomes.members.tolist())
+        found.update(outcomes.members.tolist())
         tell(self, outcomes)
 
     monkeypatch.setattr(Weighted, "tell", noted)
-    run_section("howto/schedules-elsewhere.md", {**names, "named_schedule": named_schedule}, first, last)
+    monkeypatch.chdir(tmp_path)
+    return found
+
+
+def test_stable_baselines3_plays_what_a_schedule_says(told: set[int]) -> None:
+    pytest.importorskip("stable_baselines3", exc_type=ImportError)
+    success, members = run_section("howto/stable-baselines3.md", {})
+    assert success == "1.0\n" and "E5" in members
+    assert told == set(range(6))
+
+
+@pytest.mark.parametrize(
+    ("package", "heading", "last"),
+    [("syllabus", "## Syllabus", "## RLlib"), ("ray.rllib", "## RLlib", "")],
+    ids=["syllabus", "rllib"],  # `make test-integrations` runs the last one by its name
+)
+def test_a_schedule_says_what_is_played(package: str, heading: str, last: str, told: set[int]) -> None:
+    """What the page says, after its first section: a family, and an environment that goes by a schedule."""
+    pytest.importorskip(package, exc_type=ImportError)
+    names: dict[str, object] = {}
+    run_section(ELSEWHERE, names, last="## Syllabus")
+    assert told == set()
+    run_section(ELSEWHERE, names, heading, last)
     assert told == {0, 1, 2}
 
 
 def test_rllib_learns_with_the_documented_masks(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     pytest.importorskip("ray.rllib", exc_type=ImportError)
-    import gymnasium
-
     monkeypatch.chdir(tmp_path)
-    family = generate("burning_forest/paper.toml", Path("run.sqlite"), seed=2, generations=30)
-    Path("family.json").write_text(write_family(family))
-    names = {"envgraph": envgraph, "np": np, "gymnasium": gymnasium}
-    assert run_section("howto/rllib.md", names) == ["True\n"]
+    assert run_section("howto/rllib.md", {}) == ["True\n"]

@@ -90,8 +90,7 @@ def test_a_graph_network_takes_graphs() -> None:
 
 
 def test_goals_are_learned_by_hindsight() -> None:
-    names: dict[str, object] = {"envgraph": envgraph, "np": np, "gymnasium": gymnasium}
-    assert run_section("python/observations.md", names, "**Goals.**", "`engine` selects how") == ["True\n"]
+    assert run_section("howto/hindsight.md", {}) == ["True\n"]
 
 
 @pytest.mark.parametrize("mode", [AutoresetMode.NEXT_STEP, AutoresetMode.SAME_STEP])

@@ -9,7 +9,6 @@ import numpy as np
 import pytest
 
 import envgraph
-from envgraph.search import generate, write_family
 from tests.integrations.documented import run_section
 
 pytest.importorskip("torchrl")  # modules are imported in `make test`, too, for their doctests
@@ -62,6 +61,4 @@ def test_the_other_mode_that_torchrl_takes(observation: str) -> None:
 
 def test_the_documented_masks_allow_all_that_is_done(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.chdir(tmp_path)
-    family = generate("burning_forest/paper.toml", Path("run.sqlite"), seed=2, generations=30)
-    Path("family.json").write_text(write_family(family))
-    assert run_section("howto/torchrl.md", {"envgraph": envgraph, "torch": torch}) == ["True\n"]
+    assert run_section("howto/torchrl.md", {}) == ["True\n"]
