@@ -2,6 +2,13 @@
 
 from __future__ import annotations
 
+import contextlib
+import io
+import runpy
+import sys
+
+import pytest
+
 from tests.unit.test_docs import ROOT, Block, blocks, run_python, run_shell, save_file
 
 
@@ -25,3 +32,13 @@ def run_section(name: str, names: dict[str, object], first: str = "", last: str 
                 assert printed == below.text
                 said.append(printed)
     return said
+
+
+def run_example(name: str, *arguments: str) -> str:
+    """Run a file of `docs/examples` in this process, and return what it prints."""
+    path, printed = ROOT / "docs" / "examples" / name, io.StringIO()
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(sys, "argv", [str(path), *arguments])
+        with contextlib.redirect_stdout(printed):
+            runpy.run_path(str(path), run_name="__main__")
+    return printed.getvalue()

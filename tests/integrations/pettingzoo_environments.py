@@ -21,7 +21,7 @@ from envgraph.env import EnvgraphLiveEnv, Simulator
 from envgraph.env.multiagent import TogetherEnv, TurnEnv
 from envgraph.errors import InvalidArgument
 from envgraph.lang import bundled_domain
-from tests.integrations.documented import run_section
+from tests.integrations.documented import run_example, run_section
 from tests.unit.env.coins import RULES, loaded
 from tests.unit.env.test_agents import HALLS, opened
 
@@ -211,7 +211,9 @@ def test_environments_of_another_kind_are_refused(together: Path) -> None:
 def test_the_examples_of_the_documentation_learn(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.chdir(tmp_path)
     pytest.importorskip("supersuit")
-    assert run_section("howto/pettingzoo.md", {}) == ["['left', 'right'] Discrete(7) -0.01\n", "(6, True)\n", "True\n"]
+    said = run_section("howto/pettingzoo.md", {}, last="## One network for all agents")
+    assert said == ["['left', 'right'] Discrete(7) -0.01\n", "(6, True)\n"]
+    assert run_example("self_play.py", "hall").startswith("success after ")
 
 
 def test_the_nurses_of_the_tutorial_get_rewards_of_their_own(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

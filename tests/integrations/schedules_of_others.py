@@ -10,7 +10,7 @@ from pathlib import Path
 import pytest
 
 from envgraph.env.schedules import Outcomes, Weighted
-from tests.integrations.documented import run_section
+from tests.integrations.documented import run_example, run_section
 
 pytestmark = pytest.mark.filterwarnings("default")  # theirs, not ours to fix
 
@@ -39,18 +39,32 @@ def test_stable_baselines3_plays_what_a_schedule_says(told: set[int]) -> None:
     assert told == set(range(6))
 
 
-@pytest.mark.parametrize(
-    ("package", "heading", "last"),
-    [("syllabus", "## Syllabus", "## RLlib"), ("ray.rllib", "## RLlib", "")],
-    ids=["syllabus", "rllib"],  # `make test-integrations` runs the last one by its name
-)
-def test_a_schedule_says_what_is_played(package: str, heading: str, last: str, told: set[int]) -> None:
-    """What the page says, after its first section: a family, and an environment that goes by a schedule."""
-    pytest.importorskip(package, exc_type=ImportError)
+def test_syllabus_plays_what_a_schedule_says(told: set[int]) -> None:
+    pytest.importorskip("syllabus", exc_type=ImportError)
+    run_section(ELSEWHERE, {}, last="```python")
+    assert run_example("syllabus_members.py", "fires", "E1", "E2", "E3") == "played E1 E2 E3\n"
+    assert told == {0, 1, 2}
+
+
+def test_rllib_plays_what_a_schedule_says(told: set[int]) -> None:
+    """The environment of the page: it goes by a schedule."""
+    ray = pytest.importorskip("ray", exc_type=ImportError)
+    pytest.importorskip("ray.rllib", exc_type=ImportError)
+    from ray.rllib.algorithms.ppo import PPOConfig
+    from ray.tune.registry import register_env
+
     names: dict[str, object] = {}
     run_section(ELSEWHERE, names, last="## Syllabus")
     assert told == set()
-    run_section(ELSEWHERE, names, heading, last)
+    register_env("taught", names["taught"])
+    config = PPOConfig().environment("taught", env_config={"family": str(Path("runs/fires").resolve())})
+    config = config.env_runners(num_env_runners=0)
+    config = config.training(train_batch_size_per_learner=256, minibatch_size=64, num_epochs=1)
+    ray.init(num_cpus=1, include_dashboard=False, log_to_driver=False)
+    algorithm = config.build_algo()
+    assert algorithm.train()["env_runners"]["num_episodes"] > 0
+    algorithm.stop()
+    ray.shutdown()
     assert told == {0, 1, 2}
 
 
