@@ -13,7 +13,7 @@ SITE_EXTRAS := docs
 # The tests start many processes, each of which would compile everything anew.
 unexport PYTHONDONTWRITEBYTECODE
 
-.PHONY: demo docs test test-cluster test-integrations bench nightly campaign clean venv
+.PHONY: demo docs pictures test test-cluster test-integrations bench nightly campaign clean venv
 
 # --- demo: a family for one target, agents that learn on it and on controls, a report of both ---
 
@@ -32,6 +32,10 @@ demo: $(VENV)/.demo
 
 docs: $(VENV)/.docs
 	$(BIN)/python -m sphinx --fail-on-warning --keep-going --quiet --jobs auto -b html docs build/site
+
+# The pictures of the site and the tables that a search fills: committed, because the search takes five minutes.
+pictures: $(VENV)/.test
+	$(BIN)/python -m docs.pictures
 
 # --- checks ---
 
