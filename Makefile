@@ -9,11 +9,12 @@ TEST_EXTRAS := test,fast,emf
 BENCH_EXTRAS := bench
 CLUSTER_EXTRAS := dask,ray
 SITE_EXTRAS := docs
+RELEASE_EXTRAS := release
 
 # The tests start many processes, each of which would compile everything anew.
 unexport PYTHONDONTWRITEBYTECODE
 
-.PHONY: demo docs pictures test test-cluster test-integrations bench nightly campaign clean venv
+.PHONY: demo docs pictures release test test-cluster test-integrations bench nightly campaign clean venv
 
 # --- demo: a family for one target, agents that learn on it and on controls, a report of both ---
 
@@ -36,6 +37,11 @@ docs: $(VENV)/.docs
 # The pictures of the site and the tables that a search fills: committed, because the search takes five minutes.
 pictures: $(VENV)/.test
 	$(BIN)/python -m docs.pictures
+
+# --- a release: the changelog, the version, and packages below dist; it prints the commands that publish them ---
+
+release: $(VENV)/.release
+	$(BIN)/python scripts/release.py $(VERSION)
 
 # --- checks ---
 
@@ -94,6 +100,10 @@ $(VENV)/.bench: $(VENV)/.test
 
 $(VENV)/.docs: $(VENV)/.test
 	$(PIP) --no-build-isolation -e ".[$(SITE_EXTRAS)]"
+	touch $@
+
+$(VENV)/.release: $(VENV)/.test
+	$(PIP) --no-build-isolation -e ".[$(RELEASE_EXTRAS)]"
 	touch $@
 
 $(VENV)/.cluster: $(VENV)/.test

@@ -2,12 +2,14 @@
 
 import os
 import re
+import shutil
 import subprocess
 import sys
 import sysconfig
 import tarfile
 import tomllib
 import zipfile
+from datetime import date
 from importlib.metadata import PackageNotFoundError, distribution
 from pathlib import Path
 
@@ -17,6 +19,7 @@ from packaging.utils import canonicalize_name
 
 from envgraph.search import generate
 from envgraph.search.export import write_package
+from scripts.release import FIRST_TUTORIAL, VERSIONED, NotReleasable, check_version, run_page, set_version
 
 ROOT = Path(__file__).parents[2]
 PYPROJECT = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))
@@ -130,6 +133,45 @@ def test_wheel_checks_and_generates_from_an_empty_directory(scripts: Path, tmp_p
         assert (tmp_path / "runs" / name.partition("/")[0] / "run.sqlite").is_file()
 
 
+def test_wheel_runs_the_first_tutorial(scripts: Path) -> None:
+    page = (ROOT / "docs" / FIRST_TUTORIAL).read_text("utf-8")
+    if "```sh" not in page:
+        pytest.skip("the page has no commands yet")
+    run_page(scripts / "python", FIRST_TUTORIAL)
+
+
+def test_text_for_the_package_index_has_no_relative_links(wheel: Path) -> None:
+    with zipfile.ZipFile(wheel) as archive:
+        (name,) = (name for name in archive.namelist() if name.endswith(".dist-info/METADATA"))
+        head, _, text = archive.read(name).decode().partition("\n\n")
+    assert "Description-Content-Type: text/markdown" in head
+    assert text.startswith("envgraph makes a family")
+    assert [link for link in re.findall(r"\]\(([^)]*)\)", text) if not link.startswith("https://")] == []
+
+
+def test_all_files_have_the_same_version() -> None:
+    found = {re.search(line, (ROOT / name).read_text("utf-8"), re.MULTILINE)[1] for name, line in VERSIONED.items()}
+    assert found == {PYPROJECT["project"]["version"]}
+
+
+def test_a_release_sets_the_version_in_all_files(tmp_path: Path) -> None:
+    for name in VERSIONED:
+        (tmp_path / name).parent.mkdir(exist_ok=True)
+        shutil.copy(ROOT / name, tmp_path / name)
+    set_version(tmp_path, "12.3.4", date(2031, 5, 6))
+    for name, line in VERSIONED.items():
+        before, after = ((root / name).read_text("utf-8").splitlines() for root in (ROOT, tmp_path))
+        changed = [new for old, new in zip(before, after, strict=True) if old != new]
+        assert re.search(line, changed[0])[1] == "12.3.4"
+        assert changed[1:] == (["date-released: 2031-05-06"] if name == "CITATION.cff" else [])
+
+
+@pytest.mark.parametrize("version", ["0.1.9", PYPROJECT["project"]["version"], "1.0", "v9.0.0", "9.0.0rc1"])
+def test_a_release_refuses_versions_that_are_not_later_or_not_three_numbers(version: str) -> None:
+    with pytest.raises(NotReleasable, match=f"the version is '?{version}'?, but must be"):
+        check_version(version)
+
+
 def test_an_exported_package_works_without_envgraph_installed(tmp_path: Path) -> None:
     small = ["search.generations=1", "search.population=2"]
     write_package(generate("burning_forest/paper.toml", tmp_path / "run.sqlite", overrides=small), tmp_path / "fires")
@@ -199,9 +241,10 @@ def installed(name: str) -> bool:
 def test_the_top_level_contains_only_expected_files() -> None:
     git = ("git", "-C", str(ROOT), "ls-files", "--cached", "--others", "--exclude-standard")
     top = {line.split("/")[0] for line in run(*git, cwd=ROOT).splitlines()}
-    folders = {".ci", "benchmarks", "docs", "envgraph", "grammars", "rules", "tests"}
+    folders = {".ci", "benchmarks", "docs", "envgraph", "grammars", "rules", "scripts", "tests"}
     files = {
         "CHANGELOG.md",
+        "CITATION.cff",
         "CONTRIBUTING.md",
         "LICENSE",
         "Makefile",
