@@ -14,7 +14,7 @@ RELEASE_EXTRAS := release
 # The tests start many processes, each of which would compile everything anew.
 unexport PYTHONDONTWRITEBYTECODE
 
-.PHONY: demo docs pictures release test test-cluster test-integrations bench nightly campaign clean venv
+.PHONY: demo docs docs-links docs-accessibility pictures release test test-cluster test-integrations bench nightly campaign clean venv
 
 # --- demo: a family for one target, agents that learn on it and on controls, a report of both ---
 
@@ -31,8 +31,19 @@ demo: $(VENV)/.demo
 
 # --- the site: build/site/index.html ---
 
+SPHINX := $(BIN)/python -m sphinx --fail-on-warning --keep-going --quiet --jobs auto
+
 docs: $(VENV)/.docs
-	$(BIN)/python -m sphinx --fail-on-warning --keep-going --quiet --jobs auto -b html docs build/site
+	$(SPHINX) -b html docs build/site
+
+# Follows the links to other sites; needs a network.
+docs-links: $(VENV)/.docs
+	$(SPHINX) -b linkcheck docs build/links
+
+# Checks pages of the site with axe-core in Chromium; needs Node and a network once, and CHROMIUM=/path if it is elsewhere.
+docs-accessibility: docs
+	npm install --silent --prefix build/accessibility axe-core@4.14.1 playwright-core@1.65.1
+	node docs/accessibility.mjs build/site build/accessibility
 
 # The pictures of the site and the tables that a search fills: committed, because the search takes five minutes.
 pictures: $(VENV)/.test

@@ -20,6 +20,7 @@ extensions = [
     "highlighting",
     "grammar_diagrams",
     "api_reference",
+    "accessible_html",
     "built_links",
     "codes",
     "commands",
@@ -47,4 +48,6 @@ html_title = "envgraph"
 html_copy_source = False
 html_static_path = ["static"]
 html_css_files = ["site.css"]
+html_js_files = [("site.js", {"defer": "defer"})]
+copybutton_selector = "div:not(.highlight-text):not(.wrong) > div.highlight > pre"
 copybutton_exclude = ".linenos, .gp, .go"

@@ -114,6 +114,8 @@ def _resolve(app: Sphinx, env: Any, node: Any, contnode: nodes.Node) -> nodes.No
     path = find_name(node["reftarget"].rpartition(".")[2], package)
     domain = env.domains.python_domain
     link = domain.resolve_xref(env, node["refdoc"], app.builder, "obj", path, node, contnode) if path else None
+    if link is not None and link.get("reftitle"):
+        link["reftitle"] = path
     return link or contnode
 
 

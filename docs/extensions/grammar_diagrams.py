@@ -133,9 +133,9 @@ class Railroad(SphinxDirective):
             return nodes.raw("", f'<div class="railroad">{text}</div>', format="html")
         svg = Drawing(self._page_address).svg(rule)
         words = f"<details><summary>As text</summary>{text}</details>"
-        label = f"Diagram of {plain_name(rule.name)}, scrollable"
-        scrolled = f'<div class="railroad-scroll" tabindex="0" role="region" aria-label="{label}">{svg}</div>'
-        return nodes.raw("", f'<div class="railroad">{scrolled}{words}</div>', format="html")
+        return nodes.raw(
+            "", f'<div class="railroad"><div class="railroad-scroll">{svg}</div>{words}</div>', format="html"
+        )
 
     def _page_address(self, file: str) -> str:
         target = PAGES[file]

@@ -90,8 +90,17 @@ LEXERS: dict[str, type[GrammarLexer]] = {
 }
 
 
+_WRONG = re.compile(r"^( *)```(\w+) wrong$", re.MULTILINE)
+
+
+def _mark_mistakes(app: Sphinx, document: str, source: list[str]) -> None:
+    """Give blocks that are marked as wrong a class; the style sheet adds a caption."""
+    source[0] = _WRONG.sub(r"\1```{code-block} \2\n\1:class: wrong\n", source[0])
+
+
 def setup(app: Sphinx) -> dict[str, bool]:
     """Register the lexers with Sphinx."""
+    app.connect("source-read", _mark_mistakes)
     for language, lexer in LEXERS.items():
         app.add_lexer(language, lexer)
     return {"parallel_read_safe": True, "parallel_write_safe": True}
