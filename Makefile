@@ -31,7 +31,7 @@ demo: $(VENV)/.demo
 
 # --- the site: build/site/index.html ---
 
-SPHINX := $(BIN)/python -m sphinx --fail-on-warning --keep-going --quiet --jobs auto
+SPHINX := $(BIN)/python -m sphinx --fail-on-warning --keep-going --quiet --jobs auto -d build/doctrees
 
 docs: $(VENV)/.docs
 	$(SPHINX) -b html docs build/site

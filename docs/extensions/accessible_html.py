@@ -12,11 +12,7 @@ _SIGNATURE_LINES = re.compile(r"<dl>\n((?:<dd>.*</dd>\n)+)</dl>")
 
 
 def accessible(html: str) -> str:
-    """Return HTML in which captions have a level, and lines of signatures are no list of descriptions.
-
-    >>> accessible('<p class="caption" role="heading">Start</p>')
-    '<p class="caption" role="heading" aria-level="2">Start</p>'
-    """
+    """Return HTML in which captions have a level, and lines of signatures are no list of descriptions."""
     html = html.replace('role="heading">', 'role="heading" aria-level="2">')
     return _SIGNATURE_LINES.sub(lambda found: f'<div class="sig-lines">\n{_lines(found[1])}</div>', html)
 

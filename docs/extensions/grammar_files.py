@@ -7,8 +7,9 @@ from collections.abc import Iterator
 from dataclasses import dataclass, field
 from functools import cache
 from pathlib import Path
+from typing import Any
 
-from lark import Lark, Token, Tree
+from lark import Lark
 
 GRAMMARS = Path(__file__).parents[2] / "grammars"
 LANGUAGES = ("metamodel", "model", "query", "rules", "environment")
@@ -99,9 +100,9 @@ def _parser() -> Lark:
 @cache
 def read_grammar_file(name: str) -> GrammarFile:
     """Return a file of `grammars/`, given by its name without a suffix."""
-    tree = _parser().parse((GRAMMARS / f"{name}.lark").read_text(encoding="utf-8"))
+    tree: Any = _parser().parse((GRAMMARS / f"{name}.lark").read_text(encoding="utf-8"))
     found = GrammarFile(name)
-    definitions: dict[str, Tree[Token]] = {}
+    definitions: dict[str, Any] = {}
     for item in tree.children:
         if item.data == "ignore":
             found.ignored += [str(one) for one in item.scan_values(lambda token: True) if one]
@@ -119,7 +120,7 @@ def read_grammar_file(name: str) -> GrammarFile:
     return found
 
 
-def _read_part(file: GrammarFile, tree: Tree[Token]) -> Part:
+def _read_part(file: GrammarFile, tree: Any) -> Part:
     parts = tree.children
     match tree.data:
         case "literal" if parts[0].startswith("/"):

@@ -95,7 +95,10 @@ def constant_text(module: str, name: str) -> tuple[str, str]:
         targets = statement.targets if isinstance(statement, ast.Assign) else [getattr(statement, "target", None)]
         if name not in [getattr(target, "id", None) for target in targets]:
             continue
-        is_docstring = isinstance(after, ast.Expr) and isinstance(after.value, ast.Constant)
         value = getattr(statement, "value", None)
-        return ast.unparse(value) if value else "", str(after.value.value) if is_docstring else ""
+        docstring = after.value if isinstance(after, ast.Expr) else None
+        return (
+            ast.unparse(value) if value else "",
+            str(docstring.value) if isinstance(docstring, ast.Constant) else "",
+        )
     return "", ""
