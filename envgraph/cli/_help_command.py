@@ -15,7 +15,7 @@ from typing import Final
 
 import click
 
-from envgraph.cli._output import print_json, print_lines, print_table
+from envgraph.cli._output import print_json, print_lines, print_styled_lines, print_table
 from envgraph.code import dataclass
 from envgraph.errors import WARNING_CODES, Diagnostic, InvalidArgument, LoadError, did_you_mean
 
@@ -32,6 +32,11 @@ KINDS: Final = {
 }
 """The titles of the kinds of codes. Each kind is a file `codes/KIND.toml`."""
 
+_STYLES: Final = {
+    **{"error `": "bold red", "warning `": "bold yellow", "Cure:": "green", "hint:": "cyan"},
+    **dict.fromkeys(("with, ", "wrong, ", "right:", "reported by:"), "bold"),
+}
+"""The styles of lines on a terminal, by how they begin."""
 _ECORE: Final = (
     '<ecore:EPackage xmi:version="2.0" xmlns:xmi="http://www.omg.org/XMI" '
     'xmlns:xsi="http://www.w3.org/2001/XMLSchema-instance" xmlns:ecore="http://www.eclipse.org/emf/2002/Ecore" '
@@ -116,7 +121,7 @@ def print_help(names: Sequence[str]) -> None:
         return
     for number, name in enumerate(names):
         if name in known:
-            print_lines("\n" * bool(number) + "\n".join(_explanation_lines(known[name])))
+            print_styled_lines("\n" * bool(number) + "\n".join(_explanation_lines(known[name])), _STYLES)
         else:
             root = click.get_current_context().find_root()
             command = commands.commands[name]

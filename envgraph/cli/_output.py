@@ -10,7 +10,7 @@ from __future__ import annotations
 import json
 import re
 import sys
-from collections.abc import Callable, Iterable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager, redirect_stdout
 from io import StringIO
 from pathlib import Path
@@ -72,6 +72,19 @@ def print_lines(text: str) -> None:
     """Print a text of several lines, tabs included, unless the output format is JSON."""
     if not wants_json():
         sys.stdout.write("".join(line + "\n" for line in _visible_lines(text)))
+
+
+def print_styled_lines(text: str, styles: Mapping[str, str]) -> None:
+    """Print a text of several lines; on a terminal, lines with a prefix in `styles` are printed in its style."""
+    if not sys.stdout.isatty():
+        print_lines(text)
+        return
+    from rich.console import Console
+    from rich.text import Text
+
+    console = Console(soft_wrap=True, highlight=False)
+    for line in _visible_lines(text):
+        console.print(Text(line, next((style for start, style in styles.items() if line.startswith(start)), "")))
 
 
 def _visible_lines(text: str) -> list[str]:
