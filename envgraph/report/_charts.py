@@ -247,5 +247,5 @@ def _dash_attribute(colour_number: int, series: Series) -> str:
 
 
 def _format_tick(value: float) -> str:
-    """Format a tick's label: thousands separated by a thin space, no trailing zeros."""
-    return f"{value:,.0f}".replace(",", "\u2009") if abs(value) >= 1000 else f"{value:g}"
+    """Format a tick's label: thousands separated by commas, no trailing zeros."""
+    return f"{value:,.0f}" if abs(value) >= 1000 else f"{value:g}"

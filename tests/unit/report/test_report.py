@@ -75,6 +75,11 @@ def test_a_chart_places_points_by_their_values() -> None:
     assert x1 < x2 and y1 > y2  # pixels count downwards
 
 
+def test_thousands_at_an_axis_are_separated_by_commas() -> None:
+    labels = [one.text for one in chart(Series("a", (0, 12_000), (0, 1))).iter() if one.tag.endswith("text")]
+    assert "10,000" in labels and not any("\\" in (label or "") for label in labels)
+
+
 def test_a_chart_is_escaped_and_labelled() -> None:
     root = chart(Series("<b>", (0, 1), (0, 1)))
     texts = [element.text for element in root.iter("text")]
