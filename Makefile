@@ -52,7 +52,7 @@ pictures: $(VENV)/.test
 # --- a release: the changelog, the version, and packages below dist; it prints the commands that publish them ---
 
 release: $(VENV)/.release
-	$(BIN)/python scripts/release.py $(VERSION)
+	$(BIN)/python docs/release.py $(VERSION)
 
 # --- checks ---
 
