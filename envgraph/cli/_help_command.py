@@ -37,6 +37,8 @@ _STYLES: Final = {
     **dict.fromkeys(("with, ", "wrong, ", "right:", "reported by:"), "bold"),
 }
 """The styles of lines on a terminal, by how they begin."""
+_BLOCK_FILES: Final = ("maze.environment", "maze.model")
+"""The files that consist of one block. An example stands at its end."""
 _ECORE: Final = (
     '<ecore:EPackage xmi:version="2.0" xmlns:xmi="http://www.omg.org/XMI" '
     'xmlns:xsi="http://www.w3.org/2001/XMLSchema-instance" xmlns:ecore="http://www.eclipse.org/emf/2002/Ecore" '
@@ -88,7 +90,7 @@ class CodeExplanation:
         return "\n\n".join(str(one) for one in found if one.code == self.code)
 
     def to_dict(self) -> dict[str, object]:
-        """Return the explanation as JSON-ready data; what the code has no example of is None."""
+        """Return the explanation as JSON-ready data; missing parts are empty."""
         data = {name: getattr(self, name) for name in ("code", "kind", "severity", "means", "cure", "file", "also")}
         return {**data, "wrong": self.wrong, "message": self.messages(), "right": self.right, "shell": self.shell}
 
@@ -147,14 +149,19 @@ def _explanation_lines(one: CodeExplanation) -> Iterator[str]:
         for file, text in one.also.items():
             yield f"\nwith, {example_place(file)}:\n\n{_indented(text)}"
         yield f"\nwrong, {example_place(one.file)}:\n\n{_indented(one.wrong)}\n\n{one.messages()}"
-        yield f"\nright:\n\n{_indented(one.right)}"
+        yield f"\nright:\n\n{_indented(one.right or '(leave it out)')}"
     if one.shell:
         yield f"\nreported by:\n\n{_indented(one.shell)}"
 
 
 def example_place(file: str) -> str:
-    where = "at the end of " if file.startswith("maze.") else "inside of the package of " if "ecore" in file else ""
-    return f"{where}`{file}`" + (" of a new domain `maze`" if where or file == "family.toml" else "")
+    """Return where the text of an example stands: in a file of the domain `maze`, or alone in a file."""
+    if file == "family.toml":
+        return "`family.toml` of a new domain `maze`"
+    if file.startswith("maze."):
+        block = "the block of " if file in _BLOCK_FILES else ""
+        return f"at the end of {block}`{file}` of a new domain `maze`"
+    return f"inside of the package of `{file}`" if file == "example.ecore" else f"`{file}`"
 
 
 def _indented(text: str) -> str:
@@ -171,7 +178,7 @@ def _diagnose_example(examples: Mapping[str, str], file: str) -> list[Diagnostic
     for name, example in examples.items():
         if name == "family.toml":
             texts[name] = _replace_tables(texts[name], example)
-        elif name in ("maze.environment", "maze.model"):  # the example stands at the end of the last block
+        elif name in _BLOCK_FILES:  # the example stands at the end of the last block
             head, brace, _ = texts[name].rpartition("}")
             texts[name] = f"{head}\n{example.strip()}\n{brace}\n"
         elif name == "example.ecore":
