@@ -9,8 +9,8 @@ Fenced blocks are told apart by the words after the fence, which readers do not 
 - `query cloud.query file` is that file in the directory of the page, as a reader saves it; `cloud.query append` adds
   to it.
 - `python` and `sh` blocks of a page run one after the other in one empty directory; a `text` block after one of them
-  is what it prints. `skip` is for what takes too long. A search for a family that teaches is cut short in a `shorter`
-  block, which shows nothing of the result.
+  is what it prints. `sh wrong` fails, and its `text` block shows the errors, too. `skip` is for what takes too long. A
+  search for a family that teaches is cut short in a `shorter` block, which shows nothing of the result.
 """
 
 from __future__ import annotations
@@ -338,8 +338,9 @@ def run_command(block: Block, words: list[str]) -> str:
                 code = main()
             except SystemExit as stop:
                 code = stop.code
-    assert not code, f"{block}: {printed.getvalue()}{told.getvalue()}"
-    return printed.getvalue()
+    wrong = "wrong" in block.words
+    assert bool(code) == wrong, f"{block}: {printed.getvalue()}{told.getvalue()}"
+    return (told.getvalue() if wrong else "") + printed.getvalue()
 
 
 @pytest.mark.parametrize("page", [page for page in PAGES if runs(page)], ids=page_name)
