@@ -6,19 +6,18 @@ import tempfile
 from pathlib import Path
 
 import envgraph
-from docs.pictures.tutorial_files import save_files, write_picture
+from docs.pictures.tutorial_files import save_files, svg_of, write_pictures
 from envgraph.search import family_svg, generate
 
 
-def main() -> None:
-    """Write two pictures: the model and the family."""
+def pictures() -> dict[str, str]:
+    """Return the model and the family: SVG by the name of the file."""
     with tempfile.TemporaryDirectory() as folder:
         save_files("clinic", Path(folder))
         model = envgraph.open(f"{folder}/monday.model").model
         family = generate(f"{folder}/family.toml", Path(folder, "run.sqlite"))
-        write_picture("clinic-model", model.picture())
-        write_picture("clinic-family", family_svg(family))
+        return {"clinic-model.svg": svg_of(model.picture()), "clinic-family.svg": family_svg(family)}
 
 
 if __name__ == "__main__":
-    main()
+    write_pictures(pictures())

@@ -6,24 +6,26 @@ import tempfile
 from pathlib import Path
 
 import envgraph
-from docs.pictures.tutorial_files import save_files, write_picture
+from docs.pictures.tutorial_files import save_files, svg_of, write_pictures
 
-SHOWN = ("Host", "Service")
+DRAWN = ("Host", "Service")
 
 
-def main() -> None:
-    """Write four pictures: the classes, the model, the model after the unit, and a match."""
+def pictures() -> dict[str, str]:
+    """Return the classes, the model, a match in it, and the model after the unit: SVG by the name of the file."""
     with tempfile.TemporaryDirectory() as folder:
         save_files("modelling", Path(folder))
         engine = envgraph.open(f"{folder}/shop.xmi", f"{folder}/cloud.rules", seed=1)
-    write_picture("modelling-classes", engine.model.metamodel.picture())
-    write_picture("modelling-model", engine.model.picture(classes=SHOWN))
     overloaded = engine.first("overloaded")
     assert overloaded is not None
-    write_picture("modelling-match", engine.model.picture(classes=SHOWN, highlight=overloaded))
+    before = {
+        "modelling-classes.svg": svg_of(engine.model.metamodel.picture()),
+        "modelling-model.svg": svg_of(engine.model.picture(classes=DRAWN)),
+        "modelling-match.svg": svg_of(engine.model.picture(classes=DRAWN, highlight=overloaded)),
+    }
     engine.run("evacuate", host=engine.model["h3"])
-    write_picture("modelling-after", engine.model.picture(classes=SHOWN))
+    return {**before, "modelling-after.svg": svg_of(engine.model.picture(classes=DRAWN))}
 
 
 if __name__ == "__main__":
-    main()
+    write_pictures(pictures())

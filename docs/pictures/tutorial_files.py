@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+from collections.abc import Mapping
 from pathlib import Path
 
 from envgraph.draw import Picture
@@ -18,7 +19,12 @@ def save_files(tutorial: str, folder: Path) -> None:
         (folder / name).write_text(text, encoding="utf-8")
 
 
-def write_picture(name: str, picture: Picture | str) -> None:
-    """Write a picture beside the tutorials. Graphviz is not used, so that the picture is the same on all machines."""
-    text = picture if isinstance(picture, str) else picture.to_svg(graphviz=False)
-    replace_file(TUTORIALS / f"{name}.svg", text.rstrip("\n") + "\n")
+def svg_of(picture: Picture) -> str:
+    """Return a picture as SVG. Graphviz is not used, so that the picture is the same on all machines."""
+    return picture.to_svg(graphviz=False)
+
+
+def write_pictures(pictures: Mapping[str, str]) -> None:
+    """Write pictures, SVG by the names of their files, beside the tutorials."""
+    for name, text in pictures.items():
+        replace_file(TUTORIALS / name, text)
