@@ -21,7 +21,7 @@ def pictures() -> dict[str, str]:
     before = {
         "modelling-classes.svg": svg_of(engine.model.metamodel.picture()),
         "modelling-model.svg": svg_of(engine.model.picture(classes=DRAWN)),
-        "modelling-match.svg": svg_of(engine.model.picture(classes=DRAWN, highlight=overloaded)),
+        "modelling-match.svg": svg_of(overloaded.picture(distance=2, classes=DRAWN)),
     }
     engine.run("evacuate", host=engine.model["h3"])
     return {**before, "modelling-after.svg": svg_of(engine.model.picture(classes=DRAWN))}
