@@ -130,15 +130,15 @@ def sheet(pictures: Sequence[tuple[str, str]], title: str, *, columns: int = 3, 
     return _document(width, BORDER + -(-len(pictures) // columns) * row, title, body)
 
 
-def tile(svg: str, title: str, words: str, *, size: int = 220) -> str:
-    """Return a picture as a part of a gallery: all tiles have the same size, and a title and some words below."""
+def tile(svg: str, title: str, words: str, *, size: int = 160) -> str:
+    """Return a picture as a part of a gallery: all tiles have the same size. Two fit on the screen of a phone."""
     width, height = size_of(svg)
-    room, high = size - 2 * BORDER, size - 2 * BORDER - 3 * LEAST_LETTERS
+    room, high = size - 2 * BORDER, size - 2 * BORDER - 2.4 * LEAST_LETTERS
     scale = min(room / width, high / height)
     x, y = BORDER + (room - scale * width) / 2, BORDER + (high - scale * height) / 2
     body = [_nested(svg, x, y, scale * width, scale * height), *elements_of(svg), "</svg>"]
-    body.append(f'<g font-weight="bold">{_text(size / 2, size - BORDER - 20, LEAST_LETTERS, title, "middle")}</g>')
-    body.append(_text(size / 2, size - BORDER, LEAST_LETTERS - 2, words, "middle"))
+    body.append(f'<g font-weight="bold">{_text(size / 2, size - BORDER - 16, LEAST_LETTERS, title, "middle")}</g>')
+    body.append(_text(size / 2, size - BORDER + 2, LEAST_LETTERS - 3, words, "middle"))
     return _document(size, size, f"{title}: {words}", body)
 
 

@@ -34,7 +34,7 @@ ENVIRONMENTS = {
     "lava": ("Lava", "rooms as in MiniGrid"),
     "network": ("Routing Network", "routers, links, a packet"),
     "sokoban": ("Sokoban", "boxes pushed onto goals"),
-    "taxi": ("Taxi", "Gymnasium's, state by state"),
+    "taxi": ("Taxi", "as in Gymnasium"),
     "triage": ("Triage", "an emergency room"),
     "warehouse": ("Warehouse", "two robots take turns"),
 }

@@ -167,7 +167,7 @@ def assignment_pictures() -> dict[str, str]:
     engine, _ = optimise_domain(domain)
     both = [(before, "without classes: 0"), (assignment_picture(engine), f"after 5,000 moves: {cra(engine):.4g}")]
     return {
-        "assignment.svg": tile(before, "Assignment", "which class gets a method?"),
+        "assignment.svg": tile(before, "Assignment", "methods and classes"),
         "assignment-classes.svg": sheet(both, "A program before and after optimisation", columns=1, size=290),
     }
 
