@@ -56,6 +56,11 @@ class Step:
     gain: float
     end: str = ""
 
+    @property
+    def result(self) -> str:
+        """Return the end, if the episode has ended, and the return so far."""
+        return f"{self.end and self.end + ', '}return {self.gain:z.4g}"
+
 
 def main(names: Sequence[str]) -> None:
     """Write the pictures of some environments, or of all domains; and replace the tables of families in the pages."""
@@ -84,17 +89,10 @@ def episode_pictures(name: str) -> dict[str, str]:
     """Return the picture of the initial model, and the animated episode of the best policy, by their file names."""
     steps = [*episode(name)]
     count, (last, title) = len(steps) - 1, (steps[-1], ENVIRONMENTS[name][0])
-    ended = f", {last.end}" if last.end else ""
-    frames = [
-        Frame(
-            one.svg,
-            f"{number}: {one.action}" if number else "start",
-            f"{one.end or 'return'} {one.gain:z.4g}" if number else "",
-        )
-        for number, one in enumerate(steps)
-    ]
+    frames = [Frame(steps[0].svg, "start")]
+    frames += [Frame(one.svg, f"{number}: {one.action}", one.result) for number, one in enumerate(steps[1:], 1)]
     how = "a shortest plan" if name in PLANNED else "an episode of the best policy"
-    words = f"{title}: {how}, {count} steps, return {last.gain:z.4g}{ended}"
+    words = f"{title}: {how}, {count} steps, {last.result}"
     return {f"{name}.svg": tile(steps[0].svg, *ENVIRONMENTS[name]), f"{name}-episode.svg": film(frames, words)}
 
 
