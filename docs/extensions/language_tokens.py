@@ -22,9 +22,12 @@ from grammar_files import (
     reachable_rules,
     read_grammar_file,
 )
+from grammar_text import part_text
 
 NAME = "NAME"
 _DEFINING_RULES = ("definition", "clause")
+_KEYWORDS_AS_NAMES = "COUNT | SUM | MIN | MAX | AVG"
+"""The alternative of the grammar that reads these keywords as names of variables."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -111,7 +114,7 @@ class _Adjacency:
             case Reference():
                 return self._known[part]
             case Choice(parts):
-                all_edges = [self._edges(one) for one in parts]
+                all_edges = [self._edges(one) for one in parts if part_text(one) != _KEYWORDS_AS_NAMES]
                 return _Edges(
                     set().union(*(one.first for one in all_edges)),
                     set().union(*(one.last for one in all_edges)),

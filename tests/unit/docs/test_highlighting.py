@@ -52,7 +52,8 @@ def test_words_of_bundled_files_are_names_where_the_parser_reads_names(language:
         tree = parse(language, Source(str(path), text)).tree
         assert tree is not None
         tokens = tree.scan_values(lambda token: token is not None and token.type == "NAME")
-        expected = {token.start_pos for token in tokens}
+        variables = [child.children[0] for child in tree.find_data("variable")]
+        expected = {token.start_pos for token in (*tokens, *variables)}
         assert names_at(language, text) == expected, path
 
 
@@ -88,12 +89,18 @@ def test_unknown_characters_are_errors() -> None:
     [
         ("environment", "action go(x : Cell) = move(x)", "x"),
         ("model", "Sea { row = 3 }", "row"),
+        ("query", "pattern p(c : A, n) { A.size(c, count); }", "count"),
         ("metamodel", "class Enum { String class }", "class"),
         ("query", "find out.size(^check)", "^check"),
     ],
 )
 def test_words_where_no_keyword_can_occur_are_names(language: str, text: str, name: str) -> None:
     assert text.rindex(name) in names_at(language, text)
+
+
+def test_aggregates_are_keywords_before_a_relation() -> None:
+    text = "n == count find p(x); m == max A.size(x, #);"
+    assert names_at("query", text).isdisjoint({text.index("count"), text.index("max")})
 
 
 def test_tokens_of_the_expressions_belong_to_the_languages_that_import_them() -> None:
