@@ -45,7 +45,7 @@ toc_object_entries_show_parents = "hide"
 
 html_theme = "furo"
 html_title = "envgraph"
-pygments_dark_style = "a11y-high-contrast-dark"  # Furo takes its counterpart for light
+pygments_dark_style = "github-dark-high-contrast"
 html_copy_source = False
 html_static_path = ["static"]
 html_css_files = ["site.css"]
