@@ -50,8 +50,8 @@ _RECORDED_STEPS: Final = 40
 def write_package(family: Family, folder: Path, templates: Path | None = None) -> list[Path]:
     """Write the files that templates render for a family. The built-in templates write an installable package.
 
-    Nothing is written if an error occurs. The values available in templates are documented in `docs/howto/export-code.md`,
-    "Code from templates".
+    Nothing is written if an error occurs. The values available in templates are documented in
+    `docs/howto/export-code.md`, "Code from templates".
 
     Args:
         family: the family. It needs an environment if the templates use values of the environment.
