@@ -3,8 +3,8 @@
 ```{codes} query
 ```
 
-writes a section for each code of `envgraph/cli/codes/query.toml`, with an anchor such as `#used-once`. Without a kind it
-writes a table of all codes with links to their sections.
+writes a section for each code of `envgraph/cli/codes/query.toml`, with an anchor such as `#used-once`. Without a kind
+it writes a table of all codes with links to their sections.
 """
 
 from __future__ import annotations
