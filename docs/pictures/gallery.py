@@ -16,9 +16,8 @@ from pathlib import Path
 import envgraph
 from docs.pictures import models
 from docs.pictures.drawing import Frame, film, sheet, tile
-from envgraph.env import EnvgraphEnv, EnvgraphLiveEnv
+from envgraph.env import EnvgraphEnv, EnvgraphLiveEnv, scene_svg
 from envgraph.env.compiled import Plans
-from envgraph.env.scene._scene_svg import scene_svg
 from envgraph.files import replace_file
 from envgraph.lang import bundled_domain
 from envgraph.search import Domain, Family, Verification, format_certificates, generate, open_family, verify
