@@ -7,7 +7,7 @@ import sys
 from pathlib import Path
 
 HERE = Path(__file__).parent
-SHARED = {"__init__", "__main__", "drawing", "models"}
+SHARED = {"__init__", "__main__", "drawing", "models", "tutorial_files"}
 
 
 def main() -> None:

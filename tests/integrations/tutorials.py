@@ -2,11 +2,14 @@
 
 from __future__ import annotations
 
+import subprocess
+import sys
 from pathlib import Path
 
 import pytest
 
 from tests.integrations.documented import run_section
+from tests.unit.test_docs import ROOT, blocks
 
 pytest.importorskip("stable_baselines3")  # modules are imported in `make test`, too, for their doctests
 
@@ -27,6 +30,18 @@ def test_the_agent_of_the_beach_solves_beaches_that_it_has_never_seen() -> None:
     assert isinstance(found, dict)
     shares = {label: result.success.mean() for label, result in found.items()}
     assert shares["random actions"] < 0.15 and shares["one beach"] < 0.2 and shares["320 beaches"] > 0.85
+    # The edits that section 6 of the other tutorial asks for.
+    for name, line, other in (
+        ("beach.environment", "    observe around crab 5 x 5\n", ""),
+        ("family.toml", "samples.count = 400", 'objective = { kind = "learning" }'),
+    ):
+        text = Path(name).read_text("utf-8")
+        assert line in text
+        Path(name).write_text(text.replace(line, other), "utf-8")
+    words = [sys.executable, "-m", "envgraph", "generate", ".", "--name", "curriculum"]
+    lines = subprocess.run(words, capture_output=True, text=True, check=True).stdout.splitlines()
+    shown = [block.text for block in blocks(ROOT / "docs/tutorials/curriculum.md") if block.text.startswith("Beach")]
+    assert [lines[0], "...", lines[-1]] == shown[0].splitlines()
 
 
 def test_the_curriculum_of_the_maze_teaches_tables_and_networks() -> None:
