@@ -97,7 +97,7 @@ def training_picture(beaches: Family) -> str:
 
 def pictures() -> Iterator[tuple[str, str]]:
     """Yield the name and the text of each picture; the present directory has the files of the page."""
-    yield "classes", envgraph.open("beach.model").model.metamodel.to_svg()
+    yield "classes", envgraph.open("beach.model").model.metamodel.picture().to_svg(graphviz=False)
     beaches = generate("family.toml", Path("run.sqlite"))
     target = beaches.members[-1]
     yield "world", side_by_side([beaches.svg(target)], [""], 7, "The beach of the page: the target")
