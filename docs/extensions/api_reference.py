@@ -32,7 +32,7 @@ class Api(SphinxDirective):
         names = sorted((public_name(package, name) for name in exports_of(package)), key=lambda one: one.name.lower())
         parts: dict[str, list[str]] = {}
         for one in names:
-            heading, lines = _other_package(one) if one.package != package else _documentation(one)
+            heading, lines = _other_package(package, one) if one.package != package else _documentation(one)
             parts.setdefault(heading, []).extend(lines)
         first = self._parse([f".. py:module:: {package}", "   :no-typesetting:"])
         return [*first, *(self._section(heading, parts[heading]) for heading in _HEADINGS if heading in parts)]
@@ -48,7 +48,7 @@ class Api(SphinxDirective):
         return self.parse_text_to_nodes(text, allow_section_headings=False)
 
 
-_HEADINGS = ("Classes", "Functions", "Exceptions", "Constants and types", "From other packages")
+_HEADINGS = ("Classes", "Functions", "Exceptions", "Constants and types", "Names from other packages")
 
 
 def _documentation(one: PublicName) -> tuple[str, list[str]]:
@@ -68,10 +68,12 @@ def _documentation(one: PublicName) -> tuple[str, list[str]]:
     return "Constants and types", [*lines, "", *documented, ""]
 
 
-def _other_package(one: PublicName) -> tuple[str, list[str]]:
-    """Return a line that leads to the documentation of a name in another package."""
+def _other_package(package: str, one: PublicName) -> tuple[str, list[str]]:
+    """Return a line that leads from a name of a package to its documentation in another package."""
     summary = (inspect.getdoc(one.value) or "").partition("\n\n")[0].split("\n")
-    return "From other packages", [f"- :py:obj:`{one.path}`: {' '.join(_as_rst(summary, one.package))}"]
+    return "Names from other packages", [
+        f"- :py:obj:`{package}.{one.name} <{one.path}>`: {' '.join(_as_rst(summary, one.package))}"
+    ]
 
 
 def _as_rst(lines: list[str], package: str) -> list[str]:

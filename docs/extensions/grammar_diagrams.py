@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import posixpath
 import re
 from html import escape
 from typing import TYPE_CHECKING, Any
@@ -139,7 +140,8 @@ class Railroad(SphinxDirective):
 
     def _page_address(self, file: str) -> str:
         target = PAGES[file]
-        return "" if target == self.env.docname else self.env.app.builder.get_relative_uri(self.env.docname, target)
+        here = posixpath.dirname(self.env.docname)
+        return "" if target == self.env.docname else f"{posixpath.relpath(target, here or '.')}.html"
 
 
 def setup(app: Sphinx) -> dict[str, bool]:
