@@ -29,6 +29,8 @@ def convert_file(file: str, output: Path, inputs: Inputs, *, lossy: bool) -> Non
     Raises:
         InvalidArgument: the format is unknown, or the format cannot hold all of the content and `lossy` is False.
     """
+    if output.suffix == ".metamodel":
+        raise InvalidArgument("`.metamodel` files are written by hand; a metamodel is converted to `.ecore`")
     check_format(output, _FORMATS)
     whole = output.suffix == ".ecore"
     if not whole:

@@ -151,8 +151,8 @@ def why_not() -> None:
     "-w",
     metavar="NAME=VALUE",
     multiple=True,
-    help="Fix a variable of the match, or a parameter: an object by its name, or a value. A parameter that a "
-    "unit needs may be omitted if its class has only one object.",
+    help="Fix a variable of the match, or a parameter: an object by its name, key or number, or a value. "
+    "A parameter that a unit needs may be omitted if its class has only one object.",
 )
 @variant_option
 @inputs_options

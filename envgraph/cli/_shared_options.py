@@ -91,7 +91,7 @@ where_option = click.option(
     "-w",
     metavar="NAME=VALUE",
     multiple=True,
-    help="Fix a parameter: an object by its name, or a value.",
+    help="Fix a parameter: an object by its name, key or number, or a value.",
 )
 overrides_option = click.option(
     "--set",

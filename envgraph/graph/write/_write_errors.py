@@ -36,7 +36,8 @@ def unknown_object_error(graph: Graph, object_name: object) -> InvalidArgument:
         *(name for name, node in graph.store.by_name.items() if node is not None),
         *(place for place, node in graph.grid_positions.items() if graph.alive(node)),
     ]
-    return InvalidArgument(f"`{graph.name}` has no object `{object_name}`", did_you_mean(object_name, used))
+    hint = did_you_mean(object_name, used) or "objects without a name are in `model.nodes(..)`, by class"
+    return InvalidArgument(f"`{graph.name}` has no object `{object_name}`", hint)
 
 
 def not_instantiable_error(metamodel: Metamodel, cls: str) -> TypeMismatch:

@@ -407,6 +407,7 @@ class Loader:
 
             self.metamodels.ecore[ECORE] = ecore_metamodel_document(), None
             self.files_read[ECORE] = LoadedFile()
+        incomplete = self.incomplete
         while self.unresolved_imports:
             import_, beside = self.unresolved_imports.pop(0)
             known = self.metamodels.importable_names()
@@ -418,7 +419,7 @@ class Loader:
                 self.files_read[beside].imports.append((import_, target))
                 self._read_with_imports(target, import_)
                 continue
-            if self.metamodels.has_unreadable_file:
+            if incomplete or self.metamodels.has_unreadable_file:
                 continue  # The import may refer to a metamodel that could not be read.
             hint = similar_uri_hint(import_.path, known)
             if hint is None:

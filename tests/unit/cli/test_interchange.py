@@ -76,6 +76,12 @@ def test_a_missing_metamodel_gets_a_hint_to_the_option(run: Run) -> None:
     assert "--metamodel" in err and err.count("hint:") == 1
 
 
+def test_a_missing_model_is_the_only_error_where_it_may_have_named_the_metamodel(run: Run) -> None:
+    code, _, err = run("match", DATA / "none.xmi", DATA / "railway.vql", "posLength")
+    assert code == 1
+    assert "none.xmi:1:1: there is no such file" in err and "no metamodel has the uri" not in err
+
+
 def test_a_model_that_names_its_metamodel_needs_no_option(run: Run) -> None:
     code, out, _ = run("match", DATA / "library.xmi", DATA / "library.vql", "freeBook")
     assert code == 0 and "Emma" in out
@@ -100,6 +106,7 @@ def test_metamodels_and_models_are_converted(run: Run, tmp_path: Path) -> None:
     ("arguments", "message"),
     [
         (("railway.xmi", "out.xml"), "cannot be written; did you mean `.xmi`?"),
+        (("railway.ecore", "out.metamodel"), "a metamodel is converted to `.ecore`"),
         (("railway.xmi", "out.ecore"), "load its `.ecore` or `.metamodel` file too"),
         (("railway.vql", "out.xmi"), "is a file of patterns, not a model (.model, .xmi, .json)"),
         (("railway.ecore", "out.json"), "is a metamodel, not a model (.model, .xmi, .json)"),

@@ -23,6 +23,8 @@ def test_handles_are_equal_by_model_and_id():
 def test_handles_to_missing_objects_are_refused():
     with pytest.raises(InvalidArgument, match="`square` has no object 99"):
         forest().node(99)
+    with pytest.raises(InvalidArgument, match=r"`square` has no object `Xyz123`; .*`model.nodes"):
+        forest()["Xyz123"]
 
 
 def test_repr_shows_class_id_name_and_key():
