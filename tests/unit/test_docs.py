@@ -64,6 +64,7 @@ REFERENCE = [
         "objective",
     )
 ]
+ERRAND = ROOT / "docs" / "examples" / "errand"
 COMMANDS = ROOT / "docs" / "reference" / "commands.md"
 PAGES = [ROOT / "README.md", *sorted((ROOT / "docs").rglob("*.md"))]
 
@@ -120,7 +121,7 @@ def reference_blocks(word: str) -> Iterator[tuple[Block, Block | None]]:
 
 def garden() -> dict[str, str]:
     """The files of the example of the reference."""
-    files: dict[str, str] = {}
+    files = {path.name: path.read_text(encoding="utf-8") for path in sorted(ERRAND.iterdir())}
     current: dict[str, str] = {}
     for block in (block for page in REFERENCE for block in blocks(page)):
         if block.language not in (*LANGUAGES, "toml") or set(block.words) & {"wrong", "clause", "part"}:
@@ -224,6 +225,11 @@ def test_rules_and_units_of_the_reference_apply_to_all_their_matches() -> None:
         taken = engine.signature(unit).parameters
         assert engine.run(unit, **{one.name: engine.model["hedgehog"] for one in taken})
         engine.checkout(start, discard=True)
+
+
+def test_the_recipes_show_the_environment_of_the_example() -> None:
+    shown = GARDEN["errand.environment"]
+    assert shown.strip() == (ERRAND / "errand.environment").read_text(encoding="utf-8").strip()
 
 
 @pytest.mark.usefixtures("garden_directory")
