@@ -42,6 +42,9 @@ ENVIRONMENTS = {
 HEAD = ("environment", "states", "shortest plan", "random success", "optimal return")
 """The columns of the table of a family."""
 
+ROWS = 4
+"""The largest number of members in such a table; `envgraph verify` prints all members."""
+
 PLANNED = {"warehouse"}
 """The domains with too many states for a table."""
 
@@ -137,9 +140,16 @@ def family_picture(name: str, family: Family) -> dict[str, str]:
 
 
 def family_table(family: Family) -> str:
-    """Return the certificates of the members of a family as a Markdown table."""
-    rows = [HEAD, ("---", *["---:"] * (len(HEAD) - 1)), *map(table_row, verify(family))]
+    """Return the certificates of some members of a family as a Markdown table."""
+    found = [*verify(family)]
+    rows = [HEAD, ("---", *["---:"] * (len(HEAD) - 1)), *(table_row(found[one]) for one in shown_places(len(found)))]
     return "".join(f"| {' | '.join(row)} |\n" for row in rows)
+
+
+def shown_places(members: int) -> list[int]:
+    """Return the places of the first member, the last member and evenly spaced members between, at most `ROWS`."""
+    rows = min(ROWS, members)
+    return [round(row * (members - 1) / (rows - 1)) for row in range(rows)]
 
 
 def table_row(found: Verification) -> tuple[str, ...]:
