@@ -45,6 +45,13 @@ def test_committed_families_are_what_the_script_makes(
     assert gallery.with_table(page, gallery.family_table(family)) == page
 
 
+@pytest.mark.parametrize(("members", "places"), [(3, [0, 1, 2]), (4, [0, 1, 2, 3]), (13, [0, 4, 8, 12])])
+def test_a_table_of_a_family_has_at_most_four_members_with_the_first_and_the_last(
+    members: int, places: list[int]
+) -> None:
+    assert gallery.shown_places(members) == places
+
+
 @pytest.mark.parametrize("path", PICTURES, ids=lambda path: path.stem)
 def test_pictures_are_small_have_a_title_and_are_on_a_page(path: Path) -> None:
     text = path.read_text("utf-8")
