@@ -21,6 +21,7 @@ from envgraph.pattern import (
     Variable,
     base_of,
     check_expression,
+    class_warning,
     misspelling_warnings,
     static_type,
     type_text,
@@ -104,8 +105,11 @@ class CheckBase:
         uses = Counter([*names_elsewhere, *(one.name for one in places)])
         for one in places:
             if uses[one.name] == 1:
-                for found in misspelling_warnings(one, scope):
+                misspelt = [*misspelling_warnings(one, scope)]
+                for found in misspelt:
                     self.problems.append(replace(found, hint=f"{found.hint} for any value, write `_`"))
+                if not misspelt and one.name in self.metamodel.classes:
+                    self.problems.append(class_warning(one))
 
     def check_path(self, path: Expression, scope: Scope) -> StaticType | None:
         """Return the type of the value at the end of a path; report an expression that is no path and return None."""

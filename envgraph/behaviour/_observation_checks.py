@@ -112,7 +112,7 @@ class ViewChecks(CheckBase):
             return  # there is an error already
         types = dict(zip(observation.call.arguments, entries[asked.calls[observation.call.pattern]].types, strict=True))
         uses = Counter(one for one in variable_occurrences(observation.call) if is_bound_by_match(one, scope))
-        for variable in (one for one, count in uses.items() if count == 1):
+        for variable in (one for one, count in uses.items() if count == 1 and one.name not in self.metamodel.classes):
             if did_you_mean(variable.name, [*scope]) is None:  # else there is a warning already
                 message = f"`{variable.name}` stands for any value, so that there is one component in all"
                 hint = _unbound_hint(variable.name, types.get(variable), observation.each)

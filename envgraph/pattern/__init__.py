@@ -125,6 +125,7 @@ if TYPE_CHECKING:
         value_type as value_type,
     )
     from envgraph.pattern.check._variable_usage import (
+        class_warning as class_warning,
         misspelling_warnings as misspelling_warnings,
         quantified_variable_warning as quantified_variable_warning,
     )

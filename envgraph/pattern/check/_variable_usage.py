@@ -203,9 +203,9 @@ class UsageCheck:
 
     def _binding_hint(self, name: str, parameter: Parameter | None) -> str:
         type_ = self._types.type_of(name)
-        literal = self._literal_hint(name, type_)
-        if literal is not None:
-            return literal
+        meant = self._class_hint(name) or self._literal_hint(name, type_)
+        if meant is not None:
+            return meant
         if type_ is None or isinstance(type_, ObjectType):
             cls = type_text(type_) if type_ else "Class"
             return f"constrain it with `{cls}({name})`, a path or a `find`"
@@ -220,6 +220,17 @@ class UsageCheck:
         enums = self._types.metamodel.enum_types if type_ is None else (type_,)
         owners = [enum.name for enum in enums if isinstance(enum, EnumType) and name in enum.literals]
         return f"did you mean `{owners[0]}::{name}`?" if owners else None
+
+    def _class_hint(self, name: str) -> str | None:
+        """Return a hint for a local variable that is compared and has the name of a class, or None."""
+        if name in self._parameters or name not in self._types.metamodel.classes:
+            return None
+        for one in self._reading.body.constraints:
+            if isinstance(one, Comparison) and Variable(name) in (one.left, one.right):
+                other = one.left if one.right == Variable(name) else one.right
+                if isinstance(other, Variable):
+                    return f"write `{'neg ' * (one.operator == '!=')}{name}({other.name});`"
+        return None
 
     def _check_local(self, name: str) -> Iterator[Diagnostic]:
         places = self._reading.occurrences[name]
@@ -238,7 +249,10 @@ class UsageCheck:
         elif len(places) == 1 and not self._is_unclear:
             others = [other for other in self._reading.names if other != name and not other.startswith("_")]
             near = did_you_mean(name, others) if len(others) <= SHOWN.variables else None
-            near = self._literal_hint(name, self._types.type_of(name)) or near
+            near = self._class_hint(name) or self._literal_hint(name, self._types.type_of(name)) or near
+            if name in self._types.metamodel.classes:
+                yield class_warning(places[0].variable, near)
+                return
             hint = near or f"start its name with `_` (`_{name}`) if that is meant"
             yield _make_warning("used-once", f"`{name}` is referenced only once", places[0].variable.span, hint)
 
@@ -294,6 +308,13 @@ def quantified_variable_warning(variable: Variable) -> Diagnostic:
     message = f"`{variable.name}` is used only here, so it is quantified inside the call"
     hint = f"start its name with `_` (`_{variable.name}`) if that is meant"
     return _make_warning("quantified-variable", message, variable.span, hint)
+
+
+def class_warning(variable: Variable, hint: str | None = None) -> Diagnostic:
+    """Return the warning that a variable that occurs once has the name of a class."""
+    message = f"`{variable.name}` is a class, but stands for any value here"
+    hint = hint or f"write `{variable.name}(x);` in a pattern for an object `x` of class `{variable.name}`"
+    return _make_warning("used-once", message, variable.span, hint)
 
 
 def misspelling_warnings(variable: Variable, known: Iterable[str]) -> Iterator[Diagnostic]:
