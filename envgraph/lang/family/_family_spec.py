@@ -56,7 +56,7 @@ class MutationSpec:
     """The `[mutation]` table; the defaults are those of the paper (X. Liu and I. David, 2026).
 
     Attributes:
-        rules: names of rules, units and derived groups.
+        rules: names of rules (derived rules, too), units and derived groups.
         rate: probability that a child is mutated.
         initial_applications: smallest and largest number of rule applications that make a member of the first
             population.

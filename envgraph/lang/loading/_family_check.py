@@ -76,7 +76,13 @@ class _FamilyChecker:
         self._components = components
         self._patterns = _count_definitions((one.name, one.qualified_name) for one in workspace.patterns)
         rules: list[Rule | Unit | Derivation] = [*workspace.rules, *workspace.units, *workspace.derivations]
-        self._rules = _count_definitions((one.name, one.qualified_name) for one in rules)
+        groups = workspace.registration.groups if workspace.registration else {}
+        derived = [
+            (qualified.removeprefix(f"{one.package}.") if one.package else qualified, qualified)
+            for one in workspace.derivations
+            for qualified in groups.get(one.qualified_name, ())
+        ]
+        self._rules = _count_definitions([*((one.name, one.qualified_name) for one in rules), *derived])
 
     def check(self) -> Iterator[Diagnostic]:
         spec = self._spec
@@ -129,9 +135,9 @@ class _FamilyChecker:
             yield Diagnostic("missing-key", "this needs an environment, but the family file names none", span, hint)
 
     def _check_rule(self, name: LocatedName) -> Iterator[Diagnostic]:
-        group, dot, member = name.text.partition(".")
-        if dot and group in self._rules and member.count(".") == 1 and self._metamodel_has(member.split(".")):
-            return  # This is a member of a derived group, such as `retypings.Road.Water`.
+        group = name.text.partition(".")[0]
+        if group != name.text and group in self._rules and not any(one.startswith(f"{group}.") for one in self._rules):
+            return  # The group has errors, so its rules are unknown.
         if name.text not in self._rules and name.text in self._patterns:
             hint = "name a rule: a pattern changes nothing"
             yield Diagnostic("unknown-rule", f"`{name}` is a pattern, not a rule", name.span, hint)
@@ -153,10 +159,6 @@ class _FamilyChecker:
                     f"name a unit without parameters that calls `{name}`: `unit any {{ {signature.simple_name}(..); }}`"
                 )
                 yield Diagnostic("needs-arguments", message, name.span, hint)
-
-    def _metamodel_has(self, classes: Iterable[str]) -> bool:
-        metamodel = self._workspace.metamodel
-        return metamodel is not None and all(cls in metamodel.classes for cls in classes)
 
     def _check_name(self, name: str, span: Span | None, known: Mapping[str, int], what: str) -> Iterator[Diagnostic]:
         count = known.get(name, 0)

@@ -656,6 +656,14 @@ def test_operators_that_create_objects_with_other_keys_give_a_warning(
         assert problem.span.source.name.endswith("herd.model") and problem.hint and "`Cow1`" in problem.hint
 
 
+def test_search_applies_only_the_named_rule_of_a_group(tmp_path: Path) -> None:
+    calve = "rule calve { lhs { farm : Farm; } modify { create farm -cows-> calf : Cow; } }"
+    changes = ((calve, "derive cows = operators for Cow;"), ('"calve"', '"cows.create.Cow.cows"'))
+    family = generate(herd(tmp_path, *changes), tmp_path / "run.sqlite")
+    cows = [member.measures["cows"] for member in family.members]
+    assert min(cows) == 2 and max(cows) > 2
+
+
 @pytest.mark.parametrize(("together", "cows"), [("agents together", [2]), ("", [2, 3])])
 def test_members_may_differ_in_their_agents_only_if_agents_take_turns(
     tmp_path: Path, together: str, cows: list[int]
