@@ -42,12 +42,12 @@ def parse_marks(reading: FileReading, tree: Tree[Token]) -> RuleMarks:
     return marks
 
 
-def _parse_weight(reading: FileReading, tree: Tree[Token], marks: RuleMarks) -> None:
+def _parse_weight(reading: FileReading, tree: Tree[Token], marks: RuleMarks, may_be_zero: bool = False) -> None:
     value = _single_value(tree, "annotation_number")
     number = signed_number_of(value) if value else None
     if value is None or number is None:
         _report_wrong_arguments(reading, tree, "one number above 0", "write `@weight(2.0)`")
-    elif number <= 0:
+    elif number < 0 or (number == 0 and not may_be_zero):
         hint = "remove the rule if it must never be chosen"
         reading.error("bad-annotation", f"the weight is {number:g}, but must be above 0", value, hint)
     else:
@@ -59,7 +59,7 @@ def _parse_derivation_weight(reading: FileReading, tree: Tree[Token], marks: Rul
     arguments = [part for part in tree.children[1:] if isinstance(part, Tree)]
     unnamed = [part for part in arguments if part.data != "annotation_named"]
     if unnamed or not arguments:
-        _parse_weight(reading, Tree(tree.data, [tree.children[0], *unnamed], tree.meta), marks)
+        _parse_weight(reading, Tree(tree.data, [tree.children[0], *unnamed], tree.meta), marks, len(arguments) > 1)
 
 
 def _parse_priority(reading: FileReading, tree: Tree[Token], marks: RuleMarks) -> None:

@@ -34,8 +34,11 @@ ANNOTATIONS = {"retype": ("weight",), "operators": ("cap", "weight")}
 
 def check_derivation(derivation: Derivation, metamodel: Metamodel) -> list[Diagnostic]:
     """Return all errors and warnings of a derivation."""
+    # The weight 0 is allowed as the default of a group if a kind has a weight.
+    kinds = [value for one in derivation.annotations if one.name == "weight" for _, value in one.named]
+    is_default = derivation.weight == 0 and any(_is_weight(value) and value != 0 for value in kinds)
     problems = [
-        *check_weight(derivation.weight, derivation.annotations, derivation.span),
+        *(check_weight(derivation.weight, derivation.annotations, derivation.span) if not is_default else ()),
         *check_annotations(derivation.annotations, ANNOTATIONS[derivation.kind]),
         *_check_classes(derivation, metamodel),
     ]
@@ -185,9 +188,9 @@ def _check_annotations(derivation: Derivation) -> Iterator[Diagnostic]:
 def kind_weight(derivation: Derivation, kind: str) -> float:
     """Return the total weight of all operators of a kind; 0 means that the derivation leaves the kind out."""
     given = {name: value for one in derivation.annotations if one.name == "weight" for name, value in one.named}
-    weight = given.get(kind, 1.0)
+    weight = given.get(kind, derivation.weight)
     assert isinstance(weight, int | float)
-    return derivation.weight * weight
+    return weight
 
 
 def most_ways(derivation: Derivation) -> int:

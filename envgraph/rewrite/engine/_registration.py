@@ -165,7 +165,7 @@ class Registration:
 
     def _check_derivation(self, derivation: Derivation, library: Library) -> list[Diagnostic]:
         problems = self._derivations[id(derivation)]
-        name, weight = derivation.qualified_name, derivation.weight
+        name, weight = derivation.qualified_name, derivation.weight or 1.0
         self.directory.add_or_replace(Signature(name, "group", derivation.package, weight=weight))
         if name in self._derived:
             rules = self._derived.pop(name).rules

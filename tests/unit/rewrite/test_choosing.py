@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections import Counter
+from collections import Counter, defaultdict
 
 import numpy
 import pytest
@@ -116,6 +116,16 @@ def test_a_derivation_with_too_many_rules_is_refused(monkeypatch: pytest.MonkeyP
     assert not problems("derive d = retype among { Item, Special };")
 
 
+@pytest.mark.parametrize(("default", "others"), [("0", set()), ("0.5", {0.5})])
+def test_weights_of_kinds_replace_the_default_weight(default: str, others: set[float]) -> None:
+    made = engine(f"@weight({default}, set = 2, delete = 0) derive d = operators for Item;")
+    weights: dict[str, float] = defaultdict(float)
+    for name in made.rules:
+        weights[name.split(".")[1]] += made.prepare(name).weight
+    assert "delete" not in weights and weights.pop("set") == pytest.approx(2)
+    assert {round(weight, 6) for weight in weights.values()} == others
+
+
 @pytest.mark.parametrize(
     ("text", "code", "place"),
     [
@@ -126,6 +136,7 @@ def test_a_derivation_with_too_many_rules_is_refused(monkeypatch: pytest.MonkeyP
         ("derive d = operators for Itm;", "unknown-type", "Itm"),
         ("@weight(swop = 2) derive d = operators for Item;", "bad-annotation", "2"),
         ("@weight(swap = -1) derive d = operators for Item;", "bad-weight", "-1"),
+        ("@weight(0, set = 0) derive d = operators for Item;", "bad-weight", "@weight(0, set = 0)"),
         (
             "@weight(swap = 2) derive d = retype among { Item, Special };",
             "bad-annotation",

@@ -343,4 +343,4 @@ def test_the_cap_bounds_the_ways_of_creation() -> None:
     created = [name for name in garden.group("orchard") if ".create." in name]
     assert len(created) == 2
     assert not [name for name in garden.group("orchard") if ".delete." in name]
-    assert sum(garden.prepare(name).weight for name in created) == 1.0
+    assert sum(garden.prepare(name).weight for name in created) == 2.0
