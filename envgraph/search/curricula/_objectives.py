@@ -70,6 +70,7 @@ class LearningObjective:
     Raises:
         EvaluationError, RuleError: a state of the target causes an error.
         NotCompiled: the target has too many states for a table, and its behaviour cannot be compiled.
+        TooManyStates: the target has too many observations to number them.
         InvalidArgument: numba is not installed.
     """
 

@@ -156,6 +156,7 @@ def _learning_objective_maker(options: ComponentOptions, context: ComponentConte
     seed = context.spec.seed
 
     def make_objective(levels: LevelFactory, workers: int) -> CurriculumObjective:
+        from envgraph.env import TooManyStates
         from envgraph.env.compiled import NotCompiled
         from envgraph.search.curricula import LearningObjective
 
@@ -171,6 +172,9 @@ def _learning_objective_maker(options: ComponentOptions, context: ComponentConte
             notes = (note,) if reason.span else ()
             place = options.spec.span()
             raise LoadError([Diagnostic("not-compiled", message, place, hint, notes=notes)]) from reason
+        except TooManyStates as error:
+            hint = "observe less, such as a smaller window in `observe around`; without `[objective]` there is no limit"
+            raise LoadError([Diagnostic("too-many-states", error.message, options.spec.span(), hint)]) from error
 
     return make_objective
 

@@ -95,10 +95,12 @@ class ProgramLearnerGroup:
 
     Raises:
         InvalidArgument: numba is not installed, without which training is too slow.
+        TooManyStates: the observations have no index of 64 bits.
     """
 
     def __init__(self, settings: TrainingSettings, target: InProgram) -> None:
         _check_numba()
+        Learner(target.program)  # to report too many observations before the search
         self._settings, self._target = settings, target
 
     def train_and_play(

@@ -232,6 +232,20 @@ def test_unusable_target_is_reported_before_the_run_is_created(
     assert not (tmp_path / "run.sqlite").exists()
 
 
+@needs_numba
+def test_target_with_too_many_observations_for_learners_is_reported_before_the_run(tmp_path: Path) -> None:
+    folder = tmp_path / "domain"
+    copytree(data_path("rules", "burning_forest"), folder)
+    behaviour = folder / "burning_forest.environment"
+    window = "    observe around truck 31 x 31\n    observe "
+    behaviour.write_text(behaviour.read_text().replace("    observe ", window, 1))
+    with pytest.raises(LoadError, match="observations, but a table can have at most") as failure:
+        generate(str(folder / "teaching.toml"), tmp_path / "run.sqlite")
+    (problem,) = failure.value.diagnostics
+    assert problem.hint is not None and "observe less" in problem.hint
+    assert problem.span is not None and problem.span.text == '"learning"'
+
+
 @pytest.mark.parametrize(
     ("overrides", "message", "hint"),
     [
