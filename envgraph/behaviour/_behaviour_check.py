@@ -180,7 +180,9 @@ class _BehaviourChecker(CallChecks, ViewChecks):
             type_ = self._check_domain(domain)
             scope[name] = None if name in outer else type_
             count *= domain_size(domain, self.metamodel)
+        self.action = action
         outputs = self.check_branches(action.branches, scope)
+        self.action = None
         self.check_rewards(action, scope, outputs)
         self._check_keys(action, count)
         return count

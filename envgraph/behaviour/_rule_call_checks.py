@@ -19,7 +19,7 @@ from envgraph.errors import (
     name_hint,
     quote_with_article,
 )
-from envgraph.metamodel import Attribute, Scalar
+from envgraph.metamodel import Attribute, EnumType, Scalar
 from envgraph.pattern import (
     Constant,
     Expression,
@@ -40,6 +40,8 @@ class CallChecks(CheckBase):
 
     handles_refusals = False
     """True if an `on refused` clause is about the rules that the checked clauses call."""
+    action: Action | None = None
+    """The action whose branches are checked."""
     counted: Sequence[str] = ()
     """The classes through whose objects actions and observations count."""
 
@@ -146,10 +148,24 @@ class CallChecks(CheckBase):
         if len(call.arguments) != len(signature.parameters):
             count = count_with_noun(len(signature.parameters), "argument")
             message = f"{signature.kind} `{call.rule}` takes {count}, not {len(call.arguments)}"
-            wanted = ", ".join(parameter.name for parameter in signature.parameters)
-            self.report("wrong-arity", message, call.span, f"write `{signature.simple_name}({wanted})`")
+            self.report("wrong-arity", message, call.span, self._arity_hint(call, signature, scope))
             return _supposed_outputs(call, scope)
         return self._check_arguments(call, signature, scope)
+
+    def _arity_hint(self, call: RuleCall, signature: Signature, scope: Scope) -> str:
+        """Return a hint with all arguments of a call, and with the parameters that its action needs for them."""
+        names = [one.name for one in call.arguments if isinstance(one, Variable) and not one.is_anonymous]
+        names += [one.name for one in signature.parameters[len(names) :]]
+        text = f"{signature.simple_name}({', '.join(names[: len(signature.parameters)])})"
+        lacking = [
+            f"{one.name} : {type_text(one.type)}"
+            for one in signature.parameters[len(call.arguments) :]
+            if one.name not in scope and not one.is_output and isinstance(one.type, ObjectType | EnumType)
+        ]
+        if self.action is None or len(self.action.branches) > 1 or not lacking:
+            return f"write `{text}`"
+        own = [f"{name} : {domain.span.text}" for name, domain in self.action.parameters if domain.span]
+        return f"write `action {self.action.name}({', '.join([*own, *lacking])}) = {text}`"
 
     def _check_refusals(self, rule: str, span: Span | None) -> None:
         """Warn once of each rule that the model may refuse, unless an `on refused` clause is about it."""
