@@ -56,6 +56,7 @@ from envgraph.pattern import (
 )
 
 _NOTHING = "nothing"
+_SECOND_REWARD = "write one reward with the sum; for a reward in every step write `each step reward ..`"
 
 
 # --- actions ---
@@ -66,7 +67,7 @@ def parse_action(reading: FileReading, tree: Tree[Token]) -> Action:
     name = select_tokens(tree.children, "NAME")[0]
     domains = [part for group in select_trees(tree.children, "domains") for part in select_trees(group.children)]
     others = select_trees(tree.children, "other")
-    reward = reading.first_or_report("`reward`", select_trees(tree.children, "reward"), "write one reward with the sum")
+    reward = reading.first_or_report("`reward`", select_trees(tree.children, "reward"), _SECOND_REWARD)
     other_reward = reading.first_or_report("`else`", others)
     for other in others:
         if not select_tokens(other.children, "REWARD"):
@@ -157,7 +158,7 @@ _Part = Tree[Token] | None
 
 def _effect_parts(reading: FileReading, tree: Tree[Token]) -> tuple[_Part, _Part, _Part]:
     """Return the `reward`, the end of the episode and the `apply` of an effect clause. A missing part is None."""
-    reward = reading.first_or_report("`reward`", select_trees(tree.children, "reward"))
+    reward = reading.first_or_report("`reward`", select_trees(tree.children, "reward"), _SECOND_REWARD)
     end = reading.first_or_report("an end", select_trees(tree.children, "end"))
     return reward, end, reading.first_or_report("`apply`", select_trees(tree.children, "apply"))
 

@@ -49,6 +49,10 @@ class Repair:
     repetitions: int = 1
 
 
+_SYNONYMS = {"done": "terminate", "end": "terminate", "finish": "terminate", "window": "around", "view": "around"}
+"""By word: the keyword of environments that has this meaning."""
+
+
 class Recovery:
     """An error recovery that repairs a parse at syntax errors and collects the diagnostics.
 
@@ -191,9 +195,15 @@ class Recovery:
             lexeme, states = self._lexemes[place], self._stack.states[:kept]
             if lexeme.kind != "NAME" or lexeme.is_escaped or len(lexeme.value) <= 2:
                 continue
-            meant = most_similar(lexeme.value, self._reports.expected_keywords(states))
+            expected, following = self._reports.expected_keywords(states), self._lexemes[place + 1].value
+            synonym = _SYNONYMS.get(lexeme.value)
+            meant = synonym if synonym in expected else most_similar(lexeme.value, expected)
             if meant is not None:
                 hint = did_you_mean(lexeme.value, [meant])
+                if meant == synonym == "terminate":
+                    hint = f"write `terminate {following if following in ('success', 'failure') else 'success'}`"
+                elif meant == synonym:
+                    hint = f"write `observe around {following} 5 x 5`"
                 reported = "unexpected-token", f"unexpected `{lexeme.value}`", lexeme, hint
                 token, until = replace(lexeme, value=meant), self._line_end(index, index + _LOOKAHEAD)
                 yield Repair(place, kept, self._grammar.lexer.keywords[meant], token, False, until, reported)

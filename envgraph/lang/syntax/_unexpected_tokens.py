@@ -94,8 +94,13 @@ def habit_hint(grammar: Grammar, states: list[int], lexemes: Sequence[Lexeme], i
         if expected == "expected `=`":
             return f"{expected}; write several objects in brackets: `[{lexemes[index - 3].value}, {before[1]}]`"
     if "observe" in keywords:
-        if word == "reward" and any(one.value == "else" for one in lexemes[max(0, index - 6) : index]):
-            return "write the `reward` of an action before its `else reward`"
+        if word in ("success", "failure") and grammar.accepts(states, keywords["terminate"]):
+            return f"write `terminate {word}`"
+        if word == "reward" and grammar.accepts(states, keywords["each"]):
+            number = after + (lexemes[index + 2].value if after == "-" else "")
+            is_late = any(one.value == "else" for one in lexemes[max(0, index - 6) : index])
+            first = "write the `reward` of an action before its `else reward`; for a reward in every step " * is_late
+            return f"{first}write `each step reward {number}`"
         if (word, after) == (",", "with") or before == [",", "with"]:
             return "leave out the `,` before `with`"
         if word in ("near", "when", "where", "within") and grammar.accepts(states, keywords["if"]):
