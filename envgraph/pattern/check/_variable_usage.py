@@ -299,7 +299,8 @@ class UsageCheck:
             for term in terms
         ):
             message = f"the body holds only if {relation_text(place.relation)} has no match at all"
-            hint = "use a variable of the body as an argument, unless this is intended"
+            hint = "use a variable of the body as an argument"
+            hint += ', or write `@suppress("global-negation")` before the definition if this is meant'
             yield _make_warning("global-negation", message, place.relation.span, hint)
 
 
