@@ -160,7 +160,8 @@ class RunStore:
             InvalidArgument: the file exists and `overwrite` is False, or another process writes it.
         """
         if path.exists() and not overwrite:
-            raise InvalidArgument(f"{path} exists already")
+            hint = "write `overwrite=True` to replace it, call `resume` to continue its run, or choose another path"
+            raise InvalidArgument(f"{path} exists already", hint)
         path.parent.mkdir(parents=True, exist_ok=True)
         with ExitStack() as held:
             held.enter_context(write_lock(path))

@@ -88,13 +88,13 @@ class Sampling:
         ]
         return self._make_family(order_members(self._domain, found))
 
-    def write(self, store_path: Path) -> None:
-        """Write the members of the archive and their ancestors as a run.
+    def write(self, store_path: Path, *, overwrite: bool = False) -> None:
+        """Write the members of the archive and their ancestors as a run. With `overwrite` an old run is replaced.
 
         Raises:
-            InvalidArgument: the store exists already.
+            InvalidArgument: the store exists already, and `overwrite` is False.
         """
-        with RunStore.create(store_path, *stored_settings_and_texts(self._domain)) as store:
+        with RunStore.create(store_path, *stored_settings_and_texts(self._domain), overwrite=overwrite) as store:
             self._sampler.write_run(store)
 
     def _make_family(self, members: tuple[Member, ...]) -> Family:

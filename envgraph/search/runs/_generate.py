@@ -40,6 +40,7 @@ def generate(
     samples: int | None = None,
     overrides: Sequence[str] = (),
     components: Components | None = None,
+    overwrite: bool = False,
     progress: OnGeneration = lambda generation: None,
     climbing: OnCurriculumProgress = lambda progress: None,
     drawing: OnSampleProgress = lambda progress: None,
@@ -55,6 +56,7 @@ def generate(
         samples: number of distinct valid members to sample, instead of searching for a family.
         overrides: further settings that replace those of the family file, such as "mutation.rate=0.5", as for `--set`.
         components: the components that the family file may name; by default the built-in ones.
+        overwrite: True if an existing run is to be replaced.
         progress: called after every generation.
         climbing: called regularly during a curriculum search.
         drawing: called regularly during sampling.
@@ -68,7 +70,7 @@ def generate(
 
     Raises:
         LoadError: the files have errors, or the initial model violates a constraint or lacks a value.
-        InvalidArgument: the store exists already.
+        InvalidArgument: the store exists already, and `overwrite` is False.
     """
     given = {
         "seed": seed,
@@ -80,6 +82,7 @@ def generate(
     return generate_from_domain(
         Domain.load(location, components, [*chosen, *overrides]),
         store_path,
+        overwrite=overwrite,
         progress=progress,
         climbing=climbing,
         drawing=drawing,

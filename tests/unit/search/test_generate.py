@@ -656,6 +656,17 @@ def test_operators_that_create_objects_with_other_keys_give_a_warning(
         assert problem.span.source.name.endswith("herd.model") and problem.hint and "`Cow1`" in problem.hint
 
 
+def test_existing_run_is_replaced_only_on_demand(tmp_path: Path) -> None:
+    store = tmp_path / "run.sqlite"
+    first = generate(herd(tmp_path), store)
+    with pytest.raises(InvalidArgument, match=r"exists already[^`]*`overwrite=True`[^`]*`resume`"):
+        generate(herd(tmp_path), store, seed=2)
+    assert open_family(store).members == first.members
+    generate(herd(tmp_path), store, seed=2, overwrite=True)
+    with RunStore.open(store) as found:
+        assert "seed=2" in found.overrides
+
+
 def test_search_applies_only_the_named_rule_of_a_group(tmp_path: Path) -> None:
     calve = "rule calve { lhs { farm : Farm; } modify { create farm -cows-> calf : Cow; } }"
     changes = ((calve, "derive cows = operators for Cow;"), ('"calve"', '"cows.create.Cow.cows"'))

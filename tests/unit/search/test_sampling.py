@@ -73,8 +73,11 @@ def test_archive_of_a_sampling_can_be_written_as_a_run(tmp_path: Path) -> None:
     sampling.write(tmp_path / "run.sqlite")
     found = open_family(tmp_path / "run.sqlite")
     assert [member.model for member in found.members] == [member.model for member in sampling.family().members]
-    with pytest.raises(InvalidArgument, match="exists already"):
+    with pytest.raises(InvalidArgument, match="exists already") as failure:
         sampling.write(tmp_path / "run.sqlite")
+    assert failure.value.hint is not None and "`overwrite=True`" in failure.value.hint
+    sampling.write(tmp_path / "run.sqlite", overwrite=True)
+    assert open_family(tmp_path / "run.sqlite").members
 
 
 def test_scores_are_required_for_each_asked_model_exactly_once() -> None:
