@@ -537,7 +537,7 @@ def test_a_kind_has_its_weight_however_many_rules_it_has() -> None:
     weights = {rule.name: rule.weight for rule in made}
     assert weights == {
         "d.create.A": 2.0,
-        **dict.fromkeys(("d.set.A.b", "d.set.A.c", "d.set.A.d.red", "d.set.A.d.green"), 1.5),
+        **dict.fromkeys(("d.set.A.b", "d.set.A.c", "d.set.A.d.red", "d.set.A.d.green"), 0.75),
     }
 
 
