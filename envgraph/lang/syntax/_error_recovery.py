@@ -324,14 +324,23 @@ class Recovery:
         return self._stack.terminal_of(states, place) not in {None, "NAME"}
 
     def _ends_with_outer_block(self, index: int) -> bool:
-        """Return True for a `{` whose block ends right before another `}`, which closes the surrounding block."""
+        """Return True for a `{` whose block ends right before another `}`, which closes the surrounding block.
+
+        If a definition or the end of the file follows inside a `{`, that other `}` closes a block farther out.
+        """
         opening = self._lexemes[index]
         if opening.value != "{":
             return False
         for place in range(index + 1, len(self._lexemes) - 1):
             if self._lexemes[place].value == "}" and self._lexemes[place].brace_depth == opening.brace_depth + 1:
-                return self._lexemes[place + 1].value == "}"
+                return self._lexemes[place + 1].value == "}" and not self._starts_unclosed_definition(place + 2)
         return False
+
+    def _starts_unclosed_definition(self, place: int) -> bool:
+        """Return True if a `{` is open before a lexeme that starts a definition or is the end of the file."""
+        *_, outermost = self._stack.resume_points()
+        is_definition = self._stack.terminal_of(outermost.states, place) is not None
+        return is_definition and self._lexemes[place].brace_depth > 0
 
     def _insertion_hint(self, sign: str, index: int) -> str:
         """Return a hint that says where the missing sign belongs."""
