@@ -129,6 +129,8 @@ def habit_hint(grammar: Grammar, states: list[int], lexemes: Sequence[Lexeme], i
         return None
     if "unit" in keywords and after == ":" and grammar.accepts(states, signs["{"]) and word[0].isdigit():
         return f"give the weight to the rule: write `@weight({word})` before the `rule`"
+    if "unit" in keywords and (hint := _rule_habit_hint(grammar, states, lexemes, index)):
+        return hint
     if "unit" in keywords and before[1] in _STEP_KEYWORDS and word in (";", "|", "("):
         return f"{expectation_text(grammar, states)}; to call a rule of that name write `^{before[1]}`"
     home = "query" if "rule" in keywords else "rules"
@@ -171,6 +173,26 @@ def habit_hint(grammar: Grammar, states: list[int], lexemes: Sequence[Lexeme], i
         return "read a feature in `check(..)`, in `eval(..)`, or by a path"
     if word == "." and home == "query" and before[0] in ("{", ";") and grammar.accepts(states, signs["->"]):
         return f"write `set {before[1]}.{after} = ..`"
+    return None
+
+
+def _rule_habit_hint(grammar: Grammar, states: list[int], lexemes: Sequence[Lexeme], index: int) -> str | None:
+    """Return a hint for other habits in rules and units: loops, parts without a block, values without a class."""
+    *before, word, after = (lexemes[place].value for place in range(index - 2, min(index + 2, len(lexemes))))
+    keywords, signs = grammar.lexer.keywords, grammar.lexer.signs
+    if before[0] == "delete" and word == ".":
+        return f"write `set {before[1]}.{after} = none;`"
+    if grammar.accepts(states, keywords["lhs"]) and lexemes[index].kind == "NAME" and after != "{":
+        return "write what must be matched in `lhs { .. }`, and the changes in `modify { .. }`"
+    if word == "{" and lexemes[min(index + 2, len(lexemes) - 1)].value == "=":
+        if grammar.accepts(states, signs["("]):
+            return f"a left-hand side cannot set values: write `check {before[1]}.{after} == ..;`"
+        return f"write the class of the object: `{before[1]} : Class {{ .. }}`"
+    for one in reversed(lexemes[max(0, index - 12) : index]):
+        if one.value in (";", "{", "}"):
+            break
+        if one.value == "while":
+            return "write `alap { .. }`, which repeats its block as long as a rule in the block applies"
     return None
 
 
