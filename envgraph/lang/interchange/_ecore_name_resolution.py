@@ -26,6 +26,9 @@ from envgraph.lang.read._imports import similar_uri_hint
 from envgraph.lang.syntax._xml_parser import XmlElement
 from envgraph.metamodel import EnumType
 
+_MEANT = {"EInteger": "EInt"}
+"""By likely mistake for the name of a data type of Ecore: the name that was meant."""
+
 
 class TooManyMistakes(Exception):
     """An exception raised to stop reading after too many mistakes."""
@@ -245,7 +248,7 @@ class EcoreNameResolver:
         if self.shared.is_quiet:
             return
         message = f"Ecore has no type `{name}`" if types is ECORE_TYPES else f"unknown type `{name}`"
-        self.report_error("unknown-type", message, span, did_you_mean(name, types))
+        self.report_error("unknown-type", message, span, did_you_mean(_MEANT.get(name, name), types))
 
     def _report_unknown_part(self, fragment: str, span: Span, reader: EcoreNameResolver, base: XmlElement) -> None:
         if self.shared.is_quiet:
