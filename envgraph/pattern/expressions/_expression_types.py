@@ -19,7 +19,7 @@ The expression language is the same in check, eval, set and rewards:
 from __future__ import annotations
 
 from collections.abc import Mapping
-from typing import Final
+from typing import Final, TypeGuard
 
 from envgraph.errors import LIMITS, MAX_NESTING, Diagnostic, Span, did_you_mean, name_hint, quote_with_article
 from envgraph.metamodel import Attribute, EnumType, Metamodel, Reference, Scalar
@@ -144,12 +144,12 @@ class ExpressionChecker:
             message = f"`{node.name}` is an object, {quote_with_article(type_.cls)}, but a data value is required here"
             feature = next(iter(self.metamodel.features(type_.cls)), None)
             instead = f"a feature such as `{node.name}.{feature}`" if feature else "a feature of it"
-            hint = f"use {instead}; objects are compared by `==` and `!=` outside of check and eval"
+            hint = f"use {instead}; to compare objects, write the constraint `{node.name} == other;` without `check`"
             self.report("bare-object", message, node, hint)
             return None
         return type_
 
-    def is_object(self, node: Expression) -> bool:
+    def is_object(self, node: Expression) -> TypeGuard[Variable]:
         """Return True if the expression is a variable whose type is a class."""
         return isinstance(node, Variable) and isinstance(self.scope.get(node.name), ObjectType)
 
@@ -315,7 +315,7 @@ class ExpressionChecker:
             self._check_none_test(node)
             return
         if not self.bare_objects and self.is_object(node.left) and self.is_object(node.right):
-            advice = "compare them in a separate constraint, outside of check and eval"
+            advice = f"write the constraint `{node.left.name} {node.operator} {node.right.name};` without `check`"
             self.report("bare-object", "objects cannot be compared in check and eval", node, advice)
             return
         left, right = self._side_types(node)
