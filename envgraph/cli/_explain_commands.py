@@ -32,7 +32,9 @@ def print_plan(model: str, definitions: str, name: str, where: Sequence[str], in
         text = explain_compilation(engine, behaviour)
     else:
         _check_name(engine, workspace, name)
-        text = engine.explain(name, bound=parse_values(engine, _variable_types(engine, name, bool(where)), where))
+        bound = parse_values(engine, _variable_types(engine, name, bool(where)), where)
+        _add_unique_arguments(engine, name, bound)
+        text = engine.explain(name, bound=bound)
     print_json(lambda: {"name": name, "explanation": text})
     print_lines(text)
 
@@ -44,18 +46,23 @@ def print_reasons(model: str, definitions: str, name: str, where: Sequence[str],
         hint = "use `envgraph explain` to see how it is run"
         raise InvalidArgument(f"`{name}` is an environment, which has no matches", hint)
     bound = parse_values(engine, _variable_types(engine, name, bool(where)), where)
-    if engine.library.resolve(name) is None:
-        signature = None
-        with suppress(InvalidArgument):  # `why_not` itself reports an unknown name best.
-            signature = engine.signature(name)
-        if signature is not None:
-            add_unique_arguments(engine, signature, bound)
+    _add_unique_arguments(engine, name, bound)
     why = engine.why_not(name, bound=bound)
     if print_json(lambda: _reasons_data(why, engine)):
         return
     print_lines(str(why))
     for span in _failing_spans(why):
         print_lines(f"\n{span}\n{span.excerpt()}")
+
+
+def _add_unique_arguments(engine: Engine, name: str, bound: dict[str, Any]) -> None:
+    """Add values to `bound` as `add_unique_arguments` does, if the name is that of a rule or unit."""
+    if engine.library.resolve(name) is None:
+        signature = None
+        with suppress(InvalidArgument):  # The engine itself reports an unknown name best.
+            signature = engine.signature(name)
+        if signature is not None:
+            add_unique_arguments(engine, signature, bound)
 
 
 def _check_name(engine: Engine, workspace: Workspace, name: str) -> None:

@@ -142,14 +142,18 @@ class Queries:
                 plans.
             TypeMismatch: a value has the wrong type.
         """
-        shape, pattern, _ = self._catalog.query_target(name)
+        shape, pattern, needed = self._catalog.query_target(name)
         if not isinstance(self._matcher, ViewMatcher):
             raise InvalidArgument("the naive matcher has no plans; create the engine with a `ViewMatcher`")
         known = self._positions(shape, merge_bindings(bound, values))
         if variables and known:
             raise InvalidArgument("pass either names of variables or values for them, not both")
         positions = tuple(sorted(known)) or tuple(sorted(shape.position(variable) for variable in variables))
-        return Explanation(self._matcher.explain(pattern, positions, [known[position] for position in sorted(known)]))
+        _check_needed(shape, [one for one in needed if shape.position(one) not in positions])
+        text = self._matcher.explain(pattern, positions, [known[position] for position in sorted(known)])
+        if pattern.endswith("#lhs"):
+            text = "rule " + text.removeprefix("pattern ").replace(pattern, shape.definition, 1)
+        return Explanation(text)
 
     def why_not(self, name: str, /, *, bound: Mapping[str, object] | None = None, **values: object) -> WhyNot:
         """Explain why a pattern or rule has no match: the largest partial match, and the condition that it fails.
@@ -259,7 +263,12 @@ class Queries:
         if not given and not needed:
             return shape, pattern, (FREE,) * len(shape.names)
         ids = self._catalog.check_bindings(shape, given)
-        missing = ", ".join([f"`{variable}`" for variable in needed if variable not in ids])
-        if missing:
-            raise InvalidArgument(f"`{shape.definition}` needs values for {missing}: matching cannot enumerate them")
+        _check_needed(shape, [variable for variable in needed if variable not in ids])
         return shape, pattern, tuple(map(ids.get, shape.names, repeat(FREE)))
+
+
+def _check_needed(shape: Shape, missing: Sequence[str]) -> None:
+    """Raise InvalidArgument if variables that need values have none."""
+    if missing:
+        names = ", ".join(f"`{variable}`" for variable in missing)
+        raise InvalidArgument(f"`{shape.definition}` needs values for {names}: matching cannot enumerate them")

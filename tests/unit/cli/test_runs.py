@@ -55,7 +55,7 @@ def test_members_of_runs_and_families_are_matched_and_changed(envgraph: Call) ->
     rules = ("copy/burning_forest.rules", "spread", "--variant", "E2")
     assert envgraph("apply", "one", *rules).startswith("1: burning_forest.spread(")
     assert "has a match" in envgraph("why-not", "one", *rules)
-    assert "pattern burning_forest.spread#lhs" in envgraph("explain", "one", *rules)
+    assert "rule burning_forest.spread(" in envgraph("explain", "one", *rules)
     assert "has no environment `E9`" in envgraph("explain", "one", *rules[:3], "E9", code=1)
 
 
