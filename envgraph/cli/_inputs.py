@@ -2,14 +2,17 @@
 
 from __future__ import annotations
 
+import sys
 from collections.abc import Mapping, Sequence
+from shlex import quote
 
 from envgraph.cli._output import print_diagnostics
 from envgraph.code import dataclass
-from envgraph.errors import InvalidArgument
+from envgraph.errors import InvalidArgument, count_with_noun, escape_unprintable
 from envgraph.lang import FORMATS, DiskFiles, Workspace, file_format, open_workspace
 
 DEFINITIONS = ("query", "vql", "rules", "environment")
+_DEFINITION_SUFFIXES = tuple(f".{one}" for one in DEFINITIONS)
 METAMODELS = ("metamodel", "ecore")
 MODELS = ("model", "xmi", "json")
 
@@ -58,8 +61,10 @@ class Inputs:
     allow_unresolved: bool = False
     variant: str | None = None
 
-    def load(self, *paths: str, own: bool = False) -> Workspace:
+    def load(self, *paths: str, own: bool = False, counts_warnings_of: str | None = None) -> Workspace:
         """Return the workspace of the files and the metamodels; print its warnings, except those about conformance.
+
+        Print only the number of warnings in definitions if `counts_warnings_of` names the file with the definitions.
 
         If there are several `.ecore` files, the first one gives the metamodel its name and URI. The files in `paths`
         come first if `own` is True, otherwise the files in `metamodels`.
@@ -71,7 +76,15 @@ class Inputs:
         files = (*paths, *self.metamodels) if own else (*self.metamodels, *paths)
         workspace = open_workspace(*files, allow_unresolved=self.allow_unresolved)
         workspace.raise_errors()
-        print_diagnostics(one for one in workspace.diagnostics if one.code != "conformance")
+        shown = [one for one in workspace.diagnostics if one.code != "conformance"]
+        if counts_warnings_of is not None:
+            rest = [one for one in shown if not (one.span and one.span.source.name.endswith(_DEFINITION_SUFFIXES))]
+            if count := len(shown) - len(rest):
+                command = escape_unprintable(" ".join(map(quote, (*self.metamodels, counts_warnings_of))))
+                shows = f"`envgraph check {command}` shows {'it' if count == 1 else 'them'}"
+                sys.stderr.write(f"{count_with_noun(count, 'warning')}: {shows}\n")
+            shown = rest
+        print_diagnostics(shown)
         return workspace
 
     def check_metamodels(self) -> None:

@@ -88,10 +88,10 @@ def open_with_workspace(model: str, definitions: str, inputs: Inputs, seed: int 
         raise InvalidArgument(f"`{definitions}` is not a file: {hint}")
     check_file_format(definitions, DEFINITIONS, DEFINITIONS_PHRASE)
     if inputs.variant is None:
-        workspace = inputs.load(definitions, model)
+        workspace = inputs.load(definitions, model, counts_warnings_of=definitions)
         engine = workspace.engine(seed=seed)
     else:
-        workspace = inputs.load(definitions)
+        workspace = inputs.load(definitions, counts_warnings_of=definitions)
         engine = _engine_on_member(model, inputs.variant, workspace, seed)
     engine.analyze()
     return engine, workspace

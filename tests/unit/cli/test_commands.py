@@ -716,8 +716,22 @@ def test_the_only_object_of_a_class_need_not_be_given_to_a_unit(envgraph: Envgra
     for command in ("apply", "why-not"):
         result = envgraph(command, "maze/maze.model", "more.rules", "put")
         assert result.code == 1 and "write `--where 'cell=cell[2, 0]'`" in result.err
+    for command in ("apply", "why-not", "explain"):
         result = envgraph(command, "maze/maze.model", "more.rules", "many")
         assert result.code == 1 and "`many` needs a value for `least`; write `--where least=..`" in result.err
+
+
+def test_commands_that_run_a_file_count_its_warnings(envgraph: Envgraph) -> None:
+    ok(envgraph("new", "maze"))
+    Path("more.query").write_text(
+        'import "maze/maze.metamodel"\nimport "maze/maze.rules"\n'
+        "pattern any(cell : Rock) { Rock(cell); Rock.right(cell, next); }\n"
+    )
+    assert "2 warnings" in envgraph("check", "more.query").out
+    for command in ("match", "explain", "why-not"):
+        assert envgraph(command, "maze/maze.model", "more.query", "any").err == (
+            "2 warnings: `envgraph check more.query` shows them\n"
+        )
 
 
 def test_explain_prints_environments_and_why_not_refuses_them(envgraph: Envgraph) -> None:

@@ -47,20 +47,21 @@ def test_json_matches_contain_class_id_and_attributes_of_objects(run: Run) -> No
     assert isinstance(first["id"], int) and matches[0]["length"] == -5
 
 
-def test_warnings_of_queries_are_printed_to_standard_error(run: Run, tmp_path: Path) -> None:
+def test_warnings_of_queries_are_counted_on_standard_error(run: Run, tmp_path: Path) -> None:
     queries = tmp_path / "long.query"
     queries.write_text("pattern long(segment : Segment, length) { Segment.length(segment, length); }\n")
     plain = "match", DATA / "railway.xmi", queries, "long", "-m", DATA / "railway.ecore"
     for arguments in (plain, (*plain, "--format", "json")):
         code, out, err = run(*arguments)
         assert code == 0
-        assert "warning: no type declared for `length`, inferred `int`" in err
-        assert "hint: write `length : int`" in err
+        command = f"check {DATA / 'railway.ecore'} {queries}"
+        assert err == f"1 warning: `envgraph {command}` shows it\n"
+        assert "warning: no type declared for `length`, inferred `int`" in run(*command.split())[2]
         assert "warning" not in out
     assert isinstance(json.loads(out), list)
     model = tmp_path / "railway.json"
     run("convert", DATA / "railway.xmi", model, "-m", DATA / "railway.ecore")
-    assert "warning: no type declared" in run("match", model, *plain[2:])[2]
+    assert "1 warning: " in run("match", model, *plain[2:])[2]
 
 
 def test_the_table_names_objects_by_their_key(run: Run) -> None:
