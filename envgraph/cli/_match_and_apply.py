@@ -147,7 +147,7 @@ def apply_rule(
     taken = (*signature.parameters, *signature.variables)
     bound = parse_values(engine, {one.name: one.type for one in taken}, where)
     add_unique_arguments(engine, signature, bound)
-    named = {value.id: format_value(value) for value in bound.values() if isinstance(value, Node)}
+    named = {node.id: format_value(node) for node in engine.model.nodes()}
     done: list[dict[str, Any]] = []
     lines: list[str] = []
     failed: RunResult | None = None
@@ -213,16 +213,18 @@ class _AppliedStep:
 
 
 def _apply_once(
-    engine: Engine, rule: str, bound: dict[str, Any], named: Mapping[int, str]
+    engine: Engine, rule: str, bound: dict[str, Any], named: dict[int, str]
 ) -> tuple[list[_AppliedStep], RunResult | None]:
     """Return the steps of one application (none without a match), and the result of a unit if it failed, or None.
 
-    `named` has the names of the objects in `bound` before any of them was deleted.
+    `named` has the names of the objects before any of them was deleted; the names of created objects are added.
     """
     if engine.signature(rule).kind == "unit":
         result = engine.run(rule, bound=bound)
         return [_trace_step(engine, firing, named) for firing in result.firings], None if result else result
     application = engine.apply(rule, bound=bound)
+    if application is not None:
+        named.update((node.id, format_value(node)) for node in application.created.values())
     return [] if application is None else [_application_step(engine, application, named)], None
 
 
