@@ -6,6 +6,7 @@ The outcome of a step is None if the step failed, else True or False: whether it
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Mapping, Sequence
+from contextlib import suppress
 from dataclasses import field
 from math import fsum
 from typing import Any, Final, NoReturn
@@ -125,9 +126,30 @@ def raise_step_limit(run: UnitRun, call_site: StepDescription | None) -> NoRetur
     name, span = call_site or ("", None)
     where = f", the last one in {name}" if name else ""
     message = f"the run took more than {run.limit} steps{where}; it may never end"
-    raise EvaluationError(
-        message, span, f"make the unit terminate, or set `step_limit` of the engine; {RAISE_LIMIT_HINT}"
-    )
+    cure = "make the unit terminate"
+    if idle := _idle_rule(run):
+        message += f": rule `{idle}`, applied last, changes nothing if it is applied once more"
+        cure = f"let the `lhs` of `{idle}` match only where the rule changes something"
+    raise EvaluationError(message, span, f"{cure}, or set `step_limit` of the engine; {RAISE_LIMIT_HINT}")
+
+
+def _idle_rule(run: UnitRun) -> str | None:
+    """Return the name of the rule that was applied last if it changes nothing when applied there once more, else None.
+
+    The changes of the run are undone after the step limit is reached, so this trial may change the model.
+    """
+    if not run.trace:
+        return None
+    rule, row = run.trace[-2:]
+    store = run.model.graph.store
+    if not rule.is_deterministic or not rule.still_holds(row):
+        return None
+    before = store.hash_sum
+    with suppress(RuleError, EvaluationError):
+        rule.fire(row)
+        if store.hash_sum == before:
+            return str(rule.name)
+    return None
 
 
 def record_refusal(run: UnitRun, error: RuleError) -> None:
