@@ -59,7 +59,7 @@ def check_format(output: Path, formats: Sequence[str] = _MODEL_FORMATS) -> None:
 def model_text(model: Model, output: Path) -> str:
     """Return a model as text in the format of the file's suffix: `.xmi`, `.model`, or JSON for any other suffix."""
     if output.suffix == ".xmi":
-        return model_to_xmi(model)
+        return model_to_xmi(model, output.parent)
     if output.suffix == ".model":
         files = sorted({cls.span.source.name for cls in model.metamodel.classes.values() if cls.span})
         return model_to_text(model, [Path(os.path.relpath(file, output.parent)).as_posix() for file in files])

@@ -2,9 +2,12 @@
 
 from __future__ import annotations
 
+import os
 import re
 from collections import Counter
 from collections.abc import Iterator, Mapping, Sequence
+from pathlib import Path
+from urllib.parse import quote
 
 from envgraph.errors import InvalidArgument
 from envgraph.graph.model._model import Model
@@ -28,7 +31,7 @@ _ID_SYNTAX = re.compile(r"[^\W\d][\w.-]*")
 _VALUE_SYNTAX = re.compile(r"[\w.-]+")
 
 
-def model_to_xmi(model: Model) -> str:
+def model_to_xmi(model: Model, folder: Path | None = None) -> str:
     """Return the text of an `.xmi` file with the current state. Equal states give equal texts.
 
     Objects are nested in their containers, in the order of the links. The name of an object is its `xmi:id`, which
@@ -38,11 +41,18 @@ def model_to_xmi(model: Model) -> str:
 
     Args:
         model: the model.
+        folder: the folder of the file. If the model was read from a file with an `xsi:schemaLocation`, the new file
+            gets one too, with paths relative to this folder. Without a folder, it has none.
 
     Raises:
         InvalidArgument: a string has a character that XML does not allow.
     """
-    return "\n".join(_XmiModelWriter(model).lines()) + "\n"
+    return "\n".join(_XmiModelWriter(model).lines(folder)) + "\n"
+
+
+def _relative_place(place: str, folder: Path | None) -> str:
+    """Return a path as a URI relative to a folder; return a URL unchanged."""
+    return place if "://" in place else quote(Path(os.path.relpath(place, folder or ".")).as_posix(), safe="/#")
 
 
 class _XmiModelWriter:
@@ -63,12 +73,16 @@ class _XmiModelWriter:
         self._target_indexes: dict[int, dict[int, int]] = {}
         self._identifier_by_node = self._unique_identifiers(everyone)
 
-    def lines(self) -> Iterator[str]:
-        """Yield the lines of the file."""
+    def lines(self, folder: Path | None) -> Iterator[str]:
+        """Yield the lines of the file; see `model_to_xmi`."""
         yield '<?xml version="1.0" encoding="UTF-8"?>'
         head = f'xmi:version="2.0" xmlns:xmi="{_XMI}" xmlns:xsi="{_XSI}"'
         for path, uri in self._uris.items():
             head += f' xmlns:{self._prefixes[path]}="{escape_xml(uri)}"'
+        places = self.model.graph.schema_locations if folder is not None else {}
+        words = [f"{uri} {_relative_place(places[uri], folder)}" for uri in self._uris.values() if uri in places]
+        if words:
+            head += f' xsi:schemaLocation="{escape_xml(" ".join(words))}"'
         if len(self._roots) == 1:
             yield from self._tree_lines(self._roots[0], head, 0)
             return

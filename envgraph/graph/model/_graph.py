@@ -49,6 +49,7 @@ class Graph:
         grid_titles: grid positions by object id, the inverse of `grid_positions`, computed on request.
         decimal_texts: the text of a decimal number in its file, by object, index of the attribute, and value as a
             float.
+        schema_locations: by namespace URI, the file or URL of a metamodel that the `.xmi` file of the model names.
     """
 
     def __init__(self, model: Model, metamodel: Metamodel, name: str) -> None:
@@ -57,6 +58,7 @@ class Graph:
         self.grid_positions: dict[str, int] = {}
         self.grid_titles: dict[int, str] = {}
         self.decimal_texts: dict[tuple[int, int, Value], str] = {}
+        self.schema_locations: dict[str, str] = {}
         self.defined_features: dict[Feature, FeatureDefinition] = {}
         self.store = Store(metamodel)
         self.history = History(model, self.store)

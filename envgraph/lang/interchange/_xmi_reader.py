@@ -44,6 +44,9 @@ def read_xmi(
     name = posixpath.basename(source.name).rpartition(".")[0] or source.name
     model = Model(metamodel or Metamodel("", ()), name)
     reading = XmiReading(model, lost, fetch, allow_unresolved=allow_unresolved)
+    folder = posixpath.dirname(source.name)
+    for uri, place in _schema_locations(source).items():
+        model.graph.schema_locations[uri] = place if "://" in place else posixpath.join(folder, unquote(place))
     with reading.model.loading():
         first = reading.add_document(source)
         if metamodel is None:
@@ -85,17 +88,23 @@ def _read_documents(first: XmiDocument) -> None:
 
 def schema_paths(source: Source) -> list[str]:
     """Return the `.ecore` and `.metamodel` paths, but no URLs, in the `xsi:schemaLocation` of a file's first tag."""
-    found: list[str] = []
+    paths = dict.fromkeys(unquote(one.partition("#")[0]) for one in _schema_locations(source).values())
+    return [path for path in paths if path.endswith((".ecore", ".metamodel")) and "://" not in path]
+
+
+def _schema_locations(source: Source) -> dict[str, str]:
+    """Return the paths and URLs in the `xsi:schemaLocation` of a file's first tag, by namespace URI."""
+    found: dict[str, str] = {}
 
     def start(_: str, attributes: dict[str, str]) -> None:
         scope = declared_namespaces(attributes)
         for key, value in attributes.items():
             prefix, _, local = key.rpartition(":")
             if local == "schemaLocation" and scope.get(prefix) == XSI:
-                found.extend(value.split()[1::2])
+                words = value.split()
+                found.update(zip(words[::2], words[1::2], strict=False))
         raise StopParsing
 
     head = Source(source.name, source.text[:_HEAD_LENGTH])
     XmlReader(XmlPositions(head)).parse(start)
-    paths = dict.fromkeys(unquote(one.partition("#")[0]) for one in found)
-    return [path for path in paths if path.endswith((".ecore", ".metamodel")) and "://" not in path]
+    return found

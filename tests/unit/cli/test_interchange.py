@@ -12,7 +12,8 @@ from typing import Any
 import pytest
 
 from envgraph.cli import main
-from envgraph.lang import bundled_domain
+from envgraph.graph import model_to_xmi
+from envgraph.lang import bundled_domain, load_workspace
 
 DATA = Path(__file__).parents[2] / "data" / "emf"
 RAILWAY = (DATA / "railway.xmi", DATA / "railway.vql")
@@ -86,6 +87,16 @@ def test_a_missing_model_is_the_only_error_where_it_may_have_named_the_metamodel
 def test_a_model_that_names_its_metamodel_needs_no_option(run: Run) -> None:
     code, out, _ = run("match", DATA / "library.xmi", DATA / "library.vql", "freeBook")
     assert code == 0 and "Emma" in out
+
+
+def test_a_written_model_names_the_metamodel_that_its_file_named(run: Run, tmp_path: Path) -> None:
+    model, query = tmp_path / "written here.xmi", DATA / "library.vql"
+    assert run("convert", DATA / "library.xmi", model)[0] == 0
+    code, out, _ = run("match", model, query, "freeBook")
+    assert code == 0 and "Emma" in out
+    assert run("convert", model, tmp_path / "again.xmi")[0] == 0
+    assert (tmp_path / "again.xmi").read_text() == model.read_text()
+    assert "schemaLocation" not in model_to_xmi(load_workspace([str(model)]).model())
 
 
 def test_a_metamodel_that_does_not_fit_the_files_is_reported(run: Run) -> None:
