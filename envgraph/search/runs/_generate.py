@@ -102,7 +102,7 @@ def generate_from_domain(
     warn: OnWarnings = lambda diagnostics: None,
     workers: int = 1,
 ) -> Family:
-    """Generate a family of a domain, as `generate` does. With `overwrite` an existing run is replaced."""
+    """Generate a family of a domain, as `generate` does."""
     if domain.spec.optimise is not None:
         place = Source(domain.spec.path, "").span_between(0, 0)
         message, hint = "the file describes an optimisation, not a family", "use `envgraph optimise`"

@@ -424,10 +424,14 @@ def test_overrides_of_a_run_are_stored_in_its_family(tmp_path: Path) -> None:
         assert family.diversity() == store.generation_statistics()[-1][1]
 
 
-def test_a_store_is_not_overwritten(tmp_path: Path) -> None:
-    generate("burning_forest/paper.toml", tmp_path / "run.sqlite", generations=1)
+def test_a_store_is_overwritten_only_on_request(tmp_path: Path) -> None:
+    path = tmp_path / "run.sqlite"
+    generate("burning_forest/paper.toml", path, generations=1)
     with pytest.raises(InvalidArgument, match="exists"):
-        generate("burning_forest/paper.toml", tmp_path / "run.sqlite", generations=1)
+        generate("burning_forest/paper.toml", path, generations=1, population=3)
+    assert len(open_family(path).members) == 6
+    generate("burning_forest/paper.toml", path, generations=1, population=3, overwrite=True)
+    assert len(open_family(path).members) == 3
 
 
 GENERATE = """
