@@ -407,7 +407,7 @@ class Loader:
 
             self.metamodels.ecore[ECORE] = ecore_metamodel_document(), None
             self.files_read[ECORE] = LoadedFile()
-        incomplete = self.incomplete
+        read = [self.files_read[name].source for name in self.roots if not name.endswith(".toml")]
         while self.unresolved_imports:
             import_, beside = self.unresolved_imports.pop(0)
             known = self.metamodels.importable_names()
@@ -419,8 +419,8 @@ class Loader:
                 self.files_read[beside].imports.append((import_, target))
                 self._read_with_imports(target, import_)
                 continue
-            if incomplete or self.metamodels.has_unreadable_file:
-                continue  # The import may refer to a metamodel that could not be read.
+            if None in read or self.metamodels.has_unreadable_file:
+                continue  # A file that could not be read may be the metamodel, or name it.
             hint = similar_uri_hint(import_.path, known)
             if hint is None:
                 hint = NAME_METAMODEL_HINT
