@@ -128,4 +128,4 @@ def test_unit_with_too_many_outcomes_is_reported(monkeypatch: pytest.MonkeyPatch
 def test_unit_call_with_missing_arguments_is_refused() -> None:
     with pytest.raises(LoadError, match="unit `both` takes 2 arguments, not 1") as found:
         table("action x = both(hand)")
-    assert "write `both(hand, coin)`" in str(found.value)
+    assert "write `action x(coin : Coin) = both(hand, coin)`" in str(found.value)
