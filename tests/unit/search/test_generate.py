@@ -426,12 +426,14 @@ def test_overrides_of_a_run_are_stored_in_its_family(tmp_path: Path) -> None:
 
 def test_a_store_is_overwritten_only_on_request(tmp_path: Path) -> None:
     path = tmp_path / "run.sqlite"
-    generate("burning_forest/paper.toml", path, generations=1)
-    with pytest.raises(InvalidArgument, match="exists"):
-        generate("burning_forest/paper.toml", path, generations=1, population=3)
-    assert len(open_family(path).members) == 6
-    generate("burning_forest/paper.toml", path, generations=1, population=3, overwrite=True)
+    first = generate("burning_forest/paper.toml", path, generations=1)
+    with pytest.raises(InvalidArgument, match=r"exists already[^`]*`overwrite=True`[^`]*`resume`"):
+        generate("burning_forest/paper.toml", path, generations=1, population=3, seed=2)
+    assert len(first.members) == 6 and open_family(path).members == first.members
+    generate("burning_forest/paper.toml", path, generations=1, population=3, seed=2, overwrite=True)
     assert len(open_family(path).members) == 3
+    with RunStore.open(path) as store:
+        assert "seed=2" in store.overrides
 
 
 GENERATE = """
@@ -658,17 +660,6 @@ def test_operators_that_create_objects_with_other_keys_give_a_warning(
     for problem in found:
         assert problem.span is not None and f"may delete `{called}`" in problem.message
         assert problem.span.source.name.endswith("herd.model") and problem.hint and "`Cow1`" in problem.hint
-
-
-def test_existing_run_is_replaced_only_on_demand(tmp_path: Path) -> None:
-    store = tmp_path / "run.sqlite"
-    first = generate(herd(tmp_path), store)
-    with pytest.raises(InvalidArgument, match=r"exists already[^`]*`overwrite=True`[^`]*`resume`"):
-        generate(herd(tmp_path), store, seed=2)
-    assert open_family(store).members == first.members
-    generate(herd(tmp_path), store, seed=2, overwrite=True)
-    with RunStore.open(store) as found:
-        assert "seed=2" in found.overrides
 
 
 def test_search_applies_only_the_named_rule_of_a_group(tmp_path: Path) -> None:
