@@ -5,7 +5,7 @@ INSTALL := python -m pip --disable-pip-version-check install --quiet
 PIP := $(BIN)/$(INSTALL) -c constraints.txt
 
 DEMO_EXTRAS := fast
-TEST_EXTRAS := test,fast,emf
+TEST_EXTRAS := test,fast,emf,editor,web,notebook
 BENCH_EXTRAS := bench
 CLUSTER_EXTRAS := dask,ray
 SITE_EXTRAS := docs

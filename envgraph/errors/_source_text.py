@@ -35,6 +35,10 @@ class Source:
         line = bisect_right(self._line_starts, offset)
         return line, offset - self._line_starts[line - 1] + 1
 
+    def line_start(self, number: int) -> int:
+        """Return the offset of the first character of a line (from 1); the length of the text for a line after it."""
+        return self._line_starts[number - 1] if number <= len(self._line_starts) else len(self.text)
+
     def line_text(self, number: int) -> str:
         """Return a line (from 1) without its line break; "" if the text has fewer lines."""
         if number > len(self._line_starts):

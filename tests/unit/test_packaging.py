@@ -238,7 +238,7 @@ def installed(name: str) -> bool:
 def test_the_top_level_contains_only_expected_files() -> None:
     git = ("git", "-C", str(ROOT), "ls-files", "--cached", "--others", "--exclude-standard")
     top = {line.split("/")[0] for line in run(*git, cwd=ROOT).splitlines()}
-    folders = {".ci", ".github", "benchmarks", "docs", "envgraph", "grammars", "rules", "tests"}
+    folders = {".ci", ".github", "benchmarks", "docs", "editors", "envgraph", "grammars", "rules", "tests"}
     files = {
         "CHANGELOG.md",
         "CITATION.cff",

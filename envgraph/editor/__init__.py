@@ -1,0 +1,13 @@
+"""Answer the requests of text editors about files in envgraph's languages: the language server.
+
+It answers with the data types of the Language Server Protocol, version 3.17, as JSON objects.
+"""
+
+from typing import TYPE_CHECKING
+
+from envgraph.code import export_lazily
+
+if TYPE_CHECKING:
+    from envgraph.editor._language_service import LanguageService as LanguageService
+
+export_lazily(globals())

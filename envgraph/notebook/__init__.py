@@ -1,0 +1,1 @@
+"""Show and play environments in notebooks."""
