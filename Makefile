@@ -26,7 +26,9 @@ demo: $(VENV)/.demo
 	@$(BIN)/envgraph generate burning_forest --name $(DEMO_RUN) --require 0.95
 	@echo "2. train: 200 agents on these environments, and 200 on each control with as many steps"
 	@$(BIN)/envgraph train $(DEMO_RUN) --curricula full,direct
-	@echo "3. report: everything on one page"
+	@echo "3. verify: the shortest plan, the optimal return and the success of a random walk"
+	@$(BIN)/envgraph verify $(DEMO_RUN)
+	@echo "4. report: everything on one page"
 	@$(BIN)/envgraph report $(DEMO_RUN)
 
 # --- the site: build/site/index.html ---

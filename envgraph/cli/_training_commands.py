@@ -50,7 +50,7 @@ from envgraph.learn import (
     sequences,
     write_csv,
 )
-from envgraph.report import TrainingResults, family_report, render_html, stage_rows, stage_table
+from envgraph.report import SearchRecord, TrainingResults, family_report, render_html, stage_rows, stage_table
 from envgraph.search import (
     Domain,
     Family,
@@ -316,16 +316,13 @@ def write_report(run: str, directory: Path, output: Path | None) -> None:
         for student in STUDENTS
         for one in _read_results(base / TRAINING / _STUDENT_DIRECTORIES[student], family, student)
     ]
-    history: list[tuple[int, float, int, int]] = []
+    search = None
     if Path(run).suffix != ".json":
         with RunStore.open(find_run_store(run, directory)) as store:
-            history = store.generation_statistics()
-    page = family_report(
-        family,
-        history=history,
-        trained=trained,
-        facts=_report_facts(family, trained, searched=len(history) > 1),
-    )
+            search = SearchRecord.of(family, store)
+    searched = search is not None and len(search.history) > 1
+    facts = _report_facts(family, trained, searched=searched)
+    page = family_report(family, search=search, trained=trained, facts=facts)
     path = output or base / REPORT
     replace_file(path, render_html(page))
     if print_json(lambda: {"name": family.name, "report": str(path), "environments": stage_rows(family, trained)}):

@@ -18,6 +18,7 @@ if TYPE_CHECKING:
         standalone_chart as standalone_chart,
     )
     from envgraph.report._family_report import (
+        SearchRecord as SearchRecord,
         family_report as family_report,
         stage_rows as stage_rows,
         stage_table as stage_table,

@@ -13,6 +13,7 @@ from envgraph.draw import format_colour, ink_on, parse_colour
 from envgraph.env import LegendEntry
 from envgraph.files import jinja_environment
 from envgraph.report._charts import COLOURS_ON_DARK
+from envgraph.search import LineageBranch
 
 
 @dataclass(frozen=True, slots=True)
@@ -51,12 +52,13 @@ class ReportTable:
 
 @dataclass(frozen=True, slots=True)
 class ReportSection:
-    """A part of the page with a heading: paragraphs, then charts (SVG text), then tables."""
+    """A part of the page with a heading: paragraphs, then charts (SVG text), then tables, then a tree of changes."""
 
     title: str
     text: tuple[str, ...] = ()
     charts: tuple[str, ...] = ()
     tables: tuple[ReportTable, ...] = ()
+    lineage: LineageBranch | None = None
 
 
 @dataclass(frozen=True, slots=True)
@@ -65,6 +67,8 @@ class Report:
 
     Attributes:
         title, summary: the head of the page.
+        verdict: a sentence that says what the family is worth; "" for a page without one.
+        chart: SVG text of the chart below the verdict; "" for none.
         cards: the family, from the easiest environment to the target.
         legend: the symbols that occur on the cards.
         sections: the sections in their order on the page.
@@ -73,6 +77,8 @@ class Report:
 
     title: str
     summary: str
+    verdict: str = ""
+    chart: str = ""
     cards: tuple[Card, ...] = ()
     legend: tuple[LegendEntry, ...] = ()
     sections: tuple[ReportSection, ...] = ()

@@ -145,7 +145,11 @@ if TYPE_CHECKING:
         import_levels as import_levels,
         level_models as level_models,
     )
-    from envgraph.search.runs._lineage import lineage as lineage
+    from envgraph.search.runs._lineage import (
+        LineageBranch as LineageBranch,
+        lineage as lineage,
+        lineage_tree as lineage_tree,
+    )
     from envgraph.search.runs._outcome import (
         Outcome as Outcome,
         describe_search as describe_search,

@@ -65,7 +65,8 @@ class Outcome:
         bins = f", members in bins {','.join(map(str, self.bins))}" if self.bins else ""
         if len(self.bins) > SHOWN.rows:
             counts = [f"{number} ({count:,})" for number, count in sorted(Counter(self.bins).items())]
-            bins = f", members in bins {', '.join(counts)}"
+            bins = f", members in bins {', '.join(counts)}" if len(counts) <= SHOWN.rows // 4 else ""
+            bins = bins or f", members in {len(counts)} bins"
         parts = [f"{name} {value:.3f}" for name, value in self.objective.items()]
         if "steps" in self.objective:
             success, *_ = self.objective.values()

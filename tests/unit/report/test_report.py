@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import re
 from dataclasses import replace
+from html import unescape
 from html.parser import HTMLParser
 from itertools import pairwise
 from pathlib import Path
@@ -30,6 +31,7 @@ from envgraph.report import (
     Report,
     ReportSection,
     ReportTable,
+    SearchRecord,
     Series,
     TrainingResults,
     chart_png,
@@ -43,10 +45,11 @@ from envgraph.report._charts import (
     COLOURS_ON_DARK,
     tick_values,
 )
+from envgraph.report._family_charts import Bar, bar_chart, value_strip
 from envgraph.report._html_page import (
     Card,
 )
-from envgraph.search import generate
+from envgraph.search import LineageBranch, RunStore, generate
 
 SVG = '<svg viewBox="0 0 1 1"></svg>'
 
@@ -289,8 +292,68 @@ def test_controls_are_drawn_in_the_chart_of_the_whole_family(
 
 def test_counts_of_one_have_a_singular_noun(tmp_path: Path) -> None:
     family = generate("burning_forest/paper.toml", tmp_path / "run.sqlite", generations=0, population=3)
-    page = render_html(family_report(family, history=[(0, 0.5, 0, 0), (1, 0.5, 1, 1)]))
-    assert "1 generation, 1 accepted individual, 1 rejected attempt. " in page
+    search = SearchRecord([(0, 0.5, 0, 0), (1, 0.5, 1, 1)], {"`require solvable` is violated": 1}, [0.5])
+    page = render_html(family_report(family, search=search))
+    assert "1 generation, 1 accepted model, 1 rejected attempt. " in page
+
+
+def test_the_first_screen_says_what_a_family_is_worth(tmp_path: Path) -> None:
+    family = generate("burning_forest/paper.toml", tmp_path / "run.sqlite", seed=1, generations=8, population=3)
+    untrained = family_report(family)
+    assert untrained.verdict.startswith("3 environments with `complexity` from ")
+    assert "of 3 bins" in untrained.verdict and "E1" in untrained.chart
+    members = [FamilyMember(one.name, family.explored(one).tabular) for one in family.members]
+    settings = TrainingSettings(steps_per_environment=20_000, seeds=4)
+    ways = [*sequences([one.name for one in members], "full"), *sequences(["E3"], "direct")]
+    report = family_report(family, trained=[TrainingResults(20_000, run_experiment(members, settings, ways))])
+    taught, alone = (
+        f"{one.success_rate:.0%}" for one in run_experiment(members, settings, ways).best_optimistic().summaries()
+    )
+    assert report.verdict == (
+        f"{taught} of 4 agents solve E3 after 60,000 steps on E1-E3; with as many steps on E3 alone, {alone}."
+    )
+    assert f"E1-E3 {taught}; E3 alone {alone}" in report.chart
+    page = unescape(render_html(report))
+    assert page.index(report.verdict) < page.index("<figure")
+
+
+def test_the_report_of_a_run_shows_rejections_bins_and_changes(tmp_path: Path) -> None:
+    family = generate("burning_forest/paper.toml", tmp_path / "run.sqlite", seed=1, generations=30, population=4)
+    with RunStore.open(tmp_path / "run.sqlite") as store:
+        record, rejected = SearchRecord.of(family, store), store.rejection_counts()
+    search, changes = family_report(family, search=record).sections
+    assert [row[:2] for row in search.tables[0].rows] == [(why, f"{n:,}") for why, n in rejected.most_common()]
+    counts = re.findall(r"accepted models in each bin: ([0-9, ]+)", search.charts[0])
+    assert sum(map(int, counts[0].split(", "))) == len(record.values)
+    page = unescape(render_html(Report("", "", sections=(changes,))))
+    assert changes.lineage is not None
+    assert all(f"<li>{text}</li>" in page for text in _changes_below(changes.lineage))
+    assert "<strong>E1</strong>" in page
+
+
+def _changes_below(branch: LineageBranch) -> list[str]:
+    return [*branch.changes, *(text for one in branch.branches for text in _changes_below(one))]
+
+
+def test_bars_end_at_their_values() -> None:
+    bars = [Bar("a", 0.5, "50%", (0.25, 0.75)), Bar("a very long label that does not fit anywhere at all", 1.0, "100%")]
+    root = ET.fromstring(bar_chart(bars, x_label="share", title="Shares", whole=1.0))
+    half, whole = (float(one.attrib["width"]) for one in root.iter("rect"))
+    assert half == pytest.approx(whole / 2, abs=0.1)
+    assert root.attrib["aria-label"].startswith("Shares: a 50%; a very long label")
+    (whisker,) = (one for one in root.iter("line") if one.get("class") == "whisker")
+    assert float(whisker.attrib["x2"]) - float(whisker.attrib["x1"]) == pytest.approx(whole / 2, abs=0.1)
+
+
+def test_a_strip_shows_each_member_and_counts_models_by_bin() -> None:
+    members = [("E1", 0.1), ("E2", 0.1), ("E3", 2.0)]
+    text = value_strip(members, x_label="size", bounds=[0, 0.5, 1], others=[-1, 0.2, 0.5, 0.9, 7])
+    root = ET.fromstring(text)
+    assert len([*root.iter("circle")]) == 3
+    assert "accepted models in each bin: 2, 3" in root.attrib["aria-label"]
+    texts = [one.text for one in root.iter("text")]
+    assert {"E1, E2", "E3", "2", "3"} <= set(texts)
+    assert len([*ET.fromstring(value_strip(members * 50, x_label="size")).iter("circle")]) < 30
 
 
 def test_a_return_that_rounds_to_zero_has_no_sign(tmp_path: Path) -> None:

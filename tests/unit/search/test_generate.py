@@ -20,10 +20,13 @@ from envgraph.search import (
     Domain,
     Family,
     Generation,
+    LineageBranch,
     RunStore,
     Variance,
     export_ga4cl,
     generate,
+    lineage,
+    lineage_tree,
     open_family,
     read_family,
     resume,
@@ -681,3 +684,26 @@ def test_members_may_differ_in_their_agents_only_if_agents_take_turns(
     with RunStore.open(tmp_path / "run.sqlite") as store:
         reason = "`agents that act together are those of the initial model` is violated"
         assert (reason in store.rejection_counts()) == bool(together)
+
+
+def test_the_tree_of_changes_has_the_lineage_of_each_member(whole: tuple[Path, Family]) -> None:
+    path, family = whole
+    with RunStore.open(path) as store:
+        root = lineage_tree(store, family)
+        rules = {
+            one.name: [step.rule for step in lineage(store, family.domain, one.individual or 0)]
+            for one in family.members
+        }
+    found: dict[str, list[str]] = {}
+
+    def walk(branch: LineageBranch, before: list[str]) -> None:
+        changes = [*before, *branch.changes]
+        found.update(dict.fromkeys(branch.members, changes))
+        assert branch.members or len(branch.branches) != 1
+        for one in branch.branches:
+            walk(one, changes)
+
+    walk(root, [])
+    assert {name: [text.partition(":")[0] for text in texts] for name, texts in found.items()} == {
+        name: [rule.partition(".")[2] for rule in texts] for name, texts in rules.items()
+    }
