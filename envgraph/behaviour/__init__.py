@@ -42,10 +42,16 @@ if TYPE_CHECKING:
         find_helper as find_helper,
         key_helper as key_helper,
     )
+    from envgraph.behaviour._key_bindings import (
+        NAMED_KEYS as NAMED_KEYS,
+        PLAY_COMMANDS as PLAY_COMMANDS,
+        action_keys as action_keys,
+        key_bindings as key_bindings,
+        key_code as key_code,
+    )
     from envgraph.behaviour._key_index import (
         DuplicateKeyError as DuplicateKeyError,
         KeyIndex as KeyIndex,
-        action_keys as action_keys,
         expand_action as expand_action,
         indexed_classes as indexed_classes,
         key_attributes as key_attributes,

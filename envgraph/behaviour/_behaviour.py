@@ -55,7 +55,8 @@ class Action:
     """An action clause: `@key("a") action name(parameter : domain) = branches reward e else reward e`.
 
     Attributes:
-        keys: the keys of a keyboard that do it, one for each combination of the values of its parameters.
+        keys: the keys of a keyboard that do it: one for each combination of the values of its parameters, and then
+            further keys in the same order.
     """
 
     name: str
@@ -66,6 +67,7 @@ class Action:
     keys: tuple[str, ...] = ()
     span: Span | None = field(default=None, compare=False, repr=False)
     keys_span: Span | None = field(default=None, compare=False, repr=False)
+    key_spans: tuple[Span, ...] = field(default=(), compare=False, repr=False)
     parameter_spans: tuple[Span, ...] = field(default=(), compare=False, repr=False)
 
 

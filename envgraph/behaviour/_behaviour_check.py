@@ -9,7 +9,8 @@ from itertools import combinations
 from envgraph.behaviour._behaviour import Action, Agent, Behaviour, Domain, Effect, OnFind, OnRefused
 from envgraph.behaviour._clause_checks import Scope, type_names
 from envgraph.behaviour._helper_patterns import condition_helper, is_bound_by_match, names_after_condition
-from envgraph.behaviour._key_index import NAMED_KEYS, key_code, ranged_classes
+from envgraph.behaviour._key_bindings import NAMED_KEYS, key_code
+from envgraph.behaviour._key_index import ranged_classes
 from envgraph.behaviour._lost_objects import loss_warnings
 from envgraph.behaviour._observation_checks import ViewChecks
 from envgraph.behaviour._parameter_domains import domain_size, domain_type
@@ -20,6 +21,7 @@ from envgraph.errors import (
     Note,
     Severity,
     Span,
+    did_you_mean,
     duplicate_diagnostics,
     has_errors,
     name_hint,
@@ -63,7 +65,7 @@ class _BehaviourChecker(CallChecks, ViewChecks):
         """Check all clauses of the behaviour."""
         scope: Scope = {**dict.fromkeys(behaviour.unread), **self._check_parameters(behaviour.parameters)}
         first: dict[str, Span | None] = {}
-        self._keyed_actions: dict[int, tuple[str, int]] = {}
+        self._keyed_actions: dict[int, str] = {}
         self.float_ranges = {}
         self.counted = [one for one in ranged_classes(behaviour, self.metamodel) if one in self.metamodel.classes]
         self.draw, handled = behaviour.draw, any(isinstance(effect, OnRefused) for effect in behaviour.effects)
@@ -188,20 +190,25 @@ class _BehaviourChecker(CallChecks, ViewChecks):
         return count
 
     def _check_keys(self, action: Action, count: int) -> None:
-        """Report keys of an action that are unknown, used twice, or not one for each of its `count` actions."""
+        """Report keys that are unknown, used twice, or do not give each of the `count` actions of a clause as many."""
         types = [domain_type(domain, self.metamodel) for _, domain in action.parameters]
         is_open, number = any(isinstance(one, ObjectType) for one in types), len(action.keys)
-        if (number or action.keys_span) and number != count and not is_open:
-            message = f"the number of keys is {number}, but must be {count}: one for each action of `{action.name}`"
+        if action.keys_span and (number == 0 or (number % max(count, 1) and not is_open)):
+            wanted = "1 or more" if count == 1 else f"{count}, or a multiple of it"
+            message = f"the number of keys is {number}, but must be {wanted}: one for each action of `{action.name}`"
             self.report("bad-annotation", message, action.keys_span, "write a key for each, in the order of the values")
-        for place, key in enumerate(action.keys):
-            code, mine = key_code(key), (action.name, place)
+        spans: Sequence[Span | None] = action.key_spans or [action.keys_span] * number
+        for key, span in zip(action.keys, spans, strict=True):
+            code = key_code(key)
             if code is None:
-                hint = name_hint(key, NAMED_KEYS) or 'write a character, such as "a", or a name, such as "ArrowLeft"'
-                self.report("bad-annotation", f"unknown key `{key}`", action.keys_span, hint)
-            elif self._keyed_actions.setdefault(code, mine) != mine:
-                message = f"the key `{key}` is already a key of `{self._keyed_actions[code][0]}`"
-                self.report("bad-annotation", message, action.keys_span, "choose another key")
+                names = f'write a character, such as "a" or " ", or one of {", ".join(NAMED_KEYS)}'
+                hint = did_you_mean(key, NAMED_KEYS) or names
+                self.report("bad-annotation", f"unknown key `{key}`", span, hint)
+            elif code in self._keyed_actions:
+                message = f"the key `{key}` is already a key of `{self._keyed_actions[code]}`"
+                self.report("bad-annotation", message, span, "choose another key")
+            else:
+                self._keyed_actions[code] = action.name
 
     def _check_domain(self, domain: Domain) -> StaticType | None:
         name = domain.enum or domain.cls

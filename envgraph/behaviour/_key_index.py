@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from itertools import product
-from typing import Any, Final, Self
+from typing import Any, Self
 
 from envgraph.behaviour._behaviour import Action, Agent, Behaviour, Domain, ObserveObject
 from envgraph.behaviour._parameter_domains import domain_type
@@ -13,12 +13,6 @@ from envgraph.errors import EvaluationError, InvalidArgument
 from envgraph.graph import Model
 from envgraph.metamodel import Attribute, EnumType, Metamodel, Value, accepts
 from envgraph.pattern import ObjectType
-
-NAMED_KEYS: Final = {
-    "ArrowRight": 2**30 + 79, "ArrowLeft": 2**30 + 80, "ArrowDown": 2**30 + 81, "ArrowUp": 2**30 + 82,
-    "Enter": 13, "Tab": 9, "Backspace": 8, "Delete": 127,
-}  # fmt: skip
-"""Key codes of SDL and pygame by their names on the web (`KeyboardEvent.key`)."""
 
 Key = tuple[Value, ...]
 """The key of an object: the values of its class's key attributes, or (id,) if the class has no key."""
@@ -186,19 +180,6 @@ def expand_action(
     for values in product(*domains):
         shown = ", ".join(text for text, _ in values)
         yield f"{action.name}({shown})" if values else action.name, tuple(value for _, value in values)
-
-
-def key_code(key: str) -> int | None:
-    """Return the key code of a character or of one of `NAMED_KEYS`, the same for `a` and `A`; None for others."""
-    return ord(key.casefold()[0]) if len(key) == 1 else NAMED_KEYS.get(key)
-
-
-def action_keys(behaviour: Behaviour, keys: KeyIndex, metamodel: Metamodel) -> dict[str, int]:
-    """Return the key code of each action that a key of a keyboard does, by the name of the action."""
-    owners: tuple[Behaviour | Agent, ...] = (behaviour, *behaviour.agents)
-    keyed = [one for owner in owners for one in owner.actions if one.keys]
-    pairs = (pair for one in keyed for pair in zip(expand_action(one, keys, metamodel), one.keys, strict=False))
-    return {name: code for (name, _), key in pairs if (code := key_code(key)) is not None}
 
 
 def _domain_values(domain: Domain, keys: KeyIndex, metamodel: Metamodel) -> Iterator[tuple[str, int | Value]]:

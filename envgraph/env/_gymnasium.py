@@ -15,6 +15,7 @@ from gymnasium import spaces
 from gymnasium.error import ResetNeeded
 from numpy.typing import NDArray
 
+from envgraph.behaviour import key_bindings, key_code
 from envgraph.env._enumeration import ExploredEnvironment
 from envgraph.env._family_members import MemberFacts, SwitchableMembers
 from envgraph.env._model_views import ModelView, model_view
@@ -177,7 +178,7 @@ class SingleEnvironment(FamilyEnvironment, gymnasium.Env[Any, Any]):
         check_render_mode(render_mode, drawn=drawn)
         self.render_mode = render_mode
         self.action_names = tuple(action_names)
-        self.action_keys: Mapping[str, int] = {}
+        self.action_keys: Mapping[str, Sequence[str]] | None = {}
         self._action_count = len(self.action_names)
         self.action_space = spaces.Discrete(self._action_count)
         self.view = view
@@ -203,11 +204,15 @@ class SingleEnvironment(FamilyEnvironment, gymnasium.Env[Any, Any]):
         """Return the action mask of the current state; an episode must have begun."""
 
     def get_keys_to_action(self) -> dict[tuple[int, ...], int]:
-        """Return the action of each key, for `gymnasium.utils.play.play`; raise InvalidArgument without any keys."""
-        codes = {code: name for name, code in self.action_keys.items() if name in self.action_names}
-        if not codes:
-            raise InvalidArgument("no action of this environment has a key", 'write `@key("a") action name = ..`')
-        return {(code,): self.action_names.index(name) for code, name in codes.items()}
+        """Return the action of each key, given as a key code, for `gymnasium.utils.play.play`; see `key_bindings`.
+
+        Raises:
+            InvalidArgument: agents act together, so that an action consists of several, for which there are no keys.
+        """
+        if self.action_keys is None:
+            raise InvalidArgument("agents act together, so that one key cannot do an action", "use `envgraph play`")
+        bindings = key_bindings(self.action_names, self.action_keys)
+        return {(code,): number for key, number in bindings.items() if (code := key_code(key)) is not None}
 
     def _complete_info(self, info: dict[str, Any]) -> dict[str, Any]:
         """Add the variant and action mask, if they apply, to an info, and return it; update an open window."""

@@ -55,11 +55,11 @@ def constructs(family: Family) -> Counter[str]:
     """Which of the constructs that are met more seldom a behaviour has: each counts once."""
     behaviour, metamodel = family.behaviour, family.engines[0].model.metamodel
     owners = (behaviour, *behaviour.agents)
-    codes = action_keys(behaviour, family.keys, metamodel)
-    assert len({*codes.values()}) == len(codes)
-    assert behaviour.together or codes.keys() <= {*family.program.action_names}
+    written = action_keys(behaviour, family.keys, metamodel)
+    assert len({key for keys in written.values() for key in keys}) == sum(map(len, written.values()))
+    assert behaviour.together or written.keys() <= {*family.program.action_names}
     ranged = {one.name for one in metamodel.attributes if one.range is not None}
-    found = {"@key"} if codes else set[str]()
+    found = {"@key"} if written else set[str]()
     found |= {"floats" for one in family.program.observation_shape if isinstance(one, FloatRange)}
     for one in (one for owner in owners for one in owner.observations):
         kind = "@range" if isinstance(one, ObserveAttribute) and getattr(one.path, "feature", "") in ranged else ""

@@ -73,16 +73,18 @@ def parse_action(reading: FileReading, tree: Tree[Token]) -> Action:
         if not select_tokens(other.children, "REWARD"):
             reading.error("missing-token", "`reward` is missing after `else`", other, "write `else reward ...`")
     branches = parse_branches(reading, select_trees(tree.children, "branches")[0])
-    keys = [one for one in parse_suppressions(reading, tree, "key") if one.name == "key"]
+    marks = zip(parse_suppressions(reading, tree, "key"), select_trees(tree.children, "annotation"), strict=True)
+    keys = [(one, select_trees(part.children, "annotation_argument")) for one, part in marks if one.name == "key"]
     return Action(
         name=str(name),
         branches=branches,
         parameters=tuple((str(select_tokens(part.children)[0]), _parse_domain(reading, part)) for part in domains),
         reward=_parse_optional_expression(reading, reward),
         else_reward=_parse_optional_expression(reading, other_reward),
-        keys=tuple(str(key) for one in keys for key in one.arguments),
+        keys=tuple(str(key) for one, _ in keys for key in one.arguments),
         span=reading.span(name),
-        keys_span=keys[0].span if keys else None,
+        keys_span=keys[0][0].span if keys else None,
+        key_spans=tuple(reading.span(part) for _, parts in keys for part in parts),
         parameter_spans=tuple(reading.span(select_tokens(part.children)[0]) for part in domains),
     )
 

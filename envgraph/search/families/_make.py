@@ -315,7 +315,7 @@ def make_environment(
     environment, steps_in = _make_member_environment(opened, place, wanted, shown)
     if family is not None:
         environment.set_family(LazyMembers(family, steps_in, render_mode is not None), place)
-    environment.action_keys = opened.record.keys
+    environment.action_keys = opened.record.action_keys
     if not opened.record.drawn:
         environment.metadata = {**environment.metadata, "render_modes": []}
     parts: dict[str, SingleEnvironment] = {}

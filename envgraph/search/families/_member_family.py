@@ -253,7 +253,8 @@ class Family:
         behaviour = self.behaviour
         tables = {one.name: self.table_file_name(one) if isinstance(one.source, str) else "" for one in self.members}
         certificates = {one.name: one.certificates for one in self.members}
-        drawn, keys = behaviour.draw is not None, action_keys(behaviour, self.keys, self.domain.metamodel)
+        drawn = behaviour.draw is not None
+        keys = None if behaviour.together else action_keys(behaviour, self.keys, self.domain.metamodel)
         return FamilyRecord(self.name, behaviour.name, self.limit, drawn, keys, tables, certificates)
 
     def scene(self, member: Member) -> Scene | None:

@@ -52,7 +52,7 @@ class FamilyRecord:
         behaviour: name of its environment.
         limit: steps after which an episode is truncated, or None.
         drawn: True if the behaviour has a `draw` clause.
-        keys: key codes of actions; see `action_keys`.
+        action_keys: the keys that `@key` gives to actions, by name; None if agents act together.
         tables: file name of each member's table, by member name; "" if its model is made only when needed.
         certificates: verified values of each member, by member name.
     """
@@ -61,7 +61,7 @@ class FamilyRecord:
     behaviour: str
     limit: int | None
     drawn: bool
-    keys: Mapping[str, int]
+    action_keys: Mapping[str, Sequence[str]] | None
     tables: Mapping[str, str]
     certificates: Mapping[str, Mapping[str, float | None]]
 
@@ -185,7 +185,7 @@ class TableCache:
                 "behaviour": str(behaviour),
                 "limit": int() | None as limit,
                 "drawn": bool(drawn),
-                "keys": dict(keys),
+                "action_keys": dict() | None as keys,
                 "tables": dict(tables),
                 "certificates": dict(certificates),
             } if all(isinstance(table, str) for table in tables.values()):
