@@ -77,6 +77,7 @@ if TYPE_CHECKING:
     )
     from envgraph.behaviour._parameter_domains import domain_type as domain_type
     from envgraph.behaviour._reward_split import (
+        clause_name as clause_name,
         reward_names as reward_names,
         with_only_reward as with_only_reward,
     )

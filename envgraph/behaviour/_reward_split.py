@@ -18,7 +18,7 @@ def reward_names(behaviour: Behaviour) -> tuple[str, ...]:
     """
     own = [one for agent in behaviour.agents for one in (*agent.actions, *agent.effects)]
     return tuple(
-        dict.fromkeys(_clause_name(one) for one in (*behaviour.actions, *behaviour.effects, *own) if _has_reward(one))
+        dict.fromkeys(clause_name(one) for one in (*behaviour.actions, *behaviour.effects, *own) if _has_reward(one))
     )
 
 
@@ -51,14 +51,15 @@ def _keep_action_rewards(actions: Sequence[Action], name: str) -> tuple[Action, 
 
 
 def _keep_effect_rewards(effects: Sequence[Effect], name: str) -> tuple[Effect, ...]:
-    return tuple(one if _clause_name(one) == name else replace(one, reward=None) for one in effects)
+    return tuple(one if clause_name(one) == name else replace(one, reward=None) for one in effects)
 
 
 def _has_reward(one: Action | Effect) -> bool:
     return one.reward is not None or (isinstance(one, Action) and one.else_reward is not None)
 
 
-def _clause_name(one: Action | Effect) -> str:
+def clause_name(one: Action | Effect) -> str:
+    """Return the name of a clause in infos; see `reward_names`."""
     if isinstance(one, Action):
         return one.name
     if not isinstance(one, OnFind):

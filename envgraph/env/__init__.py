@@ -82,6 +82,7 @@ if TYPE_CHECKING:
         ObservationKind as ObservationKind,
         check_observation_kind as check_observation_kind,
     )
+    from envgraph.env._played_episode import PlayedEpisode as PlayedEpisode, PlayedStep as PlayedStep
     from envgraph.env._separate_rewards import SeparateRewards as SeparateRewards
     from envgraph.env._simulator import Simulator as Simulator, StepOutcome as StepOutcome
     from envgraph.env._size_errors import TooManyStates as TooManyStates

@@ -43,6 +43,7 @@ class AgentStepper:
         acting: see above.
         n_actions: the number of actions.
         has_acted: see `Simulator`.
+        ended_by: the clauses with a match in the last step that end the episode, once for each match.
     """
 
     def __init__(self, agents: AgentOrder, acting: Sequence[PreparedAgent], model: Model) -> None:
@@ -50,6 +51,7 @@ class AgentStepper:
         self._weights = [len(agents.action_names) ** place for place in range(len(acting) + 1)]
         self.n_actions = self._weights[-1]
         self.has_acted = False
+        self.ended_by: list[PreparedOnFind | PreparedOnRefused] = []
         self._sums = [0.0] * len(acting)
         written, programs = [], [agent.behaviour for agent in acting]
         for each in programs:
@@ -115,6 +117,7 @@ class AgentStepper:
             apply.run(bound, choices, self._model)
         self._sums = sums = [0.0] * 2 * len(self.acting)
         ends, total = [0], 0.0
+        self.ended_by = []
         pending: list[PendingMatch] = []
         for effect, reward, scope, accounts in clauses:
             for row in ((),) if effect is None else effect.matches():
@@ -123,14 +126,18 @@ class AgentStepper:
                     for account in accounts:
                         sums[account] += gain
                 if effect is not None:
-                    ends.append(effect.end)
+                    if effect.end:
+                        ends.append(effect.end)
+                        self.ended_by.append(effect)
                     if effect.apply is not None:
                         pending.append((scope, effect, row))
         if pending:
             run_pending(pending, choices, self._model)
         for refused, scope, accounts, refusals in self._on_refused:
             if any(refusals):
-                ends.append(refused.end)
+                if refused.end:
+                    ends.append(refused.end)
+                    self.ended_by.append(refused)
                 if refused.reward is not None:
                     gain = refused.reward(scope)
                     for account in accounts:

@@ -252,7 +252,7 @@ class Simulator:
 
     def non_range_components(self) -> tuple[int, ...]:
         """Return the component values, except numbers in ranges, of the next agent or of all simultaneous agents."""
-        agents = self._steppers[self.turn].acting
+        agents = self.current_stepper.acting
         components = (component for agent in agents for component in agent.behaviour.components)
         return tuple(component.read() for component in components if not component.is_range)
 
@@ -277,6 +277,11 @@ class Simulator:
     def current_agent(self) -> PreparedAgent:
         """Return the agent that acts next; the single agent without object if the behaviour has no agents."""
         return self.agents.prepared_agents[self.turn]
+
+    @property
+    def current_stepper(self) -> AgentStepper:
+        """Return the stepper of the agents that act next."""
+        return self._steppers[self.turn]
 
     # --- all outcomes
 
@@ -349,7 +354,7 @@ class Simulator:
         self.turn = self.agents.next_turn(-1)
 
     def _step(self, number: int, choices: ChoiceSource) -> tuple[float, int]:
-        stepper = self._steppers[self.turn]
+        stepper = self.current_stepper
         reward, terminated = stepper.step(number, choices)
         for agent in stepper.acting if self._always_read and terminated == CONTINUES else ():
             if agent.behaviour.calls_done:
