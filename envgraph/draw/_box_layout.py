@@ -1,8 +1,14 @@
-"""Compute positions of boxes without Graphviz: networkx spreads the boxes, and overlapping boxes are moved apart."""
+"""Compute positions of boxes without Graphviz: a spring layout spreads them, and overlapping boxes are moved apart.
+
+networkx computes the spring layout. Without networkx, as in a browser, Python code computes another one.
+"""
 
 from __future__ import annotations
 
+from cmath import exp, pi
 from collections.abc import Sequence
+from importlib.util import find_spec
+from itertools import combinations
 from unicodedata import east_asian_width
 
 from envgraph.code import dataclass
@@ -97,36 +103,60 @@ def _connected_parts(picture: Diagram) -> list[list[str]]:
 
 def _lay_out_part(picture: Diagram, part: list[str], frames: dict[str, BoxFrame], gap: float) -> None:
     """Set the frames of one connected part by a spring layout along its edges; leave a single box at its position."""
-    import networkx as nx
-
     if len(part) == 1:
         return
+    inside, joined = set(part), dict[frozenset[str], tuple[str, str]]()
+    for edge in picture.edges:
+        if edge.source in inside and edge.source != edge.target:
+            joined.setdefault(frozenset((edge.source, edge.target)), (edge.source, edge.target))
+    places = (_spring_layout if find_spec("networkx") else _python_spring_layout)(part, [*joined.values()])
+    wide = max(2 * frames[key].half_width for key in part) + gap
+    high = max(2 * frames[key].half_height for key in part) + gap
+    lengths = sorted(abs(places[a] - places[b]) for a, b in joined.values())
+    step = max(lengths[len(lengths) // 2], 1e-6)
+    for key in part:
+        frames[key].x = places[key].real / step * (wide + high) / 2
+        frames[key].y = places[key].imag / step * (wide + high) / 2
+    _push_apart([frames[key] for key in part])
+
+
+def _spring_layout(part: Sequence[str], edges: Sequence[tuple[str, str]]) -> dict[str, complex]:
+    """Return the places of connected boxes."""
+    import networkx as nx
+
     graph = nx.Graph()
     graph.add_nodes_from(part)
-    graph.add_edges_from(
-        (edge.source, edge.target) for edge in picture.edges if edge.source in graph and edge.source != edge.target
-    )
+    graph.add_edges_from(edges)
     begin = nx.spectral_layout(graph) if len(part) > 3 else nx.circular_layout(graph)
     # A spring layout cannot separate boxes at equal positions, which the spectral layout gives to equal leaves.
     begin = {
         key: (x + 1e-3 * (number % 7), y + 1e-3 * (number % 11)) for number, (key, (x, y)) in enumerate(begin.items())
     }
     places = nx.spring_layout(graph, pos=begin, iterations=100, seed=1)
-    wide = max(2 * frames[key].half_width for key in part) + gap
-    high = max(2 * frames[key].half_height for key in part) + gap
-    step = _median_distance(graph, places)
-    for key in part:
-        frames[key].x = float(places[key][0]) / step * (wide + high) / 2
-        frames[key].y = float(places[key][1]) / step * (wide + high) / 2
-    _push_apart([frames[key] for key in part])
+    return {key: complex(float(x), float(y)) for key, (x, y) in places.items()}
 
 
-def _median_distance(graph: Sequence[object], places: dict[str, tuple[float, float]]) -> float:
-    lengths = sorted(
-        ((places[a][0] - places[b][0]) ** 2 + (places[a][1] - places[b][1]) ** 2) ** 0.5
-        for a, b in graph.edges  # type: ignore[attr-defined]  # networkx ships no types
-    )
-    return float(max(lengths[len(lengths) // 2], 1e-6))
+def _python_spring_layout(part: Sequence[str], edges: Sequence[tuple[str, str]]) -> dict[str, complex]:
+    """Return the places of connected boxes, without networkx (Fruchterman and Reingold 1991, figure 1)."""
+    count, rounds = len(part), 50
+    ideal = count**-0.5
+    places = {key: exp(2j * pi * number / count) / 2 for number, key in enumerate(part)}
+    for turn in range(rounds):
+        moves = dict.fromkeys(part, 0j)
+        for first, second in combinations(part, 2):
+            apart = places[first] - places[second]
+            push = apart * (ideal / max(abs(apart), 1e-3)) ** 2
+            moves[first] += push
+            moves[second] -= push
+        for first, second in edges:
+            apart = places[first] - places[second]
+            pull = apart * abs(apart) / ideal
+            moves[first] -= pull
+            moves[second] += pull
+        furthest = 0.1 * (1 - turn / rounds)
+        for key, move in moves.items():
+            places[key] += move * min(1.0, furthest / max(abs(move), 1e-9))
+    return places
 
 
 def _place_pinned(picture: Diagram, frames: dict[str, BoxFrame], gap: float) -> None:

@@ -6,7 +6,6 @@ from envgraph.draw._diagram_data import Diagram
 from envgraph.draw._dot import draw_dot
 from envgraph.draw._svg_drawing import draw_svg
 from envgraph.draw._text_boxes import draw_text
-from envgraph.errors import InvalidArgument
 
 TIMEOUT = 10.0
 """Default maximum time for Graphviz, in seconds."""
@@ -48,19 +47,15 @@ class Picture(Diagram):
         The positions of boxes depend on the program that draws; do not compare pictures of different machines.
 
         Args:
-            graphviz: True requires Graphviz. False uses networkx to place the boxes. None uses Graphviz, or networkx if
+            graphviz: True requires Graphviz. False uses our own layout. None uses Graphviz, or our own layout if
                 Graphviz is missing or fails.
             timeout: the maximum time for Graphviz, in seconds.
 
         Raises:
-            InvalidArgument: Graphviz is required, but its program `dot` is not on the PATH, fails or takes too long; or
-                neither Graphviz nor networkx is installed.
+            InvalidArgument: Graphviz is required, but its program `dot` is not on the PATH, fails or takes too long.
         """
         return draw_svg(self, graphviz, timeout)
 
-    def _repr_svg_(self) -> str | None:
-        """Return the SVG for notebooks; None, so that they show the `repr`, if neither Graphviz nor networkx works."""
-        try:
-            return self.to_svg()
-        except InvalidArgument:
-            return None
+    def _repr_svg_(self) -> str:
+        """Return the SVG for notebooks."""
+        return self.to_svg()

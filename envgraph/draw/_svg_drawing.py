@@ -30,7 +30,7 @@ Point = tuple[float, float]
 def draw_svg(picture: Diagram, graphviz: bool | None, timeout: float) -> str:
     """Return the picture as SVG, by Graphviz or, if `graphviz` is False, or None and Graphviz fails, by this module.
 
-    Raise InvalidArgument if `graphviz` is True and Graphviz fails, or if networkx is needed but not installed.
+    Raise InvalidArgument if `graphviz` is True and Graphviz fails.
     """
     if graphviz is not False:
         found = run_graphviz(draw_dot(picture), timeout)
@@ -41,11 +41,7 @@ def draw_svg(picture: Diagram, graphviz: bool | None, timeout: float) -> str:
             "Graphviz did not draw the picture: its program `dot` is not on the PATH, failed or took too long; "
             "install Graphviz, raise `timeout`, or pass `graphviz=False`"
         )
-    try:
-        frames = place_boxes(picture)
-    except ImportError as error:
-        raise InvalidArgument(f"a picture needs Graphviz or networkx; run `pip install networkx`: {error}") from error
-    return draw_frames(picture, frames)
+    return draw_frames(picture, place_boxes(picture))
 
 
 def draw_frames(picture: Diagram, frames: dict[str, BoxFrame]) -> str:

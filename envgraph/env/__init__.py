@@ -3,17 +3,18 @@
 `check_behaviour` reports what is wrong with a behaviour. `Simulator` runs it on a live engine, and its docstring
 defines a step. `explore` enumerates all reachable states as a `Tabular`, with pictures. `EnvgraphEnv`,
 `EnvgraphLiveEnv` and `EnvgraphVectorEnv` are the Gymnasium environments over them. `KeyIndex` holds the indices of
-objects over a family. Importing the package registers the bundled environments (`envgraph/BurningForest-v0`).
+objects over a family. Importing the package registers the bundled environments (`envgraph/BurningForest-v0`) with
+Gymnasium. `Simulator` and scenes need neither Gymnasium nor NumPy, so that models can be played in a browser.
 
 >>> import gymnasium
 >>> gymnasium.spec("envgraph/BurningForest-v0").max_episode_steps
 200
 """
 
+from importlib.util import find_spec
 from typing import TYPE_CHECKING
 
 from envgraph.code import export_lazily
-from envgraph.env.registration import register_bundled
 
 if TYPE_CHECKING:
     from gymnasium.envs.registration import EnvSpec as EnvSpec
@@ -58,7 +59,7 @@ if TYPE_CHECKING:
         SwitchableMembers as SwitchableMembers,
         VectorVariants as VectorVariants,
     )
-    from envgraph.env._flat_observations import FloatRange as FloatRange
+    from envgraph.env._float_ranges import FloatRange as FloatRange
     from envgraph.env._frozen_lake import frozen_lake_arguments as frozen_lake_arguments
     from envgraph.env._gymnasium import (
         EnvgraphEnv as EnvgraphEnv,
@@ -113,4 +114,7 @@ if TYPE_CHECKING:
 
 export_lazily(globals())
 
-register_bundled()
+if find_spec("gymnasium") is not None:  # it is left out in browsers
+    from envgraph.env.registration import register_bundled
+
+    register_bundled()

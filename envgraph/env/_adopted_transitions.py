@@ -15,7 +15,8 @@ import numpy as np
 from envgraph.code import dataclass, shorten_repr
 from envgraph.env._frozen_lake import action_outcomes
 from envgraph.env._minigrid import MiniGridLevel, minigrid_class
-from envgraph.env._tabular import MAX_REWARD, Tabular
+from envgraph.env._prepared_clauses import MAX_REWARD
+from envgraph.env._tabular import Tabular
 from envgraph.errors import LIMITS, TOLERANCE, EnvgraphError, InvalidArgument
 
 _MINIGRID: Final = ("MiniGrid-", "BabyAI-")

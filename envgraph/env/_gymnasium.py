@@ -26,9 +26,8 @@ from envgraph.env._observation_spaces import (
     ObservationKind,
     check_observation_kind,
 )
-from envgraph.env._random_choices import cumulative_sums
 from envgraph.env._simulator import SUCCESS, Simulator
-from envgraph.env._tabular import Tabular
+from envgraph.env._tabular import Tabular, cumulative_sums
 from envgraph.env.scene._pixels import scene_rgb
 from envgraph.env.scene._scene import DRAW_HINT, Scene
 from envgraph.env.scene._text import scene_text

@@ -23,7 +23,8 @@ from envgraph.behaviour import (
     ObserveObject,
     feature_reader,
 )
-from envgraph.env._flat_observations import LARGEST_FLOAT32, FlatLayout, FloatRange
+from envgraph.env._flat_observations import FlatLayout
+from envgraph.env._float_ranges import LARGEST_FLOAT32, FloatRange
 from envgraph.env._observation_components import (
     clause_name,
     component_names,

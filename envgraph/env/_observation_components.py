@@ -23,7 +23,7 @@ from envgraph.behaviour import (
     key_attributes,
     key_reader,
 )
-from envgraph.env._flat_observations import LARGEST_FLOAT32, FloatRange, float_rank
+from envgraph.env._float_ranges import LARGEST_FLOAT32, FloatRange, float_rank
 from envgraph.env._prepared_clauses import NameClasses, NameValues, Owner, merge_clauses
 from envgraph.errors import EvaluationError
 from envgraph.graph import Model

@@ -16,7 +16,8 @@ import numpy as np
 from gymnasium import spaces
 from numpy.typing import NDArray
 
-from envgraph.env._flat_observations import FlatLayout, FloatRange
+from envgraph.env._flat_observations import FlatLayout
+from envgraph.env._float_ranges import FloatRange
 from envgraph.errors import LARGEST_INT, InvalidArgument, check_known
 
 ObservationKind = Literal["index", "multi", "flat", "dict", "image", "graph", "padded_graph", "text"]

@@ -49,6 +49,7 @@ from envgraph.env._observation_components import (
     value_indexer,
 )
 from envgraph.env._prepared_clauses import (
+    MAX_REWARD,
     NameClasses,
     NameValues,
     ObservationComponent,
@@ -64,7 +65,6 @@ from envgraph.env._prepared_clauses import (
 )
 from envgraph.env._random_choices import missing_probability
 from envgraph.env._rule_calls import prepare_call
-from envgraph.env._tabular import MAX_REWARD
 from envgraph.errors import LARGEST_INT, EvaluationError, Span
 from envgraph.graph import Model
 from envgraph.match import Row

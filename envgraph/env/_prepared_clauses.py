@@ -6,7 +6,7 @@ from collections.abc import Callable, Mapping, Sequence
 from functools import reduce
 from itertools import groupby
 from operator import add
-from typing import Protocol, TypeVar
+from typing import Final, Protocol, TypeVar
 
 from envgraph.behaviour import Action, Effect, Observation, RuleCall
 from envgraph.code import dataclass
@@ -21,6 +21,9 @@ NameValues = Mapping[str, Value | None]
 
 Owner = tuple[str, Callable[[], Value | None]]
 """The name at which an observation begins, and a function that returns its object, or None if it is missing."""
+
+MAX_REWARD: Final = 1e100
+"""Largest absolute value of a clause's reward, and of a weight, so that sums, returns and squares stay finite."""
 
 
 class ChoiceSource(Protocol):

@@ -10,9 +10,6 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 
-import numpy as np
-from numpy.typing import NDArray
-
 
 class UniformDraw:
     """A uniform random number in [0, 1) that decides several choices one after the other; `remainder` decides the next
@@ -126,15 +123,3 @@ def all_choice_sequences() -> Iterator[ScriptedChoices]:
         if not script:
             return
         script[-1] += 1
-
-
-def cumulative_sums(probability: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Return cumulative sums along the last axis, for `searchsorted(.., u, "right")`.
-
-    From the last possible outcome on, the sum is exactly 1, so that rounding never selects an impossible outcome.
-    """
-    sums = np.cumsum(probability, axis=-1)
-    possible = np.cumsum(probability[..., ::-1] > 0.0, axis=-1)[..., ::-1] > 0
-    later = np.concatenate([possible[..., 1:], np.zeros_like(possible[..., :1])], axis=-1)
-    sums[~later] = 1.0
-    return sums

@@ -4,13 +4,9 @@ from __future__ import annotations
 
 from collections.abc import Callable, Generator, Iterator, Sequence
 from copy import deepcopy
-from functools import reduce
 from math import prod
 from types import SimpleNamespace
-from typing import Any
-
-import numpy as np
-from numpy.typing import NDArray
+from typing import TYPE_CHECKING, Any
 
 from envgraph.behaviour import (
     Behaviour,
@@ -29,11 +25,14 @@ from envgraph.env._prepared_behaviour import PreparedBehaviour
 from envgraph.env._prepared_clauses import ChoiceSource, PreparedEachStep, PreparedOnFind, run_pending
 from envgraph.env._random_choices import UniformDraw, all_choice_sequences
 from envgraph.env._size_errors import TooManyStates
-from envgraph.env._tabular import nonempty_masks
 from envgraph.env.scene._scene import DRAW_HINT, Painter
 from envgraph.errors import LIMITS, InvalidArgument, ResolutionError, Severity
 from envgraph.graph import Model, Savepoint
-from envgraph.rewrite import Engine
+from envgraph.rewrite import Engine, Randomness
+
+if TYPE_CHECKING:
+    import numpy as np
+    from numpy.typing import NDArray
 
 CONTINUES, SUCCESS, FAILURE = 0, 1, 2
 
@@ -151,7 +150,7 @@ class Simulator:
 
     # --- live
 
-    def reset(self, rng: np.random.Generator) -> int:
+    def reset(self, rng: Randomness) -> int:
         """Put the model into a start state, sampled with one random number; return the index of the observation."""
         self.close()
         self._episode_savepoint, uniform = self._model.graph.history.savepoint(), rng.random()
@@ -159,7 +158,7 @@ class Simulator:
         self._episode_record = [(-1, uniform)]  # -1 stands for the reset
         return self.observe()
 
-    def step(self, action: int, rng: np.random.Generator) -> StepOutcome:
+    def step(self, action: int, rng: Randomness) -> StepOutcome:
         """Do an action, whose random choices are all decided by one random number.
 
         Raises:
@@ -170,7 +169,7 @@ class Simulator:
         reward, terminated = self.step_without_observation(action, rng)
         return StepOutcome(reward, terminated, self.observe())
 
-    def step_without_observation(self, action: int, rng: np.random.Generator) -> tuple[float, int]:
+    def step_without_observation(self, action: int, rng: Randomness) -> tuple[float, int]:
         """Do a step without an observation; return the reward and the end (0, 1, 2 or -1)."""
         if self._episode_savepoint is None:
             raise InvalidArgument("no episode has begun: call `reset` first")
@@ -222,26 +221,44 @@ class Simulator:
     def action_mask(self) -> NDArray[np.bool_]:
         """Return for each action if it would do something in the current state [actions]; all True if none would.
 
+        See `allowed_actions`, which returns a list and does not need NumPy.
+        """
+        import numpy as np
+
+        return np.array(self.allowed_actions(), np.bool_)
+
+    def agent_action_mask(self, number: int) -> NDArray[np.bool_]:
+        """Return the action mask of one agent [actions]; see `agent_allowed_actions`."""
+        import numpy as np
+
+        return np.array(self.agent_allowed_actions(number), np.bool_)
+
+    def allowed_actions(self) -> list[bool]:
+        """Return for each action if it would do something in the current state; all True if none would.
+
         An action does something if a branch of it is `nothing()`, a rule that has a match, or a unit that can succeed.
         For a joint action this must be true of each agent's action, tested on the state before the step.
         """
         if self.joint_stepper is None:
-            return self.agent_action_mask(self.turn)
-        masks = [self.agent_action_mask(number) for number in range(len(self.agents.prepared_agents))]
-        return reduce(lambda found, mask: (mask[:, None] & found).ravel(), masks)
+            return self.agent_allowed_actions(self.turn)
+        found = [True]
+        for number in range(len(self.agents.prepared_agents)):
+            allowed = self.agent_allowed_actions(number)
+            found = [own and others for own in allowed for others in found]
+        return found
 
-    def agent_action_mask(self, number: int) -> NDArray[np.bool_]:
-        """Return the action mask of one agent; all True if no action would do something.
+    def agent_allowed_actions(self, number: int) -> list[bool]:
+        """Return for each action of one agent if it would do something; all True if none would.
 
         Of agents that act together, one whose object does not exist could do anything. One whose turn it is can do what
         needs no such object.
         """
         seat, model = self.agents.prepared_agents[number], self._model
         if self.agents.together and not self.agents.can_act(seat):
-            return np.ones(len(seat.actions), dtype=np.bool_)
+            return [True] * len(seat.actions)
         bound = seat.behaviour.bound_values
-        can = [one.branches.can_run(one.current_scope(bound), model) for one in seat.actions]
-        return nonempty_masks(np.array(can))
+        found = [one.branches.can_run(one.current_scope(bound), model) for one in seat.actions]
+        return found if any(found) else [True] * len(found)
 
     def state_key(self) -> tuple[int, int]:
         """Return a key that identifies the state: the model's hash and whose turn it is.

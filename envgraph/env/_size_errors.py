@@ -7,7 +7,7 @@ from decimal import Decimal
 from math import prod
 
 from envgraph.behaviour import Behaviour
-from envgraph.env._flat_observations import FloatRange
+from envgraph.env._float_ranges import FloatRange
 from envgraph.errors import LARGEST_INT, LIMITS, EvaluationError, Span
 
 

@@ -9,10 +9,8 @@ from numpy.typing import NDArray
 
 from envgraph.code import dataclass
 from envgraph.draw import escape_markup
+from envgraph.env._prepared_clauses import MAX_REWARD
 from envgraph.errors import TOLERANCE, InvalidArgument
-
-MAX_REWARD = 1e100
-"""Largest absolute value of a clause's reward, and of a weight, so that sums, returns and squares stay finite."""
 
 _MAX_STEP_REWARD = 1e10 * MAX_REWARD
 """Largest absolute value of the reward of a step: 1e10 matches with the largest reward."""
@@ -162,6 +160,18 @@ class Tabular:
 def nonempty_masks(allowed: NDArray[np.bool_]) -> NDArray[np.bool_]:
     """Return action masks [.., actions] in which a row without a True is replaced by all True."""
     return allowed | ~allowed.any(axis=-1, keepdims=True)
+
+
+def cumulative_sums(probability: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Return cumulative sums along the last axis, for `searchsorted(.., u, "right")`.
+
+    From the last possible outcome on, the sum is exactly 1, so that rounding never selects an impossible outcome.
+    """
+    sums = np.cumsum(probability, axis=-1)
+    possible = np.cumsum(probability[..., ::-1] > 0.0, axis=-1)[..., ::-1] > 0
+    later = np.concatenate([possible[..., 1:], np.zeros_like(possible[..., :1])], axis=-1)
+    sums[~later] = 1.0
+    return sums
 
 
 def _all_in_range(values: NDArray[np.int32] | NDArray[np.int64] | NDArray[np.int8], size: int) -> bool:

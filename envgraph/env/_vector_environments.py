@@ -19,9 +19,8 @@ from envgraph.env._family_members import VectorVariants
 from envgraph.env._gymnasium import check_options, check_render_mode
 from envgraph.env._model_views import ModelView
 from envgraph.env._observation_spaces import ComponentView, ObservationKind, split_index
-from envgraph.env._random_choices import cumulative_sums
 from envgraph.env._simulator import SUCCESS
-from envgraph.env._tabular import Tabular
+from envgraph.env._tabular import Tabular, cumulative_sums
 from envgraph.env.scene._pixels import scene_rgb
 from envgraph.env.scene._scene import Scene
 from envgraph.env.schedules import MemberAssignment, Schedule

@@ -13,7 +13,8 @@ from gymnasium import spaces
 
 import envgraph
 from envgraph.env import EnvgraphLiveEnv, FloatRange, GraphView, Simulator
-from envgraph.env._flat_observations import LARGEST_FLOAT32, FlatLayout
+from envgraph.env._flat_observations import FlatLayout
+from envgraph.env._float_ranges import LARGEST_FLOAT32
 from envgraph.env._observation_components import merge_sizes
 from envgraph.env.compiled import CompiledEnv, Learner, program_of
 from envgraph.errors import EnvgraphError, EvaluationError, LoadError

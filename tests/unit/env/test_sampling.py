@@ -11,7 +11,8 @@ import pytest
 from hypothesis import given, strategies as st
 
 from envgraph.env import EnvgraphEnv, EnvgraphLiveEnv, Simulator, explore
-from envgraph.env._random_choices import UniformDraw, cumulative_sums
+from envgraph.env._random_choices import UniformDraw
+from envgraph.env._tabular import cumulative_sums
 from tests.unit.env import forest
 from tests.unit.env.coins import loaded
 

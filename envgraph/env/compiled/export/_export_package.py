@@ -12,7 +12,7 @@ from typing import Final
 
 import numpy as np
 
-from envgraph.env import _flat_observations
+from envgraph.env import _flat_observations, _float_ranges
 from envgraph.env.compiled.batches._batch import CAPACITY_ERRORS
 from envgraph.env.compiled.export import _exported
 from envgraph.env.compiled.kernels import _python_kernels, step_kernels
@@ -118,12 +118,15 @@ def program_files(
         "errors": _ERRORS,
     }
     text = inspect.getsource(step_kernels)
+    flat = inspect.getsource(_flat_observations)
     return {
         "__init__.py": inspect.getsource(_exported)
         .replace(_batch_arrays.__name__, "._batch_arrays")
-        .replace(_flat_observations.__name__, "._flat_observations"),
+        .replace(_flat_observations.__name__, "._flat_observations")
+        .replace(_float_ranges.__name__, "._float_ranges"),
         "_batch_arrays.py": inspect.getsource(_batch_arrays),
-        "_flat_observations.py": inspect.getsource(_flat_observations),
+        "_flat_observations.py": flat.replace(_float_ranges.__name__, "._float_ranges"),
+        "_float_ranges.py": inspect.getsource(_float_ranges),
         "program.py": f"{text}\n\n{program.source}\n{_TAIL}",
         **{f"{name}.py": (Path(step_kernels.__file__).parent / f"_{name}.py").read_text("utf-8") for name in _NUMBA},
         "cache_files.py": inspect.getsource(_cache),

@@ -19,7 +19,8 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from envgraph.env._flat_observations import FlatLayout, FloatRange
+from envgraph.env._flat_observations import FlatLayout
+from envgraph.env._float_ranges import FloatRange
 from envgraph.env.compiled.layout._batch_arrays import (
     NO_RANDOM_NUMBERS,
     BatchArrays,

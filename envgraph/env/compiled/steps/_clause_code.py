@@ -18,9 +18,8 @@ from envgraph.behaviour import (
 )
 from envgraph.code import dataclass
 from envgraph.env._prepared_behaviour import add_helper_pattern
-from envgraph.env._prepared_clauses import NameClasses
+from envgraph.env._prepared_clauses import MAX_REWARD, NameClasses
 from envgraph.env._random_choices import missing_probability
-from envgraph.env._tabular import MAX_REWARD
 from envgraph.env.compiled.effects._effect_code import EffectEmitter
 from envgraph.env.compiled.layout._model_changes import checked_unit, plan_of
 from envgraph.env.compiled.layout._not_compiled import add_missing_span

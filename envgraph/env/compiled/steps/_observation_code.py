@@ -20,7 +20,7 @@ from envgraph.behaviour import (
     find_helper,
     path_root,
 )
-from envgraph.env._flat_observations import float_rank
+from envgraph.env._float_ranges import float_rank
 from envgraph.env._observation_components import component_size, observed_range
 from envgraph.env._prepared_behaviour import add_helper_pattern
 from envgraph.env._prepared_clauses import NameClasses
