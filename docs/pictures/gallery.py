@@ -15,7 +15,8 @@ from pathlib import Path
 
 import envgraph
 from docs.pictures import models
-from docs.pictures.drawing import Frame, film, sheet, tile
+from docs.pictures.drawing import sheet, tile
+from envgraph.draw import SvgFrame, film
 from envgraph.env import EnvgraphEnv, EnvgraphLiveEnv, scene_svg
 from envgraph.env.compiled import Plans
 from envgraph.files import replace_file
@@ -91,8 +92,8 @@ def episode_pictures(name: str) -> dict[str, str]:
     """Return the picture of the initial model, and the animated episode of the best policy, by their file names."""
     steps = [*episode(name)]
     count, (last, title) = len(steps) - 1, (steps[-1], ENVIRONMENTS[name][0])
-    frames = [Frame(steps[0].svg, "start")]
-    frames += [Frame(one.svg, f"{number}: {one.action}", one.result) for number, one in enumerate(steps[1:], 1)]
+    frames = [SvgFrame(steps[0].svg, "start")]
+    frames += [SvgFrame(one.svg, f"{number}: {one.action}", one.result) for number, one in enumerate(steps[1:], 1)]
     how = "a shortest plan" if name in PLANNED else "an episode of the best policy"
     words = f"{title}: {how}, {count} steps, {last.result}"
     return {f"{name}.svg": tile(steps[0].svg, *ENVIRONMENTS[name]), f"{name}-episode.svg": film(frames, words)}

@@ -84,6 +84,12 @@ if TYPE_CHECKING:
         check_observation_kind as check_observation_kind,
     )
     from envgraph.env._played_episode import PlayedEpisode as PlayedEpisode, PlayedStep as PlayedStep
+    from envgraph.env._recorded_episode import (
+        END_NAMES as END_NAMES,
+        episode_gif as episode_gif,
+        episode_svg as episode_svg,
+        episode_to_dict as episode_to_dict,
+    )
     from envgraph.env._separate_rewards import SeparateRewards as SeparateRewards
     from envgraph.env._simulator import Simulator as Simulator, StepOutcome as StepOutcome
     from envgraph.env._size_errors import TooManyStates as TooManyStates

@@ -120,7 +120,7 @@ class PlayedEpisode:
         """Return for each action if it would do something now; all True if none would, and all False after the end."""
         if self.end:
             return [False] * len(self.action_names)
-        return [bool(one) for one in self.simulator.agent_action_mask(self._chooser)]
+        return self.simulator.agent_allowed_actions(self._chooser)
 
     def choose(self, action: int) -> PlayedStep | None:
         """Choose an action for `agent`, and do a step; if agents act together, only when all of them have chosen.

@@ -10,7 +10,8 @@ import pytest
 from hypothesis import given, strategies as st
 
 from docs.pictures import gallery, models
-from docs.pictures.drawing import Frame, elements_of, film, merge, sheet
+from docs.pictures.drawing import sheet
+from envgraph.draw import SvgFrame, film, merge_elements, svg_elements
 from tests.profile import AT_NIGHT
 
 PICTURES = sorted(gallery.PAGES.glob("pictures/*.svg"))
@@ -64,13 +65,13 @@ def test_pictures_are_small_have_a_title_and_are_on_a_page(path: Path) -> None:
 
 @given(st.lists(st.lists(st.sampled_from("abcdef"), unique=True), min_size=1))
 def test_groups_of_merged_pictures_are_the_elements_of_each_picture(pictures: list[list[str]]) -> None:
-    groups = merge(pictures)
+    groups = merge_elements(pictures)
     for number, elements in enumerate(pictures):
         assert [one for group in groups if number in group.pictures for one in group.elements] == elements
 
 
 def test_an_animation_begins_with_the_first_frame_and_shows_each_frame_in_its_time() -> None:
-    frames = [Frame(SMALL.format(f'<g>{place}</g>\n<circle r="1"/>'), f"frame {place}") for place in "abc"]
+    frames = [SvgFrame(SMALL.format(f'<g>{place}</g>\n<circle r="1"/>'), f"frame {place}") for place in "abc"]
     text = film(frames, "three frames")
     rules = dict(re.findall(r"@keyframes (\w+)\{(.*?)\}\.", text))
     shown = {}
@@ -88,6 +89,6 @@ def test_an_animation_begins_with_the_first_frame_and_shows_each_frame_in_its_ti
 
 def test_pictures_side_by_side_share_elements_of_several_lines() -> None:
     same = '<g stroke="red">\n<title>b</title></g>'
-    assert elements_of(SMALL.format(same)) == [same]
+    assert svg_elements(SMALL.format(same)) == [same]
     text = sheet([(SMALL.format(same), "one"), (SMALL.format(same + "\n<b/>"), "two")], "two pictures")
     assert text.count(same) == 1 and text.count('<use href="#g0"/>') == 2 and text.count("<b/>") == 1
