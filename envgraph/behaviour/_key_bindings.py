@@ -14,13 +14,13 @@ from envgraph.behaviour._parameter_domains import domain_type
 from envgraph.metamodel import Metamodel
 from envgraph.pattern import ObjectType
 
-NAMED_KEYS: Final = {
+NAMED_KEYS: Final[Mapping[str, int]] = {
     "ArrowRight": 2**30 + 79, "ArrowLeft": 2**30 + 80, "ArrowDown": 2**30 + 81, "ArrowUp": 2**30 + 82,
     "Enter": 13, "Tab": 9, "Backspace": 8, "Delete": 127,
 }  # fmt: skip
 """Key codes of SDL and pygame by their names on the web (`KeyboardEvent.key`)."""
 
-PLAY_COMMANDS: Final = {
+PLAY_COMMANDS: Final[Mapping[str, tuple[str, str]]] = {
     "undo": ("u", "Backspace"),
     "restart": ("r", "Delete"),
     "next": ("n", "Tab"),

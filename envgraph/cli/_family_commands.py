@@ -139,6 +139,37 @@ def show() -> None:
     """Print a family: its measures and its maps. Or print a model or a metamodel: its contents, or a picture of it."""
 
 
+@app.command("play")
+@click.argument(
+    "run",
+    help="A run: its name below `runs`, its directory or its run.sqlite; a family file (.json); or a domain: its "
+    "family.toml, its directory, the name of a bundled domain, or an .environment file.",
+)
+@click.argument(
+    "variant",
+    required=False,
+    help="Name (E6) or number of an environment of the run, by default the last; for a domain a .model or .xmi file.",
+)
+@click.option(
+    "--policy",
+    type=click.Choice(["best", "random"]),
+    help="Let an optimal policy, or a random one, do a step for each press of Enter.",
+)
+@click.option("--delay", type=float, metavar="SECONDS", help="Let the policy do a step after each delay, without keys.")
+@count_option("--seed", minimum=0, default=0, help="Random seed of resets and steps.")
+@click.option(
+    "--record", type=PATH, metavar="FILE", help="Write the last episode: an animation (.svg, .gif), or .json."
+)
+@click.option("--window", is_flag=True, help="Open a window, which needs the extra `human`.")
+@directory_option
+@implemented_in("_play_command", "play")
+def play_() -> None:
+    """Play an environment by keys, or watch a policy play it.
+
+    Without a terminal, each line of standard input is a key, the name of an action, or a command such as undo.
+    """
+
+
 @app.command()
 @run_argument
 @click.option(

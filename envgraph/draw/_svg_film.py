@@ -77,7 +77,7 @@ def film(frames: Sequence[SvgFrame], title: str, *, least_width: int = 250) -> s
 
 def _film_groups(groups: Iterable[ElementGroup], films: dict[frozenset[int], str]) -> list[str]:
     """Return the elements of groups, with a class for each set of frames, which is added to `films`."""
-    lines = []
+    lines: list[str] = []
     for group in groups:
         name = films.setdefault(group.pictures, f"f{len(films)}")
         hidden = "" if 0 in group.pictures else ' visibility="hidden"'
@@ -131,7 +131,7 @@ def svg_size(svg: str) -> tuple[float, float]:
 
 def svg_elements(svg: str) -> list[str]:
     """Return the elements of a picture without its title: one or more lines, with as many tags opened as closed."""
-    elements, depth = [], 0
+    elements, depth = list[str](), 0
     for line in svg.removesuffix("\n").split("\n")[1:-1]:
         depth_before, depth = depth, depth + len(re.findall(r"<[a-z]", line)) - len(re.findall(r"</|/>", line))
         if depth_before:

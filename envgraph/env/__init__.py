@@ -105,6 +105,7 @@ if TYPE_CHECKING:
     )
     from envgraph.env.scene._pixels import scene_rgb as scene_rgb
     from envgraph.env.scene._scene import (
+        EMPTY as EMPTY,
         Draw as Draw,
         Edge as Edge,
         GraphScene as GraphScene,
@@ -117,6 +118,7 @@ if TYPE_CHECKING:
     )
     from envgraph.env.scene._scene_svg import scene_svg as scene_svg
     from envgraph.env.scene._text import scene_text as scene_text
+    from envgraph.env.scene._window import Window as Window
 
 export_lazily(globals())
 

@@ -80,6 +80,7 @@ if TYPE_CHECKING:
         load_stored_domain as load_stored_domain,
         order_measure as order_measure,
     )
+    from envgraph.search.families._playable import find_playable as find_playable, play_episode as play_episode
     from envgraph.search.optimising import (
         Annealing as Annealing,
         Beam as Beam,

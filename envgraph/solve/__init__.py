@@ -19,6 +19,7 @@ if TYPE_CHECKING:
     )
     from envgraph.solve._checker import recomputed as recomputed
     from envgraph.solve._distance import steps_to_success as steps_to_success
+    from envgraph.solve._episode_advisor import EpisodeAdvisor as EpisodeAdvisor
     from envgraph.solve._evaluation import (
         Evaluation as Evaluation,
         evaluate as evaluate,

@@ -3,10 +3,14 @@
 from __future__ import annotations
 
 from importlib.util import find_spec
-from typing import Any
+from typing import Any, Final
 
 import numpy as np
 from numpy.typing import NDArray
+
+from envgraph.behaviour import NAMED_KEYS
+
+_KEY_NAMES: Final = {code: name for name, code in {**NAMED_KEYS, "Escape": 27}.items()}
 
 
 def has_window() -> bool:
@@ -41,6 +45,32 @@ class Window:
         pygame.event.pump()
         pygame.display.flip()
         self._clock.tick(fps)
+
+    def set_title(self, title: str) -> None:
+        """Change the title of the window, also of one that opens later."""
+        self._given = title, self._given[1]
+        if self._surface is not None:
+            import pygame
+
+            pygame.display.set_caption(title)
+
+    def read_key(self, seconds: float | None = None) -> str | None:
+        """Wait for a key that is pressed in the open window; return its name as in `@key`.
+
+        Return "" if none was pressed for `seconds`, and None if the window is to be closed.
+        """
+        import pygame
+
+        ends = None if seconds is None else pygame.time.get_ticks() + 1000 * seconds
+        while ends is None or pygame.time.get_ticks() < ends:
+            event = pygame.event.wait(50)  # so that Ctrl-C in the terminal is noticed
+            if event.type == pygame.QUIT:
+                return None
+            if event.type == pygame.KEYDOWN:
+                name = _KEY_NAMES.get(event.key) or event.unicode or (chr(event.key) if event.key < 128 else "")
+                if name:
+                    return str(name)
+        return ""
 
     def close(self) -> None:
         """Close the window if it is open."""
