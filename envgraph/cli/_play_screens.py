@@ -51,8 +51,9 @@ class PlayView:
 class PlayScreen(Protocol):
     """Something that shows the state, and reads keys."""
 
-    script_line: str
-    """The place of the last key for an error about it; "" if a person can press another key instead."""
+    @property
+    def script_line(self) -> str:
+        """Return the place of the last key for an error about it; "" if a person can press another key instead."""
 
     def show(self, view: PlayView) -> None:
         """Show the state."""

@@ -16,6 +16,7 @@ from gymnasium import wrappers
 from gymnasium.vector import AutoresetMode
 
 import envgraph
+from envgraph.cli import main
 from envgraph.env import torch_graph
 from tests.integrations.documented import run_example
 
@@ -191,3 +192,24 @@ def test_people_play_with_the_keys_of_the_actions(monkeypatch: pytest.MonkeyPatc
     press_next()
     play(env, callback=note, wait_on_player=True, seed=0, fps=1000)
     assert done == [2, 1, 6, 8]
+
+
+def test_people_play_in_a_window(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> None:
+    monkeypatch.setenv("SDL_VIDEODRIVER", "dummy")
+    import pygame
+
+    keys = iter([pygame.K_RIGHT, pygame.K_DOWN, pygame.K_RETURN, pygame.K_u, pygame.K_ESCAPE])
+    flip, titles = pygame.display.flip, list[str]()
+
+    def press_next() -> None:
+        flip()
+        titles.append(pygame.display.get_caption()[0])
+        pygame.event.post(pygame.event.Event(pygame.KEYDOWN, key=next(keys), unicode=""))
+
+    monkeypatch.setattr(pygame.display, "flip", press_next)
+    monkeypatch.setattr("sys.argv", ["envgraph", "play", "keydoor", "--window"])
+    assert main() == 0
+    steps = [title.removeprefix("E1 of KeyDoorTeaching: ").partition(",")[0] for title in titles]
+    assert steps == ["E1 of KeyDoorTeaching", "1 step", "2 steps", "3 steps", "2 steps"]
+    assert "2 steps, go(south), reward -0.01, total -0.02" in capsys.readouterr().out
+    assert pygame.display.get_surface() is None
