@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
-from envgraph.draw import (
+from envgraph.draw._svg_film import (
     BORDER,
     LEAST_LETTERS,
     caption,

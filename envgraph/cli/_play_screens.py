@@ -19,17 +19,17 @@ from envgraph.errors import escape_unprintable
 _ESCAPES: Final = {
     b"[A": "ArrowUp", b"[B": "ArrowDown", b"[C": "ArrowRight", b"[D": "ArrowLeft", b"[3~": "Delete", b"": "Escape",
 }  # fmt: skip
-"""What a terminal sends after the escape character, for each key. In another mode it sends `O` in place of `[`."""
+"""The keys by the characters that a terminal sends after the escape character. Some send `O` in place of `[`."""
 
 _CONTROLS: Final = {"\r": "Enter", "\n": "Enter", "\t": "Tab", "\x7f": "Backspace", "\b": "Backspace"}
 _END_OF_INPUT: Final = "\x04"
 _ESCAPE_SECONDS: Final = 0.05
-"""How long the rest of a sequence of a key may take; after this time it was the key Escape."""
+"""Seconds that the rest of a sequence may take. After this time it was the key Escape."""
 
 
 @dataclass(frozen=True, slots=True)
 class PlayView:
-    """What people see while they play.
+    """The state of an episode, as people see it while they play.
 
     Attributes:
         scene: the picture; None if the environment has none.

@@ -37,19 +37,10 @@ if TYPE_CHECKING:
     )
     from envgraph.draw._rendered_picture import Picture as Picture
     from envgraph.draw._svg_film import (
-        BORDER as BORDER,
         LAST_STEPS as LAST_STEPS,
-        LEAST_LETTERS as LEAST_LETTERS,
         STEP_SECONDS as STEP_SECONDS,
         SvgFrame as SvgFrame,
-        caption as caption,
         film as film,
-        joined_document as joined_document,
-        letter_size as letter_size,
-        merge_elements as merge_elements,
-        nested_tag as nested_tag,
-        svg_elements as svg_elements,
-        svg_size as svg_size,
     )
 
 export_lazily(globals())

@@ -11,7 +11,8 @@ from hypothesis import given, strategies as st
 
 from docs.pictures import gallery, models
 from docs.pictures.drawing import sheet
-from envgraph.draw import SvgFrame, film, merge_elements, svg_elements
+from envgraph.draw import SvgFrame, film
+from envgraph.draw._svg_film import merge_elements, svg_elements
 from tests.profile import AT_NIGHT
 
 PICTURES = sorted(gallery.PAGES.glob("pictures/*.svg"))
