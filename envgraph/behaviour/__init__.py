@@ -48,6 +48,7 @@ if TYPE_CHECKING:
         action_keys as action_keys,
         key_bindings as key_bindings,
         key_code as key_code,
+        normal_key as normal_key,
     )
     from envgraph.behaviour._key_index import (
         DuplicateKeyError as DuplicateKeyError,

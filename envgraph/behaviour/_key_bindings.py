@@ -36,9 +36,14 @@ _SPARE_KEYS: Final = (*"123456789", *(one for one in ascii_lowercase if one not 
 """Digits, then the letters that are no keys of `PLAY_COMMANDS`."""
 
 
+def normal_key(key: str) -> str:
+    """Return the name of a key in `key_bindings`: the same for `a` and `A`."""
+    return key.casefold()[0] if len(key) == 1 else key
+
+
 def key_code(key: str) -> int | None:
     """Return the key code of a character or of one of `NAMED_KEYS`, the same for `a` and `A`; None for others."""
-    return ord(key.casefold()[0]) if len(key) == 1 else NAMED_KEYS.get(key)
+    return ord(normal_key(key)) if len(key) == 1 else NAMED_KEYS.get(key)
 
 
 def action_keys(behaviour: Behaviour, keys: KeyIndex, metamodel: Metamodel) -> dict[str, list[str]]:
@@ -73,7 +78,7 @@ def key_bindings(names: Sequence[str], written: Mapping[str, Iterable[str]] = Ma
     found: dict[str, int] = {}
     for number, name in enumerate(names):
         for key in written.get(name, ()):
-            found.setdefault(key.casefold()[0] if len(key) == 1 else key, number)
+            found.setdefault(normal_key(key), number)
     rest = [number for number, name in enumerate(names) if not written.get(name)]
     bare = []
     for number in rest:

@@ -5,10 +5,11 @@ from __future__ import annotations
 import json
 import random
 from collections.abc import Callable
+from math import inf
 from pathlib import Path
 from typing import Final
 
-from envgraph.behaviour import PLAY_COMMANDS
+from envgraph.behaviour import PLAY_COMMANDS, normal_key
 from envgraph.cli._output import escape_json, print_line
 from envgraph.cli._play_screens import PlayScreen, PlayView, open_screen
 from envgraph.env import (
@@ -27,6 +28,8 @@ from envgraph.search import Family, Member, find_playable, format_certificates, 
 _COMMANDS: Final = {**PLAY_COMMANDS, "policy": ("Enter", ".")}
 _KEYS: Final = {"Space": " "}
 """The keys that have another name on a line."""
+_WALK_STEPS: Final = 200
+"""The steps of a random walk whose success is shown, if the environment has no limit of steps."""
 _RECORDINGS: Final = (".svg", ".gif", ".json")
 
 
@@ -83,7 +86,7 @@ def _play_on(screen: PlayScreen, game: _Game) -> None:
         key = screen.read_key(game.delay if waits else None)
         if key is None:
             return
-        key = _KEYS.get(key, key.lower() if len(key) == 1 else key)
+        key = normal_key(_KEYS.get(key, key))
         if game.command_of(key) == "quit":
             return
         game.message = ""
@@ -116,15 +119,22 @@ class _Game:
         self._begin(member)
 
     def _begin(self, member: Member) -> None:
-        """Begin to play a member; compute the best policy, if it is wanted. The message has its certificates."""
-        self.member = member
-        known = ", ".join(f"{name} {value}" for name, value in format_certificates(member, self.family.members))
-        self.message = f"{member.name} of {self.family.name}" + (f": {known}" if known else "")
-        self.episode: PlayedEpisode = play_episode(self.family, member, self._random)
+        """Begin to play a member; compute the best policy, if it is wanted. The message says what is known of it."""
+        self.member, family = member, self.family
+        self.episode: PlayedEpisode = play_episode(family, member, self._random)
+        facts = format_certificates(member, family.members)
         if self.policy == "best":
-            from envgraph.solve import EpisodeAdvisor
+            from envgraph.solve import EpisodeAdvisor, certify
 
-            self._advisor = EpisodeAdvisor(self.family.explored(member).tabular)
+            table = family.explored(member).tabular
+            self._advisor = EpisodeAdvisor(table)
+            if not member.certificates:
+                found = certify(table, limit=family.limit or _WALK_STEPS)
+                plan = f"{found.shortest_plan:.0f}" if found.shortest_plan < inf else "none"
+                walk = f"random walk, {found.limit} steps"
+                facts = [("shortest plan", plan), (walk, f"{found.random_success:.3g}")]
+        known = ", ".join(f"{name}: {value}" for name, value in facts)
+        self.message = f"{member.name} of {family.name}" + (f"; {known}" if known else "")
 
     @property
     def status(self) -> str:

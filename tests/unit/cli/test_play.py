@@ -94,7 +94,9 @@ def test_best_policy_needs_as_many_steps_as_a_shortest_plan(
     assert json.loads(file.read_text("utf-8"))["steps"] == data["steps"][:2]
     capsys.readouterr()
     assert play(monkeypatch, "triage", "--policy", "best", "--delay", "0") == 0
-    assert ", success by `on neg find inHouse(_)" in capsys.readouterr().out.splitlines()[-1]
+    printed = capsys.readouterr().out
+    assert "\nE1 of TriageTeaching; shortest plan: 7, random walk, 60 steps: 0.521" in printed
+    assert ", success by `on neg find inHouse(_)" in printed.splitlines()[-1]
 
 
 def test_random_policy_and_agents_repeat_with_the_seed(

@@ -9,7 +9,7 @@ MISSING = ("click", "gymnasium", "jinja2", "joblib", "jsonschema", "networkx", "
 PLAY = """
 from random import Random
 
-from envgraph.env import Simulator, scene_svg, scene_text
+from envgraph.env import PlayedEpisode, Simulator, scene_svg, scene_text
 from envgraph.errors import RuleError
 from envgraph.lang import bundled_domains, open_workspace
 
@@ -38,6 +38,10 @@ for domain in bundled_domains():
             if outcome.terminated:
                 break
         print(scene_svg(simulator.painter().draw()))
+        simulator.close()
+        episode = PlayedEpisode(simulator, None, rng.random)
+        print(episode.choose(episode.bindings.popitem()[1]), episode.allowed, episode.undo(), episode.bindings)
+        episode.close()
 """
 
 
