@@ -23,7 +23,7 @@ _ESCAPES: Final = {
 
 _CONTROLS: Final = {"\r": "Enter", "\n": "Enter", "\t": "Tab", "\x7f": "Backspace", "\b": "Backspace"}
 _END_OF_INPUT: Final = "\x04"
-_ESCAPE_SECONDS: Final = 0.05
+_ESCAPE_SECONDS: Final = 0.1
 """Seconds that the rest of a sequence may take. After this time it was the key Escape."""
 
 
@@ -131,7 +131,7 @@ class TerminalScreen:
                 if not self._has_input(_ESCAPE_SECONDS):
                     break
                 rest += os.read(self._input, 1)
-            return _ESCAPES.get(rest.replace(b"O", b"[", 1), " ".join(["Escape", rest.decode("latin-1")]))
+            return _ESCAPES.get(rest.replace(b"O", b"[", 1), f"Escape {rest.decode('latin-1')}")
         while first and len(first) < 4 and not _is_character(first):
             first += os.read(self._input, 1)
         text = first.decode("utf-8", "replace")
