@@ -14,7 +14,7 @@ RELEASE_EXTRAS := release
 # The tests start many processes, each of which would compile everything anew.
 unexport PYTHONDONTWRITEBYTECODE
 
-.PHONY: demo docs docs-links docs-accessibility pictures release test test-cluster test-integrations bench nightly campaign clean venv
+.PHONY: demo docs docs-links docs-accessibility pictures vscode release test test-cluster test-integrations bench nightly campaign clean venv
 
 # --- demo: a family for one target, agents that learn on it and on controls, a report of both ---
 
@@ -50,6 +50,13 @@ docs-accessibility: docs
 # The pictures of the site and the tables that a search fills: committed, because the search takes five minutes.
 pictures: $(VENV)/.test
 	$(BIN)/python -m docs.pictures
+
+# --- the extension for VS Code: dist/envgraph-VERSION.vsix; needs Node 20 and a network once ---
+
+vscode: $(VENV)/.test
+	npm install --silent --no-audit --no-fund --ignore-scripts --prefix editors/vscode
+	cd editors/vscode && PYTHON=$(abspath $(BIN))/python npm run build && PYTHON=$(abspath $(BIN))/python npm test
+	mkdir -p dist && cd editors/vscode && npx vsce package --no-dependencies --out ../../dist
 
 # --- a release: the changelog, the version, and packages below dist; it prints the commands that publish them ---
 

@@ -27,6 +27,7 @@ VERSIONED = {
     "pyproject.toml": r'^version = "(.*)"$',
     "envgraph/__init__.py": r'^__version__ = "(.*)"$',
     "CITATION.cff": r"^version: (.*)$",
+    "editors/vscode/package.json": r'^  "version": "(.*)",$',
 }
 """The files that contain the version, and the line of each."""
 

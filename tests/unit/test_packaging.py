@@ -153,7 +153,7 @@ def test_all_files_have_the_same_version() -> None:
 
 def test_a_release_sets_the_version_in_all_files(tmp_path: Path) -> None:
     for name in VERSIONED:
-        (tmp_path / name).parent.mkdir(exist_ok=True)
+        (tmp_path / name).parent.mkdir(parents=True, exist_ok=True)
         shutil.copy(ROOT / name, tmp_path / name)
     set_version(tmp_path, "12.3.4", date(2031, 5, 6))
     for name, line in VERSIONED.items():
