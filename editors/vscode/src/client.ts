@@ -1,11 +1,13 @@
 // Start the language server, `envgraph lsp`, and say what to do if it does not start.
 
 import { type ChildProcess, spawn } from "node:child_process";
+import { once } from "node:events";
 import * as vscode from "vscode";
-import { LanguageClient, type LanguageClientOptions } from "vscode-languageclient/node";
+import { CloseAction, ErrorAction, type ErrorHandler, LanguageClient, type LanguageClientOptions } from "vscode-languageclient/node";
 import { type Command, findCommand, firstFolder } from "./command";
 
 const INSTALL = 'pip install "envgraph[editor]"';
+const LONGEST_REASON = 400; // characters; the rest is in the output
 const SUFFIXES = "{metamodel,ecore,model,xmi,query,vql,rules,environment,toml}";
 export const LANGUAGES = ["metamodel", "model", "query", "rules", "environment", "toml"].map((one) => `envgraph-${one}`);
 
@@ -24,13 +26,18 @@ export class Server {
             return;
         }
         const errors: string[] = [];
-        const client = new LanguageClient("envgraph", "envgraph", async () => start(command, errors), this.options());
+        const onError: ErrorHandler = {
+            error: (...values) => (this.client ? whenStarted.error(...values) : { action: ErrorAction.Shutdown, handled: true }),
+            closed: () => (this.client ? whenStarted.closed() : { action: CloseAction.DoNotRestart, handled: true }),
+        };
+        const options = { ...this.options(), errorHandler: onError };
+        const client = new LanguageClient("envgraph", "envgraph", () => start(command, errors), options);
+        const whenStarted = client.createDefaultErrorHandler();
         try {
             await client.start();
             this.client = client;
         } catch (error) {
-            this.output.error(String(error), ...errors);
-            const reason = errors.join("").trim().split("\n").at(-1) || String(error);
+            const reason = errors.join("").trim().slice(-LONGEST_REASON) || String(error);
             void report(`The language server \`${command.join(" ")} lsp\` did not start: ${reason}`);
         }
     }
@@ -64,11 +71,15 @@ export class Server {
     }
 }
 
-/** Start the server and collect what it writes to standard error. */
-function start([program, ...rest]: Command, errors: string[]): ChildProcess {
+/**
+ * Start the server and collect what it writes to standard error.
+ *
+ * @throws if there is no such program.
+ */
+async function start([program, ...rest]: Command, errors: string[]): Promise<ChildProcess> {
     const server = spawn(program, [...rest, "lsp"], { cwd: firstFolder()?.uri.fsPath });
     server.stderr.on("data", (data) => errors.push(String(data)));
-    server.on("error", (error) => errors.push(error.message));
+    await once(server, "spawn");
     return server;
 }
 

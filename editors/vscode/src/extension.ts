@@ -20,7 +20,7 @@ export async function activate(context: vscode.ExtensionContext): Promise<void> 
         answers,
         preview,
         vscode.commands.registerCommand("envgraph.showPicture", () => preview.show()),
-        vscode.commands.registerCommand("envgraph.whyNot", (name?: string) => whyNot(running, answers, name)),
+        vscode.commands.registerCommand("envgraph.whyNot", (name?: string, uri?: string) => whyNot(running, answers, name, uri)),
         vscode.commands.registerCommand("envgraph.check", check),
         vscode.commands.registerCommand("envgraph.play", play),
         vscode.commands.registerCommand("envgraph.restart", () => running.restart()),
@@ -44,19 +44,18 @@ async function recogniseFamily(document: vscode.TextDocument): Promise<void> {
     }
 }
 
-/** Show why a pattern, rule or unit has no match; without a name, explain the name at the cursor. */
-async function whyNot(server: Server, answers: vscode.OutputChannel, name?: string): Promise<void> {
+/** Show why a pattern, rule or unit of a file has no match; without a name, explain the name at the cursor. */
+async function whyNot(server: Server, answers: vscode.OutputChannel, name?: string, uri?: string): Promise<void> {
     const editor = vscode.window.activeTextEditor;
     const range = editor?.document.getWordRangeAtPosition(editor.selection.active);
-    const asked = name ?? (range && editor?.document.getText(range));
-    if (!asked) {
+    const params = { name: name ?? (range && editor?.document.getText(range)), uri: uri ?? editor?.document.uri.toString() };
+    if (!params.name) {
         await vscode.window.showInformationMessage("Place the cursor on the name of a pattern, a rule or a unit.");
         return;
     }
     answers.clear();
     try {
-        const uri = editor?.document.uri.toString();
-        answers.append((await server.request<{ text: string }>("envgraph/whyNot", { name: asked, uri })).text);
+        answers.append((await server.request<{ text: string }>("envgraph/whyNot", params)).text);
     } catch (error) {
         answers.append(error instanceof Error ? error.message : String(error));
     }
