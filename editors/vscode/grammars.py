@@ -51,8 +51,13 @@ _ENDS = {"STRING": "[\"']", "TEXT": '"""', "INT": r"\w", "LONG": r"\w", "FLOAT":
 def grammar_of(language: str) -> JsonObject:
     """Return the TextMate grammar of a language as JSON."""
     tokens = tokens_of(language)
-    rules = [*_terminal_rules(tokens), *_prefix_rules(tokens), *_keyword_rules(tokens), *_name_rules(tokens)]
-    rules += [{"match": re.escape(sign), "name": _sign_scope(sign)} for sign in tokens.signs]
+    rules = [
+        *_terminal_rules(tokens),
+        *_prefix_rules(tokens),
+        *_keyword_rules(tokens),
+        *_name_rules(tokens),
+        *_sign_rules(tokens),
+    ]
     return _named_grammar(language, f"envgraph {language}", rules)
 
 
@@ -80,7 +85,7 @@ def _prefix_rules(tokens: LanguageTokens) -> list[JsonObject]:
         token for token, after in following.items() if after == {NAME} and token not in tokens.patterns
     ):
         scope = _keyword_scope(token, tokens) if is_word(token) else _sign_scope(token)
-        first = rf"{_before(token, tokens)}(\b{token}\b)" if is_word(token) else f"({re.escape(token)})"
+        first = rf"(\b{token}\b){_before(token, tokens, token)}" if is_word(token) else f"({re.escape(token)})"
         captures = {"1": {"name": scope}, "2": {"name": _scope_after(token, tokens)}}
         rules.append({"match": rf"{first}\s*({tokens.patterns[NAME]})", "captures": captures})
     return rules
@@ -90,28 +95,32 @@ def _keyword_rules(tokens: LanguageTokens) -> list[JsonObject]:
     """Return the rules for keywords; keywords with the same neighbours and the same scope share a rule."""
     groups: dict[tuple[str, str, str], list[str]] = {}
     for word in sorted(tokens.keywords):
-        key = (_before(word, tokens), _after(word, tokens), _keyword_scope(word, tokens))
+        key = (_before(word, tokens, "WORDS"), _after(word, tokens), _keyword_scope(word, tokens))
         groups.setdefault(key, []).append(word)
     return [
-        {"match": rf"{before}\b(?:{'|'.join(words)})\b{after}", "name": scope}
+        {"match": rf"\b(?:{'|'.join(words)})\b{before.replace('WORDS', '|'.join(words))}{after}", "name": scope}
         for (before, after, scope), words in groups.items()
     ]
 
 
-def _before(word: str, tokens: LanguageTokens) -> str:
-    """Return a lookbehind for the tokens that may precede a keyword; the start of a line allows any."""
+def _before(word: str, tokens: LanguageTokens, words: str) -> str:
+    """Return a lookbehind for the tokens that may precede a keyword; the start of a line allows any.
+
+    The lookbehind stands after the keyword and contains it, as `words`. An expression that begins with a word is found
+    several times as fast as one that begins with a lookbehind.
+    """
     allowed = {before for before, after in tokens.pairs if after == word}
     parts = ["^", r"\*/"]
     if NAME in allowed:
         parts.append(r"\w")
-    elif words := sorted(filter(is_word, allowed - set(tokens.patterns))):
-        parts.append(rf"\b(?:{'|'.join(words)})")
+    elif keywords := sorted(filter(is_word, allowed - set(tokens.patterns))):
+        parts.append(rf"\b(?:{'|'.join(keywords)})")
     parts += sorted({_ENDS[name] for name in allowed & set(_ENDS)} - set(parts))
     for sign in (sign for sign in tokens.signs if sign in allowed):
         longer = [one for one in tokens.signs if one.endswith(sign) and one != sign and one not in allowed]
         others = "".join(sorted({re.escape(one.removesuffix(sign)[-1]) for one in longer}))
         parts.append((f"(?:^|[^{others}])" if others else "") + re.escape(sign))
-    return rf"(?<=(?:{'|'.join(parts)})\s*)(?<!\^)"
+    return rf"(?<=(?:{'|'.join(parts)})\s*\b(?:{words}))"
 
 
 def _after(word: str, tokens: LanguageTokens) -> str:
@@ -135,6 +144,14 @@ def _name_rules(tokens: LanguageTokens) -> list[JsonObject]:
         {"match": r"\^?\b[[:upper:]]\w*", "name": "entity.name.type"},
         {"match": tokens.patterns[NAME], "name": "variable.other"},
     ]
+
+
+def _sign_rules(tokens: LanguageTokens) -> list[JsonObject]:
+    """Return a rule for each scope of signs; the longest sign is tried first."""
+    groups: dict[str, list[str]] = {}
+    for sign in tokens.signs:
+        groups.setdefault(_sign_scope(sign), []).append(re.escape(sign))
+    return [{"match": "|".join(signs), "name": scope} for scope, signs in groups.items()]
 
 
 def _keyword_scope(word: str, tokens: LanguageTokens) -> str:

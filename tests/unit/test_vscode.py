@@ -5,15 +5,19 @@ from __future__ import annotations
 import json
 import re
 import runpy
+import sys
 from pathlib import Path
+from typing import Any
 
 import pytest
 from language_tokens import tokens_of
 
+from envgraph.cli import main
 from envgraph.cli._new_command import write_domain
 from envgraph.lang import LANGUAGES, load_workspace
 
 FOLDER = Path(__file__).parents[2] / "editors" / "vscode"
+MANIFEST: dict[str, Any] = json.loads((FOLDER / "package.json").read_text("utf-8"))
 grammar_of = runpy.run_path(str(FOLDER / "grammars.py"))["grammar_of"]
 KEYWORD_SCOPES = re.compile(r"(storage\.type|keyword\.control|constant\.language)\.envgraph\.")
 
@@ -21,8 +25,27 @@ KEYWORD_SCOPES = re.compile(r"(storage\.type|keyword\.control|constant\.language
 @pytest.mark.parametrize("language", LANGUAGES)
 def test_a_textmate_grammar_has_a_rule_for_each_keyword(language: str) -> None:
     rules = [rule for rule in grammar_of(language)["patterns"] if KEYWORD_SCOPES.match(rule.get("name", ""))]
-    found = [word for rule in rules for word in re.findall(r"\\b\(\?:([\w|]+)\)\\b\(\?=", rule["match"])]
+    found = [word for rule in rules for word in re.findall(r"^\\b\(\?:([\w|]+)\)\\b\(\?<=", rule["match"])]
     assert sorted("|".join(found).split("|")) == sorted(tokens_of(language).keywords)
+
+
+def test_the_problem_matcher_reads_what_the_command_check_prints(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    metamodel, query = tmp_path / "a.metamodel", tmp_path / "a.query"
+    metamodel.write_text("metamodel a\nclass Box { }\n", "utf-8")
+    query.write_text(
+        'import "a.metamodel"\nprivate pattern p(x : Box) { Box(x); }\npattern q(x : Bax) { Box(x); }', "utf-8"
+    )
+    monkeypatch.setattr(sys, "argv", ["envgraph", "check", str(metamodel), str(query)])
+    assert main() == 1
+    pattern = MANIFEST["contributes"]["problemMatchers"][0]["pattern"]
+    groups = [pattern[name] for name in ("file", "line", "column", "severity", "message", "code")]
+    matches = [re.match(pattern["regexp"], line) for line in capsys.readouterr().err.splitlines()]
+    assert [[match[group] for group in groups] for match in matches if match] == [
+        [str(query), "2", "17", "warning", "private pattern `p` is never called", "unused-private-pattern"],
+        [str(query), "3", "15", None, "unknown type `Bax`", None],
+    ]
 
 
 SNIPPETS = [

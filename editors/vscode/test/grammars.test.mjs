@@ -2,52 +2,9 @@
 
 import assert from "node:assert/strict";
 import { execFileSync } from "node:child_process";
-import { readFileSync } from "node:fs";
-import { createRequire } from "node:module";
+import { join } from "node:path";
 import { test } from "node:test";
-import oniguruma from "vscode-oniguruma";
-import textmate from "vscode-textmate";
-
-const here = new URL(".", import.meta.url);
-const wasm = createRequire(import.meta.url).resolve("vscode-oniguruma/release/onig.wasm");
-await oniguruma.loadWASM(readFileSync(wasm));
-
-const registry = new textmate.Registry({
-    onigLib: Promise.resolve({
-        createOnigScanner: (patterns) => new oniguruma.OnigScanner(patterns),
-        createOnigString: (text) => new oniguruma.OnigString(text),
-    }),
-    loadGrammar: async (scope) => {
-        const path = new URL(`../build/syntaxes/${scope.split(".").at(-1)}.tmLanguage.json`, here);
-        return textmate.parseRawGrammar(readFileSync(path, "utf8"), "grammar.json");
-    },
-});
-
-const KINDS = [
-    [/ comment\./, "comment"],
-    [/ string\./, "string"],
-    [/ constant\.numeric\./, "number"],
-    [/ (storage\.type|keyword\.control|constant\.language)\./, "keyword"],
-    [/ (variable|entity)\./, "name"],
-    [/ (punctuation|keyword\.operator)\./, "sign"],
-];
-
-/** Return the kind of each character of a text, "" for white space between tokens. */
-function kindsOf(grammar, text) {
-    const kinds = [];
-    let state = textmate.INITIAL;
-    for (const line of text.split("\n")) {
-        const result = grammar.tokenizeLine(line, state);
-        state = result.ruleStack;
-        for (const token of result.tokens) {
-            const scopes = token.scopes.join(" ");
-            const kind = KINDS.find(([pattern]) => pattern.test(scopes))?.[1] ?? "";
-            kinds.push(...Array(Math.min(token.endIndex, line.length) - token.startIndex).fill(kind));
-        }
-        kinds.push(""); // the line end, which belongs to no token
-    }
-    return kinds;
-}
+import { grammarOf, kindsOf } from "./tokenizer.mjs";
 
 /** Return a line for each token and each gap between tokens that has another kind than the parser says. */
 function differences(kinds, text, tokens) {
@@ -69,11 +26,11 @@ function differences(kinds, text, tokens) {
 }
 
 const python = process.env.PYTHON ?? "python3";
-const output = execFileSync(python, [new URL("expected_tokens.py", here).pathname], { maxBuffer: 1 << 28 });
+const output = execFileSync(python, [join(import.meta.dirname, "expected_tokens.py")], { maxBuffer: 1 << 28 });
 
 for (const { place, language, text, tokens } of JSON.parse(output)) {
     test(place, async () => {
-        const grammar = await registry.loadGrammar(`source.envgraph.${language}`);
+        const grammar = await grammarOf(language);
         assert.deepEqual(differences(kindsOf(grammar, text), text, tokens), []);
     });
 }
