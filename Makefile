@@ -14,7 +14,7 @@ RELEASE_EXTRAS := release
 # The tests start many processes, each of which would compile everything anew.
 unexport PYTHONDONTWRITEBYTECODE
 
-.PHONY: demo docs docs-links docs-accessibility pictures vscode release test test-cluster test-integrations bench nightly campaign clean venv
+.PHONY: demo docs docs-links docs-accessibility pictures vscode test-vscode release test test-cluster test-integrations bench nightly campaign clean venv
 
 # --- demo: a family for one target, agents that learn on it and on controls, a report of both ---
 
@@ -55,8 +55,14 @@ pictures: $(VENV)/.test
 
 vscode: $(VENV)/.test
 	npm install --silent --no-audit --no-fund --ignore-scripts --prefix editors/vscode
-	cd editors/vscode && PYTHON=$(abspath $(BIN))/python npm run build && PYTHON=$(abspath $(BIN))/python npm test
+	cd editors/vscode && npm run build && npm test
 	mkdir -p dist && cd editors/vscode && npx vsce package --no-dependencies --out ../../dist
+
+# In VS Code itself, its server in headless Chromium; not among the tests, because of what has to be installed: 300 MB.
+test-vscode: vscode
+	cd editors/vscode && npm run test-vscode
+
+vscode test-vscode: export PYTHON := $(abspath $(BIN))/python
 
 # --- a release: the changelog, the version, and packages below dist; it prints the commands that publish them ---
 

@@ -65,6 +65,7 @@ export class Server {
         return {
             documentSelector: LANGUAGES.map((language) => ({ language })),
             outputChannel: this.output,
+            diagnosticCollectionName: "envgraph", // also the owner of what tasks find, so that nothing is listed twice
             synchronize: { fileEvents: vscode.workspace.createFileSystemWatcher(`**/*.${SUFFIXES}`) },
             initializationFailedHandler: () => false,
         };

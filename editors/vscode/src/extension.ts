@@ -3,7 +3,7 @@
 import * as vscode from "vscode";
 import { Server } from "./client";
 import { Preview } from "./preview";
-import { check, play, TASKS } from "./terminal";
+import { runTask, TASKS } from "./tasks";
 
 const FAMILY_FILE = /^model\s*=\s*["'][^"']*\.(model|json|xmi)["']/m;
 
@@ -21,8 +21,8 @@ export async function activate(context: vscode.ExtensionContext): Promise<void> 
         preview,
         vscode.commands.registerCommand("envgraph.showPicture", () => preview.show()),
         vscode.commands.registerCommand("envgraph.whyNot", (name?: string, uri?: string) => whyNot(running, answers, name, uri)),
-        vscode.commands.registerCommand("envgraph.check", check),
-        vscode.commands.registerCommand("envgraph.play", play),
+        vscode.commands.registerCommand("envgraph.check", () => runTask("check")),
+        vscode.commands.registerCommand("envgraph.play", () => runTask("serve")),
         vscode.commands.registerCommand("envgraph.restart", () => running.restart()),
         vscode.tasks.registerTaskProvider("envgraph", TASKS),
         vscode.workspace.onDidOpenTextDocument(recogniseFamily),

@@ -7,7 +7,7 @@ import { execFileSync, spawn } from "node:child_process";
 import { once } from "node:events";
 import { cpSync, existsSync, mkdirSync, rmSync, writeFileSync } from "node:fs";
 import { createServer } from "node:http";
-import { join } from "node:path";
+import { dirname, join } from "node:path";
 import { chromium } from "playwright-core";
 
 const VERSION = "4.100.3"; // with VS Code 1.100, the last that runs on Node 20
@@ -18,10 +18,12 @@ const workspace = join(folder, "keydoor");
 
 if (!existsSync(join(server, "node_modules"))) {
     mkdirSync(folder, { recursive: true });
-    // Without the scripts, which compile modules for terminals and download ripgrep: neither is needed here.
+    // Without the scripts, which download ripgrep. Terminals need `node-pty`, which is compiled.
     const install = ["install", "--no-save", "--no-audit", "--no-fund", "--ignore-scripts", "--omit=dev"];
     execFileSync("npm", [...install, "--prefix", folder, `code-server@${VERSION}`], { stdio: "inherit" });
-    execFileSync("npm", [...install, "--prefix", server], { cwd: server, stdio: "inherit" });
+    execFileSync("npm", [...install, "--prefix", server], { stdio: "inherit" });
+    const node = dirname(dirname(process.execPath)); // its headers are used, so none are downloaded
+    execFileSync("npm", ["rebuild", "node-pty", "--prefix", server, `--nodedir=${node}`], { stdio: "inherit" });
 }
 rmSync(workspace, { recursive: true, force: true });
 cpSync(join(extension, "..", "..", "rules", "keydoor"), workspace, { recursive: true });
@@ -68,6 +70,7 @@ async function pictures(page) {
 const ANSWERS = {
     pictures,
     notifications: (page) => page.locator(".notification-toast .notification-list-item-message").allTextContents(),
+    problems: (page) => page.locator(".markers-panel .monaco-list-row").allTextContents(),
     screenshot: (page, name) => page.screenshot({ path: join(folder, `${name}.png`) }).then(() => name),
     press: (page, key) => page.keyboard.press(key).then(() => key),
 };

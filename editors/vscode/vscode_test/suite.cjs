@@ -114,10 +114,40 @@ const TESTS = {
         await look("screenshot", "why-not");
     },
 
-    async "checks are tasks"() {
-        const [task] = await vscode.tasks.fetchTasks({ type: "envgraph" });
-        assert.deepEqual(task.execution.args.slice(-2), ["check", folder.fsPath]);
-        assert.deepEqual(task.problemMatchers, ["$envgraph"]);
+    async "a check is a task that lists mistakes of files that are not open"() {
+        const broken = vscode.Uri.joinPath(folder, "broken.query");
+        await vscode.workspace.fs.writeFile(broken, Buffer.from('import "keydoor.metamodel"\npattern p(x : Kee) { Key(x); }\n'));
+        await open("keydoor.query");
+        const ended = new Promise((resolve) => vscode.tasks.onDidEndTaskProcess((event) => resolve(event.exitCode)));
+        await vscode.commands.executeCommand("envgraph.check");
+        assert.equal(await ended, 1);
+        await vscode.commands.executeCommand("workbench.actions.view.problems");
+        // What the task finds and what the language server finds replace each other: the mistake is listed once.
+        const [mistake, ...others] = await eventually("a problem", async () => (await look("problems")).slice(1));
+        assert.match(mistake, /^unknown type `Kee`.*\[Ln 2, Col 15\]$/s);
+        assert.deepEqual(others, []);
+        await look("screenshot", "problems");
+        await vscode.workspace.fs.delete(broken);
+    },
+
+    async "the tasks of a folder check it and serve its page"() {
+        const tasks = await vscode.tasks.fetchTasks({ type: "envgraph" });
+        assert.deepEqual(tasks.map((one) => one.execution.args.slice(-2)), [["check", folder.fsPath], ["serve", folder.fsPath]]);
+    },
+
+    async "doc comments and brackets are continued while typing"() {
+        const document = await vscode.workspace.openTextDocument({ language: "envgraph-query" });
+        await vscode.window.showTextDocument(document);
+        for (const text of ["/", "*", "*", " ", "W", "\n", "x"]) {
+            await vscode.commands.executeCommand("type", { text });
+        }
+        assert.equal(document.getText(), "/** W\n * x\n */");
+        await edit(document, document.getText(), "");
+        for (const text of ["{", "\n", "x"]) {
+            await vscode.commands.executeCommand("type", { text });
+        }
+        assert.equal(document.getText(), "{\n    x\n}");
+        await vscode.commands.executeCommand("workbench.action.revertAndCloseActiveEditor");
     },
 
     async "a command that does not start is reported with what to do"() {
