@@ -11,19 +11,20 @@ import { dirname, join } from "node:path";
 import { chromium } from "playwright-core";
 
 const VERSION = "4.100.3"; // with VS Code 1.100, the last that runs on Node 20
+const COMPILED = ["node-pty", "@vscode/spdlog"]; // for terminals and for outputs
 const extension = join(import.meta.dirname, "..");
 const folder = join(extension, "build", "vscode");
 const server = join(folder, "node_modules", "code-server", "lib", "vscode");
 const workspace = join(folder, "keydoor");
 
-if (!existsSync(join(server, "node_modules"))) {
+if (!COMPILED.every((name) => existsSync(join(server, "node_modules", name, "build", "Release")))) {
     mkdirSync(folder, { recursive: true });
-    // Without the scripts, which download ripgrep. Terminals need `node-pty`, which is compiled.
+    // Without the scripts, which download ripgrep.
     const install = ["install", "--no-save", "--no-audit", "--no-fund", "--ignore-scripts", "--omit=dev"];
     execFileSync("npm", [...install, "--prefix", folder, `code-server@${VERSION}`], { stdio: "inherit" });
     execFileSync("npm", [...install, "--prefix", server], { stdio: "inherit" });
     const node = dirname(dirname(process.execPath)); // its headers are used, so none are downloaded
-    execFileSync("npm", ["rebuild", "node-pty", "--prefix", server, `--nodedir=${node}`], { stdio: "inherit" });
+    execFileSync("npm", ["rebuild", ...COMPILED, "--yes", "--prefix", server, `--nodedir=${node}`], { stdio: "inherit" });
 }
 rmSync(workspace, { recursive: true, force: true });
 cpSync(join(extension, "..", "..", "rules", "keydoor"), workspace, { recursive: true });
