@@ -99,7 +99,10 @@ const TESTS = {
         await look("screenshot", "picture-light");
         await edit(document, "#.r#.X#", "#.r#XX#");
         await eventually("another picture", async () => (await look("pictures")).some((one) => one.source !== before.source));
-        await edit(document, "#.r#XX#", "#.r#.X#");
+        await edit(document, "#.r#XX#", "#.r#?X#");
+        await eventually("a message above the last picture", async () => (await look("pictures")).some((one) => one.message));
+        await look("screenshot", "picture-mistake");
+        await edit(document, "#.r#?X#", "#.r#.X#");
         await eventually("the first picture", async () => (await look("pictures")).some((one) => one.source === before.source && !one.message));
         await vscode.workspace.getConfiguration("workbench").update("colorTheme", "Default Dark Modern", true);
         await new Promise((resolve) => setTimeout(resolve, 1000));
