@@ -7,21 +7,19 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from envgraph.cli._inputs import Inputs
-from envgraph.cli._output import diagnostics_of, print_diagnostics, print_json, print_line, wants_json
+from envgraph.cli._output import print_diagnostics, print_json, print_line, wants_json
 from envgraph.errors import (
     WARNING_CODES,
     Diagnostic,
-    EnvgraphError,
     InvalidArgument,
     LoadError,
     Severity,
     has_errors,
     name_hint,
-    sort_diagnostics,
 )
 
 if TYPE_CHECKING:
-    from envgraph.lang import FamilySpec, Workspace
+    from envgraph.lang import Workspace
 
 
 def check_files(
@@ -41,6 +39,7 @@ def check_files(
         overrides: settings that replace those of family files.
         no_search: True to leave out the searches.
     """
+    from envgraph.editor import find_family_problems
     from envgraph.lang import NEED_ENVIRONMENT
 
     for code in ignore:
@@ -64,7 +63,7 @@ def check_files(
     for problems, workspace in () if no_search else read:
         for spec in workspace.families if workspace else ():
             if workspace and not has_errors(problems):
-                report(_domain_problems(spec, workspace, search=True))
+                report(find_family_problems(spec, workspace, search=True))
             elif spec.constraints.reachable or any(one.kind in NEED_ENVIRONMENT for one in spec.measures):
                 unsearched += f"; the states of `{spec.name}` were not searched"
     failed = has_errors(diagnostics)
@@ -85,6 +84,7 @@ def _collect_problems(
     files: Sequence[str], inputs: Inputs, overrides: Sequence[str]
 ) -> tuple[list[Diagnostic], Workspace | None]:
     """Return the problems of files that are read together, but for those that a search finds, and what was read."""
+    from envgraph.editor import find_problems
     from envgraph.lang import load_workspace
 
     try:
@@ -93,32 +93,6 @@ def _collect_problems(
     except LoadError as error:
         return list(error.diagnostics), None
     return find_problems(workspace), workspace
-
-
-def find_problems(workspace: Workspace) -> list[Diagnostic]:
-    """Return all problems of the files of a workspace, sorted, but for those that a search finds."""
-    from envgraph.lang import check_start
-
-    found = list(workspace.diagnostics)
-    if not (workspace.families or workspace.errors) and len(workspace.models) == len(workspace.behaviours) == 1:
-        found += check_start(workspace.behaviours[0], workspace.models[0])
-    for spec in workspace.families:
-        found += _domain_problems(spec, workspace, search=False)
-        if spec.audit is not None and not workspace.errors:
-            from envgraph.learn.audit import check_audit
-
-            found += check_audit(spec, workspace)
-    return sort_diagnostics(found)
-
-
-def _domain_problems(spec: FamilySpec, workspace: Workspace, search: bool) -> Sequence[Diagnostic]:
-    """Return the problems of a family, with or without a search; an exception counts as one."""
-    from envgraph.search import check_component_options, check_domain
-
-    try:
-        return check_component_options(spec, workspace) if workspace.errors else check_domain(spec, workspace, search)
-    except EnvgraphError as error:
-        return diagnostics_of(error)
 
 
 def _problem_counts(diagnostics: Collection[Diagnostic]) -> str:

@@ -170,7 +170,7 @@ def _indented(text: str) -> str:
 
 def _diagnose_example(examples: Mapping[str, str], file: str) -> list[Diagnostic]:
     """Return the problems of a file in a new domain `maze` whose files are continued or added by examples."""
-    from envgraph.cli._check_command import find_problems
+    from envgraph.editor import find_problems
     from envgraph.cli._new_command import render_domain
     from envgraph.lang import TextFiles, load_workspace
 

@@ -8,6 +8,11 @@ from typing import TYPE_CHECKING
 from envgraph.code import export_lazily
 
 if TYPE_CHECKING:
+    from envgraph.editor._checked_files import (
+        find_family_problems as find_family_problems,
+        find_problems as find_problems,
+    )
+    from envgraph.editor._documents import Document as Document
     from envgraph.editor._language_service import LanguageService as LanguageService
 
 export_lazily(globals())

@@ -2,30 +2,180 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
+from importlib import import_module
 from typing import Any, Final
 
-from envgraph.editor._documents import JsonObject
+from envgraph.editor._checked_files import CheckJob, CheckResult
+from envgraph.editor._documents import Document, JsonObject
+from envgraph.editor._open_files import name_of_uri, uri_of_name, with_texts
+from envgraph.editor._published import Published
+from envgraph.errors import InvalidArgument, Source, name_hint
+from envgraph.lang import DiskFiles, Files, Workspace
 
 Notify = Callable[[str, JsonObject], None]
 """A function that sends a notification, by its method and parameters, to the editor."""
 
+METHODS: Final[Mapping[str, str]] = {
+    "initialize": "_synchronisation:initialize",
+    "initialized": "_synchronisation:do_nothing",
+    "shutdown": "_synchronisation:do_nothing",
+    "exit": "_synchronisation:do_nothing",
+    "$/cancelRequest": "_synchronisation:do_nothing",
+    "$/setTrace": "_synchronisation:do_nothing",
+    "textDocument/didOpen": "_synchronisation:open_document",
+    "textDocument/didChange": "_synchronisation:change_document",
+    "textDocument/didSave": "_synchronisation:do_nothing",
+    "textDocument/didClose": "_synchronisation:close_document",
+    "workspace/didChangeConfiguration": "_synchronisation:do_nothing",
+    "workspace/didChangeWatchedFiles": "_synchronisation:change_files",
+    "workspace/didChangeWorkspaceFolders": "_synchronisation:change_folders",
+    "textDocument/definition": "_navigation:find_definition",
+    "textDocument/references": "_navigation:find_references",
+    "textDocument/documentHighlight": "_navigation:highlight",
+    "textDocument/hover": "_hover:hover",
+    "textDocument/documentSymbol": "_symbols:document_symbols",
+    "workspace/symbol": "_symbols:workspace_symbols",
+    "textDocument/prepareRename": "_rename:prepare_rename",
+    "textDocument/rename": "_rename:rename",
+    "textDocument/codeLens": "_lenses:code_lenses",
+    "textDocument/completion": "_completion:complete",
+    "textDocument/signatureHelp": "_signatures:signature_help",
+    "textDocument/semanticTokens/full": "_semantic_tokens:semantic_tokens",
+    "textDocument/semanticTokens/range": "_semantic_tokens:semantic_tokens_in_range",
+    "textDocument/foldingRange": "_folding:folding_ranges",
+    "textDocument/formatting": "_formatting:format_document",
+    "textDocument/rangeFormatting": "_formatting:format_range",
+    "textDocument/codeAction": "_quick_fixes:code_actions",
+    "envgraph/preview": "_preview:preview",
+    "envgraph/whyNot": "_preview:why_not",
+}
+"""The function that answers each method: its module in this package, and its name. It takes the service and the
+parameters, and is imported with the first request."""
+
 
 class LanguageService:
-    """The state of a language server: the open documents and what is known of their files."""
+    """The state of a language server: the open documents and what is known of their files.
 
-    def __init__(self, notify: Notify) -> None:
-        """Create a service without documents; `notify` sends its notifications."""
+    `answer` never waits for the check of an edited file. The owner of the connection calls `check` in pauses, or takes
+    the `next_job`, runs it elsewhere, and gives its result to `record`. Then the diagnostics are sent.
+
+    Attributes:
+        files: where files that are not open are read from.
+        folders: the names of the open folders; their files are checked together.
+        documents: the open documents, by URI.
+    """
+
+    def __init__(self, notify: Notify, files: Files | None = None) -> None:
+        """Create a service without documents.
+
+        Args:
+            notify: sends the notifications of the service.
+            files: where files that are not open are read from; None for the disk.
+        """
         self.notify = notify
+        self.files: Files = files or DiskFiles()
+        self.folders: tuple[str, ...] = ()
+        self.documents: dict[str, Document] = {}
+        self._results: dict[tuple[str, ...], CheckResult] = {}
+        self._stale: dict[tuple[str, ...], None] = {}
+        self._published = Published(self)
 
     def answer(self, method: str, params: JsonObject) -> Any:
         """Return the result of a request or, for a notification of the editor, None.
 
         Raises:
-            InvalidArgument: there is no such method.
+            InvalidArgument: there is no such method, or it is not possible here, such as a rename to a keyword.
         """
-        raise NotImplementedError
+        if method not in METHODS:
+            raise InvalidArgument(f"there is no method `{method}`", name_hint(method, METHODS))
+        module, _, name = METHODS[method].partition(":")
+        return getattr(import_module(f"envgraph.editor.{module}"), name)(self, params)
 
+    # --- documents ---
 
-METHODS: Final[dict[str, Callable[[LanguageService, JsonObject], Any]]] = {}
-"""The function that answers each method of the protocol."""
+    def document(self, params: JsonObject) -> Document:
+        """Return the open document that the parameters of a request name.
+
+        Raises:
+            InvalidArgument: it is not open.
+        """
+        uri = params["textDocument"]["uri"]
+        if uri not in self.documents:
+            raise InvalidArgument(f"the document `{uri}` is not open", "open it first, with `textDocument/didOpen`")
+        return self.documents[uri]
+
+    def document_named(self, name: str, text: str = "") -> Document:
+        """Return the open document of a file, or else a document with the given text."""
+        for one in self.documents.values():
+            if one.source.name == name:
+                return one
+        return Document(uri_of_name(self.files, name), Source(name, text))
+
+    def name_of(self, uri: str, language: str = "") -> str:
+        """Return the file name of a URI; `language` is the suffix of a text that was never saved."""
+        if uri in self.documents:
+            return self.documents[uri].source.name
+        return name_of_uri(self.files, uri, f".{language}" if language else "")
+
+    def edited_files(self) -> Files:
+        """Return all files, with the texts of the open documents in place of those that were saved."""
+        return with_texts(self.files, {one.source.name: one.source.text for one in self.documents.values()})
+
+    # --- checks ---
+
+    def roots_of(self, name: str) -> tuple[str, ...]:
+        """Return the paths to read for a file: its directory if this is in an open folder, else the file alone."""
+        return CheckJob.roots_of(self.edited_files(), name, self.folders)
+
+    def mark_stale(self, name: str) -> None:
+        """Note that a file has changed: the open documents that depend on it are checked again."""
+        for one in self.documents.values():
+            roots = self.roots_of(one.source.name)
+            result = self._results.get(roots)
+            if result is None or one.source.name == name or result.depends_on(name, roots):
+                self._stale[roots] = None
+
+    def mark_all_stale(self) -> None:
+        """Note that folders were opened or closed: all open documents are checked again."""
+        self._stale = {self.roots_of(one.source.name): None for one in self.documents.values()}
+        self._published.keep_only(self._stale)
+
+    def next_job(self) -> CheckJob | None:
+        """Return the next check to do, and count it as done; None if all files are checked."""
+        wanted = {self.roots_of(one.source.name) for one in self.documents.values()}
+        self._stale = {roots: None for roots in self._stale if roots in wanted}
+        if not self._stale:
+            return None
+        roots = next(iter(self._stale))
+        del self._stale[roots]
+        return CheckJob(roots, self.edited_files())
+
+    def record(self, job: CheckJob, result: CheckResult) -> None:
+        """Keep the result of a check, and send its diagnostics unless a newer check of these files waits."""
+        self._results[job.roots] = result
+        if job.roots not in self._stale:
+            self._published.publish(job.roots, result)
+
+    def check(self) -> None:
+        """Check all files that have changed, and send their diagnostics."""
+        while (job := self.next_job()) is not None:
+            self.record(job, job.run())
+
+    def checked(self, name: str) -> CheckResult:
+        """Return the last result of checking a file with those that belong to it; check it now if there is none."""
+        roots = self.roots_of(name)
+        if roots not in self._results:
+            self._results[roots] = CheckJob(roots, self.edited_files()).run()
+        return self._results[roots]
+
+    def workspace(self, document: Document) -> Workspace:
+        """Return the content of a document and of the files that belong to it, as it was last checked."""
+        return self.checked(document.source.name).workspace
+
+    def close(self, name: str) -> None:
+        """Forget a document that was closed, and remove the diagnostics of files that no open document needs."""
+        wanted = {self.roots_of(one.source.name) for one in self.documents.values()}
+        self._results = {roots: result for roots, result in self._results.items() if roots in wanted}
+        self._published.keep_only(wanted)
+        self.mark_stale(name)
