@@ -44,6 +44,8 @@ METHODS: Final[Mapping[str, str]] = {
     "textDocument/semanticTokens/full": "_semantic_tokens:semantic_tokens",
     "textDocument/semanticTokens/range": "_semantic_tokens:semantic_tokens_in_range",
     "textDocument/foldingRange": "_folding:folding_ranges",
+    "textDocument/selectionRange": "_folding:selection_ranges",
+    "textDocument/documentLink": "_folding:document_links",
     "textDocument/formatting": "_formatting:format_document",
     "textDocument/rangeFormatting": "_formatting:format_range",
     "textDocument/codeAction": "_quick_fixes:code_actions",

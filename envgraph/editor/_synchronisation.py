@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any
 from envgraph import __version__
 from envgraph.editor._documents import Document, JsonObject
 from envgraph.errors import Source
-from envgraph.lang import LANGUAGES
+from envgraph.lang import LANGUAGES, TOKEN_TYPES
 
 if TYPE_CHECKING:
     from envgraph.editor._language_service import LanguageService
@@ -93,19 +93,15 @@ CAPABILITIES: JsonObject = {
     "completionProvider": {"triggerCharacters": [".", ":", "@", '"']},
     "signatureHelpProvider": {"triggerCharacters": ["(", ","]},
     "semanticTokensProvider": {
-        "legend": {
-            "tokenTypes": [
-                "keyword", "class", "enum", "property", "function", "parameter", "variable", "enumMember", "string",
-                "number", "comment", "decorator", "operator", "namespace",
-            ],
-            "tokenModifiers": ["declaration"],
-        },
+        "legend": {"tokenTypes": list(TOKEN_TYPES), "tokenModifiers": ["declaration"]},
         "full": True,
         "range": True,
     },
     "foldingRangeProvider": True,
+    "selectionRangeProvider": True,
+    "documentLinkProvider": {"resolveProvider": False},
     "documentFormattingProvider": True,
     "documentRangeFormattingProvider": True,
     "codeActionProvider": {"codeActionKinds": ["quickfix"]},
-}  # fmt: skip
+}
 """What the server can do, as the protocol says it."""

@@ -27,7 +27,7 @@ if TYPE_CHECKING:
         LocatedName as LocatedName,
         key as key,
     )
-    from envgraph.lang.format._format_text import format_text as format_text, language_of as language_of
+    from envgraph.lang.format._format_text import format_text as format_text
     from envgraph.lang.interchange._json_reader import (
         check_json as check_json,
         model_at as model_at,
@@ -73,6 +73,12 @@ if TYPE_CHECKING:
         data_path as data_path,
     )
     from envgraph.lang.syntax._file_formats import FORMATS as FORMATS
+    from envgraph.lang.syntax._grammar import language_of as language_of
+    from envgraph.lang.syntax._lexer import END as END, PUNCTUATION as PUNCTUATION, Lexeme as Lexeme
+    from envgraph.lang.syntax._name_kinds import (
+        TOKEN_TYPES as TOKEN_TYPES,
+        KnownName as KnownName,
+    )
     from envgraph.lang.syntax._source_files import (
         Bundle as Bundle,
         DiskFiles as DiskFiles,
@@ -80,6 +86,12 @@ if TYPE_CHECKING:
         TextFiles as TextFiles,
         file_format as file_format,
         read_source as read_source,
+    )
+    from envgraph.lang.syntax._text_parts import (
+        PartReading as PartReading,
+        TextPart as TextPart,
+        part_at as part_at,
+        text_parts as text_parts,
     )
     from envgraph.lang.write._expressible_derived import spelled_out as spelled_out
     from envgraph.lang.write._model_to_text import model_to_text as model_to_text

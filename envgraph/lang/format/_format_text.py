@@ -56,18 +56,6 @@ def format_text(language: str, text: str, name: str = "<text>") -> str:
     return result.replace("\n", "\r\n") if first > 0 and text[first - 1] == "\r" else result
 
 
-def language_of(name: str) -> str | None:
-    """Return the language of a file with this name; None if the suffix belongs to none of the five languages.
-
-    >>> language_of("rules/railway.vql"), language_of("family.toml")
-    ('query', None)
-    """
-    _, dot, ending = name.rpartition(".")
-    if not dot:
-        return None
-    return "query" if ending == "vql" else ending if ending in RECOVERY_RULES else None
-
-
 def _formatted_lines(tokens: TokenTable, definitions: list[SyntaxPart]) -> list[str]:
     """Return the lines of all definitions and of the comments behind them.
 

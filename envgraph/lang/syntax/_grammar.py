@@ -129,6 +129,18 @@ def load_grammar(language: str) -> Grammar:
     return build_grammar(language, data_path("grammars", f"{language}.lark"), RECOVERY_RULES[language])
 
 
+def language_of(name: str) -> str | None:
+    """Return the language of a file with this name; None if the suffix belongs to none of the five languages.
+
+    >>> language_of("rules/railway.vql"), language_of("family.toml")
+    ('query', None)
+    """
+    _, dot, ending = name.rpartition(".")
+    if not dot:
+        return None
+    return "query" if ending == "vql" else ending if ending in RECOVERY_RULES else None
+
+
 class Reduction(NamedTuple):
     """A parser action that replaces the parts of a grammar rule by one result.
 

@@ -56,6 +56,7 @@ class Lexeme:
         is_escaped: True if the word was written `^word`, so that it is never a keyword.
         brace_depth: the number of `{` that are open before the lexeme.
         is_bracketed: True if a `(` or `[` is open before the lexeme, inside the innermost `{`.
+        terminal: the terminal as which the parser read the lexeme; "" if the lexeme was not read or was repaired.
     """
 
     kind: str
@@ -65,6 +66,7 @@ class Lexeme:
     is_escaped: bool = False
     brace_depth: int = 0
     is_bracketed: bool = False
+    terminal: str = ""
 
 
 @dataclass(frozen=True, slots=True)

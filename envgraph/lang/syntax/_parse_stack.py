@@ -86,6 +86,7 @@ class ParseStack:
         """Read a lexeme as an accepted terminal: reduce finished rules to trees, then shift."""
         states, values, begins = self.states, self.values, self.first_lexemes
         table = self.grammar.states
+        lexeme.terminal = terminal
         while True:
             action, argument = table[states[-1]][terminal]
             if action is Shift:

@@ -114,6 +114,27 @@ def parse_tokens(
     ), stack.lexemes
 
 
+def states_before(grammar: Grammar, source: Source, lexemes: Iterable[Lexeme], offset: int) -> list[int] | None:
+    """Return the parser states after all lexemes that start before an offset; None if the text there is skipped.
+
+    Mistakes before the offset are repaired as in `parse_tokens`.
+    """
+    stack = ParseStack(grammar, source, list(lexemes))
+    recovery = Recovery(stack, [], [])
+    index = 0
+    while stack.lexemes[index].start < offset and stack.lexemes[index].kind != END:
+        terminal = stack.terminal_of(stack.states, index) or stack.split_sign(stack.states, index)
+        if terminal is not None:
+            stack.read_token(terminal, stack.lexemes[index], index)
+            index += 1
+            continue
+        resumed = recovery.recover(index)
+        if resumed is None or len(recovery.diagnostics) > MAX_ERRORS or stack.lexemes[max(0, resumed - 1)].end > offset:
+            return None
+        index = resumed
+    return stack.states
+
+
 def _unparsed_result(source: Source, diagnostics: list[Diagnostic]) -> ParseResult:
     """Return the result for a text that cannot be parsed at all; all names in it count as lost."""
     return ParseResult(source, None, diagnostics, lost_names=frozenset(_NAME.findall(source.text)))
