@@ -170,8 +170,8 @@ def _indented(text: str) -> str:
 
 def _diagnose_example(examples: Mapping[str, str], file: str) -> list[Diagnostic]:
     """Return the problems of a file in a new domain `maze` whose files are continued or added by examples."""
-    from envgraph.editor import find_problems
     from envgraph.cli._new_command import render_domain
+    from envgraph.editor import find_problems
     from envgraph.lang import TextFiles, load_workspace
 
     texts = render_domain("new", "maze", {})

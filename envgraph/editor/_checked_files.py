@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterable, Sequence
 
 from envgraph.code import dataclass
-from envgraph.errors import Diagnostic, DiagnosticError, EnvgraphError, LoadError, sort_diagnostics
+from envgraph.errors import Diagnostic, EnvgraphError, LoadError, sort_diagnostics
 from envgraph.lang import FORMATS, FamilySpec, Files, Workspace, load_workspace
 
 _FAMILY_FILES = ("family.toml", "problem.toml")
@@ -91,7 +91,6 @@ def find_family_problems(spec: FamilySpec, workspace: Workspace, search: bool) -
 
     try:
         return check_component_options(spec, workspace) if workspace.errors else check_domain(spec, workspace, search)
-    except DiagnosticError as error:
-        return error.diagnostics
     except EnvgraphError as error:
-        return [Diagnostic("invalid-argument", error.message, None, error.hint)]
+        found: Sequence[Diagnostic] = getattr(error, "diagnostics", ())
+        return found or [Diagnostic("invalid-argument", error.message, None, error.hint)]
