@@ -99,6 +99,12 @@ def format_() -> None:
 
 
 @app.command()
+@implemented_in("_lsp_command", "serve_editor")
+def lsp() -> None:
+    """Serve a text editor over standard input and output, as a language server. Editors start this command."""
+
+
+@app.command()
 @model_or_run_argument
 @click.argument("queries", metavar="QUERYFILE", help="A .query or .vql file.")
 @click.argument(

@@ -14,7 +14,8 @@ from envgraph.cli._match_and_apply import (
     pattern_parameter_types,
 )
 from envgraph.cli._output import print_json, print_lines
-from envgraph.errors import InvalidArgument, Span, did_you_mean, most_similar
+from envgraph.editor import why_not_text
+from envgraph.errors import InvalidArgument, did_you_mean, most_similar
 from envgraph.lang import Workspace
 from envgraph.match import WhyNot
 from envgraph.metamodel import Value
@@ -50,9 +51,7 @@ def print_reasons(model: str, definitions: str, name: str, where: Sequence[str],
     why = engine.why_not(name, bound=bound)
     if print_json(lambda: _reasons_data(why, engine)):
         return
-    print_lines(str(why))
-    for span in _failing_spans(why):
-        print_lines(f"\n{span}\n{span.excerpt()}")
+    print_lines(why_not_text(why))
 
 
 def _add_unique_arguments(engine: Engine, name: str, bound: dict[str, Any]) -> None:
@@ -104,16 +103,6 @@ def _variable_types(engine: Engine, name: str, has_values: bool) -> Mapping[str,
         return {}
     signature = engine.signature(name)
     return {one.name: one.type for one in (*signature.parameters, *signature.variables)}
-
-
-def _failing_spans(why: WhyNot) -> Iterable[Span]:
-    """Return the spans of the failing constraints, each once, the innermost last."""
-    found: dict[tuple[str, int], Span] = {}
-    for failure in why.failures:
-        spans = [failure.span] if failure.span else []
-        for span in (*spans, *(_failing_spans(failure.inner) if failure.inner else ())):
-            found.setdefault((span.source.name, span.start), span)
-    return found.values()
 
 
 def _reasons_data(why: WhyNot, engine: Engine) -> dict[str, Any]:

@@ -2,14 +2,22 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Iterator, Sequence
+from typing import TYPE_CHECKING
 
 from envgraph.code import dataclass
 from envgraph.errors import Diagnostic, EnvgraphError, LoadError, sort_diagnostics
 from envgraph.lang import FORMATS, FamilySpec, Files, Workspace, load_workspace
+from envgraph.metamodel import Metamodel
+
+if TYPE_CHECKING:
+    from envgraph.editor._match_counts import MatchCounts
 
 _FAMILY_FILES = ("family.toml", "problem.toml")
 """The family files that are read with their directory; others, such as `paper.toml`, are read alone."""
+
+_MAX_DIRECTORIES = 1_000
+"""Directories that are searched for other files that use a name."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -19,10 +27,14 @@ class CheckResult:
     Attributes:
         workspace: the files.
         problems: their problems, and those of their families.
+        metamodel: their metamodel, or if it has errors now, that of an earlier check.
+        counts: the numbers of matches, as they were last counted; None if there are errors or no model.
     """
 
     workspace: Workspace
     problems: Sequence[Diagnostic]
+    metamodel: Metamodel | None = None
+    counts: MatchCounts | None = None
 
     def depends_on(self, name: str, roots: tuple[str, ...]) -> bool:
         """Return True if a change of this file may change the result, because it was read or is in the directory."""
@@ -61,7 +73,37 @@ class CheckJob:
             workspace = load_workspace(self.roots, files=self.files)
         except LoadError as error:
             return CheckResult(Workspace(roots=self.roots), error.diagnostics)
-        return CheckResult(workspace, find_problems(workspace))
+        return CheckResult(workspace, find_problems(workspace), workspace.metamodel)
+
+
+def all_roots(files: Files, folders: Iterable[str]) -> Iterator[tuple[str, ...]]:
+    """Yield what may be checked in some folders: each directory with files in our languages, each other family file."""
+    waiting, most = list(folders), _MAX_DIRECTORIES
+    while waiting and most:
+        most -= 1
+        directory = waiting.pop()
+        entries = files.entries(directory)
+        known = [one for one in entries if one.rpartition(".")[2] in FORMATS]
+        found = dict.fromkeys(CheckJob.roots_of(files, one, [directory]) for one in known)
+        yield from (one for one in found if one[0] == directory or one[0].endswith(".toml"))
+        waiting += [one for one in entries if not _is_left_out(one) and files.is_directory(one)]
+
+
+def mentions_word(files: Files, roots: tuple[str, ...], word: str) -> bool:
+    """Return True if a word is in the text of one of the files, or of a file directly in one of the directories."""
+    for root in roots:
+        for name in files.entries(root) if files.is_directory(root) else [root]:
+            try:
+                if name.rpartition(".")[2] in FORMATS and word.encode() in files.read(name):
+                    return True
+            except (OSError, ValueError):
+                continue
+    return False
+
+
+def _is_left_out(path: str) -> bool:
+    last = path.rpartition("/")[2]
+    return last.startswith((".", "__")) or last in ("node_modules", "build", "dist")
 
 
 def _is_below(directory: str, folder: str) -> bool:

@@ -2,12 +2,15 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterator, Mapping
+from dataclasses import replace
 from importlib import import_module
 from typing import Any, Final
 
-from envgraph.editor._checked_files import CheckJob, CheckResult
+from envgraph.editor._checked_files import CheckJob, CheckResult, all_roots, mentions_word
 from envgraph.editor._documents import Document, JsonObject
+from envgraph.editor._match_counts import CountJob, MatchCounts
+from envgraph.editor._name_index import NameIndex
 from envgraph.editor._open_files import name_of_uri, uri_of_name, with_texts
 from envgraph.editor._published import Published
 from envgraph.errors import InvalidArgument, Source, name_hint
@@ -81,6 +84,7 @@ class LanguageService:
         self.documents: dict[str, Document] = {}
         self._results: dict[tuple[str, ...], CheckResult] = {}
         self._stale: dict[tuple[str, ...], None] = {}
+        self._uncounted: dict[tuple[str, ...], None] = {}
         self._published = Published(self)
 
     def answer(self, method: str, params: JsonObject) -> Any:
@@ -132,52 +136,100 @@ class LanguageService:
 
     def mark_stale(self, name: str) -> None:
         """Note that a file has changed: the open documents that depend on it are checked again."""
-        for one in self.documents.values():
-            roots = self.roots_of(one.source.name)
+        wanted = self._open_roots()
+        for roots in wanted:
             result = self._results.get(roots)
-            if result is None or one.source.name == name or result.depends_on(name, roots):
+            if result is None or name in roots or result.depends_on(name, roots):
                 self._stale[roots] = None
+        # Results of files that are not open are not checked again until a request needs them.
+        self._results = {
+            roots: result
+            for roots, result in self._results.items()
+            if roots in wanted or not result.depends_on(name, roots)
+        }
 
     def mark_all_stale(self) -> None:
         """Note that folders were opened or closed: all open documents are checked again."""
-        self._stale = {self.roots_of(one.source.name): None for one in self.documents.values()}
+        self._stale = self._open_roots()
         self._published.keep_only(self._stale)
 
-    def next_job(self) -> CheckJob | None:
-        """Return the next check to do, and count it as done; None if all files are checked."""
-        wanted = {self.roots_of(one.source.name) for one in self.documents.values()}
-        self._stale = {roots: None for roots in self._stale if roots in wanted}
-        if not self._stale:
-            return None
-        roots = next(iter(self._stale))
-        del self._stale[roots]
-        return CheckJob(roots, self.edited_files())
+    def _open_roots(self) -> dict[tuple[str, ...], None]:
+        return {self.roots_of(one.source.name): None for one in self.documents.values()}
 
-    def record(self, job: CheckJob, result: CheckResult) -> None:
-        """Keep the result of a check, and send its diagnostics unless a newer check of these files waits."""
-        self._results[job.roots] = result
-        if job.roots not in self._stale:
-            self._published.publish(job.roots, result)
+    def next_job(self) -> CheckJob | CountJob | None:
+        """Return what to do next, and count it as done: a check, or else a count of matches; None if all is done."""
+        wanted = self._open_roots()
+        self._stale = {roots: None for roots in self._stale if roots in wanted}
+        if self._stale:
+            roots = next(iter(self._stale))
+            del self._stale[roots]
+            return CheckJob(roots, self.edited_files())
+        uncounted = [roots for roots in self._uncounted if roots in self._results]
+        self._uncounted = dict.fromkeys(uncounted[1:])
+        return CountJob(uncounted[0], self._results[uncounted[0]]) if uncounted else None
+
+    def record(self, job: CheckJob | CountJob, result: CheckResult | MatchCounts | None) -> None:
+        """Keep the result of a job. Send the diagnostics of a check unless a newer check of these files waits."""
+        if isinstance(result, CheckResult):
+            self._keep(job.roots, result)
+            self._uncounted[job.roots] = None
+            if job.roots not in self._stale:
+                self._published.publish(job.roots, result)
+        elif job.roots in self._results:
+            last = self._results[job.roots]
+            self._results[job.roots] = replace(last, counts=result)
+            if result != last.counts:
+                self.notify("workspace/codeLens/refresh", {})
 
     def check(self) -> None:
-        """Check all files that have changed, and send their diagnostics."""
+        """Check all files that have changed, send their diagnostics, and count matches."""
         while (job := self.next_job()) is not None:
             self.record(job, job.run())
 
     def checked(self, name: str) -> CheckResult:
         """Return the last result of checking a file with those that belong to it; check it now if there is none."""
-        roots = self.roots_of(name)
+        return self._result_of(self.roots_of(name))
+
+    def _result_of(self, roots: tuple[str, ...]) -> CheckResult:
         if roots not in self._results:
-            self._results[roots] = CheckJob(roots, self.edited_files()).run()
+            self._keep(roots, CheckJob(roots, self.edited_files()).run())
         return self._results[roots]
+
+    def _keep(self, roots: tuple[str, ...], result: CheckResult) -> None:
+        last = self._results.get(roots)
+        if result.metamodel is None and last is not None:
+            result = replace(result, metamodel=last.metamodel)
+        if last is not None and not result.workspace.errors:
+            result = replace(result, counts=last.counts)  # until they are counted again
+        self._results[roots] = result
 
     def workspace(self, document: Document) -> Workspace:
         """Return the content of a document and of the files that belong to it, as it was last checked."""
         return self.checked(document.source.name).workspace
 
+    def index(self, name: str, word: str | None = None) -> NameIndex:
+        """Return the names in a file and in the files that belong to it.
+
+        Args:
+            name: the file.
+            word: a name; files of other directories in the open folders that contain it are indexed, too.
+        """
+        results = [self.checked(name)]
+        if word is not None:
+            files = self.edited_files()
+            results += [
+                self._result_of(roots)
+                for roots in all_roots(files, self.folders)
+                if roots != self.roots_of(name) and mentions_word(files, roots, word)
+            ]
+        return NameIndex.of(self, results)
+
+    def all_indexes(self) -> Iterator[NameIndex]:
+        """Yield the names of the files of each open document, then of each directory in the open folders."""
+        for roots in dict.fromkeys([*self._open_roots(), *all_roots(self.edited_files(), self.folders)]):
+            yield NameIndex.of(self, [self._result_of(roots)])
+
     def close(self, name: str) -> None:
         """Forget a document that was closed, and remove the diagnostics of files that no open document needs."""
-        wanted = {self.roots_of(one.source.name) for one in self.documents.values()}
-        self._results = {roots: result for roots, result in self._results.items() if roots in wanted}
-        self._published.keep_only(wanted)
+        self._published.keep_only(self._open_roots())
         self.mark_stale(name)

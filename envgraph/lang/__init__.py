@@ -73,7 +73,7 @@ if TYPE_CHECKING:
         data_path as data_path,
     )
     from envgraph.lang.syntax._file_formats import FORMATS as FORMATS
-    from envgraph.lang.syntax._grammar import language_of as language_of
+    from envgraph.lang.syntax._grammar import language_of as language_of, reserved_words as reserved_words
     from envgraph.lang.syntax._lexer import END as END, PUNCTUATION as PUNCTUATION, Lexeme as Lexeme
     from envgraph.lang.syntax._name_kinds import (
         TOKEN_TYPES as TOKEN_TYPES,

@@ -129,6 +129,11 @@ def load_grammar(language: str) -> Grammar:
     return build_grammar(language, data_path("grammars", f"{language}.lark"), RECOVERY_RULES[language])
 
 
+def reserved_words(language: str) -> frozenset[str]:
+    """Return the words that a language uses itself; as a name, some of them must be written `^word`."""
+    return frozenset(load_grammar(language).lexer.keywords)
+
+
 def language_of(name: str) -> str | None:
     """Return the language of a file with this name; None if the suffix belongs to none of the five languages.
 
