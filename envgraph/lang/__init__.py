@@ -15,7 +15,7 @@ if TYPE_CHECKING:
         LARGEST_NUMBER as LARGEST_NUMBER,
         ComponentOptions as ComponentOptions,
     )
-    from envgraph.lang.family._family_reader import find_family as find_family
+    from envgraph.lang.family._family_reader import TABLES as TABLES, find_family as find_family
     from envgraph.lang.family._family_spec import (
         EXPRESSION_KIND as EXPRESSION_KIND,
         FamilySpec as FamilySpec,
@@ -49,6 +49,7 @@ if TYPE_CHECKING:
     from envgraph.lang.interchange._trace_reader import parse_trace as parse_trace
     from envgraph.lang.loading._family_check import (
         COMPONENTS as COMPONENTS,
+        MEASURE_OPTIONS as MEASURE_OPTIONS,
         NEED_ENVIRONMENT as NEED_ENVIRONMENT,
         check_family as check_family,
         numeric_parameters as numeric_parameters,
@@ -90,6 +91,7 @@ if TYPE_CHECKING:
     from envgraph.lang.syntax._text_parts import (
         PartReading as PartReading,
         TextPart as TextPart,
+        name_roles as name_roles,
         part_at as part_at,
         text_parts as text_parts,
     )

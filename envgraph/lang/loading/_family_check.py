@@ -16,7 +16,7 @@ NEED_ENVIRONMENT = ("shortest_plan", "random_success", "optimal_return")
 """The kinds of measures that need an environment, not only a model."""
 
 # The options of each kind of measure, with the sort of definition that the option's value names ("" for none).
-_OPTIONS: Mapping[str, Mapping[str, str]] = {
+MEASURE_OPTIONS: Mapping[str, Mapping[str, str]] = {
     "path_complexity": {"transform": "", "from": "class", "to": "class", "along": "path", "avoid": "class"},
     "shortest_path": {"from": "class", "to": "class", "along": "path", "avoid": "class"},
     "shortest_plan": {"guide": "pattern"},
@@ -31,7 +31,7 @@ _OPTIONS: Mapping[str, Mapping[str, str]] = {
 
 COMPONENTS: Mapping[str, Collection[str]] = MappingProxyType(
     {
-        "measure": tuple(_OPTIONS),
+        "measure": tuple(MEASURE_OPTIONS),
         "diversity": ("binned_entropy", "gini", "variance"),
         "objective": ("learning", "chain_transfer"),
         "parents": ("random", "tournament", "elitist"),
@@ -192,7 +192,7 @@ class _FamilyChecker:
             yield Diagnostic("unknown-component", message, component.span(), hint)
 
     def _check_measure(self, measure: ComponentSpec) -> Iterator[Diagnostic]:
-        expected = _OPTIONS.get(measure.kind)
+        expected = MEASURE_OPTIONS.get(measure.kind)
         if expected is None:
             return
         for option, value in measure.options.items():

@@ -77,11 +77,11 @@ _KINDS: dict[str, tuple[str, ...]] = {
     "name": ("variable",),
     "cell": ("variable",),
     "unnamed": ("type",),
-    "grid": ("variable",),
+    "grid": ("variable!",),
     "column": ("property",),
     "row": ("property",),
-    "legend_none": ("string",),
-    "legend_class": ("string", "type"),
+    "legend_none": ("string!",),
+    "legend_class": ("string!", "type"),
     "table": ("type", "property"),
     "line": ("variable!",),
 }
@@ -91,6 +91,9 @@ The last kind stands for all further names.
 """
 _OPTIONAL_FIRST = frozenset({"type", "enum_literal", "entry", "legend_class"})
 """Rules whose first name can be missing, so that their names are counted from the end."""
+
+_DEFINED_BY_TYPE = frozenset({"vertex", "token"})
+"""Rules whose name is defined where its type is written."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -108,14 +111,24 @@ def known_names(tree: Tree[Token]) -> Iterator[KnownName]:
     """Yield the names in a syntax tree; uses of the parameters of a definition are parameters, not variables."""
     for definition in tree.children:
         if isinstance(definition, Tree):
-            found = [*_names_in(definition)]
-            parameters = {one.name for one in found if one.kind == "parameter" and one.is_definition}
-            for one in found:
-                is_use = one.kind == "variable" and one.name in parameters
-                yield replace(one, kind="parameter", is_definition=False) if is_use else one
+            yield from _names_with_parameters(definition, frozenset())
+
+
+def _names_with_parameters(tree: Tree[Token], outer: frozenset[str]) -> Iterator[KnownName]:
+    """Yield the names of a definition or clause; `outer` are the parameters of the definition around it."""
+    clauses = [one for one in tree.children if isinstance(one, Tree) and one.data == "clauses"]
+    found = [*_names_in(tree)]
+    parameters = outer.union(one.name for one in found if one.kind == "parameter" and one.is_definition)
+    for one in found:
+        is_use = one.kind == "variable" and not one.is_definition and one.name in parameters
+        yield replace(one, kind="parameter") if is_use else one
+    for clause in (clause for each in clauses for clause in each.children):
+        if isinstance(clause, Tree):
+            yield from _names_with_parameters(clause, parameters)
 
 
 def _names_in(root: Tree[Token]) -> Iterator[KnownName]:
+    """Yield the names in a tree, but for those in clauses of an environment."""
     waiting = [(root, False)]
     while waiting:
         tree, is_package = waiting.pop()
@@ -123,7 +136,10 @@ def _names_in(root: Tree[Token]) -> Iterator[KnownName]:
         kinds = ("namespace",) if is_package else _KINDS.get(rule, ())
         names = [one for one in tree.children if isinstance(one, Token) and one.type == "NAME"] if kinds else []
         first = max(0, len(kinds) - len(names)) if rule in _OPTIONAL_FIRST else 0
+        below = [one for one in tree.children if isinstance(one, Tree)]
+        has_type = rule in _DEFINED_BY_TYPE and any(one.data == "type" for one in below)
         for place, token in enumerate(names, start=first):
             kind = kinds[min(place, len(kinds) - 1)]
-            yield KnownName(str(token), token.start_pos or 0, token.end_pos or 0, kind.rstrip("!"), kind.endswith("!"))
-        waiting += [(one, rule == "package") for one in tree.children if isinstance(one, Tree)]
+            start, end = token.start_pos or 0, token.end_pos or 0
+            yield KnownName(str(token), start, end, kind.rstrip("!"), kind.endswith("!") or has_type)
+        waiting += [(one, rule == "package") for one in below if one.data != "clauses"]

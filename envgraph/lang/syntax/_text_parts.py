@@ -12,6 +12,7 @@ from functools import lru_cache
 from itertools import pairwise
 
 from lark import Token, Tree
+from lark.parsers.lalr_analysis import Shift
 
 from envgraph.code import dataclass
 from envgraph.errors import Source
@@ -40,7 +41,7 @@ _AFTER_BRACE = re.compile(r"[ \t]*;?[ \t]*(?://[^\n]*)?\r?\n(?:[ \t]*\r?\n)*(?!(
 """Matches the rest of the line behind the `}` of a definition, and empty lines after it."""
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True, slots=True, eq=False)
 class PartReading:
     """The lexemes and the syntax tree of a part of a text; all offsets count from the start of the part.
 
@@ -150,3 +151,24 @@ def _cut_offsets(language: str, text: str) -> Iterator[int]:
         elif depth and sign[0].isalpha():
             depth = 0
             yield found.start()
+
+
+def name_roles(grammar: Grammar, states: list[int]) -> tuple[frozenset[str], frozenset[str]] | None:
+    """Return what a name after these parser states can be; None if no name is accepted there.
+
+    The result has the grammar rules that the name can end, without the prefixes of imported rules, and the signs and
+    keywords that can follow it inside of a rule.
+    """
+    if not grammar.accepts(states, "NAME"):
+        return None
+    after = [*states]
+    grammar.advance(after, "NAME")
+    rules, signs = set(), set()
+    for terminal, (action, argument) in grammar.states[after[-1]].items():
+        if terminal not in grammar.spelling:
+            continue
+        if action is Shift:
+            signs.add(grammar.spelling[terminal].strip("`"))
+        elif grammar.accepts(after, terminal):
+            rules.add(argument.rule.rpartition("__")[2] if argument.rule[0] != "_" else argument.rule)
+    return frozenset(rules), frozenset(signs)
