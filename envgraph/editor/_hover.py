@@ -93,8 +93,8 @@ def _describe_class(index: NameIndex, symbol: Symbol) -> Iterator[str]:
 def feature_text(feature: Feature) -> str:
     """Return a feature with its type and multiplicity, as in `at : Floor[1]`."""
     type_ = type_name(feature.type) if isinstance(feature, Attribute) else simple_name(feature.target)
-    is_plain = isinstance(feature, Attribute) and not feature.many and feature.lower == 1
-    return f"{feature.name} : {type_}" + ("" if is_plain else f"[{feature.multiplicity}]")
+    has_one_value = isinstance(feature, Attribute) and not feature.many and feature.lower == 1
+    return f"{feature.name} : {type_}" + ("" if has_one_value else f"[{feature.multiplicity}]")
 
 
 def _describe_feature(index: NameIndex, symbol: Symbol) -> Iterator[str]:

@@ -75,7 +75,7 @@ def _check_unused(index: NameIndex, symbol: Symbol, new: str, found: Iterable[Pl
     """Raise InvalidArgument if another definition has the new name, so that names would change their meaning."""
     for place in _clashes(index, symbol, new, found):
         noun = _NOUNS.get(place.mention.kind, place.mention.kind)
-        raise InvalidArgument(f"there is already a {noun} `{new}`, at {place.span}", "choose another name")
+        raise InvalidArgument(f"the {noun} at {place.span} is already called `{new}`", "choose another name")
 
 
 def _clashes(index: NameIndex, symbol: Symbol, new: str, found: Iterable[Place]) -> Iterator[Place]:
@@ -125,11 +125,10 @@ def _check_certain(index: NameIndex, symbol: Symbol, found: list[Place]) -> None
             hint = "change it by hand there, or move that file"
             raise InvalidArgument(f"{source.name} contains `{symbol.name}`, too, but cannot be changed", hint)
         for part in text_parts(source):
-            if pattern.search(part.text) and part.reading.has_mistakes:
-                span = source.span_between(part.start, part.end)
-                raise InvalidArgument(
-                    f"the text at {span} has mistakes, and contains `{symbol.name}`", "correct them first"
-                )
+            seen = pattern.search(part.text)
+            if seen and part.reading.has_mistakes:
+                span = source.span_between(part.start + seen.start(), part.start + seen.end())
+                raise InvalidArgument(f"there are mistakes near `{symbol.name}` at {span}", "correct them first")
         for start, names in index.parts(source):
             for one in names.by_text.get(symbol.name, ()):
                 place = Place(source, start, one)

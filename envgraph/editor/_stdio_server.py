@@ -17,7 +17,7 @@ from envgraph.editor._language_service import METHODS, LanguageService
 from envgraph.errors import EnvgraphError
 
 _LOG: Final = logging.getLogger("envgraph.editor")
-_PAUSE: Final = 0.05
+_PAUSE: Final = 0.02
 """Seconds after the last change before files are checked."""
 _INVALID_REQUEST, _METHOD_NOT_FOUND, _INTERNAL_ERROR = -32600, -32601, -32603
 _NOT_INITIALIZED, _CANCELLED, _FAILED = -32002, -32800, -32803

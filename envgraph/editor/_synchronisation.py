@@ -104,4 +104,4 @@ CAPABILITIES: JsonObject = {
     "documentRangeFormattingProvider": True,
     "codeActionProvider": {"codeActionKinds": ["quickfix"]},
 }
-"""What the server can do, as the protocol says it."""
+"""The capabilities of the server, in the words of the protocol."""

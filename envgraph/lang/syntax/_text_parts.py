@@ -37,7 +37,7 @@ _CUT_SIGNS = {
     for language, words in _DEFINITION_STARTS.items()
 }
 """By language: matches the signs that decide where a definition ends, and texts that may contain such signs."""
-_AFTER_BRACE = re.compile(r"[ \t]*;?[ \t]*(?://[^\n]*)?\r?\n(?:[ \t]*\r?\n)*(?!(?:\s|//[^\n]*\n|/\*[\s\S]*?\*/)*or\b)")
+_AFTER_BRACE = re.compile(r"[ \t]*;?[ \t]*(?://[^\n]*)?\r?\n(?:[ \t]*\r?\n)*(?!(?>\s|//[^\n]*\n|/\*[\s\S]*?\*/)*+or\b)")
 """Matches the rest of the line behind the `}` of a definition, and empty lines after it."""
 
 

@@ -3,47 +3,14 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Any
 
 import pytest
 
-from envgraph.editor import LanguageService
 from envgraph.errors import InvalidArgument
-from envgraph.lang import TextFiles
+from tests.editing import Editor, place
 
 METAMODEL = "metamodel shop\nclass Box {\n    int size\n}\n"
 QUERY = 'import "a.metamodel"\n\npattern big(b : Box) {\n    Box.size(b, n);\n    check n > 3;\n}\n'
-
-
-class Editor:
-    """An editor with a language service: it keeps the diagnostics that it was sent."""
-
-    def __init__(self, texts: dict[str, str] | None = None, folder: Path | None = None) -> None:
-        self.shown: dict[str, list[Any]] = {}
-        self.service = LanguageService(self._receive, TextFiles(texts) if texts is not None else None)
-        uri = folder.as_uri() if folder else "memory:///."
-        self.service.answer("initialize", {"workspaceFolders": [{"uri": uri, "name": "folder"}]})
-
-    def _receive(self, method: str, params: dict[str, Any]) -> None:
-        assert method == "textDocument/publishDiagnostics"
-        self.shown[params["uri"]] = params["diagnostics"]
-
-    def open(self, uri: str, text: str, language: str = "") -> None:
-        document = {"uri": uri, "text": text, "version": 1, "languageId": language}
-        self.service.answer("textDocument/didOpen", {"textDocument": document})
-        self.service.check()
-
-    def change(self, uri: str, *changes: dict[str, Any]) -> None:
-        document = {"uri": uri, "version": 2}
-        self.service.answer("textDocument/didChange", {"textDocument": document, "contentChanges": changes})
-        self.service.check()
-
-    def codes(self, uri: str) -> list[str]:
-        return [one["code"] for one in self.shown.get(uri, [])]
-
-
-def place(line: int, character: int) -> dict[str, int]:
-    return {"line": line, "character": character}
 
 
 def test_an_edited_text_counts_before_it_is_saved(tmp_path: Path) -> None:
