@@ -170,6 +170,8 @@ def _trees(tree: Any, *kinds: str) -> list[Any]:
     return [one for one in tree.children if is_tree(one) and (not kinds or one.data in kinds)]
 
 
+_TEXT_ARGUMENTS = ("message", "severity")
+"""Arguments of annotations that are texts."""
 _Handler = Callable[[_Finder, Any, Scope | None, Holder | None], None]
 
 
@@ -195,13 +197,22 @@ def _define(kind: str, whole: bool = False) -> _Handler:
 
 
 def _annotation(finder: _Finder, tree: Any, scope: Scope | None, holder: Holder | None) -> None:
-    """Add the arguments of annotations that name something: variables of `@hom`, attributes of `@key`."""
-    values = [name for part in _trees(tree, "annotation_argument") for each in _trees(part) for name in _names(each)]
-    for value in values:
-        if str(tree.children[0]) == "hom":
-            finder.add("variable", value, scope)
-        elif str(tree.children[0]) == "key" and holder is not None:
-            finder.add("feature", value, scope, holder=holder)
+    """Add the arguments of annotations that name something: variables of a pattern or rule, attributes of a class."""
+    name = str(tree.children[0])
+    values = [("", each) for part in _trees(tree, "annotation_argument") for each in _trees(part)]
+    named = [(str(part.children[0]), each) for part in _trees(tree, "annotation_named") for each in _trees(part)]
+    for key, value in [*values, *named]:
+        for token in value.children if value.data in ("annotation_name", "annotation_string") else ():
+            if name == "key" and holder is not None:
+                finder.add("feature", token, scope, holder=holder)
+            elif name == "QueryBasedFeature" and key == "feature":
+                finder.add("unknown", token, scope)
+            elif scope is not None and (name == "hom" or (token in scope.parameters and key not in _TEXT_ARGUMENTS)):
+                finder.add("variable", token, scope)
+    if name == "QueryBasedFeature" and scope is not None and not any(key == "feature" for key, _ in named):
+        # The pattern defines the feature of its own name, so neither can be renamed alone.
+        start, end = tree.children[0].start_pos, tree.children[0].end_pos
+        finder._found.append(Mention("unknown", scope.name.rpartition(" ")[2], start, end))
 
 
 def _package(finder: _Finder, tree: Any, scope: Scope | None, holder: Holder | None) -> None:

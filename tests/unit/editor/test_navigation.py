@@ -24,7 +24,7 @@ import "shop.metamodel"
 pattern covered(box : Box, on) {
     Box.above(box, on);
 }
-pattern top(box : Box) {
+pattern upper(box : Box) {
     neg find covered(box, _);
     Box.size(box, Size::small);
 } or {
@@ -37,7 +37,7 @@ pattern top(box : Box) {
 import "shop.query"
 
 rule shrink(box : Box) {
-    lhs { box : Box; find top(box); check box.below.size != ::large; }
+    lhs { box : Box; find upper(box); check box.below.size != ::large; }
     modify { set box.size = ::small; }
 }
 """,
@@ -53,7 +53,7 @@ imports = ["shop.rules"]
 require = ["covered"]
 [measures.number]
 kind = "count"
-of = "shop.top"
+of = "shop.upper"
 [diversity]
 of = "number"
 range = [0, 4]
@@ -88,7 +88,7 @@ def editor() -> Editor:
         ("shop.model", "one : |shop", "shop.metamodel:1: shop"),
         ("shop.metamodel", "opposite |below", "shop.metamodel:7: below"),
         ("family.toml", '"|covered"', "shop.query:5: covered"),
-        ("family.toml", '"shop.|top"', "shop.query:8: top"),
+        ("family.toml", '"shop.|upper"', "shop.query:8: upper"),
         ("family.toml", '"|shrink"', "shop.rules:4: shrink"),
         ("family.toml", 'of = "|number"', "family.toml:5: number"),
     ],
@@ -108,7 +108,7 @@ def test_references_are_found_in_all_files_of_the_folder(editor: Editor) -> None
 
 def test_variables_of_two_bodies_are_not_the_same(editor: Editor) -> None:
     assert len(editor.ask("documentHighlight", MEMORY + "shop.query", "covered(box, |other")) == 3
-    assert len(editor.ask("documentHighlight", MEMORY + "shop.query", "top(|box")) == 5
+    assert len(editor.ask("documentHighlight", MEMORY + "shop.query", "upper(|box")) == 5
 
 
 @pytest.mark.parametrize(
@@ -144,9 +144,9 @@ def test_symbols_are_a_tree(editor: Editor) -> None:
 def test_lenses_count_matches_and_lead_to_reasons(editor: Editor) -> None:
     found = editor.ask("codeLens", MEMORY + "shop.query")
     assert [one["command"]["title"] for one in found] == ["1 match in one", "no match in one: why not?"]
-    assert found[1]["command"]["arguments"] == ["top", MEMORY + "shop.query"]
-    text = editor.service.answer("envgraph/whyNot", {"name": "top", "uri": MEMORY + "shop.query"})["text"]
-    assert text.startswith("`shop.top` has no match") and "shop.query:" in text
+    assert found[1]["command"]["arguments"] == ["upper", MEMORY + "shop.query"]
+    text = editor.service.answer("envgraph/whyNot", {"name": "upper", "uri": MEMORY + "shop.query"})["text"]
+    assert text.startswith("`shop.upper` has no match") and "shop.query:" in text
     wrong = {"text": TEXTS["shop.model"].replace("size = ::large", "size = ::lrge")}
     editor.change(MEMORY + "shop.model", wrong)
     assert editor.ask("codeLens", MEMORY + "shop.query") == []
