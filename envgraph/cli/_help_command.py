@@ -170,9 +170,19 @@ def _indented(text: str) -> str:
 
 def _diagnose_example(examples: Mapping[str, str], file: str) -> list[Diagnostic]:
     """Return the problems of a file in a new domain `maze` whose files are continued or added by examples."""
-    from envgraph.cli._new_command import render_domain
     from envgraph.editor import find_problems
     from envgraph.lang import TextFiles, load_workspace
+
+    needed = ["maze.metamodel"] if file.endswith((".xmi", ".json")) else []
+    try:
+        return find_problems(load_workspace([*needed, file], files=TextFiles(example_texts(examples))))
+    except LoadError as error:
+        return list(error.diagnostics)
+
+
+def example_texts(examples: Mapping[str, str]) -> dict[str, str]:
+    """Return the files of a new domain `maze`, continued or added by examples, which are given by file name."""
+    from envgraph.cli._new_command import render_domain
 
     texts = render_domain("new", "maze", {})
     for name, example in examples.items():
@@ -185,11 +195,7 @@ def _diagnose_example(examples: Mapping[str, str], file: str) -> list[Diagnostic
             texts[name] = f"{_ECORE}{example}</ecore:EPackage>\n"
         else:
             texts[name] = f"{texts[name]}\n{example.strip()}\n" if name in texts else example
-    needed = ["maze.metamodel"] if file.endswith((".xmi", ".json")) else []
-    try:
-        return find_problems(load_workspace([*needed, file], files=TextFiles(texts)))
-    except LoadError as error:
-        return list(error.diagnostics)
+    return texts
 
 
 def _replace_tables(text: str, example: str) -> str:

@@ -14,6 +14,7 @@ if TYPE_CHECKING:
     from envgraph.errors._diagnostics import (
         WARNING_CODES as WARNING_CODES,
         Diagnostic as Diagnostic,
+        Edit as Edit,
         Note as Note,
         Severity as Severity,
         duplicate_diagnostics as duplicate_diagnostics,
@@ -53,6 +54,7 @@ if TYPE_CHECKING:
     from envgraph.errors._shown import SHOWN as SHOWN
     from envgraph.errors._source_text import Source as Source, Span as Span
     from envgraph.errors._suggestions import (
+        ReplacementHint as ReplacementHint,
         count_with_noun as count_with_noun,
         did_you_mean as did_you_mean,
         list_names as list_names,

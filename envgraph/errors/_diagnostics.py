@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import field
 from enum import StrEnum
@@ -10,6 +11,7 @@ from typing import Final
 from envgraph.code import dataclass, escape_unprintable
 from envgraph.errors._shown import SHOWN
 from envgraph.errors._source_text import Span
+from envgraph.errors._suggestions import ReplacementHint
 
 WARNING_CODES: Final = frozenset({
     "always-different", "annotation-argument", "cartesian-product", "chain-aggregate", "conformance",
@@ -43,6 +45,14 @@ class Note:
 
 
 @dataclass(frozen=True, slots=True)
+class Edit:
+    """A change of a text: the text that replaces a span, or is inserted at an empty one."""
+
+    span: Span
+    text: str
+
+
+@dataclass(frozen=True, slots=True)
 class Diagnostic:
     """A problem found in an input file or in a definition made in Python.
 
@@ -53,6 +63,7 @@ class Diagnostic:
         hint: how to correct the problem, without the word "hint".
         subject: the subject of the problem, for programs: the name quoted in the message, or the keys that lead to a
             value.
+        edits: the changes that correct the problem, if the hint does not have them as a `ReplacementHint`.
     """
 
     code: str
@@ -62,6 +73,23 @@ class Diagnostic:
     severity: Severity = Severity.ERROR
     notes: tuple[Note, ...] = ()
     subject: tuple[str | int, ...] = field(default=(), compare=False, repr=False)
+    edits: tuple[Edit, ...] = field(default=(), compare=False, repr=False)
+
+    @property
+    def fixes(self) -> tuple[Edit, ...]:
+        r"""Return the changes that together correct the problem as its hint says; () if no text is known to be right.
+
+        >>> span = Source("a", "find stpe(x, y)").span_between(5, 9)
+        >>> Diagnostic("unknown-pattern", "unknown pattern `stpe`", span, did_you_mean("stpe", ["step"])).fixes[0].text
+        'step'
+        """
+        if self.edits or self.span is None or not isinstance(self.hint, ReplacementHint):
+            return self.edits
+        source, wrong = self.span.source, self.hint.wrong
+        places = [0] if self.span.text == wrong else _word_places(self.span.text, wrong)
+        starts = [self.span.start + place for place in places]
+        found = [Edit(source.span_between(start, start + len(wrong)), self.hint.right) for start in starts]
+        return tuple(found) if len(found) == 1 else ()
 
     def __str__(self) -> str:
         """Return the lines that a person sees: position and message, excerpt with carets, notes, hint."""
@@ -92,6 +120,11 @@ class Diagnostic:
         if self.notes:
             data["notes"] = [{"message": note.message, **_position_dict(note.span)} for note in self.notes]
         return data
+
+
+def _word_places(text: str, word: str) -> list[int]:
+    """Return the places of a word in a text, as offsets; a word is no part of a longer one."""
+    return [found.start() for found in re.finditer(rf"(?<!\w){re.escape(word)}(?!\w)", text)]
 
 
 def _displayed_text(text: str) -> str:

@@ -15,6 +15,30 @@ _LOOKALIKES = str.maketrans(
 """Maps Cyrillic and Greek letters to the Latin letters that they look like."""
 
 
+class ReplacementHint(str):
+    """A hint that says what to write in place of a part of the marked text.
+
+    Attributes:
+        wrong: the part of the marked text.
+        right: the text to write.
+    """
+
+    __slots__ = ("right", "wrong")
+
+    wrong: str
+    right: str
+
+    def __new__(cls, text: str, wrong: str, right: str) -> ReplacementHint:
+        """Return a hint with this text."""
+        made = super().__new__(cls, text)
+        made.wrong, made.right = wrong, right
+        return made
+
+    def __getnewargs__(self) -> tuple[str, str, str]:  # type: ignore[override]  # those of `str` are its text alone
+        """Return the arguments of the constructor, from which pickle makes the hint again."""
+        return str(self), self.wrong, self.right
+
+
 def quote_with_article(name: str) -> str:
     """Return a name in backquotes with its article, for messages.
 
@@ -44,8 +68,9 @@ def did_you_mean(name: str, known: Iterable[str]) -> str | None:
         return None
     if not name.isascii() and near == _latin_lookalike(name):
         other = next(char for char in name if not char.isascii())
-        return f"did you mean `{near}`? `{other}` (U+{ord(other):04X}) only looks like a Latin letter"
-    return f"did you mean `{near}`?"
+        lookalike = f"did you mean `{near}`? `{other}` (U+{ord(other):04X}) only looks like a Latin letter"
+        return ReplacementHint(lookalike, name, near)
+    return ReplacementHint(f"did you mean `{near}`?", name, near)
 
 
 def most_similar(name: str, known: Iterable[str]) -> str | None:

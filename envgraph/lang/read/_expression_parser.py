@@ -8,6 +8,7 @@ from dataclasses import replace
 from lark import Token, Tree
 
 from envgraph.errors import (
+    ReplacementHint,
     most_similar,
     name_hint,
 )
@@ -280,7 +281,8 @@ def _check_operator(reading: FileReading, token: Token) -> str:
     meant = MEANT_OPERATORS.get(token, str(token))
     if token in _REFUSED_OPERATORS:
         what = "is not a comparison" if token == "=" else "is not an operator"
-        reading.error("unexpected-token", f"`{token}` {what}", token, f"write `{meant}`")
+        hint = ReplacementHint(f"write `{meant}`", str(token), meant)
+        reading.error("unexpected-token", f"`{token}` {what}", token, hint)
     return meant
 
 

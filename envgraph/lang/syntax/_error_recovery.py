@@ -14,7 +14,7 @@ from functools import partial
 from typing import Any
 
 from envgraph.code import dataclass
-from envgraph.errors import Diagnostic, did_you_mean, most_similar
+from envgraph.errors import Diagnostic, Edit, did_you_mean, most_similar
 from envgraph.lang.syntax._lexer import END, PUNCTUATION, Lexeme, is_first_on_line
 from envgraph.lang.syntax._parse_stack import ParseStack, ResumePoint
 from envgraph.lang.syntax._unexpected_tokens import VALUE_WORDS, SyntaxReports
@@ -112,14 +112,25 @@ class Recovery:
             stack.truncate(repair.kept_states)
             if repair.is_insertion:
                 stack.previous_end = repair.token.start
+            reported = len(self.diagnostics)
             if repair.report_arguments:
                 self._reports.report(*repair.report_arguments)
             else:
                 self._reports.report_unexpected(index)
+            if len(self.diagnostics) > reported:
+                self.diagnostics[-1] = replace(self.diagnostics[-1], edits=(self._edit_of(repair),))
             for _ in range(repair.repetitions):
                 stack.read_token(repair.terminal, repair.token, repair.lexeme_index)
             return start
         return None
+
+    def _edit_of(self, repair: Repair) -> Edit:
+        """Return the change of the text that has the same effect as a repair."""
+        lexeme, word = repair.token, repair.token.value * repair.repetitions
+        if repair.is_insertion:
+            return Edit(self._source.span_between(lexeme.start, lexeme.start), word)
+        is_name = repair.terminal == "NAME" and word in self._grammar.lexer.keywords
+        return Edit(self._stack.span(self._lexemes[repair.lexeme_index]), f"^{word}" if is_name else word)
 
     def _insertion_repairs(self, sign: str, place: int, height: int, until: int) -> Iterator[Repair]:
         """Yield a repair that inserts a missing sign before a lexeme, if the language has this sign."""

@@ -16,7 +16,7 @@ from inspect import cleandoc
 from lark.lexer import PatternStr, TerminalDef
 
 from envgraph.code import dataclass
-from envgraph.errors import MAX_ERRORS, MAX_NESTING, Diagnostic, Source, Span, parse_float, parse_int
+from envgraph.errors import MAX_ERRORS, MAX_NESTING, Diagnostic, ReplacementHint, Source, Span, parse_float, parse_int
 from envgraph.metamodel import LARGEST_INT
 
 END = "$END"
@@ -265,7 +265,8 @@ class _Scanner:
         curly = _CURLY.match(text, start)
         if curly:
             message = f"`{text[start]}` is not a quotation mark of the language"
-            self._report("stray-character", message, start, curly.end(), f'write `"{curly.group(1)[:30]}"`')
+            hint = ReplacementHint(f'write `"{curly.group(1)[:30]}"`', curly.group(), f'"{curly.group(1)}"')
+            self._report("stray-character", message, start, curly.end(), hint)
             self._add_lexeme(Lexeme("STRING", curly.group(1), start, curly.end()))
             return curly.end()
         return self._report_stray_characters(start)
@@ -355,7 +356,7 @@ class _Scanner:
         shown = self._text[start:end]
         hint = "remove it: such a character is allowed only in strings and comments"
         if _MEANT_SIGNS.get(shown) in self._signs:
-            hint = f"write `{_MEANT_SIGNS[shown]}`"
+            hint = ReplacementHint(f"write `{_MEANT_SIGNS[shown]}`", shown, _MEANT_SIGNS[shown])
         elif shown[0] in _FOREIGN_QUOTES:
             hint = 'write a string between two `"`'
         before = self._scan.lexemes[-1] if self._scan.lexemes else None

@@ -38,8 +38,15 @@ def merge_unknown_names(diagnostics: Iterable[Diagnostic]) -> list[Diagnostic]:
         group.append(one)
         if len(group) == 1:
             kept.append(one)
-    others = {id(group[0]): _other_places_note(group[1:]) for group in places.values() if len(group) > 1}
-    return [replace(one, notes=(*one.notes, others[id(one)])) if id(one) in others else one for one in kept]
+    groups = {id(group[0]): group for group in places.values() if len(group) > 1}
+    return [_merge_group(groups[id(one)]) if id(one) in groups else one for one in kept]
+
+
+def _merge_group(group: Sequence[Diagnostic]) -> Diagnostic:
+    """Return the first diagnostic of a group, with a note about the others; its fixes correct all of them."""
+    first, *others = group
+    edits = tuple(edit for one in group for edit in one.fixes)
+    return replace(first, notes=(*first.notes, _other_places_note(others)), edits=edits)
 
 
 def _is_parameter(code: str, span: Span) -> bool:

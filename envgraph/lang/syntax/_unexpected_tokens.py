@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import replace
 
-from envgraph.errors import SHOWN, Diagnostic, Note, did_you_mean
+from envgraph.errors import SHOWN, Diagnostic, Edit, Note, ReplacementHint, did_you_mean
 from envgraph.lang.syntax._grammar import Grammar
 from envgraph.lang.syntax._lexer import END, PUNCTUATION, Lexeme, has_overlap, is_first_on_line
 from envgraph.lang.syntax._parse_stack import ParseStack, ResumePoint
@@ -282,7 +282,7 @@ class SyntaxReports:
         lexeme = self._lexemes[index]
         keyword = lexeme.kind == "NAME" and not lexeme.is_escaped and lexeme.value in self._grammar.lexer.keywords
         if keyword and "NAME" in self._grammar.expected_terminals(self._stack.states):
-            return f"write `^{lexeme.value}` for the name"
+            return ReplacementHint(f"write `^{lexeme.value}` for the name", lexeme.value, f"^{lexeme.value}")
         return None
 
     def expectation_text(self, states: list[int] | None = None) -> str:
@@ -300,11 +300,20 @@ class SyntaxReports:
             if one.code != "stray-character" or one.span is None or one.span.start < missing.start:
                 continue
             if not self._source.text[missing.start : one.span.start].strip():
-                self._lexical[place] = replace(one, hint=f"write `{missing.value}`")
+                hint = ReplacementHint(f"write `{missing.value}`", one.span.text, missing.value)
+                self._lexical[place] = replace(one, hint=hint)
                 return True
         return False
 
-    def report(self, code: str, message: str, lexeme: Lexeme, hint: str | None, notes: tuple[Note, ...] = ()) -> None:
+    def report(
+        self,
+        code: str,
+        message: str,
+        lexeme: Lexeme,
+        hint: str | None,
+        notes: tuple[Note, ...] = (),
+        edits: tuple[Edit, ...] = (),
+    ) -> None:
         """Add a diagnostic about a lexeme, unless a misspelt token here or an unclosed text explains the mistake."""
         span = self._stack.span(lexeme)
         # If a misspelt token has been reported here, this mistake is its consequence.
@@ -314,4 +323,4 @@ class SyntaxReports:
         swallowed = lexeme.kind == END and any(one.code in _UNCLOSED_CODES for one in self._lexical)
         if not swallowed and not has_overlap(self._lexical, before):
             subject = (lexeme.value,)
-            self.diagnostics.append(Diagnostic(code, message, span, hint, notes=notes, subject=subject))
+            self.diagnostics.append(Diagnostic(code, message, span, hint, notes=notes, subject=subject, edits=edits))

@@ -46,5 +46,7 @@ def check_duplicate_parameters(parameters: Sequence[Parameter]) -> Iterable[Diag
 
 def without_generated_names(problem: Diagnostic) -> Diagnostic:
     """Return a diagnostic in which generated names of `_` variables (such as `#1`) are replaced with `_`."""
-    hint = None if problem.hint is None else _GENERATED_NAME.sub("_", problem.hint)
+    hint = problem.hint
+    if hint is not None and _GENERATED_NAME.search(hint):  # an unchanged `ReplacementHint` keeps its correction
+        hint = _GENERATED_NAME.sub("_", hint)
     return replace(problem, message=_GENERATED_NAME.sub("_", problem.message), hint=hint)
