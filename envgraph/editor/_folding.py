@@ -4,10 +4,11 @@ from __future__ import annotations
 
 import re
 from collections.abc import Iterator
+from functools import lru_cache
 from typing import TYPE_CHECKING
 
 from envgraph.editor._documents import Document, JsonObject
-from envgraph.lang import PUNCTUATION, PartReading, part_at, text_parts
+from envgraph.lang import PUNCTUATION, PartReading, TextPart, part_at, text_parts
 
 if TYPE_CHECKING:
     from envgraph.editor._language_service import LanguageService
@@ -30,11 +31,20 @@ def _folds(document: Document) -> Iterator[JsonObject]:
         for table in _TABLE.finditer(source.text):
             yield from _fold(document, table.start(), table.start() + len(table.group().rstrip()))
     for part in text_parts(source):
-        for start, end, kind in _folds_of_part(part.reading):
-            yield from _fold(document, part.start + start, part.start + end, kind)
+        first = source.line_and_column(part.start)[0] - 1
+        for fold in _folds_of_part(part.language, part.text):
+            yield fold | {one: first + fold[one] for one in ("startLine", "endLine")}
 
 
-def _folds_of_part(reading: PartReading) -> Iterator[tuple[int, int, str | None]]:
+@lru_cache(maxsize=2048)
+def _folds_of_part(language: str, text: str) -> tuple[JsonObject, ...]:
+    """Return the folds of a part; lines count from its first line."""
+    reading = TextPart(language, 0, text).reading
+    document = Document("", reading.source)
+    return tuple(fold for one in _foldable_texts(reading) for fold in _fold(document, *one))
+
+
+def _foldable_texts(reading: PartReading) -> Iterator[tuple[int, int, str | None]]:
     """Yield start, end and kind of all foldable texts of a part, as offsets in the part."""
     open_braces: list[int] = []
     end, text = 0, reading.source.text
