@@ -11,8 +11,9 @@ from functools import cached_property
 from itertools import pairwise
 from typing import Final, TypeAlias
 
-from envgraph.editor._cursors import Cursor, split_arguments
+from envgraph.editor._cursors import Cursor
 from envgraph.editor._scopes import Definitions, Scope, Signature, attribute_type
+from envgraph.editor._wanted_values import WantedValue
 from envgraph.lang import Lexeme, name_roles
 from envgraph.metamodel import Attribute, EnumType, Feature, Reference, Scalar, simple_name
 from envgraph.pattern import FUNCTIONS
@@ -69,6 +70,10 @@ class _NameOffers:
     def _scope(self) -> Scope:
         return Scope(self._definitions, self._cursor)
 
+    @cached_property
+    def _wanted(self) -> WantedValue:
+        return WantedValue(self._cursor, self._definitions, self._scope)
+
     def offers(self) -> Iterator[OfferedName]:
         if self._before == "@" and "annotation" in self._rules:
             yield from self._annotations()
@@ -112,8 +117,8 @@ class _NameOffers:
         named = self._cursor.before(2)
         enum = self._definitions.find_enum(named.value) if named.kind == "NAME" else None
         if self._rules & {"enum_literal", "value", "plain"}:
-            feature = self._wanted_feature() if self._cursor.language == "model" else None
-            type_ = attribute_type(feature) if isinstance(feature, Attribute) else self._wanted_type()
+            feature = self._wanted.feature() if self._cursor.language == "model" else None
+            type_ = attribute_type(feature) if isinstance(feature, Attribute) else self._wanted.type()
             wanted = self._definitions.find_enum(type_)
             metamodel = self._definitions.metamodel
             enums = [enum] if enum else [wanted] if wanted else metamodel.enum_types if metamodel else ()
@@ -197,7 +202,7 @@ class _NameOffers:
 
     def _is_action_object(self) -> bool:
         """Return True if the name is the object of an action such as `set`, `retype` and `move`."""
-        return self._before in ("set", "retype", "move", "merge", "to", "<-", "with") or (
+        return self._before in ("set", "retype", "move", "merge", "to", "with") or (
             self._cursor.language == "environment" and self._before == "," and "at" in self._signs
         )
 
@@ -252,14 +257,14 @@ class _NameOffers:
 
     def _variables(self) -> Iterator[OfferedName]:
         # In an expression, a feature of the variable may follow.
-        wanted, is_expression = self._wanted_type(), "(" in self._signs
+        wanted, is_expression = self._wanted.type(), "(" in self._signs
         for name, type_ in self._scope.variables.items():
             if self._definitions.fits(type_, wanted) or (is_expression and self._definitions.features(type_)):
                 yield name, "variable", type_, None, "", False
 
     def _enum_values(self) -> Iterator[OfferedName]:
         """Yield the literals of the enum that is wanted here; if the wanted type is unknown, all enums."""
-        wanted = self._wanted_type()
+        wanted = self._wanted.type()
         enum = self._definitions.find_enum(wanted)
         if enum is not None:
             yield simple_name(enum.name), "enum", "", enum.doc, f"{simple_name(enum.name)}::", False
@@ -271,7 +276,7 @@ class _NameOffers:
 
     def _features_of_block(self) -> Iterator[OfferedName]:
         """Yield the features of the object whose block `{ .. }` the cursor is in, except those written already."""
-        features, opening = self._block_features()
+        features, opening = self._wanted.block_features()
         if opening is None:
             return
         depth = self._cursor.lexemes[opening].brace_depth + 1
@@ -280,17 +285,9 @@ class _NameOffers:
         written = {one.value for one, after in pairs if after.value == "=" and one.brace_depth == depth}
         yield from _feature_names(one for name, one in features.items() if name not in written)
 
-    def _block_features(self) -> tuple[Mapping[str, Feature], int | None]:
-        """Return the features of the object whose block the cursor is in, and the index of the block's `{`."""
-        opening = self._cursor.enclosing("{", through="[")
-        if opening is None or opening == 0:
-            return {}, None
-        cls = self._definitions.find_class(self._cursor.lexemes[opening - 1].value)
-        return self._definitions.features(cls), opening
-
     def _functions(self) -> Iterator[OfferedName]:
         """Yield the functions of expressions whose result can be here."""
-        wanted, is_written = self._wanted_type(), self._cursor.following == "("
+        wanted, is_written = self._wanted.type(), self._cursor.following == "("
         for one in FUNCTIONS.values():
             if self._definitions.fits(one.result or Scalar.INT, wanted):
                 holes = ", ".join(f"${{{place}:{name}}}" for place, name in enumerate(one.parameters, start=1))
@@ -353,7 +350,7 @@ class _NameOffers:
 
     def _model_values(self) -> Iterator[OfferedName]:
         """Yield the values of the feature before `=` or of the column of a table: objects, literals or classes."""
-        feature = self._wanted_feature()
+        feature = self._wanted.feature()
         if isinstance(feature, Attribute):
             if isinstance(feature.type, EnumType):
                 yield from _literals(feature.type, "::")
@@ -371,89 +368,16 @@ class _NameOffers:
         found: dict[str, str] = {}
         lexemes = self._cursor.lexemes
         for before, one, after in zip(lexemes, lexemes[1:], lexemes[2:], strict=False):
-            if before.kind == "NAME" and one.value == ":" and after.kind == "NAME":
+            if before.kind == "NAME" and one.value == ":" and after.kind == "NAME" and before.brace_depth:
                 found[before.value] = self._definitions.find_class(after.value) or ""
             elif one.kind == "NAME" and (before.value == "grid" or (after.value == ":" and before.value in "{;")):
                 found[one.value] = ""
         return found
 
-    # --- types ---
-
     def _names_before(self) -> Iterator[Lexeme]:
         for one in reversed(self._cursor.lexemes[: self._cursor.index]):
             if one.kind == "NAME":
                 yield one
-
-    def _wanted_feature(self) -> Feature | None:
-        """Return the feature whose value is at the cursor: the one before `=`, or that of the column of a table."""
-        cursor = self._cursor
-        features, opening = self._block_features()
-        if opening is None:
-            return None
-        inside = cursor.lexemes[opening + 1 : cursor.index]
-        depth = cursor.lexemes[opening].brace_depth + 1
-        if cursor.lexemes[opening - 1].value == ")":
-            return self._wanted_column(opening)
-        pairs = ((one, after) for one, after in pairwise(inside) if one.brace_depth == depth)
-        named = [one.value for one, after in pairs if after.value == "="]
-        return features.get(named[-1]) if named else None
-
-    def _wanted_column(self, opening: int) -> Feature | None:
-        lexemes = self._cursor.lexemes
-        start = next(place for place in range(opening, -1, -1) if lexemes[place].value == "(")
-        columns = [one[0].value for one in split_arguments(lexemes[start + 1 : opening]) if one]
-        line = lexemes[opening + 1 : self._cursor.index]
-        last = max((place for place, one in enumerate(line) if one.value == ";"), default=-1)
-        place = len([*split_arguments(line[last + 1 :])]) - 1
-        features = self._definitions.features(self._definitions.find_class(lexemes[start - 1].value))
-        return features.get(columns[place]) if 0 <= place < len(columns) else None
-
-    def _wanted_type(self) -> str:
-        """Return the name of the type that a value at the cursor must have; "" if any type is possible."""
-        cursor = self._cursor
-        before = cursor.before().value
-        if before == "::":
-            before = cursor.before(2).value
-        if before in ("==", "!=", "="):
-            return self._type_before_comparison()
-        call = cursor.call()
-        if call is None or (before not in ("(", ",")):
-            return ""
-        place, path = call.opening - 1, list[str]()
-        while place > 1 and cursor.lexemes[place - 1].value == ".":
-            path.insert(0, cursor.lexemes[place].value)
-            place -= 2
-        base = cursor.lexemes[place].value
-        if cursor.lexemes[place - 1].value == "find" or (place and self._is_call(base)):
-            known = self._definitions.patterns if cursor.lexemes[place - 1].value == "find" else self._definitions.rules
-            signature = known.get(".".join([base, *path]))
-            found = signature.parameters[call.position : call.position + 1] if signature else ()
-            return found[0][1] if found else ""
-        cls = self._definitions.find_class(base)
-        if cls is None:
-            return ""
-        return [cls, self._definitions.type_of_path(cls, path)][min(call.position, 1)] if path else cls
-
-    def _is_call(self, name: str) -> bool:
-        return self._cursor.language in ("rules", "environment") and name in self._definitions.rules
-
-    def _type_before_comparison(self) -> str:
-        """Return the type of the variable or path before `==`, `!=` or `=`."""
-        cursor = self._cursor
-        distance = 2 + (cursor.before().value == "::")
-        path: list[str] = []
-        while cursor.before(distance).kind == "NAME":
-            path.insert(0, cursor.before(distance).value)
-            if cursor.before(distance + 1).value != ".":
-                break
-            distance += 2
-        if not path:
-            return ""
-        if len(path) == 1 and cursor.enclosing("{") is not None and cursor.before(distance + 1).value in ("{", ","):
-            feature = self._block_features()[0].get(path[0])
-            return self._definitions.type_of_path(feature.owner, path) if feature else ""
-        type_ = self._scope.type_of(path[0])
-        return self._definitions.type_of_path(type_, path[1:]) if type_ else ""
 
 
 def _feature_names(features: Iterable[Feature]) -> Iterator[OfferedName]:

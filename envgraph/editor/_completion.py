@@ -59,8 +59,9 @@ def complete(service: LanguageService, params: JsonObject) -> list[JsonObject]:
     """Return the words that can be written at a position of a document."""
     document = service.document(params)
     offset = document.offset(params["position"])
+    definitions = Definitions(service.checked(document.source.name), document.source.name)
     if document.source.name.endswith(".toml"):
-        found = complete_family(document, offset, service.workspace(document), service.edited_files())
+        found = complete_family(document, offset, definitions, service.edited_files())
         return [_item(document, start, end, Offer(*one)) for start, end, one in found]
     cursor = cursor_at(document, offset)
     if cursor is None:
@@ -71,7 +72,6 @@ def complete(service: LanguageService, params: JsonObject) -> list[JsonObject]:
     states = cursor.reading.states_before(cursor.lexemes[cursor.index].start)
     if states is None:
         return []
-    definitions = Definitions(service.workspace(document), document.source.name)
     offers = [Offer(*one) for one in offered_names(cursor, states, definitions)]
     offers += offered_keywords(cursor, states)
     unique = {(one.label, one.kind): one for one in reversed(offers)}

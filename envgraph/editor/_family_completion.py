@@ -13,7 +13,7 @@ from envgraph.code import dataclass
 from envgraph.editor._completed_names import OfferedName
 from envgraph.editor._documents import Document
 from envgraph.editor._scopes import Definitions
-from envgraph.lang import COMPONENTS, MEASURE_OPTIONS, TABLES, ComponentSpec, FamilySpec, Files, Workspace
+from envgraph.lang import COMPONENTS, MEASURE_OPTIONS, TABLES, ComponentSpec, FamilySpec, Files
 
 _TOP_KEYS: Final = ("name", "model", "environment", "imports", "seed", "limit")
 _COMPONENT_TABLES: Final = {
@@ -74,7 +74,7 @@ class _Place:
 
 
 def complete_family(
-    document: Document, offset: int, workspace: Workspace, files: Files
+    document: Document, offset: int, definitions: Definitions, files: Files
 ) -> Iterator[tuple[int, int, OfferedName]]:
     """Yield the offers at an offset of a family file, each with the range in the text that it replaces."""
     text = document.source.text
@@ -90,7 +90,6 @@ def complete_family(
     word = re.search(r"[\w./-]*$", line)
     start = offset - len(word.group() if word else "")
     rest = re.compile(r"[\w./-]*").match(text, offset)
-    definitions = Definitions(workspace, document.source.name)
     for offer in _offers(place, definitions, document.source.name, files):
         yield start, rest.end() if rest else offset, offer
 
@@ -109,9 +108,9 @@ def _offers(place: _Place, definitions: Definitions, file: str, files: Files) ->
             return
         values = [*_values(place, pair[1], definitions), *_file_names(pair[1], file, files)]
         for label, kind, detail, doc in values:
-            is_plain = label in ("true", "false")
-            if not (is_text and is_plain):
-                yield label, kind, detail, doc, label if is_text or is_plain else f'"{label}"', False
+            is_boolean = label in ("true", "false")
+            if not (is_text and is_boolean):
+                yield label, kind, detail, doc, label if is_text or is_boolean else f'"{label}"', False
 
 
 def _keys(place: _Place) -> Iterator[OfferedName]:

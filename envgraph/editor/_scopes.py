@@ -7,9 +7,10 @@ from collections.abc import Iterable, Iterator, Mapping, Sequence
 from functools import cached_property
 
 from envgraph.code import dataclass
+from envgraph.editor._checked_files import CheckResult
 from envgraph.editor._cursors import Cursor, split_arguments
-from envgraph.lang import Lexeme, PartReading, Workspace
-from envgraph.metamodel import Attribute, EnumType, Feature, Metamodel, Reference, Scalar, simple_name, type_name
+from envgraph.lang import Lexeme, PartReading
+from envgraph.metamodel import Attribute, EnumType, Feature, Reference, Scalar, simple_name, type_name
 from envgraph.pattern import Derivation, Pattern, Rule, Unit, type_text
 
 _HEADERS = ("pattern", "rule", "unit", "environment", "function")
@@ -45,11 +46,15 @@ class Signature:
 
 
 class Definitions:
-    """The definitions of a workspace that a file can use."""
+    """The definitions that a file can use, as they were found in its last check.
 
-    def __init__(self, workspace: Workspace, file: str) -> None:
-        self.workspace = workspace
-        self.metamodel: Metamodel | None = workspace.metamodel
+    Attributes:
+        metamodel: the last metamodel without errors; None if there was none.
+    """
+
+    def __init__(self, checked: CheckResult, file: str) -> None:
+        self.workspace = checked.workspace
+        self.metamodel = checked.metamodel
         self._file = file
 
     @cached_property
@@ -164,9 +169,15 @@ class Scope:
             self._read_types(whole[start:end])
         self.variables = {
             name: self._declared.get(name, "")
-            for name, offset in _variables(cursor, reading)
+            for name, offset in (*_variables(cursor, reading), *self._declared_in(reading))
             if any(start <= offset < end for start, end in ranges)
         }
+
+    def _declared_in(self, reading: PartReading) -> Iterator[tuple[str, int]]:
+        """Yield the variables with known types, with their offsets, in a text that could not be parsed."""
+        for one in reading.lexemes if reading.tree is None else ():
+            if one.kind == "NAME" and one.value in self._declared:
+                yield one.value, one.start
 
     def type_of(self, name: str) -> str:
         """Return the type of a variable of the definition; "" if it is unknown."""

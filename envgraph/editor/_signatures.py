@@ -53,7 +53,7 @@ def signature_help(service: LanguageService, params: JsonObject) -> JsonObject |
     call = cursor.call() if cursor is not None else None
     if cursor is None or call is None or call.opening == 0:
         return None
-    found = _help_for(cursor, call, Definitions(service.workspace(document), document.source.name))
+    found = _help_for(cursor, call, Definitions(service.checked(document.source.name), document.source.name))
     if found is None:
         return None
     label = f"{found.name}({', '.join(found.parameters)})"
