@@ -40,6 +40,8 @@ ANNOTATIONS: Final[Mapping[str, Mapping[str, str]]] = {
 """By language: the annotations, each as a snippet."""
 _NOTHING: Final = Signature("nothing", (), "Do nothing.", "nothing")
 """The rule without effect that every environment can call."""
+_OBJECT_ACTIONS: Final = ("set", "create", "delete", "retype", "move", "merge", "redirect", "to")
+"""The keywords of actions before the name of an object."""
 _SUPPRESS: Final = 'suppress("${1:code}")'
 
 
@@ -184,8 +186,9 @@ class _NameOffers:
         if "qualified_name" in rules or ("{" in signs and self._before in ("if", "neg") and self._is_unit()):
             yield from self._calls()
         is_class = "type" in rules and self._cursor.following in ("(", ".")
+        is_call = "qualified_name" in rules and self._cursor.following == "("
         if rules & {"variable", "vertex", "chain", "redirect", "merge", "around"} or self._is_action_object():
-            yield from () if is_class else self._variables()
+            yield from () if is_class or is_call else self._variables()
         if "variable" in rules and "::" in signs:
             yield from self._enum_values()
         if "variable" in rules and "(" in signs:
@@ -229,7 +232,7 @@ class _NameOffers:
         is_new = self._before == ":" and self._cursor.before(3).value in ("retype", "create")
         yield from self._classes(self._is_concrete if is_new else lambda name: True)
         opening = self._cursor.enclosing("(")
-        if opening is not None and self._before == ":":
+        if opening is not None and self._before == ":" and self._cursor.lexemes[opening - 2].value != "environment":
             yield from self._enums()
             before = self._cursor.lexemes[opening - 2].value if opening > 1 else ""
             for scalar in () if before == "action" else Scalar:
@@ -241,7 +244,9 @@ class _NameOffers:
         elif self._before == "package":
             return
         else:
-            found = [*self._definitions.rules.values(), *([_NOTHING] if self._cursor.language == "environment" else [])]
+            found = self._definitions.rules.values()
+            if self._cursor.language == "environment":
+                found = [*(one for one in found if one.kind != "group"), _NOTHING]
         is_closure = self._cursor.following in ("+", "*")
         for one in found:
             if is_closure and len(one.parameters) != 2:
@@ -256,10 +261,15 @@ class _NameOffers:
             yield one.name, "function", label, one.doc, inserted, bool(holes)
 
     def _variables(self) -> Iterator[OfferedName]:
-        # In an expression, a feature of the variable may follow.
-        wanted, is_expression = self._wanted.type(), "(" in self._signs
+        definitions, wanted = self._definitions, self._wanted.type()
+        # In an expression, a feature of the variable may follow, whose value is data.
+        may_continue = "(" in self._signs and not definitions.is_class(wanted)
+        needs_object = self._before in _OBJECT_ACTIONS
         for name, type_ in self._scope.variables.items():
-            if self._definitions.fits(type_, wanted) or (is_expression and self._definitions.features(type_)):
+            is_object = not type_ or definitions.is_class(type_)
+            if needs_object and not is_object:
+                continue
+            if definitions.fits(type_, wanted) or (may_continue and definitions.features(type_)):
                 yield name, "variable", type_, None, "", False
 
     def _enum_values(self) -> Iterator[OfferedName]:
@@ -296,7 +306,9 @@ class _NameOffers:
 
     def _arrow_references(self) -> Iterator[OfferedName]:
         """Yield the references of the object before `-`, or those that lead to the object before `<-`."""
-        metamodel, type_ = self._definitions.metamodel, self._scope.type_of(self._cursor.before(2).value)
+        metamodel, name = self._definitions.metamodel, self._cursor.before(2).value
+        has_class = self._cursor.before(3).value == ":"
+        type_ = self._definitions.find_class(name) or "" if has_class else self._scope.type_of(name)
         if metamodel is None:
             return
         found: list[Feature]

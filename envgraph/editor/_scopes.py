@@ -114,6 +114,10 @@ class Definitions:
             base = feature.target if isinstance(feature, Reference) else attribute_type(feature)
         return base
 
+    def is_class(self, type_: str) -> bool:
+        """Return True if this is the full name of a class."""
+        return self.metamodel is not None and type_ in self.metamodel.classes
+
     def fits(self, type_: str, wanted: str) -> bool:
         """Return True if a value of a type can be where another type is wanted; an unknown type ("") always can."""
         if not type_ or not wanted or type_ == wanted:
@@ -275,7 +279,10 @@ def _visible_regions(language: str, lexemes: Sequence[Lexeme], index: int) -> It
         yield _clause_around(language, lexemes, index)
     for place, one in enumerate(lexemes[:index]):
         if one.terminal == "AGENT":
-            yield place, place + 2
+            inside = (i for i in range(place, len(lexemes)) if lexemes[i].brace_depth == one.brace_depth + 1)
+            end = next((i for i in inside if lexemes[i].value == "}"), len(lexemes))
+            if index <= end:
+                yield place, place + 2
 
 
 def _blocks_around(lexemes: Sequence[Lexeme], start: int, index: int) -> Iterator[tuple[int, int]]:

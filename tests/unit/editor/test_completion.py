@@ -136,6 +136,7 @@ def test_only_names_that_fit_are_offered_in_queries(text: str, names: list[str])
     ("text", "names"),
     [
         ("lhs { box -|-> other; }", ["inner", "outer", "label"]),
+        ("lhs { tag : Label -|-> other; }", []),
         ("lhs { box <-|- other; }", ["inner", "outer"]),
         ("lhs { box -inner-> other : Box { we| } }", ["size", "weight", "inner", "outer", "label"]),
         ("lhs { box -label-> tag; } modify { set tag.| }", ["text"]),
