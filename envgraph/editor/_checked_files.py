@@ -6,8 +6,9 @@ from collections.abc import Iterable, Iterator, Sequence
 from typing import TYPE_CHECKING
 
 from envgraph.code import dataclass
-from envgraph.errors import Diagnostic, EnvgraphError, LoadError, sort_diagnostics
-from envgraph.lang import FORMATS, FamilySpec, Files, Workspace, load_workspace
+from envgraph.editor._mentions import mentions_of
+from envgraph.errors import Diagnostic, EnvgraphError, LoadError, Source, sort_diagnostics
+from envgraph.lang import FORMATS, FamilySpec, Files, Workspace, load_workspace, text_parts
 from envgraph.metamodel import Metamodel
 
 if TYPE_CHECKING:
@@ -51,10 +52,12 @@ class CheckJob:
     Attributes:
         roots: the paths to read.
         files: all files, as they were when the job was made.
+        open_texts: the texts of the open documents. Their names are found first, so that requests need not wait.
     """
 
     roots: tuple[str, ...]
     files: Files
+    open_texts: tuple[Source, ...] = ()
 
     @staticmethod
     def roots_of(files: Files, name: str, folders: Iterable[str]) -> tuple[str, ...]:
@@ -69,6 +72,9 @@ class CheckJob:
 
     def run(self) -> CheckResult:
         """Return the result of the check."""
+        for source in self.open_texts:
+            for part in text_parts(source):
+                mentions_of(part)
         try:
             workspace = load_workspace(self.roots, files=self.files)
         except LoadError as error:
