@@ -51,7 +51,7 @@ def damaged(text: str, random: Random) -> str:
     return text.replace("\n", "\r\n")
 
 
-@pytest.mark.parametrize("domain", bundled_domains() if NIGHTLY else ["keydoor", "railway"])
+@pytest.mark.parametrize("domain", bundled_domains() if NIGHTLY else ["railway", "triage"])
 def test_damaged_texts_are_answered(domain: str) -> None:
     texts, random = domain_texts(domain), Random(domain)
     editor = Editor(texts)
