@@ -6,7 +6,7 @@ import re
 from collections.abc import Iterator
 from functools import lru_cache
 
-from envgraph.editor._mentions import Mention, PartNames
+from envgraph.editor._mention_data import Mention, PartNames
 from envgraph.errors import LoadError, Source, Span
 from envgraph.lang.syntax._toml_parser import TomlText, parse_toml
 

@@ -17,11 +17,12 @@ from envgraph.errors import InvalidArgument, Source, name_hint
 from envgraph.lang import DiskFiles, Files, Workspace
 
 Notify = Callable[[str, JsonObject], None]
-"""A function that sends a notification, by its method and parameters, to the editor."""
+"""A function that sends a notification, by its method and parameters, to the editor. If the editor supports them, it
+also sends the requests "workspace/codeLens/refresh" and "client/registerCapability", whose answers do not matter."""
 
 METHODS: Final[Mapping[str, str]] = {
     "initialize": "_synchronisation:initialize",
-    "initialized": "_synchronisation:do_nothing",
+    "initialized": "_synchronisation:watch_files",
     "shutdown": "_synchronisation:do_nothing",
     "exit": "_synchronisation:do_nothing",
     "$/cancelRequest": "_synchronisation:do_nothing",
@@ -69,6 +70,7 @@ class LanguageService:
         files: where files that are not open are read from.
         folders: the names of the open folders; their files are checked together.
         documents: the open documents, by URI.
+        refreshes_lenses, watches_files: True if the editor can ask for lenses again, and report changed files.
     """
 
     def __init__(self, notify: Notify, files: Files | None = None) -> None:
@@ -82,6 +84,7 @@ class LanguageService:
         self.files: Files = files or DiskFiles()
         self.folders: tuple[str, ...] = ()
         self.documents: dict[str, Document] = {}
+        self.refreshes_lenses = self.watches_files = False
         self._results: dict[tuple[str, ...], CheckResult] = {}
         self._stale: dict[tuple[str, ...], None] = {}
         self._uncounted: dict[tuple[str, ...], None] = {}
@@ -178,7 +181,7 @@ class LanguageService:
         elif job.roots in self._results:
             last = self._results[job.roots]
             self._results[job.roots] = replace(last, counts=result)
-            if result != last.counts:
+            if result != last.counts and self.refreshes_lenses:
                 self.notify("workspace/codeLens/refresh", {})
 
     def check(self) -> None:

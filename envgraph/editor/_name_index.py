@@ -8,7 +8,8 @@ from typing import TYPE_CHECKING
 
 from envgraph.code import dataclass
 from envgraph.editor._family_names import family_mentions
-from envgraph.editor._mentions import Holder, Mention, PartNames, Scope, mentions_of
+from envgraph.editor._mention_data import Holder, Mention, PartNames, Scope
+from envgraph.editor._mentions import mentions_of
 from envgraph.errors import Source, Span
 from envgraph.lang import text_parts
 from envgraph.metamodel import Feature, Metamodel, Reference, simple_name, type_name

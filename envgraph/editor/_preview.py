@@ -20,10 +20,15 @@ def preview(service: LanguageService, params: JsonObject) -> JsonObject | None:
 
     The environment's `draw` clause says how the model is drawn. Without one, objects are boxes. A document with a model
     shows this model, at a position in it if there are several; a metamodel is drawn if there is no model.
+
+    Raises:
+        InvalidArgument: the model has errors.
     """
     name = service.name_of(params["uri"])
     result = service.checked(name)
     model = _model_at(service, result.workspace, params) or chosen_model(result.workspace)
+    if model is None and result.workspace.models:
+        raise InvalidArgument("the model has errors", "correct them first")
     if model is None:
         metamodel = result.metamodel
         return {"svg": metamodel.to_svg(), "title": metamodel.name} if metamodel is not None else None

@@ -21,7 +21,7 @@ _PAUSE: Final = 0.02
 """Seconds after the last change before files are checked."""
 _INVALID_REQUEST, _METHOD_NOT_FOUND, _INTERNAL_ERROR = -32600, -32601, -32603
 _NOT_INITIALIZED, _CANCELLED, _FAILED = -32002, -32800, -32803
-_SERVER_REQUESTS: Final = ("workspace/codeLens/refresh",)
+_SERVER_REQUESTS: Final = ("workspace/codeLens/refresh", "client/registerCapability")
 """Methods that are requests to the editor, not notifications."""
 
 
@@ -147,7 +147,8 @@ class _Connection:
     def _notify(self, method: str, params: JsonObject) -> None:
         if method in _SERVER_REQUESTS:
             self._last_id += 1
-            self._send({"id": f"envgraph-{self._last_id}", "method": method})
+            given = {"params": params} if params else {}
+            self._send({"id": f"envgraph-{self._last_id}", "method": method, **given})
         else:
             self._send({"method": method, "params": params})
 

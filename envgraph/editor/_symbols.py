@@ -5,7 +5,7 @@ from __future__ import annotations
 from typing import TYPE_CHECKING, Final
 
 from envgraph.editor._documents import Document, JsonObject
-from envgraph.editor._mentions import Mention
+from envgraph.editor._mention_data import Mention
 from envgraph.editor._name_index import NameIndex, Place
 
 if TYPE_CHECKING:

@@ -13,6 +13,7 @@ if TYPE_CHECKING:
     from envgraph.editor._language_service import LanguageService
 
 _INCREMENTAL = 2
+_WATCHED = (*LANGUAGES, "vql", "ecore", "xmi", "json", "toml")
 
 
 def initialize(service: LanguageService, params: JsonObject) -> JsonObject:
@@ -20,7 +21,19 @@ def initialize(service: LanguageService, params: JsonObject) -> JsonObject:
     folders = params.get("workspaceFolders") or []
     uris = [one["uri"] for one in folders] or ([params["rootUri"]] if params.get("rootUri") else [])
     service.folders = tuple(service.name_of(uri) for uri in uris)
+    workspace = params.get("capabilities", {}).get("workspace") or {}
+    service.refreshes_lenses = bool((workspace.get("codeLens") or {}).get("refreshSupport"))
+    service.watches_files = bool((workspace.get("didChangeWatchedFiles") or {}).get("dynamicRegistration"))
     return {"capabilities": CAPABILITIES, "serverInfo": {"name": "envgraph", "version": __version__}}
+
+
+def watch_files(service: LanguageService, params: JsonObject) -> None:
+    """Ask the editor to report files in our languages that other programs change, if it can."""
+    if service.watches_files:
+        watchers = [{"globPattern": f"**/*.{{{','.join(_WATCHED)}}}"}]
+        method = "workspace/didChangeWatchedFiles"
+        registration = {"id": "files", "method": method, "registerOptions": {"watchers": watchers}}
+        service.notify("client/registerCapability", {"registrations": [registration]})
 
 
 def do_nothing(service: LanguageService, params: JsonObject) -> None:

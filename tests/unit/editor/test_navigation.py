@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import pytest
 
+from envgraph.errors import InvalidArgument
 from tests.editing import MEMORY, Editor
 
 TEXTS = {
@@ -157,6 +158,10 @@ def test_lenses_count_matches_and_lead_to_reasons(editor: Editor) -> None:
 def test_a_model_is_drawn(editor: Editor) -> None:
     found = editor.service.answer("envgraph/preview", {"uri": MEMORY + "shop.rules"})
     assert found["title"] == "one" and found["svg"].startswith("<svg") and "low" in found["svg"]
+    wrong = Editor(TEXTS | {"shop.model": TEXTS["shop.model"].replace("::large", "::lrge")})
+    wrong.open_all()
+    with pytest.raises(InvalidArgument, match="the model has errors"):
+        wrong.service.answer("envgraph/preview", {"uri": MEMORY + "shop.rules"})
     alone = Editor({"a.metamodel": TEXTS["shop.metamodel"]})
     alone.open(MEMORY + "a.metamodel", TEXTS["shop.metamodel"])
     assert alone.service.answer("envgraph/preview", {"uri": MEMORY + "a.metamodel"})["title"] == "shop"
