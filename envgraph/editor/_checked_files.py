@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 from envgraph.code import dataclass
 from envgraph.editor._mentions import mentions_of
 from envgraph.errors import Diagnostic, EnvgraphError, LoadError, Source, sort_diagnostics
-from envgraph.lang import FORMATS, FamilySpec, Files, Workspace, load_workspace, text_parts
+from envgraph.lang import FORMATS, FamilySpec, Files, Workspace, language_of, load_workspace, text_parts
 from envgraph.metamodel import Metamodel
 
 if TYPE_CHECKING:
@@ -89,18 +89,22 @@ def all_roots(files: Files, folders: Iterable[str]) -> Iterator[tuple[str, ...]]
         most -= 1
         directory = waiting.pop()
         entries = files.entries(directory)
-        known = [one for one in entries if one.rpartition(".")[2] in FORMATS]
-        found = dict.fromkeys(CheckJob.roots_of(files, one, [directory]) for one in known)
-        yield from (one for one in found if one[0] == directory or one[0].endswith(".toml"))
+        if any(language_of(one) for one in entries):
+            yield (directory,)
+            yield from ((one,) for one in entries if _is_other_family(one))
         waiting += [one for one in entries if not _is_left_out(one) and files.is_directory(one)]
 
 
+def _is_other_family(name: str) -> bool:
+    return name.endswith(".toml") and name.rpartition("/")[2] not in _FAMILY_FILES
+
+
 def mentions_word(files: Files, roots: tuple[str, ...], word: str) -> bool:
-    """Return True if a word is in the text of one of the files, or of a file directly in one of the directories."""
+    """Return True if a word is in one of the files, or in a file directly in one of the directories."""
     for root in roots:
         for name in files.entries(root) if files.is_directory(root) else [root]:
             try:
-                if name.rpartition(".")[2] in FORMATS and word.encode() in files.read(name):
+                if (language_of(name) or name.endswith(".toml")) and word.encode() in files.read(name):
                     return True
             except (OSError, ValueError):
                 continue

@@ -176,7 +176,7 @@ class LanguageService:
         if isinstance(result, CheckResult):
             self._keep(job.roots, result)
             self._uncounted[job.roots] = None
-            if job.roots not in self._stale:
+            if job.roots not in self._stale and job.roots in self._open_roots():
                 self._published.publish(job.roots, result)
         elif job.roots in self._results:
             last = self._results[job.roots]

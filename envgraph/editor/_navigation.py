@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING
 from envgraph.editor._documents import Document, JsonObject
 from envgraph.editor._name_index import NameIndex, Place, Symbol
 from envgraph.errors import Span
+from envgraph.metamodel import simple_name
 
 if TYPE_CHECKING:
     from envgraph.editor._language_service import LanguageService
@@ -36,6 +37,11 @@ def definition_spans(index: NameIndex, symbol: Symbol) -> list[Span]:
         return [found.span]
     if symbol.kind == "class":
         return [span for span in [index.span_of_class(symbol.name)] if span is not None]
+    if symbol.kind == "literal":
+        enums = index.metamodel.enum_types if index.metamodel else ()
+        for enum in (one for one in enums if simple_name(one.name) == symbol.within):
+            span = dict(enum.places).get(f"literal {enum.literals.index(symbol.name)}")
+            return [span] if span else []
     if symbol.kind == "feature" and index.metamodel is not None:
         for owner in index.full_names(str(symbol.within)):
             feature = index.metamodel.feature(owner, symbol.name) if owner in index.metamodel.classes else None

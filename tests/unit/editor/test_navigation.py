@@ -165,3 +165,26 @@ def test_a_model_is_drawn(editor: Editor) -> None:
     alone = Editor({"a.metamodel": TEXTS["shop.metamodel"]})
     alone.open(MEMORY + "a.metamodel", TEXTS["shop.metamodel"])
     assert alone.service.answer("envgraph/preview", {"uri": MEMORY + "a.metamodel"})["title"] == "shop"
+
+
+ECORE = """<?xml version="1.0" encoding="ISO-8859-1"?>
+<ecore:EPackage name="shop" nsURI="http://shop" nsPrefix="shop" xmlns:xmi="http://www.omg.org/XMI"
+    xmlns:xsi="http://www.w3.org/2001/XMLSchema-instance" xmlns:ecore="http://www.eclipse.org/emf/2002/Ecore">
+  <eClassifiers xsi:type="ecore:EClass" name="Box">
+    <eStructuralFeatures xsi:type="ecore:EReference" name="above" eType="#//Box"/>
+  </eClassifiers>
+</ecore:EPackage>
+"""
+
+
+def test_definitions_are_found_in_ecore_files() -> None:
+    query = 'import "http://shop"\npattern p(b : Box, c : Box) {\n    Box.above(b, c);\n}\n'
+    editor = Editor({"shop.ecore": ECORE, "a.vql": query})
+    editor.open_all()
+    assert editor.shown == {}
+    found = editor.ask("definition", MEMORY + "a.vql", "b : |Box") + editor.ask(
+        "definition", MEMORY + "a.vql", ".|above"
+    )
+    assert [editor.text_at(one).partition(": ")[0] for one in found] == ["shop.ecore:4", "shop.ecore:5"]
+    with pytest.raises(InvalidArgument, match="`Box` is not defined in a file of envgraph's languages"):
+        editor.ask("rename", MEMORY + "a.vql", "b : |Box", newName="Crate")
