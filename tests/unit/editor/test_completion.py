@@ -10,7 +10,7 @@ from typing import Any
 import pytest
 
 from envgraph.editor import LanguageService
-from envgraph.lang import TextFiles, bundled_domains, data_path, language_of, text_parts
+from envgraph.lang import TextFiles, bundled_domains, data_path, language_of, load_workspace, text_parts
 from tests.profile import AT_NIGHT
 
 _KEYWORD, _SNIPPET = 14, 2
@@ -316,6 +316,38 @@ def test_a_deleted_word_is_among_the_offers_in_its_place(path: Path) -> None:
 @pytest.mark.parametrize("path", files_of(bundled_domains()), ids=lambda path: path.name)
 def test_every_deleted_word_is_among_the_offers_in_its_place(path: Path) -> None:
     assert missing_offers(path, 1.0) == []
+
+
+def wrong_offers(path: Path, share: float) -> list[str]:
+    """Write each offered name in place of a name of a file; return those that are unknown or not accepted there."""
+    texts = {one.name: one.read_text("utf-8") for one in path.parent.iterdir() if language_of(one.name)}
+    text, chance, found = texts[path.name], random.Random(path.name), []
+    writer = Writer(path.name, texts)
+    writer.open(text)
+    writer.service.check()
+    for start, end in [one for one in places(path) if chance.random() < share]:
+        for offer in writer.ask("completion", f"{text[:start]}|{text[end:]}"):
+            written = offer["textEdit"]["newText"]
+            if offer["kind"] == _KEYWORD or "${" in written or written.endswith("::"):
+                continue
+            changed = {**texts, path.name: text[:start] + written + text[end:]}
+            for problem in load_workspace(["."], files=TextFiles(changed)).errors:
+                span = problem.span
+                is_here = span and span.source.name == path.name and start <= span.start <= start + len(written)
+                if is_here and problem.code.startswith(("unknown-", "unexpected-")):
+                    found.append(f"{path.name}: {text[max(0, start - 20) : start]}{written}: {problem.message}")
+    return found
+
+
+@pytest.mark.parametrize("path", files_of(["jobshop"])[:1] + files_of(["sokoban"])[-2:], ids=lambda path: path.name)
+def test_offered_names_are_known_in_their_place(path: Path) -> None:
+    assert wrong_offers(path, 0.04) == []
+
+
+@AT_NIGHT
+@pytest.mark.parametrize("path", files_of(["sokoban", "jobshop", "keydoor"]), ids=lambda path: path.name)
+def test_all_offered_names_are_known_in_their_place(path: Path) -> None:
+    assert wrong_offers(path, 0.3) == []
 
 
 _PIECES = ("", "{", "}", "(", ")", '"', ";", ":", "::", ".", "-", "<-", "/*", "[", "@", "\N{GRINNING FACE}", "\r\n")
