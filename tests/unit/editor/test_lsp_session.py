@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import asyncio
 import json
+import os
 import subprocess
 import sys
 from collections.abc import AsyncGenerator
@@ -21,7 +22,7 @@ from tests.editing import domain_texts
 COMMAND = [sys.executable, "-m", "envgraph", "lsp"]
 
 
-@pytest_lsp.fixture(config=ClientServerConfig(server_command=COMMAND))  # type: ignore[untyped-decorator]
+@pytest_lsp.fixture(config=ClientServerConfig(server_command=COMMAND))
 async def client(lsp_client: LanguageClient, tmp_path: Path) -> AsyncGenerator[None]:
     folder = types.WorkspaceFolder(uri=tmp_path.as_uri(), name="domains")
     for domain in bundled_domains():
@@ -105,3 +106,13 @@ def test_a_connection_that_is_cut_ends_the_server() -> None:
     found, code, _ = exchange({"id": 1, "method": "initialize", "params": {}})
     assert found[0]["result"]["serverInfo"]["name"] == "envgraph"
     assert code == 1
+
+
+def test_without_pygls_the_command_says_what_to_install(tmp_path: Path) -> None:
+    (tmp_path / "pygls").mkdir()
+    (tmp_path / "pygls" / "__init__.py").write_text("raise ImportError('not installed')", "utf-8")
+    paths = os.pathsep.join([str(tmp_path), os.environ.get("PYTHONPATH", "")])
+    environment = os.environ | {"PYTHONPATH": paths}
+    done = subprocess.run(COMMAND, env=environment, capture_output=True, timeout=60, check=False, text=True)
+    assert done.returncode == 1 and done.stdout == ""
+    assert "the language server needs pygls" in done.stderr and "pip install 'envgraph[editor]'" in done.stderr
