@@ -10,7 +10,10 @@ from envgraph.editor import LanguageService
 from envgraph.lang import TextFiles, bundled_domains, data_path
 
 _FOLDER = "memory:///"
-_QUESTIONS = ("definition", "references", "documentHighlight", "hover", "documentSymbol", "prepareRename", "rename")
+_QUESTIONS = (
+    *("definition", "references", "documentHighlight", "hover", "documentSymbol", "prepareRename", "rename"),
+    *("completion", "signatureHelp", "semanticTokens/full", "foldingRange"),
+)
 
 
 class Sizes(NamedTuple):

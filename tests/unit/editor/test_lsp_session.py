@@ -53,6 +53,8 @@ async def test_every_bundled_domain_is_opened_and_edited(client: LanguageClient,
         assert hover is not None and f"pattern {name}(" in str(hover.contents)
         definition = await client.text_document_definition_async(types.DefinitionParams(**at))
         assert isinstance(definition, list) and definition[0].uri == document.uri
+        offered = await client.text_document_completion_async(types.CompletionParams(**at))
+        assert offered is not None
         context = types.ReferenceContext(include_declaration=True)
         references = await client.text_document_references_async(types.ReferenceParams(context=context, **at))
         edit = await client.text_document_rename_async(types.RenameParams(new_name="zz", **at))
