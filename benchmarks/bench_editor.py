@@ -11,9 +11,10 @@ from envgraph.lang import TextFiles, bundled_domains, data_path
 
 _FOLDER = "memory:///"
 _QUESTIONS = (
-    *("definition", "references", "documentHighlight", "hover", "documentSymbol", "prepareRename", "rename"),
-    *("completion", "signatureHelp", "semanticTokens/full", "foldingRange"),
-)
+    "definition", "references", "documentHighlight", "hover", "documentSymbol", "prepareRename", "rename", "completion",
+    "signatureHelp", "semanticTokens/full", "foldingRange", "formatting", "codeAction",
+)  # fmt: skip
+_IN_CALLS = ("completion", "signatureHelp")
 
 
 class Sizes(NamedTuple):
@@ -84,11 +85,16 @@ def _answer_times(patterns: int, repeats: int) -> tuple[float, dict[str, list[fl
     service, name = _open(texts, "big.query"), "big.query"
     offset = texts[name].index(f"pattern p{patterns // 2}(") + len("pattern p")
     found: dict[str, list[float]] = {one: [] for one in _QUESTIONS}
+    for method in ("semanticTokens/full", "formatting"):  # editors ask about the whole text when it is opened
+        service.answer(f"textDocument/{method}", {"textDocument": {"uri": _FOLDER + name}})
     for _ in range(repeats):
         _type_blank(service, name, texts[name].index("{", offset) + 1)
         for method, times in found.items():
             at: dict[str, Any] = {"textDocument": {"uri": _FOLDER + name}, "newName": "renamed"}
-            at["position"] = service.documents[_FOLDER + name].position(offset)
+            text = service.documents[_FOLDER + name].source.text
+            place = text.index("find p", offset) + len("find p") if method in _IN_CALLS else offset
+            at["position"] = service.documents[_FOLDER + name].position(place)
+            at["range"] = {"start": at["position"], "end": at["position"]}
             start = perf_counter()
             service.answer(f"textDocument/{method}", at)
             times.append(_milliseconds(start))
