@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import posixpath
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterator
 from typing import TYPE_CHECKING, Final
 
 from envgraph.code import dataclass
@@ -12,7 +12,9 @@ from envgraph.editor._cursors import Cursor, cursor_at
 from envgraph.editor._documents import Document, JsonObject
 from envgraph.editor._family_completion import complete_family
 from envgraph.editor._scopes import Definitions
+from envgraph.errors import WARNING_CODES
 from envgraph.lang import Files
+from envgraph.metamodel import SUPPRESS
 
 if TYPE_CHECKING:
     from envgraph.editor._language_service import LanguageService
@@ -67,8 +69,7 @@ def complete(service: LanguageService, params: JsonObject) -> list[JsonObject]:
     if cursor is None:
         return []
     if cursor.string is not None:
-        is_import = cursor.before().value == "import"
-        return [*_complete_path(document, cursor, service.edited_files())] if is_import else []
+        return [*_complete_string(document, cursor, service.edited_files())]
     states = cursor.reading.states_before(cursor.lexemes[cursor.index].start)
     if states is None:
         return []
@@ -116,7 +117,17 @@ def _is_cast(cursor: Cursor, after: list[int]) -> bool:
     return cursor.reading.grammar.accepts(after, "NAME") and cursor.before(2).value != "import"
 
 
-def _complete_path(document: Document, cursor: Cursor, files: Files) -> Iterable[JsonObject]:
+def _complete_string(document: Document, cursor: Cursor, files: Files) -> Iterator[JsonObject]:
+    """Yield what can be written in a string: the path of an import, or the code of a warning to suppress."""
+    if cursor.before().value == "import":
+        yield from _complete_path(document, cursor, files)
+    call = cursor.call()
+    if call is not None and [one.value for one in cursor.lexemes[call.opening - 2 : call.opening]] == ["@", SUPPRESS]:
+        for code in sorted(WARNING_CODES):
+            yield _item(document, cursor.start, cursor.end, Offer(code, "value"))
+
+
+def _complete_path(document: Document, cursor: Cursor, files: Files) -> Iterator[JsonObject]:
     """Yield the files and folders that an import can name, in the folder that is written already."""
     assert cursor.string is not None
     folder = cursor.string.rpartition("/")[0]

@@ -16,7 +16,17 @@ from inspect import cleandoc
 from lark.lexer import PatternStr, TerminalDef
 
 from envgraph.code import dataclass
-from envgraph.errors import MAX_ERRORS, MAX_NESTING, Diagnostic, ReplacementHint, Source, Span, parse_float, parse_int
+from envgraph.errors import (
+    MAX_ERRORS,
+    MAX_NESTING,
+    Diagnostic,
+    Edit,
+    ReplacementHint,
+    Source,
+    Span,
+    parse_float,
+    parse_int,
+)
 from envgraph.metamodel import LARGEST_INT
 
 END = "$END"
@@ -319,13 +329,14 @@ class _Scanner:
         end = len(self._text) if end < 0 else end
         # Signs at the end of the line that end a statement or close a bracket were hardly meant as part of the string.
         end = start + len(self._text[start:end].rstrip(" \t\r;,)]}")) or start + 1
-        quote = self._text[start]
+        quote, first = self._text[start], self._first_unclosed_string(start)
         self._report(
             "unterminated-string",
             "the string is not closed on its line",
-            self._first_unclosed_string(start),
+            first,
             end,
             f'close it with `{quote}`; write a text of several lines between `"""`',
+            (Edit(self._source.span_between(end, end), quote),) if first == start else (),
         )
         self._add_lexeme(Lexeme("STRING", self._text[start + 1 : end], start, end))
         return end
@@ -371,11 +382,19 @@ class _Scanner:
         self._report("stray-character", f"`{shown[:20]}` is not allowed here", start, end, hint)
         return end
 
-    def _report(self, code: str, message: str, start: int, end: int | None = None, hint: str | None = None) -> None:
+    def _report(
+        self,
+        code: str,
+        message: str,
+        start: int,
+        end: int | None = None,
+        hint: str | None = None,
+        edits: tuple[Edit, ...] = (),
+    ) -> None:
         if len(self._scan.diagnostics) > MAX_ERRORS:
             return
         span = self._source.span_between(start, start + 1 if end is None else end)
-        self._scan.diagnostics.append(Diagnostic(code, message, span, hint))
+        self._scan.diagnostics.append(Diagnostic(code, message, span, hint, edits=edits))
 
 
 def is_first_on_line(source: Source, offset: int) -> bool:

@@ -188,6 +188,7 @@ def test_metamodels_offer_types_and_opposites() -> None:
 def test_annotations_and_imported_files_are_offered() -> None:
     writer = writing("a.rules")
     assert writer.offers("@|\nrule r { }\n")["weight"]["textEdit"]["newText"] == "weight(${1:1.0})"
+    assert "used-once" in writer.offers('@suppress("|")\nrule r { }\n')
     assert writer.names('import "|"\n') == ["shop.metamodel", "shop.query", "shop.rules"]
     assert writer.names('import "sh|') == ["shop.metamodel", "shop.query", "shop.rules"]
 

@@ -110,6 +110,13 @@ def test_a_name_is_corrected_wherever_it_is_misspelt() -> None:
     assert corrected == texts["a.query"].replace("Boxx", "Box")
 
 
+def test_a_string_is_closed_before_the_signs_behind_it() -> None:
+    file = FixedFile("a.metamodel", {"a.metamodel": 'metamodel m\n@glyph("L)\nclass Lamp\n'})
+    assert file.codes() == ["unterminated-string"]
+    assert '@glyph("L")' in file.apply(file.actions()['Write `"` here'])
+    assert file.codes() == []
+
+
 def test_an_import_is_added_below_the_others() -> None:
     texts = {
         "a.metamodel": "metamodel m\nclass Box\n",
