@@ -67,6 +67,7 @@ if TYPE_CHECKING:
         SingleEnvironment as SingleEnvironment,
         check_render_mode as check_render_mode,
     )
+    from envgraph.env._joint_steps import AgentStepper as AgentStepper
     from envgraph.env._minigrid import MiniGridLevel as MiniGridLevel
     from envgraph.env._model_views import (
         GraphView as GraphView,
@@ -107,11 +108,13 @@ if TYPE_CHECKING:
     from envgraph.env.scene._scene import (
         EMPTY as EMPTY,
         Draw as Draw,
+        DrawnObjects as DrawnObjects,
         Edge as Edge,
         GraphScene as GraphScene,
         GridScene as GridScene,
         LegendEntry as LegendEntry,
         Mark as Mark,
+        Painter as Painter,
         Scene as Scene,
         legend as legend,
         scene_of as scene_of,

@@ -44,6 +44,7 @@ class AgentStepper:
         n_actions: the number of actions.
         has_acted: see `Simulator`.
         ended_by: the clauses with a match in the last step that end the episode, once for each match.
+        paid: the functions that computed the rewards of the last step, each with its reward, once for each match.
     """
 
     def __init__(self, agents: AgentOrder, acting: Sequence[PreparedAgent], model: Model) -> None:
@@ -51,6 +52,7 @@ class AgentStepper:
         self._weights = [len(agents.action_names) ** place for place in range(len(acting) + 1)]
         self.n_actions = self._weights[-1]
         self.has_acted = False
+        self.paid: list[tuple[Reward, float]] = []
         self.ended_by: list[PreparedOnFind | PreparedOnRefused] = []
         self._sums = [0.0] * len(acting)
         written, programs = [], [agent.behaviour for agent in acting]
@@ -117,12 +119,13 @@ class AgentStepper:
             apply.run(bound, choices, self._model)
         self._sums = sums = [0.0] * 2 * len(self.acting)
         ends, total = [0], 0.0
-        self.ended_by = []
+        self.ended_by, self.paid = [], []
         pending: list[PendingMatch] = []
         for effect, reward, scope, accounts in clauses:
             for row in ((),) if effect is None else effect.matches():
                 if reward is not None:
                     gain = reward(effect.match_scope(scope, row) if effect and row else scope)
+                    self.paid.append((reward, gain))
                     for account in accounts:
                         sums[account] += gain
                 if effect is not None:
@@ -140,6 +143,7 @@ class AgentStepper:
                     self.ended_by.append(refused)
                 if refused.reward is not None:
                     gain = refused.reward(scope)
+                    self.paid.append((refused.reward, gain))
                     for account in accounts:
                         sums[account] += gain
         for account in self._counted:

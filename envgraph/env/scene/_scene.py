@@ -114,6 +114,22 @@ class GraphScene:
 Scene = GridScene | GraphScene
 
 
+@dataclass(frozen=True, slots=True)
+class DrawnObjects:
+    """The ids of the objects that the parts of a scene stand for, in the order of these parts.
+
+    Attributes:
+        cells: the objects of the cells of a grid, None for an empty position; or of the nodes of a graph.
+        edges: the object of each edge of a graph, None if it is a reference.
+        marks, aside: the object of each token.
+    """
+
+    cells: tuple[int | None, ...]
+    edges: tuple[int | None, ...] = ()
+    marks: tuple[int, ...] = ()
+    aside: tuple[int, ...] = ()
+
+
 @shorten_repr
 class LegendEntry(NamedTuple):
     """An entry of the legend of pictures: a kind of object, and how it is drawn."""
@@ -173,7 +189,7 @@ class Painter:
         self._tokens = list(_bound_tokens(model, draw.tokens, {p.name: p for p in parameters}))
         features = {feature for token in draw.tokens for feature in base_of(token.path)[1]}
         self._may_lack_place = any(one.lower == 0 and one.name in features for one in model.metamodel.references)
-        self._scene: Callable[[], Scene]
+        self._scene: Callable[[], tuple[Scene, DrawnObjects]]
         if isinstance(draw, DrawGrid):
             self._grid = _CellGrid(model, draw)
             self._scene = self._draw_grid
@@ -183,6 +199,10 @@ class Painter:
 
     def draw(self) -> Scene:
         """Return the scene of the current state of the model."""
+        return self._scene()[0]
+
+    def draw_with_objects(self) -> tuple[Scene, DrawnObjects]:
+        """Return the scene of the current state, and the objects that its parts stand for."""
         return self._scene()
 
     def grid_places(self) -> tuple[int, int, dict[int, tuple[int, int]]]:
@@ -200,14 +220,21 @@ class Painter:
         """Return the classes that the grid shows: those of cells, and of tokens in the current state."""
         return [self._grid.cls, *self._token_classes()]
 
-    def _draw_grid(self) -> GridScene:
+    def _draw_grid(self) -> tuple[GridScene, DrawnObjects]:
         grid = self._grid
         width, height, cells, place_of = grid.cells()
-        marks, aside = self._token_marks(place_of)
-        marks = (*self._cell_marks(place_of), *marks)
-        return GridScene(width, height, grid.glyphs, cells, marks, grid.kinds, aside)
+        standing, aside = self._token_marks(place_of)
+        marks = [*self._cell_marks(place_of), *standing]
+        shown = {x + y * width: node for node, (x, y) in place_of.items()}
+        scene = GridScene(width, height, grid.glyphs, cells, _marks_of(marks), grid.kinds, self._aside_of(aside))
+        objects = DrawnObjects(tuple(map(shown.get, range(len(cells)))), (), _ids_of(marks), _ids_of(aside))
+        return scene, objects
 
-    def _draw_graph(self) -> GraphScene:
+    def _aside_of(self, aside: Sequence[tuple[int, Mark]]) -> tuple[Mark, ...] | None:
+        """Return the tokens without a place, or None if every token always has a place."""
+        return _marks_of(aside) if self._may_lack_place else None
+
+    def _draw_graph(self) -> tuple[GraphScene, DrawnObjects]:
         model, draw = self._model, self._graph
         nodes = ordered_objects(model, draw.cls)
         number = {node: position for position, node in enumerate(nodes)}
@@ -220,15 +247,18 @@ class Painter:
         ]
         glyphs = tuple(look.glyph for look in looks)
         kinds = tuple(", ".join((cls, *look.states)) for cls, look in zip(classes, looks, strict=True))
-        return GraphScene(labels, glyphs, tuple(self._edges(draw, number)), marks, kinds, aside)
+        edges = [*self._edges(draw, number)]
+        drawn = tuple(edge for _, edge in edges)
+        scene = GraphScene(labels, glyphs, drawn, _marks_of(marks), kinds, self._aside_of(aside))
+        return scene, DrawnObjects(tuple(nodes), tuple(node for node, _ in edges), _ids_of(marks), _ids_of(aside))
 
     def _token_classes(self) -> list[str]:
         model = self._model
         bound = (model.graph.class_of(node) for _, node in self._tokens if node is not None and model.graph.alive(node))
         return [*(token.cls for token, _ in self._tokens if token.cls), *bound]
 
-    def _cell_marks(self, place_of: Mapping[int, tuple[int, int]]) -> Iterator[Mark]:
-        """Yield a token for each cell whose appearance differs from its class, for example a spot with a box."""
+    def _cell_marks(self, place_of: Mapping[int, tuple[int, int]]) -> Iterator[tuple[int, Mark]]:
+        """Yield each cell whose appearance differs from its class, such as a spot with a box, and a token for it."""
         model = self._model
         varying = {cls for cls in self._grid.kinds if self._looks.annotated_of(cls)}
         for node in ordered_objects(model, self._grid.cls) if varying else ():
@@ -236,7 +266,7 @@ class Painter:
             if node in place_of and cls in varying:
                 look = self._looks.appearance_of(node, class_glyph := glyph_of(model.metamodel, cls))
                 if look.glyph != class_glyph:
-                    yield self._make_mark(_object_label(model, node, None, self._read), cls, look, place_of[node])
+                    yield node, self._make_mark(_object_label(model, node, None, self._read), cls, look, place_of[node])
 
     def _make_mark(self, name: str, cls: str, look: Appearance, place: tuple[int, int]) -> Mark:
         said = name.replace(",", "").split()  # do not repeat "red" for `Key red`
@@ -244,18 +274,21 @@ class Painter:
         kind = ", ".join((cls, *look.states))
         return Mark(name, look.glyph.letter, look.glyph.colour, place, kind)
 
-    def _token_marks(self, place_of: Mapping[int, tuple[int, int]]) -> tuple[tuple[Mark, ...], tuple[Mark, ...] | None]:
-        """Return the tokens on cells or nodes, and those without a place, or None if every token always has a place.
+    def _token_marks(
+        self, place_of: Mapping[int, tuple[int, int]]
+    ) -> tuple[list[tuple[int, Mark]], list[tuple[int, Mark]]]:
+        """Return the objects and tokens on cells or nodes, and those without a place.
 
         `place_of` has the position of each object that is a cell or node.
         """
-        standing, aside = list[Mark](), list[Mark]()
+        standing, aside = list[tuple[int, Mark]](), list[tuple[int, Mark]]()
         for position, node, at in self._token_placements():
             if at is None:
-                aside.append(self._make_token_mark(position, node, (0, 0)))
+                if self._may_lack_place:
+                    aside.append((node, self._make_token_mark(position, node, (0, 0))))
             elif at in place_of and at != node:  # a token is not drawn on itself
-                standing.append(self._make_token_mark(position, node, place_of[at]))
-        return tuple(standing), tuple(aside) if self._may_lack_place else None
+                standing.append((node, self._make_token_mark(position, node, place_of[at])))
+        return standing, aside
 
     def _make_token_mark(self, position: int, node: int, place: tuple[int, int]) -> Mark:
         model, (token, bound) = self._model, self._tokens[position]
@@ -279,8 +312,10 @@ class Painter:
                     at = follow_path(token.path, {token.variable: node}, self._read)
                     yield position, node, at if type(at) is int else None
 
-    def _edges(self, draw: DrawGraph, number: Mapping[int, int]) -> Iterator[Edge]:
+    def _edges(self, draw: DrawGraph, number: Mapping[int, int]) -> Iterator[tuple[int | None, Edge]]:
         """Yield the edges between drawn nodes: references, and objects with two single-valued references to nodes.
+
+        The first item of a pair is the object, or None for a reference.
 
         Tokens are not drawn as edges, whatever they refer to.
         """
@@ -290,7 +325,7 @@ class Painter:
                 for node, place in number.items():
                     if mm.is_a(model.graph.class_of(node), reference.owner):
                         targets = sorted(number[to] for to in model.graph.targets(node, reference) if to in number)
-                        yield from (Edge(place, target) for target in targets)
+                        yield from ((None, Edge(place, target)) for target in targets)
         tokens = self._token_classes()
         for between in mm.class_list:
             if not between.abstract and not any(mm.is_a(between.name, other) for other in (cls, *tokens)):
@@ -298,7 +333,7 @@ class Painter:
                 for node in sorted(model.graph.exact_extent(between.name)) if ends else ():
                     source, target = (model.graph.target(node, end) for end in ends)
                     if source is not None and target is not None and source in number and target in number:
-                        yield self._edge(draw, node, between, number[source], number[target])
+                        yield node, self._edge(draw, node, between, number[source], number[target])
 
     def _edge(self, draw: DrawGraph, node: int, cls: Class, source: int, target: int) -> Edge:
         """Return the edge that represents an object, with its label, colour and kind."""
@@ -308,6 +343,14 @@ class Painter:
         label = "" if value is None else f"{value:g}" if isinstance(value, float) else str(value)
         kind = ", ".join((cls.name, *look.states)) if look.is_unusual else ""
         return Edge(source, target, label, look.glyph.colour, kind)
+
+
+def _marks_of(drawn: Iterable[tuple[int, Mark]]) -> tuple[Mark, ...]:
+    return tuple(mark for _, mark in drawn)
+
+
+def _ids_of(drawn: Iterable[tuple[int, Mark]]) -> tuple[int, ...]:
+    return tuple(node for node, _ in drawn)
 
 
 def _bound_tokens(

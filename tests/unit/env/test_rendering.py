@@ -35,6 +35,7 @@ from envgraph.env import (
     GraphScene,
     GridScene,
     Mark,
+    Painter,
     Token,
     legend,
     scene_of,
@@ -44,11 +45,13 @@ from envgraph.env import (
 )
 from envgraph.env.scene._font import text_pixels
 from envgraph.env.scene._graph_layout import STYLE, label_position, layout_graph, point_between
+from envgraph.env.scene._scene import EMPTY
 from envgraph.env.scene._text import (
     scene_title,
 )
 from envgraph.errors import InvalidArgument, ResolutionError
 from envgraph.graph import Model
+from envgraph.lang import open_workspace
 from envgraph.metamodel import Annotation, Attribute, Class, EnumType, Glyph, Metamodel, Reference, Scalar
 from envgraph.pattern import Navigation, Parameter, Variable
 from tests.unit.env import forest
@@ -535,3 +538,27 @@ def test_picture_of_a_graph_with_one_node_is_as_large_as_with_two() -> None:
     assert sizes[0] == sizes[1]
     (node,) = layout_graph(GraphScene(("r",), (Glyph("", "#a5d8ff"),), (), ()), 0.2).nodes
     assert node == (sizes[0][0] / 2, sizes[0][1] / 2)
+
+
+@pytest.mark.parametrize("domain", ["sokoban", "keydoor", "network", "taxi"])
+def test_parts_of_a_picture_have_the_ids_of_the_objects_that_they_stand_for(domain: str) -> None:
+    workspace = open_workspace(domain)
+    behaviour, model = workspace.behaviours[0], workspace.model(workspace.models[0].name)
+    assert behaviour.draw is not None
+    scene, objects = Painter(model, behaviour.draw, behaviour.parameters).draw_with_objects()
+    assert scene == scene_of(model, behaviour.draw, behaviour.parameters)
+    for id, mark in zip(objects.marks, scene.marks, strict=True):
+        assert mark.kind.partition(",")[0].split()[0] == model.graph.class_of(id)
+    kinds = (
+        [scene.kinds[kind] for kind in scene.cells if kind != EMPTY] if isinstance(scene, GridScene) else scene.kinds
+    )
+    shown = [id for id in objects.cells if id is not None]
+    assert [kind.partition(",")[0] for kind in kinds] == [model.graph.class_of(id) for id in shown]
+    if isinstance(scene, GraphScene):
+        labels = {id: label for id, label in zip(shown, scene.labels, strict=True)}
+        for id, edge in zip(objects.edges, scene.edges, strict=True):
+            ends = {one.name for one in (model.node(id).to, model.node(id)["from"])} if id is not None else set()
+            assert not ends or {labels[shown[edge.source]], labels[shown[edge.target]]} == ends
+    svg = scene_svg(scene, objects=objects)
+    assert [int(one) for one in re.findall(r'data-object="(\d+)"', svg)].count(shown[0]) == 1
+    assert re.sub(r' data-object="\d+"', "", svg) == scene_svg(scene)
