@@ -9,6 +9,7 @@ from envgraph.code import export_lazily
 
 if TYPE_CHECKING:
     from envgraph.editor._checked_files import (
+        CheckResult as CheckResult,
         find_family_problems as find_family_problems,
         find_problems as find_problems,
     )
