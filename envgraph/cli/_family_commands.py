@@ -195,6 +195,24 @@ def export() -> None:
     """Write a family in another format."""
 
 
+@app.command()
+@click.argument(
+    "shown",
+    metavar="[DOMAIN]",
+    required=False,
+    help="A folder with files of a domain, by default the working directory; a bundled domain; or a run.",
+)
+@click.option("--port", type=click.IntRange(1, 65535), show_default="a free one", help="Port of the page.")
+@click.option("--no-browser", is_flag=True, help="Only print the address, and do not open it.")
+@directory_option
+@implemented_in("_serve_command", "serve_page")
+def serve() -> None:
+    """Show a domain or a run in the browser: edit files, see models, apply rules, play levels, search.
+
+    The page is for this machine alone, and for those who know the address, which has a secret word. Ctrl-C stops it.
+    """
+
+
 @app.command("templates")
 @click.argument("folder", type=PATH, help="Directory to write to; it must be empty.")
 @implemented_in("_export_command", "write_templates")
