@@ -66,7 +66,7 @@ vscode test-vscode: export PYTHON := $(abspath $(BIN))/python
 
 # --- a release: the changelog, the version, and packages below dist; it prints the commands that publish them ---
 
-release: $(VENV)/.release
+release: page $(VENV)/.release
 	$(BIN)/python docs/release.py $(VERSION)
 
 # --- checks ---

@@ -15,6 +15,7 @@ import subprocess
 import sys
 import tempfile
 import tomllib
+import zipfile
 from collections.abc import Mapping
 from datetime import date
 from pathlib import Path
@@ -103,7 +104,15 @@ def build() -> Path:
     files = sorted(DIST.iterdir())
     run("twine", "check", "--strict", *files)
     (wheel,) = (path for path in files if path.suffix == ".whl")
+    check_has_page(wheel)
     return wheel
+
+
+def check_has_page(wheel: Path) -> None:
+    """Raise an error unless a wheel contains the page of `envgraph serve`."""
+    with zipfile.ZipFile(wheel) as content:
+        if "envgraph/page/built/index.html" not in content.namelist():
+            raise NotReleasable("the wheel has no page for `envgraph serve`: run `make page` first")
 
 
 def install(wheel: Path, folder: Path) -> Path:

@@ -17,7 +17,15 @@ import pytest
 from packaging.requirements import Requirement
 from packaging.utils import canonicalize_name
 
-from docs.release import FIRST_TUTORIAL, VERSIONED, NotReleasable, check_version, run_page, set_version
+from docs.release import (
+    FIRST_TUTORIAL,
+    VERSIONED,
+    NotReleasable,
+    check_has_page,
+    check_version,
+    run_page,
+    set_version,
+)
 from envgraph.search import generate
 from envgraph.search.export import write_package
 
@@ -149,6 +157,15 @@ def test_text_for_the_package_index_has_no_relative_links(wheel: Path) -> None:
 def test_all_files_have_the_same_version() -> None:
     found = {re.search(line, (ROOT / name).read_text("utf-8"), re.MULTILINE)[1] for name, line in VERSIONED.items()}
     assert found == {PYPROJECT["project"]["version"]}
+
+
+def test_a_wheel_has_the_built_page_if_there_is_one_and_is_not_released_without(wheel: Path, tmp_path: Path) -> None:
+    if (ROOT / "envgraph" / "page" / "built" / "index.html").exists():
+        check_has_page(wheel)
+    with zipfile.ZipFile(tmp_path / "bare.whl", "w") as bare:
+        bare.writestr("envgraph/__init__.py", "")
+    with pytest.raises(NotReleasable, match="run `make page` first"):
+        check_has_page(tmp_path / "bare.whl")
 
 
 def test_a_release_sets_the_version_in_all_files(tmp_path: Path) -> None:
