@@ -5,6 +5,7 @@ from typing import TYPE_CHECKING
 from envgraph.code import export_lazily
 
 if TYPE_CHECKING:
+    from envgraph.page._answers import error_object as error_object
     from envgraph.page._connection import Connection as Connection
     from envgraph.page._page_session import PageSession as PageSession
     from envgraph.page._play_session import PlaySession as PlaySession
