@@ -14,7 +14,8 @@ RELEASE_EXTRAS := release
 # The tests start many processes, each of which would compile everything anew.
 unexport PYTHONDONTWRITEBYTECODE
 
-.PHONY: demo docs docs-links docs-accessibility pictures vscode test-vscode release test test-cluster test-integrations bench nightly campaign clean venv
+.PHONY: demo docs docs-links docs-accessibility page playground pictures vscode release test test-page test-playground test-vscode \
+	test-cluster test-integrations bench nightly campaign clean venv
 
 # --- demo: a family for one target, agents that learn on it and on controls, a report of both ---
 
@@ -63,6 +64,15 @@ test-vscode: vscode
 	cd editors/vscode && npm run test-vscode
 
 vscode test-vscode: export PYTHON := $(abspath $(BIN))/python
+# --- the page of `envgraph serve`, in envgraph/page/built; needs Node, and a network once ---
+
+page: editors/page/node_modules/.package-lock.json
+	npm run --silent --prefix editors/page check
+	npm run --silent --prefix editors/page build
+
+editors/page/node_modules/.package-lock.json: editors/page/package-lock.json
+	npm ci --silent --no-audit --no-fund --prefix editors/page
+	touch $@
 
 # --- a release: the changelog, the version, and packages below dist; it prints the commands that publish them ---
 
@@ -84,6 +94,10 @@ nightly: $(VENV)/.test
 SECONDS := 300
 campaign: $(VENV)/.test
 	$(BIN)/python -m tests.campaigns --seconds $(SECONDS)
+
+# The page in Chromium, with screenshots in build/page; CHROMIUM=/path if it is not /usr/bin/chromium.
+test-page: page $(VENV)/.test
+	ENVGRAPH=$(abspath $(BIN))/envgraph node --test --test-concurrency=1 editors/page/tests/*.test.mjs
 
 # On a real local Ray and Dask; not among the tests, because of what has to be installed.
 test-cluster: $(VENV)/.cluster

@@ -3,11 +3,11 @@
 
 /**
  * @typedef {{name: string, keys?: string[], allowed: boolean}} Action
- * @typedef {{solvable?: boolean|null, shortest?: number|null, value?: number|null, randomWalk?: number|null, text?: string}} Best
+ * @typedef {{solvable?: boolean|null, shortest?: number|null, optimal?: number|null, value?: number|null, randomWalk?: number|null, text?: string}} Best
  * @typedef {{
  *   picture: {svg?: string, text?: string}, observation?: unknown, actions: Action[], agent?: string|null, title?: string,
  *   steps: number, reward: number, rewards?: Record<string, number>|null, total: number,
- *   terminated: boolean, truncated: boolean, reason?: string|null,
+ *   terminated: boolean, truncated: boolean, end?: string|null, reason?: string|null,
  *   chosen?: number|null, values?: (number|null)[]|null, best?: Best|null}} State
  * @typedef {{environment?: string, model?: string, member?: string, seed?: number}} Start
  * @typedef {{
@@ -58,7 +58,7 @@ export function describeBest(best) {
   if (best.solvable === false) parts.push("not solvable");
   else if (best.shortest != null) parts.push(`solvable in ${best.shortest} ${best.shortest === 1 ? "step" : "steps"}`);
   else if (best.solvable) parts.push("solvable");
-  if (best.value != null) parts.push(`best return ${formatNumber(best.value)}`);
+  if (best.optimal != null) parts.push(`best return ${formatNumber(best.optimal)}`);
   if (best.randomWalk != null) parts.push(`a random walk succeeds with probability ${formatNumber(best.randomWalk)}`);
   const line = parts.join(", ");
   return line && line[0].toUpperCase() + line.slice(1) + ".";
@@ -102,6 +102,8 @@ class Player {
     this.connection = connection;
     this.startParameters = start;
     /** @type {State|null} */ this.state = null;
+    this.certificate = "";
+    this.certified = "";
     this.running = false;
     this.last = Promise.resolve();
     this.waiting = 0;
@@ -116,7 +118,7 @@ class Player {
     this.agent = make("p", { class: "eg-agent", hidden: true });
     this.figures = make("dl", { class: "eg-figures" });
     this.outcome = make("p", { class: "eg-outcome", hidden: true });
-    this.best = make("p", { class: "eg-best" });
+    this.best = make("p", { class: "eg-best", role: "status" });
     this.actions = make("div", { class: "eg-actions", role: "group", "aria-label": "Actions" });
     this.undoButton = button("Undo", () => this.undo(), "Undo the last step (U)");
     this.restartButton = button("Restart", () => this.start(), "Start the episode again (R)");
@@ -132,7 +134,8 @@ class Player {
       make("div", { class: "eg-side" }, this.agent, this.outcome, this.figures, this.alert, this.actions,
         make("div", { class: "eg-row" }, this.undoButton, this.restartButton),
         make("div", { class: "eg-row", role: "group", "aria-label": "Policy" }, this.policy, this.stepButton, this.runButton),
-        this.best, make("details", {}, make("summary", {}, "Picture as text"), this.text)),
+        this.best,
+        make("details", {}, make("summary", {}, "Picture as text"), this.text)),
       this.live);
     element.replaceChildren(this.root);
   }
@@ -164,8 +167,22 @@ class Player {
     if (parameters) this.startParameters = parameters;
     return this.enqueue(async () => {
       await this.ask("page/play/start", { seed: 0, ...this.startParameters });
-      this.live.textContent = `Episode started. ${describeBest(this.state?.best)}`;
+      this.live.textContent = "Episode started.";
+      this.certify();
     });
+  }
+
+  /** Ask what the best policy reaches in this level, and show it. The answer may take seconds, so nothing waits for it. */
+  async certify() {
+    const asked = JSON.stringify({ ...this.startParameters, seed: 0 });
+    if (asked === this.certified) return;
+    this.certified = asked;
+    this.certificate = "Computing what the best policy reaches …";
+    this.show();
+    const text = await this.connection.request("page/certificate", this.startParameters).then(describeBest, (error) => error.message);
+    if (asked !== this.certified) return;
+    this.certificate = text;
+    this.show();
   }
 
   get ended() {
@@ -248,7 +265,8 @@ class Player {
     this.text.textContent = state.picture.text ?? "";
     this.agent.hidden = !state.agent;
     this.agent.textContent = state.agent ? `Next to act: ${state.agent}` : "";
-    this.best.textContent = describeBest(state.best);
+    const value = state.best?.value;
+    this.best.textContent = this.certificate + (value == null ? "" : ` Best return from here: ${formatNumber(value)}.`);
     this.showFigures(state);
     this.showOutcome(state);
     this.showActions(state);
@@ -268,8 +286,8 @@ class Player {
   /** @param {State} state */
   showOutcome(state) {
     this.outcome.hidden = !this.ended;
-    const kind = state.terminated ? "The episode is over" : "The episode was cut off";
-    this.outcome.textContent = this.ended ? `${kind}${state.reason ? `: ${state.reason}` : ""}.` : "";
+    const kind = state.truncated ? "The episode was cut off" : state.end ? `The episode ended with ${state.end}` : "The episode is over";
+    this.outcome.replaceChildren(state.reason ? `${kind}: ` : `${kind}.`, ...(state.reason ? [make("code", {}, state.reason)] : []));
   }
 
   /** @param {State} state */

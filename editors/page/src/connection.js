@@ -1,0 +1,113 @@
+// JSON-RPC 2.0 over one of two transports: a WebSocket of `envgraph serve`, or a worker that runs envgraph in the browser.
+
+/**
+ * A transport sends and receives texts; each text is one message.
+ * @typedef {{send: (text: string) => void, onText: (text: string) => void, onClose: () => void}} TextTransport
+ */
+
+/** An error that the other side answered. */
+export class RequestError extends Error {
+  /** @param {{code?: number, message: string, hint?: string, spans?: any[], data?: any}} error */
+  constructor(error) {
+    super(error.message);
+    this.code = error.code;
+    this.hint = error.hint ?? error.data?.hint ?? "";
+    this.spans = error.spans ?? error.data?.spans ?? [];
+  }
+}
+
+/** Sends requests of the page, and passes the messages of the language server on. */
+export class Connection {
+  /** @param {TextTransport} transport */
+  constructor(transport) {
+    this.transport = transport;
+    this.nextId = 1;
+    /** @type {Map<string, {resolve: (result: any) => void, reject: (error: Error) => void}>} */
+    this.pending = new Map();
+    /** @type {Map<string, Set<(params: any) => void>>} */
+    this.listeners = new Map();
+    /** @type {Set<(text: string) => void>} */
+    this.languageHandlers = new Set();
+    transport.onText = (text) => this.receive(text);
+    transport.onClose = () => this.close();
+  }
+
+  /** @param {string} method @param {object} [params] @returns {Promise<any>} */
+  request(method, params = {}) {
+    const id = `p${this.nextId++}`; // the language client counts with numbers
+    return new Promise((resolve, reject) => {
+      this.pending.set(id, { resolve, reject });
+      this.transport.send(JSON.stringify({ jsonrpc: "2.0", id, method, params }));
+    });
+  }
+
+  /** Call `callback` for each notification of a method; return a function that ends this.
+   * @param {string} method @param {(params: any) => void} callback */
+  on(method, callback) {
+    const known = this.listeners.get(method) ?? new Set();
+    this.listeners.set(method, known.add(callback));
+    return () => known.delete(callback);
+  }
+
+  /** Return the transport as the language client of CodeMirror expects it. */
+  languageTransport() {
+    return {
+      send: (/** @type {string} */ text) => this.transport.send(text),
+      subscribe: (/** @type {(text: string) => void} */ handler) => void this.languageHandlers.add(handler),
+      unsubscribe: (/** @type {(text: string) => void} */ handler) => void this.languageHandlers.delete(handler),
+    };
+  }
+
+  /** @param {string} text */
+  receive(text) {
+    const message = JSON.parse(text);
+    const waiting = this.pending.get(message.id);
+    if (waiting && !message.method) {
+      this.pending.delete(message.id);
+      if (message.error) waiting.reject(new RequestError(message.error));
+      else waiting.resolve(message.result);
+      return;
+    }
+    for (const callback of this.listeners.get(message.method) ?? []) callback(message.params);
+    if (!message.method?.startsWith("page/")) for (const handler of this.languageHandlers) handler(text);
+  }
+
+  close() {
+    for (const { reject } of this.pending.values()) reject(new Error("The connection was closed."));
+    this.pending.clear();
+    for (const callback of this.listeners.get("closed") ?? []) callback({});
+  }
+}
+
+/** @param {string} path @returns {Promise<TextTransport>} */
+function openSocket(path) {
+  const address = new URL(path, location.href);
+  address.protocol = address.protocol.replace("http", "ws");
+  const socket = new WebSocket(address);
+  const transport = { send: (/** @type {string} */ text) => socket.send(text), onText: (/** @type {string} */ _) => {}, onClose: () => {} };
+  socket.onmessage = (event) => transport.onText(event.data);
+  return new Promise((resolve, reject) => {
+    socket.onopen = () => {
+      socket.onclose = () => transport.onClose();
+      resolve(transport);
+    };
+    socket.onclose = () => reject(new Error("`envgraph serve` does not answer. Start it again, and open the address that it prints."));
+  });
+}
+
+/** @param {string} script @returns {TextTransport} */
+function openWorker(script) {
+  const worker = new Worker(new URL(script, location.href), { type: "module" });
+  const transport = { send: (/** @type {string} */ text) => worker.postMessage(text), onText: (/** @type {string} */ _) => {}, onClose: () => {} };
+  worker.onmessage = (event) => transport.onText(event.data);
+  worker.onerror = () => transport.onClose();
+  return transport;
+}
+
+/** The worker that answers in place of a server, if the page names one. */
+export const workerScript = () => document.querySelector('meta[name="envgraph-worker"]')?.getAttribute("content") ?? "";
+
+/** Connect to the worker that the page names, or else to the server that sent the page. */
+export async function connect() {
+  return new Connection(workerScript() ? openWorker(workerScript()) : await openSocket("socket"));
+}

@@ -1,0 +1,31 @@
+// What the page knows about the open domain, and who wants to hear when that changes.
+
+/**
+ * @typedef {import("./types.js").Domain} DomainData
+ * @typedef {import("./connection.js").Connection} Connection
+ */
+
+export class Domain extends EventTarget {
+  /** @param {Connection} connection @param {DomainData} data */
+  constructor(connection, data) {
+    super();
+    this.connection = connection;
+    this.data = data;
+    connection.on("page/changed", (change) => this.update(change));
+  }
+
+  /** Ask again after the texts were checked. With errors, everything stays as in the last version without errors.
+   * @param {{version: number, errors: number}} change */
+  async update(change) {
+    if (!change.errors) this.data = await this.connection.request("page/open");
+    else this.data = { ...this.data, errors: change.errors };
+    this.dispatchEvent(new Event("changed"));
+  }
+
+  get members() {
+    return this.data.members.map((member) => (typeof member === "string" ? member : member.name));
+  }
+}
+
+/** Return a message of an error as a person should read it. @param {any} error */
+export const messageOf = (error) => [error.message ?? String(error), error.hint].filter(Boolean).join(" ");

@@ -1,0 +1,65 @@
+// Highlighting: words, numbers, texts and comments. The language server knows the rest.
+
+import { HighlightStyle, StreamLanguage, syntaxHighlighting } from "@codemirror/language";
+import { tags } from "@lezer/highlight";
+
+const KEYWORDS = new Set(GRAMMAR_KEYWORDS);
+
+/** @typedef {{block: "" | "*\/" | '"""' | "'''"}} Inside */
+
+/** Read on to the end of a text of several lines.
+ * @param {import("@codemirror/language").StringStream} stream @param {Inside} inside */
+function readBlock(stream, inside) {
+  const kind = inside.block === "*/" ? "comment" : "string";
+  while (!stream.eol()) {
+    if (stream.match(inside.block)) {
+      inside.block = "";
+      break;
+    }
+    stream.next();
+  }
+  return kind;
+}
+
+/** @param {boolean} isToml */
+const tokenizer = (isToml) => ({
+  startState: () => /** @type {Inside} */ ({ block: "" }),
+  token(/** @type {import("@codemirror/language").StringStream} */ stream, /** @type {Inside} */ inside) {
+    if (inside.block) return readBlock(stream, inside);
+    if (stream.eatSpace()) return null;
+    if (stream.match(isToml ? /#.*/ : /\/\/.*/)) return "comment";
+    for (const [start, end] of isToml ? [['"""', '"""'], ["'''", "'''"]] : [["/*", "*/"], ['"""', '"""']]) {
+      if (stream.match(start)) {
+        inside.block = /** @type {Inside["block"]} */ (end);
+        return readBlock(stream, inside);
+      }
+    }
+    if (stream.match(/"(\\.|[^"\\])*"?/) || stream.match(/'[^']*'/)) return "string";
+    if (isToml && stream.sol() && stream.match(/\[.*?\]/)) return "heading";
+    if (stream.match(/@\w+/)) return "meta";
+    if (stream.match(/\d[\d_]*(\.\d+)?([eE][-+]?\d+)?/)) return "number";
+    const word = stream.match(/[A-Za-z_]\w*/);
+    if (Array.isArray(word)) {
+      if (isToml) return stream.match(/\s*=/, false) ? "propertyName" : /^(true|false)$/.test(word[0]) ? "keyword" : null;
+      if (KEYWORDS.has(word[0])) return "keyword";
+      return /^[A-Z]/.test(word[0]) ? "typeName" : null;
+    }
+    stream.next();
+    return null;
+  },
+  languageData: { commentTokens: isToml ? { line: "#" } : { line: "//", block: { open: "/*", close: "*/" } } },
+});
+
+/** Return the highlighting of a file. @param {string} name */
+export const languageOf = (name) => StreamLanguage.define(tokenizer(name.endsWith(".toml")));
+
+const style = (/** @type {string} */ name) => `var(--code-${name})`;
+
+export const highlighting = syntaxHighlighting(HighlightStyle.define([
+  { tag: tags.keyword, color: style("keyword"), fontWeight: "600" },
+  { tag: tags.comment, color: style("comment"), fontStyle: "italic" },
+  { tag: tags.string, color: style("string") },
+  { tag: tags.number, color: style("number") },
+  { tag: tags.typeName, color: style("type") },
+  { tag: [tags.meta, tags.heading, tags.propertyName], color: style("meta") },
+]));

@@ -1,0 +1,85 @@
+// The page: opens the domain, shows one of four views, and remembers the view in the address.
+
+import { make } from "../../../envgraph/page/player.js";
+import { connect, workerScript } from "./connection.js";
+import { Domain, messageOf } from "./domain.js";
+import { EditView } from "./edit-view.js";
+import { PlayView } from "./play-view.js";
+import { FamilyView, SearchView } from "./run-view.js";
+import { filesOfLink, linkWith } from "./share.js";
+
+const byId = (/** @type {string} */ id) => /** @type {HTMLElement} */ (document.getElementById(id));
+
+/** Switch between the scheme of the system and the other one; remember the choice. */
+function themeButton() {
+  const root = document.documentElement;
+  const isDark = () => (root.dataset.theme ?? (matchMedia("(prefers-color-scheme: dark)").matches ? "dark" : "light")) === "dark";
+  const button = make("button", { type: "button", onclick: () => {
+    root.dataset.theme = isDark() ? "light" : "dark";
+    localStorage.setItem("envgraph-theme", root.dataset.theme);
+    name();
+  } });
+  const name = () => { button.textContent = isDark() ? "Light" : "Dark"; };
+  const stored = localStorage.getItem("envgraph-theme");
+  if (stored === "light" || stored === "dark") root.dataset.theme = stored;
+  name();
+  return button;
+}
+
+/** @param {EditView} edit */
+function shareButton(edit) {
+  const button = make("button", { type: "button", onclick: async () => {
+    const link = await linkWith(edit.editor.files);
+    history.replaceState(null, "", link);
+    await navigator.clipboard.writeText(link).catch(() => {}); // without permission the address bar still has the link
+    byId("status").textContent = `The address now holds these files (${Math.ceil(link.length / 1000)} kB), and was copied.`;
+  } }, "Share");
+  return button;
+}
+
+/** @param {Domain} domain */
+function showViews(domain) {
+  const edit = new EditView(domain);
+  const play = new PlayView(domain);
+  const family = new FamilyView(domain, (member) => (play.playMember(member), show("play")));
+  const search = new SearchView(domain, (run) => (family.opened = run, show("family")));
+  const views = /** @type {Record<string, {title: string, view: {element: HTMLElement, show?: () => void}}>} */ ({
+    edit: { title: "Edit", view: edit }, play: { title: "Play", view: play }, family: { title: "Family", view: family }, search: { title: "Search", view: search },
+  });
+  const nav = byId("views");
+  const show = (/** @type {string} */ name) => {
+    byId("main").replaceChildren(views[name].view.element);
+    byId("main").className = name;
+    for (const link of nav.children) link.toggleAttribute("data-shown", /** @type {HTMLElement} */ (link).dataset.view === name);
+    for (const link of nav.children) link.setAttribute("aria-current", /** @type {HTMLElement} */ (link).dataset.view === name ? "page" : "false");
+    if (!location.hash.startsWith("#domain=")) history.replaceState(null, "", name === "edit" ? location.pathname : `#${name}`);
+    views[name].view.show?.();
+  };
+  nav.replaceChildren(...Object.entries(views).map(([name, { title }]) => make("button", { type: "button", "data-view": name, onclick: () => show(name) }, title)));
+  edit.element.addEventListener("problems", (/** @type {any} */ event) => {
+    const count = event.detail;
+    byId("status").textContent = count ? (count === 1 ? "1 problem" : `${count} problems`) : "";
+  });
+  if (workerScript()) byId("tools").prepend(shareButton(edit));
+  const wanted = location.hash.slice(1);
+  show(wanted in views ? wanted : "edit");
+}
+
+async function start() {
+  byId("tools").append(themeButton());
+  try {
+    const shared = await filesOfLink();
+    const connection = await connect();
+    connection.on("closed", () => {
+      byId("status").replaceChildren("The connection was closed. ", make("button", { type: "button", onclick: () => location.reload() }, "Connect again"));
+    });
+    const data = await connection.request("page/open", shared ? { files: shared } : {});
+    byId("title").textContent = data.title;
+    document.title = `${data.title} – envgraph`;
+    showViews(new Domain(connection, data));
+  } catch (error) {
+    byId("main").replaceChildren(make("p", { class: "alert waiting", role: "alert" }, messageOf(error)));
+  }
+}
+
+start();

@@ -1,0 +1,52 @@
+// The view "Play": an environment and a model are chosen, and played by keys, buttons or a policy.
+
+import { make, mountPlayer } from "../../../envgraph/page/player.js";
+
+export class PlayView {
+  /** @param {import("./domain.js").Domain} domain */
+  constructor(domain) {
+    this.domain = domain;
+    this.environment = make("select", { onchange: () => this.start() });
+    this.level = make("select", { onchange: () => this.start() });
+    this.seed = make("input", { type: "number", value: "0", min: "0", step: "1", onchange: () => this.start() });
+    this.stage = make("div", { class: "stage" });
+    this.element = make("div", { class: "play" },
+      make("form", { class: "choices", onsubmit: (/** @type {Event} */ event) => event.preventDefault() },
+        make("label", {}, "Environment", this.environment), make("label", {}, "Level", this.level), make("label", {}, "Seed", this.seed)),
+      this.stage);
+    domain.addEventListener("changed", () => this.showChoices());
+    this.showChoices();
+  }
+
+  showChoices() {
+    const { environments, models } = this.domain.data;
+    const [environment, level] = [this.environment.value, this.level.value];
+    const option = (/** @type {string} */ value, /** @type {string} */ text, /** @type {string} */ chosen) =>
+      make("option", { value, selected: value === chosen }, text);
+    this.environment.replaceChildren(...environments.map(({ name }) => option(name, name, environment)));
+    this.level.replaceChildren(
+      ...models.map(({ name }) => option(`model ${name}`, name, level)),
+      ...this.domain.members.map((name) => option(`member ${name}`, `member ${name}`, level)));
+    if (!environments.length) this.stage.replaceChildren(make("p", { class: "quiet" }, "This domain has no environment. Write one in a file that ends with .environment."));
+  }
+
+  /** Called when the view is shown. */
+  show() {
+    this.showChoices();
+    if (this.domain.data.environments.length) this.start();
+  }
+
+  /** @param {string} member play a member of the open run */
+  playMember(member) {
+    this.showChoices();
+    this.level.value = `member ${member}`;
+  }
+
+  start() {
+    const [kind, ...words] = this.level.value.split(" ");
+    const level = kind ? { [kind]: words.join(" ") } : {};
+    const parameters = { environment: this.environment.value, seed: Number(this.seed.value) || 0, ...level };
+    if (this.player) this.player.start(parameters);
+    else this.player = mountPlayer(this.stage, this.domain.connection, parameters);
+  }
+}

@@ -1,0 +1,28 @@
+// Links that hold a domain: its texts as JSON, compressed, in the part of the address that no server sees.
+
+/** @param {Uint8Array} bytes @param {CompressionStream|DecompressionStream} step */
+async function throughStream(bytes, step) {
+  const stream = new Blob([/** @type {any} */ (bytes)]).stream().pipeThrough(/** @type {any} */ (step));
+  return new Uint8Array(await new Response(stream).arrayBuffer());
+}
+
+/** Return the address of this page with the files in it.
+ * @param {{name: string, text: string}[]} files */
+export async function linkWith(files) {
+  const bytes = new TextEncoder().encode(JSON.stringify({ files: files.map(({ name, text }) => ({ name, text })) }));
+  const packed = await throughStream(bytes, new CompressionStream("deflate-raw"));
+  const letters = btoa(Array.from(packed, (byte) => String.fromCharCode(byte)).join(""));
+  const link = new URL(location.href);
+  link.hash = `domain=${letters.replaceAll("+", "-").replaceAll("/", "_").replaceAll("=", "")}`;
+  return link.href;
+}
+
+/** Return the files in the address of this page, or null if it holds none.
+ * @returns {Promise<{name: string, text: string}[] | null>} */
+export async function filesOfLink() {
+  const letters = /^#domain=([A-Za-z0-9_-]+)$/.exec(location.hash)?.[1];
+  if (!letters) return null;
+  const packed = Uint8Array.from(atob(letters.replaceAll("-", "+").replaceAll("_", "/")), (letter) => letter.charCodeAt(0));
+  const { files } = JSON.parse(new TextDecoder().decode(await throughStream(packed, new DecompressionStream("deflate-raw"))));
+  return files.map((/** @type {any} */ file) => ({ name: String(file.name), text: String(file.text) }));
+}
