@@ -134,7 +134,7 @@ export class EditView {
     files.forEach((file, index) => {
       const button = this.fileList.children[index];
       button.setAttribute("aria-pressed", String(file === shown));
-      if (file === shown) this.fileList.scrollLeft = button.offsetLeft - 40; // on a phone the list is one line
+      if (file === shown) requestAnimationFrame(() => { this.fileList.scrollLeft = button.offsetLeft - 40; }); // on a phone the list is one line
       button.replaceChildren(file.name, ...(file.isChanged ? [make("span", { class: "unsaved", title: "not saved" }, "●")] : []));
     });
     this.saveButton.disabled = !shown?.isChanged;

@@ -22,7 +22,11 @@ export async function linkWith(files) {
 export async function filesOfLink() {
   const letters = /^#domain=([A-Za-z0-9_-]+)$/.exec(location.hash)?.[1];
   if (!letters) return null;
-  const packed = Uint8Array.from(atob(letters.replaceAll("-", "+").replaceAll("_", "/")), (letter) => letter.charCodeAt(0));
-  const { files } = JSON.parse(new TextDecoder().decode(await throughStream(packed, new DecompressionStream("deflate-raw"))));
-  return files.map((/** @type {any} */ file) => ({ name: String(file.name), text: String(file.text) }));
+  try {
+    const packed = Uint8Array.from(atob(letters.replaceAll("-", "+").replaceAll("_", "/")), (letter) => letter.charCodeAt(0));
+    const { files } = JSON.parse(new TextDecoder().decode(await throughStream(packed, new DecompressionStream("deflate-raw"))));
+    return files.map((/** @type {any} */ file) => ({ name: String(file.name), text: String(file.text) }));
+  } catch {
+    throw new Error("The files in the address cannot be read. Perhaps the link was cut: copy all of it.");
+  }
 }
