@@ -219,6 +219,7 @@ class Player {
   }
 
   async run() {
+    await this.last; // the episode may be starting
     this.running = true;
     this.show();
     while (this.running && !this.ended && this.root.isConnected) {

@@ -11,14 +11,23 @@ export class Domain extends EventTarget {
     super();
     this.connection = connection;
     this.data = data;
+    this.newest = { version: data.version, errors: data.errors };
+    this.isAsking = false;
     connection.on("page/changed", (change) => this.update(change));
   }
 
   /** Ask again after the texts were checked. With errors, everything stays as in the last version without errors.
    * @param {{version: number, errors: number}} change */
   async update(change) {
-    if (!change.errors) this.data = await this.connection.request("page/open");
-    else this.data = { ...this.data, errors: change.errors };
+    this.newest = change;
+    if (this.isAsking) return;
+    this.isAsking = true;
+    try {
+      while (!this.newest.errors && this.data.version < this.newest.version) this.data = await this.connection.request("page/open");
+    } finally {
+      this.isAsking = false;
+    }
+    this.data = { ...this.data, errors: this.newest.errors };
     this.dispatchEvent(new Event("changed"));
   }
 

@@ -33,6 +33,7 @@ export class EditView {
     const first = files.find((file) => file.language === "rules") ?? files[0];
     if (first) this.editor.show(first.uri);
     this.showModels();
+    this.editor.client.initializing.then(() => this.showProblems());
     if (models.length) await this.ask("page/picture");
     await this.definitions.refresh();
   }

@@ -149,7 +149,7 @@ export class TextEditor {
       extensions: [
         lineNumbers(), lintGutter(), history(), drawSelection(), bracketMatching(), closeBrackets(), highlightActiveLine(), search(),
         indentUnit.of("    "), languageOf(file.name), highlighting, theme,
-        EditorView.contentAttributes.of({ "aria-label": `${file.name}. Escape, then Tab, leaves the editor.` }),
+        EditorView.contentAttributes.of({ "aria-label": `${file.name}. Escape, then Tab, leaves the editor.`, tabindex: "0" }),
         this.client.plugin(file.uri, file.language),
         keymap.of([
           { key: "Mod-s", preventDefault: true, run: () => (this.callbacks.save(), true) },

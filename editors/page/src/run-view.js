@@ -86,7 +86,7 @@ export class SearchView {
     this.openRun = openRun;
     this.family = make("select", {});
     this.seed = make("input", { type: "number", value: "1", min: "0", step: "1" });
-    this.generations = make("input", { type: "number", value: "20", min: "1", step: "1" });
+    this.generations = make("input", { type: "number", min: "1", step: "1", placeholder: "as in the file" });
     this.button = make("button", { type: "submit", class: "primary" }, "Start");
     this.message = make("p", { class: "alert", role: "alert" });
     this.progress = make("div", {});
@@ -122,7 +122,10 @@ export class SearchView {
       this.setRunning(true);
       this.latest = {};
       this.progress.replaceChildren(make("p", { class: "quiet", role: "status" }, "The search begins …"));
-      await connection.request("page/search/start", { family: this.family.value, seed: Number(this.seed.value), generations: Number(this.generations.value) });
+      await connection.request("page/search/start", {
+        family: this.family.value, seed: Number(this.seed.value),
+        ...(this.generations.value ? { generations: Number(this.generations.value) } : {}), // families with an objective have none
+      });
     } catch (error) {
       this.setRunning(false);
       this.progress.replaceChildren();

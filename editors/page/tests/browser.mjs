@@ -1,6 +1,6 @@
 // A server, and a browser that looks at its page.
 
-import { spawn } from "node:child_process";
+import { execFileSync, spawn } from "node:child_process";
 import { cpSync, mkdirSync, readFileSync, rmSync } from "node:fs";
 import { createRequire } from "node:module";
 import { dirname, join } from "node:path";
@@ -9,6 +9,7 @@ import { chromium } from "playwright-core";
 
 export const root = join(dirname(fileURLToPath(import.meta.url)), "../../..");
 export const pictures = join(root, "build/page");
+const envgraph = process.env.ENVGRAPH ?? "envgraph";
 const axe = createRequire(import.meta.url).resolve("axe-core");
 
 mkdirSync(pictures, { recursive: true });
@@ -23,10 +24,19 @@ export function copyOf(domain) {
   return folder;
 }
 
+/** Return a new folder with a domain of mazes, and a family that is found in seconds. */
+export function newMazes() {
+  const folder = join(pictures, "domains", "mazes");
+  rmSync(folder, { recursive: true, force: true });
+  mkdirSync(dirname(folder), { recursive: true });
+  execFileSync(envgraph, ["new", "mazes"], { cwd: dirname(folder) });
+  cpSync(join(root, "editors/page/tests/small.toml"), join(folder, "small.toml"));
+  return folder;
+}
+
 /** Start `envgraph serve`; return its address, with the token, and a function that stops it. */
 export async function serve(folder) {
-  const command = process.env.ENVGRAPH ?? "envgraph";
-  const server = spawn(command, ["serve", "--no-browser", folder], { cwd: dirname(folder) });
+  const server = spawn(envgraph, ["serve", "--no-browser", folder], { cwd: dirname(folder) });
   let output = "";
   const address = await new Promise((resolve, reject) => {
     const read = (data) => {

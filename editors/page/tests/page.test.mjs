@@ -4,7 +4,7 @@ import assert from "node:assert/strict";
 import { readFileSync } from "node:fs";
 import { join } from "node:path";
 import { after, before, test } from "node:test";
-import { choose, copyOf, findings, launch, open, pictures, serve } from "./browser.mjs";
+import { choose, copyOf, findings, launch, newMazes, open, pictures, serve } from "./browser.mjs";
 
 let browser, folder, server;
 before(async () => {
@@ -49,14 +49,14 @@ test("a mistake in a rule is shown at its place, and is gone after its cure", as
   const problem = tab.locator(".problems .error", { hasText: "Flor" });
   await problem.waitFor();
   console.log(`the problem is shown ${(performance.now() - started).toFixed(0)} ms after the key`);
-  await tab.locator(".stale").waitFor();
+  await tab.locator(".stale", { hasText: "errors" }).waitFor();
   assert.match(await problem.innerText(), /sokoban\.rules:\d+/);
   await problem.click();
   for (let letter = 0; letter < 4; letter += 1) await tab.keyboard.press("Delete");
   await tab.keyboard.insertText("Floor");
   await tab.locator(".problems h3", { hasText: "No problems" }).waitFor();
   await tab.locator('.names [data-key="rule sokoban.broken"]').waitFor();
-  assert.equal(await tab.locator(".stale").isVisible(), false);
+  assert.equal(await tab.locator(".stale", { hasText: "errors" }).isVisible(), false);
   await tab.keyboard.press("Control+s");
   await tab.waitForFunction(() => !document.querySelector(".unsaved"));
   assert.match(readFileSync(join(folder, "sokoban.rules"), "utf-8"), /spot : Floor; }\n {4}modify { retype spot : Wall; }\n}\n$/);
@@ -84,9 +84,9 @@ test("the matches of a pattern are marked one by one, and the absence of one is 
   const tab = await open(browser, server.address);
   await choosePattern(tab, "pattern sokoban.box");
   await tab.locator(".detail", { hasText: "2 matches" }).waitFor();
-  const first = await tab.locator(".marks .above").evaluate((mark) => mark.getAttribute("transform") + mark.getAttribute("x") + mark.getAttribute("y"));
+  const first = await tab.locator(".marks .above").first().evaluate((mark) => mark.getAttribute("transform") + mark.getAttribute("x") + mark.getAttribute("y"));
   await tab.getByRole("button", { name: "Next match" }).click();
-  const second = await tab.locator(".marks .above").evaluate((mark) => mark.getAttribute("transform") + mark.getAttribute("x") + mark.getAttribute("y"));
+  const second = await tab.locator(".marks .above").first().evaluate((mark) => mark.getAttribute("transform") + mark.getAttribute("x") + mark.getAttribute("y"));
   assert.notEqual(first, second);
   await choosePattern(tab, "pattern sokoban.stuck");
   await tab.locator(".why").waitFor();
@@ -152,27 +152,30 @@ test("the best policy plays lava until the end, with the values of its actions",
 });
 
 test("a search makes a family, whose members can be played", async () => {
-  const lava = await serve(copyOf("lava"));
-  const tab = await open(browser, lava.address);
+  const mazes = await serve(newMazes());
+  const tab = await open(browser, mazes.address);
   await choose(tab, "search");
-  await tab.getByLabel("Generations").fill("2");
+  await tab.getByLabel("Family").selectOption({ label: "small.toml" });
   await tab.getByRole("button", { name: "Start" }).click();
   await tab.getByRole("button", { name: "Show the family" }).waitFor({ timeout: 120000 });
-  await tab.screenshot({ path: join(pictures, "search-light-1280.png") });
+  const check = async (view) => {
+    for (const [scheme, width] of [["light", 1280], ["dark", 1280], ["light", 360]]) {
+      await tab.emulateMedia({ colorScheme: scheme });
+      await tab.setViewportSize({ width, height: 800 });
+      await tab.screenshot({ path: join(pictures, `${view}-${scheme}-${width}.png`), fullPage: width === 360 });
+      assert.deepEqual(await findings(tab), [], view);
+    }
+  };
+  await check("found");
   await tab.getByRole("button", { name: "Show the family" }).click();
-  await tab.locator(".card").first().waitFor();
-  for (const [scheme, width] of [["light", 1280], ["dark", 1280], ["light", 360]]) {
-    await tab.emulateMedia({ colorScheme: scheme });
-    await tab.setViewportSize({ width, height: 800 });
-    await tab.screenshot({ path: join(pictures, `family-${scheme}-${width}.png`) });
-    assert.deepEqual(await findings(tab), []);
-  }
+  await tab.locator(".card").nth(5).waitFor();
+  await check("family");
   await tab.locator(".card button").first().click();
   await tab.locator(".eg-stage svg").waitFor();
   assert.match(await tab.getByLabel("Level").inputValue(), /^member /);
   assert.deepEqual(tab.problems, []);
   await tab.context().close();
-  await lava.stop();
+  await mazes.stop();
 });
 
 test("a model without a grid is placed by Graphviz, and its objects can be marked", async () => {
