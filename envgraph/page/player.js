@@ -6,7 +6,7 @@
  * @typedef {{solvable?: boolean|null, shortest?: number|null, optimal?: number|null, value?: number|null, randomWalk?: number|null, text?: string}} Best
  * @typedef {{
  *   picture: {svg?: string, text?: string}, observation?: unknown, actions: Action[], agent?: string|null, title?: string,
- *   steps: number, reward: number, rewards?: Record<string, number>|null, total: number,
+ *   steps: number, limit?: number|null, reward: number, rewards?: Record<string, number>|null, total: number,
  *   terminated: boolean, truncated: boolean, end?: string|null, reason?: string|null,
  *   chosen?: number|null, values?: (number|null)[]|null, best?: Best|null}} State
  * @typedef {{environment?: string, model?: string, member?: string, seed?: number}} Start
@@ -37,14 +37,15 @@ export function make(tag, attributes = {}, ...children) {
 }
 
 /**
- * Return a number as people write it: at most six digits, no zeros at the end, a real minus sign.
+ * Return a number as people write it: a few digits, no zeros at the end, a real minus sign.
  * @param {number|null|undefined} number
+ * @param {number} [digits]
  */
-export function formatNumber(number) {
+export function formatNumber(number, digits = 6) {
   if (number == null) return "–";
   if (!Number.isFinite(number)) return number > 0 ? "∞" : number < 0 ? "−∞" : "undefined";
   const small = number !== 0 && Math.abs(number) < 0.0001;
-  return (small ? number.toExponential(1) : String(Number(number.toPrecision(6)))).replace("-", "−").replace("e−", "e-");
+  return (small ? number.toExponential(1) : String(Number(number.toPrecision(digits)))).replace("-", "−").replace("e−", "e-");
 }
 
 /**
@@ -279,7 +280,8 @@ class Player {
 
   /** @param {State} state */
   showFigures(state) {
-    const figures = [["Steps", String(state.steps)], ["Reward", formatNumber(state.reward)], ["Return", formatNumber(state.total)]];
+    const steps = state.limit ? `${state.steps} of ${state.limit}` : String(state.steps);
+    const figures = [["Steps", steps], ["Reward", formatNumber(state.reward)], ["Return", formatNumber(state.total)]];
     for (const [name, value] of Object.entries(state.rewards ?? {})) figures.push([name, formatNumber(value)]);
     this.figures.replaceChildren(...figures.map(([name, value]) => make("div", {}, make("dt", {}, name), make("dd", {}, value))));
   }
@@ -307,7 +309,7 @@ class Player {
       const button = this.actions.children[index];
       button.setAttribute("aria-disabled", String(this.ended || !action.allowed));
       button.classList.toggle("eg-chosen", index === state.chosen);
-      button.querySelector(".eg-value").textContent = state.values?.[index] == null ? "" : formatNumber(state.values[index]);
+      button.querySelector(".eg-value").textContent = state.values?.[index] == null ? "" : formatNumber(state.values[index], 3);
     });
   }
 }

@@ -95,9 +95,9 @@ function openSocket(path) {
   });
 }
 
-/** @param {string} script @returns {TextTransport} */
+/** The worker gets the query of the page, which may name a domain. @param {string} script @returns {TextTransport} */
 function openWorker(script) {
-  const worker = new Worker(new URL(script, location.href), { type: "module" });
+  const worker = new Worker(new URL(script + location.search, location.href), { type: "module" });
   const transport = { send: (/** @type {string} */ text) => worker.postMessage(text), onText: (/** @type {string} */ _) => {}, onClose: () => {} };
   worker.onmessage = (event) => transport.onText(event.data);
   worker.onerror = () => transport.onClose();

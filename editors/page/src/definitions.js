@@ -98,13 +98,13 @@ export class Definitions {
   /** @param {Entry} entry @param {import("./types.js").Matches} found */
   showMatches(entry, found) {
     const step = (/** @type {string} */ text, /** @type {string} */ label, /** @type {number} */ by) => make("button", {
-      type: "button", "aria-label": label, disabled: found.matches.length < 2,
+      type: "button", "aria-label": label,
       onclick: () => this.goTo((this.position + by + this.matches.length) % this.matches.length, true),
     }, text);
     this.where = make("span", { class: "where" });
     const number = `${countOf(entry, found)} ${countOf(entry, found) === "1" ? "match" : "matches"}`;
     const head = make("div", { class: "detail-head" }, make("h3", {}, shortName(entry.name)), make("span", { class: "quiet" }, number),
-      ...(found.matches.length ? [step("‹", "Previous match", -1), this.where, step("›", "Next match", 1)] : []),
+      ...(found.matches.length > 1 ? [step("‹", "Previous match", -1), this.where, step("›", "Next match", 1)] : []),
       make("button", { type: "button", "aria-label": "Close", onclick: () => this.close() }, "×"));
     const items = found.matches.map((match, position) => make("li", {}, make("button", {
       type: "button", "aria-pressed": "false",

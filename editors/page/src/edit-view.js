@@ -76,7 +76,7 @@ export class EditView {
     this.changes = make("p", { class: "changes", "aria-live": "polite" });
     return make("div", { class: "model-panes" },
       make("section", { class: "pane picture-section", "aria-label": "Model" },
-        make("div", { class: "bar" }, this.models, make("span", { class: "buttons" }, this.undo, this.redo, this.reset)),
+        make("div", { class: "bar" }, this.models, make("span", { class: "buttons" }, this.picture.enlarge, this.undo, this.redo, this.reset)),
         this.stale, this.note, this.picture.element, this.changes, this.history),
       this.definitions.element);
   }

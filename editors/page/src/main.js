@@ -22,6 +22,7 @@ function themeButton() {
   const name = () => { button.textContent = isDark() ? "Light" : "Dark"; };
   const stored = localStorage.getItem("envgraph-theme");
   if (stored === "light" || stored === "dark") root.dataset.theme = stored;
+  matchMedia("(prefers-color-scheme: dark)").addEventListener("change", name);
   name();
   return button;
 }
@@ -52,7 +53,7 @@ function showViews(domain) {
     byId("main").className = name;
     for (const link of nav.children) link.toggleAttribute("data-shown", /** @type {HTMLElement} */ (link).dataset.view === name);
     for (const link of nav.children) link.setAttribute("aria-current", /** @type {HTMLElement} */ (link).dataset.view === name ? "page" : "false");
-    if (!location.hash.startsWith("#domain=")) history.replaceState(null, "", name === "edit" ? location.pathname : `#${name}`);
+    if (!location.hash.startsWith("#domain=")) history.replaceState(null, "", `#${name}`);
     views[name].view.show?.();
   };
   nav.replaceChildren(...Object.entries(views).map(([name, { title }]) => make("button", { type: "button", "data-view": name, onclick: () => show(name) }, title)));
@@ -62,7 +63,7 @@ function showViews(domain) {
   });
   if (workerScript()) byId("tools").prepend(shareButton(edit));
   const wanted = location.hash.slice(1);
-  show(wanted in views ? wanted : "edit");
+  show(wanted in views ? wanted : domain.data.members.length ? "family" : "edit"); // members: the server was started on a run
 }
 
 async function start() {

@@ -4,6 +4,7 @@ import { make, showSvg } from "../../../envgraph/page/player.js";
 
 /** @typedef {import("./types.js").Picture} PictureData */
 
+const OUTSET = 2; // pixels between a shape and its frame
 const SVG = "http://www.w3.org/2000/svg";
 
 /** @type {Promise<{renderSVGElement: (dot: string) => SVGSVGElement}> | undefined} */
@@ -17,6 +18,7 @@ export class ModelPicture {
     this.frame = make("div", { class: "picture", tabindex: "0", role: "group", "aria-label": "Picture of the model" });
     this.text = make("pre", { tabindex: "0", "aria-label": "The model as text" });
     this.details = make("details", {}, make("summary", {}, "As text"), this.text);
+    this.enlarge = make("button", { type: "button", "aria-pressed": "false", hidden: true, onclick: () => this.resize() }, "Enlarge");
     this.element = make("div", { class: "picture-pane" }, this.frame, this.details);
     /** @type {number[]} */ this.marked = [];
     this.drawing = 0;
@@ -42,6 +44,14 @@ export class ModelPicture {
     }
     showSvg(this.frame, svg, label);
     if (!svg) this.frame.replaceChildren(make("pre", {}, picture.text ?? "The model is empty."));
+    this.enlarge.hidden = picture.kind === "grid" || !svg;
+    this.mark(this.marked);
+  }
+
+  /** Show a graph in the size in which its texts are readable, or so that all of it is visible. */
+  resize() {
+    const isLarge = this.frame.classList.toggle("enlarged");
+    this.enlarge.setAttribute("aria-pressed", String(isLarge));
     this.mark(this.marked);
   }
 
@@ -55,7 +65,8 @@ export class ModelPicture {
     marks.classList.add("marks");
     const toPicture = /** @type {DOMMatrix} */ (svg.getScreenCTM()).inverse();
     for (const id of objects) {
-      for (const shape of svg.querySelectorAll(`[data-object="${id}"]`)) marks.append(...frames(shape, toPicture));
+      const shape = svg.querySelector(`[data-object="${id}"]`); // the first one is the largest, such as a cell below a token
+      if (shape) marks.append(...frames(shape, toPicture));
     }
     svg.append(marks);
     marks.firstElementChild?.scrollIntoView({ block: "nearest", inline: "nearest" });
@@ -65,7 +76,9 @@ export class ModelPicture {
 /** Return a frame around a shape: a light line below a dark one, which is visible on every colour.
  * @param {any} shape @param {DOMMatrix} toPicture */
 function frames(shape, toPicture) {
-  const { x, y, width, height } = shape.getBBox();
+  const box = shape.getBBox();
+  const gap = OUTSET / shape.getScreenCTM().a;
+  const [x, y, width, height] = [box.x - gap, box.y - gap, box.width + 2 * gap, box.height + 2 * gap];
   const { a, b, c, d, e, f } = toPicture.multiply(shape.getScreenCTM());
   return ["below", "above"].map((name) => {
     const frame = document.createElementNS(SVG, "rect");

@@ -33,7 +33,9 @@ export class PlayView {
   /** Called when the view is shown. */
   show() {
     this.showChoices();
-    if (this.domain.data.environments.length) this.start();
+    if (!this.domain.data.environments.length) return;
+    this.start();
+    this.player?.focus(); // keys act at once
   }
 
   /** @param {string} member play a member of the open run */

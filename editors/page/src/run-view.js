@@ -10,7 +10,7 @@ function memberCard(member, play) {
   const picture = make("div", { class: "thumb" });
   showSvg(picture, member.svg, `Map of ${member.title ?? member.name}`);
   return make("article", { class: "card" }, picture, make("h4", {}, member.title ?? member.name),
-    make("p", {}, describeBest(member.certificate) || "No certificate."),
+    make("p", { "data-certificate": member.name }, describeBest(member.certificate)),
     ...(member.parent ? [make("p", { class: "quiet" }, `Made from ${member.parent}`)] : []),
     ...(play ? [make("button", { type: "button", onclick: () => play(member.name) }, "Play", make("span", { class: "hidden" }, ` ${member.name}`))] : []));
 }
@@ -38,7 +38,7 @@ export class FamilyView {
       const { runs, open } = await connection.request("page/run/list");
       this.choice.hidden = !runs.length;
       this.runs.replaceChildren(...runs.map((/** @type {any} */ { name, family }) =>
-        make("option", { value: name, selected: name === (this.opened ?? open) }, family ? `${name} (${family})` : name)));
+        make("option", { value: name, selected: name === (this.opened ?? open) }, family && family !== name ? `${name} (${family})` : name)));
       if (runs.length) await this.open(this.runs.value);
       else this.content.replaceChildren(make("p", { class: "quiet" }, "There is no run yet. Start one under Search, or with `envgraph generate`."));
     } catch (error) {
@@ -71,6 +71,19 @@ export class FamilyView {
     }
     for (const table of run.training ?? []) parts.push(make("h3", {}, table.title), makeTable(table));
     this.content.replaceChildren(...parts);
+    this.certify([...run.members, ...(run.target ? [run.target] : [])]);
+  }
+
+  /** Compute the certificates that the run does not hold, one after the other, while they are on the page. @param {Member[]} members */
+  async certify(members) {
+    for (const { name, certificate } of members) {
+      const texts = [...this.content.querySelectorAll(`[data-certificate="${CSS.escape(name)}"]`)];
+      if (certificate || !texts.length || texts[0].textContent) continue;
+      for (const text of texts) text.textContent = "…";
+      const line = await this.domain.connection.request("page/certificate", { member: name }).then(describeBest, messageOf);
+      for (const text of texts) text.textContent = line;
+      if (!texts[0].isConnected) return;
+    }
   }
 }
 
@@ -86,7 +99,7 @@ export class SearchView {
     this.openRun = openRun;
     this.family = make("select", {});
     this.seed = make("input", { type: "number", value: "1", min: "0", step: "1" });
-    this.generations = make("input", { type: "number", min: "1", step: "1", placeholder: "as in the file" });
+    this.generations = make("input", { type: "number", class: "wide", min: "1", step: "1", placeholder: "as in the file" });
     this.button = make("button", { type: "submit", class: "primary" }, "Start");
     this.message = make("p", { class: "alert", role: "alert" });
     this.progress = make("div", {});
@@ -136,11 +149,12 @@ export class SearchView {
   /** @param {any} news */
   showProgress(news) {
     const progress = (this.latest = { ...this.latest, ...news }); // members and bins come only now and then
-    const rows = /** @type {[string, any][]} */ ([["Generation", progress.generation], ["Best", progress.best], ["Evaluations", progress.evaluations], ["Seconds", progress.seconds]]);
+    const soFar = progress.done ? [] : [["Generation", progress.generation], ["Best", progress.best], ["Evaluations", progress.evaluations]];
+    const rows = /** @type {[string, any][]} */ ([...soFar, ["Seconds", progress.seconds]]);
     const parts = [figures(rows.filter(([, value]) => value != null).map(([name, value]) => [name, written(value)]))];
-    if (progress.bins?.length) parts.push(make("h3", {}, "Members of the best family, by measure"), bars(progress.bins));
+    if (progress.bins?.length) parts.push(make("h3", {}, "Members in each range of the measure"), bars(progress.bins));
     if (progress.members?.length) {
-      parts.push(make("h3", {}, "Best family so far"), make("div", { class: "cards" }, ...progress.members.map((/** @type {Member} */ member) => memberCard(member, null))));
+      parts.push(make("h3", {}, progress.done ? "Members" : "Best family so far"), make("div", { class: "cards" }, ...progress.members.map((/** @type {Member} */ member) => memberCard(member, null))));
     }
     if (progress.done) {
       this.setRunning(false);
@@ -154,7 +168,7 @@ export class SearchView {
 
 /** @param {{label: string, count: number}[]} bins */
 function bars(bins) {
-  const most = Math.max(1, ...bins.map((bin) => bin.count));
+  const most = Math.max(3, ...bins.map((bin) => bin.count));
   return make("ul", { class: "bars" }, ...bins.map(({ label, count }) => {
     const bar = make("span", { class: "fill", "aria-hidden": "true" });
     bar.style.blockSize = `${(100 * count) / most}%`;

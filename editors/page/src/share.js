@@ -13,6 +13,7 @@ export async function linkWith(files) {
   const packed = await throughStream(bytes, new CompressionStream("deflate-raw"));
   const letters = btoa(Array.from(packed, (byte) => String.fromCharCode(byte)).join(""));
   const link = new URL(location.href);
+  link.search = ""; // the texts take the place of a domain that it names
   link.hash = `domain=${letters.replaceAll("+", "-").replaceAll("/", "_").replaceAll("=", "")}`;
   return link.href;
 }

@@ -120,16 +120,16 @@ test("sokoban is played to its end by keys", async () => {
   const keys = [];
   while (!(await tab.locator(".eg-outcome").isVisible())) {
     await tab.getByRole("button", { name: "Step" }).click();
-    await tab.waitForFunction((steps) => document.querySelector(".eg-figures dd")?.textContent === String(steps), keys.length + 1);
+    await tab.waitForFunction((steps) => document.querySelector(".eg-figures dd")?.textContent === `${steps} of 120`, keys.length + 1);
     keys.push(await tab.locator(".eg-chosen kbd").innerText());
   }
   await tab.getByRole("button", { name: "Restart" }).click();
-  await tab.locator(".eg-figures dd", { hasText: /^0$/ }).first().waitFor();
+  await tab.locator(".eg-figures dd", { hasText: /^0 of 120$/ }).first().waitFor();
   await tab.locator(".eg-stage").focus();
   const names = { "←": "ArrowLeft", "→": "ArrowRight", "↑": "ArrowUp", "↓": "ArrowDown" };
   for (const [number, key] of keys.entries()) {
     await tab.keyboard.press(names[key]);
-    await tab.waitForFunction((steps) => document.querySelector(".eg-figures dd")?.textContent === String(steps), number + 1);
+    await tab.waitForFunction((steps) => document.querySelector(".eg-figures dd")?.textContent === `${steps} of 120`, number + 1);
   }
   assert.match(await tab.locator(".eg-outcome").innerText(), /success/);
   await tab.keyboard.press("u");
