@@ -101,11 +101,12 @@ export class Definitions {
       type: "button", "aria-label": label,
       onclick: () => this.goTo((this.position + by + this.matches.length) % this.matches.length, true),
     }, text);
-    this.where = make("span", { class: "where" });
-    const number = `${countOf(entry, found)} ${countOf(entry, found) === "1" ? "match" : "matches"}`;
-    const head = make("div", { class: "detail-head" }, make("h3", {}, shortName(entry.name)), make("span", { class: "quiet" }, number),
-      ...(found.matches.length > 1 ? [step("‹", "Previous match", -1), this.where, step("›", "Next match", 1)] : []),
-      make("button", { type: "button", "aria-label": "Close", onclick: () => this.close() }, "×"));
+    this.number = `${countOf(entry, found)} ${countOf(entry, found) === "1" ? "match" : "matches"}`;
+    this.where = make("span", { class: "where" }, this.number);
+    const walk = found.matches.length > 1 ? [step("‹", "Previous match", -1), step("›", "Next match", 1)] : [];
+    const close = make("button", { type: "button", "aria-label": "Close", onclick: () => this.close() }, "×");
+    const head = [
+      make("div", { class: "detail-head" }, make("h3", {}, shortName(entry.name)), close), make("div", { class: "detail-head" }, this.where, ...walk)];
     const items = found.matches.map((match, position) => make("li", {}, make("button", {
       type: "button", "aria-pressed": "false",
       onclick: () => (entry.isRule ? this.apply(entry, match) : this.goTo(position, true)),
@@ -113,7 +114,7 @@ export class Definitions {
     }, ...(entry.isRule ? [make("span", { class: "verb" }, "Apply")] : []), describeMatch(match))));
     const rest = found.more ? [make("p", { class: "quiet" }, `Only the first ${found.matches.length} are listed.`)] : [];
     this.list = make("ul", { class: "matches" }, ...items);
-    this.detail.replaceChildren(head, ...(items.length ? [this.list] : []), ...rest);
+    this.detail.replaceChildren(...head, ...(items.length ? [this.list] : []), ...rest);
   }
 
   close() {
@@ -126,7 +127,7 @@ export class Definitions {
   goTo(position, scroll) {
     this.position = position;
     this.callbacks.mark(this.matches[position]?.objects ?? []);
-    if (this.where) this.where.textContent = position < 0 ? "" : `${position + 1} of ${this.matches.length}`;
+    if (this.where) this.where.textContent = position < 0 || this.matches.length < 2 ? this.number : `${position + 1} of ${this.number}`;
     [...(this.list?.children ?? [])].forEach((item, each) => {
       const button = /** @type {HTMLElement} */ (item.firstElementChild);
       button.setAttribute("aria-pressed", String(each === position));

@@ -44,7 +44,7 @@ export class ModelPicture {
     }
     showSvg(this.frame, svg, label);
     if (!svg) this.frame.replaceChildren(make("pre", {}, picture.text ?? "The model is empty."));
-    this.enlarge.hidden = picture.kind === "grid" || !svg;
+    this.enlarge.hidden = picture.kind !== "boxes" || !svg;
     this.mark(this.marked);
   }
 

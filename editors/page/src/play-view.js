@@ -10,10 +10,9 @@ export class PlayView {
     this.level = make("select", { onchange: () => this.start() });
     this.seed = make("input", { type: "number", value: "0", min: "0", step: "1", onchange: () => this.start() });
     this.stage = make("div", { class: "stage" });
-    this.element = make("div", { class: "play" },
-      make("form", { class: "choices", onsubmit: (/** @type {Event} */ event) => event.preventDefault() },
-        make("label", {}, "Environment", this.environment), make("label", {}, "Level", this.level), make("label", {}, "Seed", this.seed)),
-      this.stage);
+    this.form = make("form", { class: "choices", onsubmit: (/** @type {Event} */ event) => event.preventDefault() },
+        make("label", {}, "Environment", this.environment), make("label", {}, "Level", this.level), make("label", {}, "Seed", this.seed));
+    this.element = make("div", { class: "play" }, this.form, this.stage);
     domain.addEventListener("changed", () => this.showChoices());
     this.showChoices();
   }
@@ -27,6 +26,7 @@ export class PlayView {
     this.level.replaceChildren(
       ...models.map(({ name }) => option(`model ${name}`, name, level)),
       ...this.domain.members.map((name) => option(`member ${name}`, `member ${name}`, level)));
+    this.form.hidden = !environments.length;
     if (!environments.length) this.stage.replaceChildren(make("p", { class: "quiet" }, "This domain has no environment. Write one in a file that ends with .environment."));
   }
 
@@ -34,7 +34,7 @@ export class PlayView {
   show() {
     this.showChoices();
     if (!this.domain.data.environments.length) return;
-    this.start();
+    if (this.started !== this.choice) this.start(); // otherwise the episode goes on
     this.player?.focus(); // keys act at once
   }
 
@@ -44,7 +44,13 @@ export class PlayView {
     this.level.value = `member ${member}`;
   }
 
+  /** What is played, as text: another text needs another episode. */
+  get choice() {
+    return JSON.stringify([this.environment.value, this.level.value, this.seed.value, this.domain.data.version]);
+  }
+
   start() {
+    this.started = this.choice;
     const [kind, ...words] = this.level.value.split(" ");
     const level = kind ? { [kind]: words.join(" ") } : {};
     const parameters = { environment: this.environment.value, seed: Number(this.seed.value) || 0, ...level };

@@ -62,9 +62,9 @@ export class FamilyView {
   /** @param {any} run */
   showRun(run) {
     const parts = [figures(run.measures.map((/** @type {any} */ each) => [each.name, written(each.value)]))];
-    if (run.target) parts.push(make("h3", {}, "Target"), make("div", { class: "cards" }, memberCard(run.target, null)));
-    parts.push(make("h3", {}, `${run.members.length} members`),
-      make("div", { class: "cards" }, ...run.members.map((/** @type {Member} */ member) => memberCard(member, this.play))));
+    const target = run.target ? [memberCard({ ...run.target, title: `Target: ${run.target.title ?? run.target.name}` }, null)] : [];
+    parts.push(make("h3", {}, target.length ? "Target and members" : "Members"),
+      make("div", { class: "cards" }, ...target, ...run.members.map((/** @type {Member} */ member) => memberCard(member, this.play))));
     if (run.lineage?.length) {
       parts.push(make("h3", {}, "Lineage"), ...run.lineage.map((/** @type {any} */ each) => make("details", {},
         make("summary", {}, `${each.name}: ${each.steps.length} rule applications`), make("ol", {}, ...each.steps.map((/** @type {string} */ step) => make("li", {}, step))))));
@@ -76,9 +76,9 @@ export class FamilyView {
 
   /** Compute the certificates that the run does not hold, one after the other, while they are on the page. @param {Member[]} members */
   async certify(members) {
-    for (const { name, certificate } of members) {
+    for (const { name } of members) {
       const texts = [...this.content.querySelectorAll(`[data-certificate="${CSS.escape(name)}"]`)];
-      if (certificate || !texts.length || texts[0].textContent) continue;
+      if (!texts.length || texts[0].textContent) continue;
       for (const text of texts) text.textContent = "…";
       const line = await this.domain.connection.request("page/certificate", { member: name }).then(describeBest, messageOf);
       for (const text of texts) text.textContent = line;

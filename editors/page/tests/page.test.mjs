@@ -83,7 +83,7 @@ test("completion, hover and rename answer in the editor", async () => {
 test("the matches of a pattern are marked one by one, and the absence of one is explained", async () => {
   const tab = await open(browser, server.address);
   await choosePattern(tab, "pattern sokoban.box");
-  await tab.locator(".detail", { hasText: "2 matches" }).waitFor();
+  await tab.locator(".where", { hasText: "1 of 2 matches" }).waitFor();
   const first = await tab.locator(".marks .above").first().evaluate((mark) => mark.getAttribute("transform") + mark.getAttribute("x") + mark.getAttribute("y"));
   await tab.getByRole("button", { name: "Next match" }).click();
   const second = await tab.locator(".marks .above").first().evaluate((mark) => mark.getAttribute("transform") + mark.getAttribute("x") + mark.getAttribute("y"));
