@@ -92,6 +92,16 @@ export function showSvg(element, svg, label) {
   return element.firstElementChild;
 }
 
+/**
+ * Return an error as people read it: a sentence, and what to do.
+ * @param {any} error
+ */
+export function messageOf(error) {
+  const text = error.message ?? String(error);
+  const sentence = text.charAt(0).toUpperCase() + text.slice(1) + (/[.!?]$/.test(text) ? "" : ".");
+  return error.hint ? `${sentence} Hint: ${error.hint}` : sentence;
+}
+
 /** The state and the elements of one player. */
 class Player {
   /**
@@ -150,7 +160,7 @@ class Player {
     this.waiting += 1;
     this.last = this.last.then(work).then(() => { this.alert.textContent = ""; }, (error) => {
       this.running = false;
-      this.alert.textContent = [error.message ?? String(error), error.hint].filter(Boolean).join(" ");
+      this.alert.textContent = messageOf(error);
       this.show();
     }).finally(() => { this.waiting -= 1; });
     return this.last;
@@ -180,7 +190,7 @@ class Player {
     this.certified = asked;
     this.certificate = "Computing what the best policy reaches …";
     this.show();
-    const text = await this.connection.request("page/certificate", this.startParameters).then(describeBest, (error) => error.message);
+    const text = await this.connection.request("page/certificate", this.startParameters).then(describeBest, messageOf);
     if (asked !== this.certified) return;
     this.certificate = text;
     this.show();

@@ -1,7 +1,6 @@
 // Lists patterns and rules, walks through the matches of one, applies rules, and explains why nothing matches.
 
-import { make } from "../../../envgraph/page/player.js";
-import { messageOf } from "./domain.js";
+import { make, messageOf } from "../../../envgraph/page/player.js";
 
 /** @typedef {import("./types.js").Match} Match @typedef {{name: string, isRule: boolean, parameters: {name: string, type?: string}[]}} Entry */
 
@@ -51,7 +50,7 @@ export class Definitions {
     const nameOf = (/** @type {Entry} */ each) =>
       shortNames.filter((name) => name === `${each.isRule} ${shortName(each.name)}`).length > 1 ? each.name : shortName(each.name);
     const focused = /** @type {HTMLElement|null} */ (this.names.querySelector(":focus"))?.dataset.key;
-    const list = (/** @type {string} */ title, /** @type {boolean} */ isRule) => [
+    const list = (/** @type {string} */ title, /** @type {boolean} */ isRule) => !entries.some((each) => each.isRule === isRule) ? [] : [
       make("h3", {}, title),
       make("ul", {}, ...entries.filter((each) => each.isRule === isRule).map((each) => make("li", {}, make("button", {
         type: "button", "data-key": keyOf(each), title: [each.name, each.doc].filter(Boolean).join("\n"), "aria-pressed": String(keyOf(each) === keyOf(this.chosen)),
@@ -92,7 +91,9 @@ export class Definitions {
   showEmpty() {
     this.chosen = null;
     this.callbacks.mark([]);
-    this.detail.replaceChildren(make("p", { class: "quiet" }, "Choose a pattern to see its matches in the picture, or a rule to apply it."));
+    const { patterns, rules } = this.domain.data;
+    const text = patterns.length + rules.length ? "Choose a pattern to see its matches in the picture, or a rule to apply it." : "There are no patterns and no rules yet.";
+    this.detail.replaceChildren(make("p", { class: "quiet" }, text));
   }
 
   /** @param {Entry} entry @param {import("./types.js").Matches} found */

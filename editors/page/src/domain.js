@@ -35,6 +35,3 @@ export class Domain extends EventTarget {
     return this.data.members.map((member) => (typeof member === "string" ? member : member.name));
   }
 }
-
-/** Return a message of an error as a person should read it. @param {any} error */
-export const messageOf = (error) => [error.message ?? String(error), error.hint].filter(Boolean).join(" ");

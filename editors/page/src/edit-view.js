@@ -1,8 +1,7 @@
 // The view "Edit": texts on one side, the model, its patterns and its rules on the other.
 
-import { make } from "../../../envgraph/page/player.js";
+import { make, messageOf } from "../../../envgraph/page/player.js";
 import { Definitions } from "./definitions.js";
-import { messageOf } from "./domain.js";
 import { TextEditor } from "./editor.js";
 import { ModelPicture } from "./picture.js";
 
@@ -32,6 +31,9 @@ export class EditView {
     const { files, models } = this.domain.data;
     const first = files.find((file) => file.language === "rules") ?? files[0];
     if (first) this.editor.show(first.uri);
+    else this.alert.textContent = "This folder has no files of envgraph. `envgraph new maze` writes a domain to start from.";
+    this.showState();
+    this.showFiles();
     this.showModels();
     this.editor.client.initializing.then(() => this.showProblems());
     if (models.length) await this.ask("page/picture");
@@ -70,7 +72,7 @@ export class EditView {
     this.redo = button("Redo", "page/redo");
     this.reset = button("Reset", "page/reset");
     this.note = make("p", { class: "stale", hidden: true });
-    this.stale = make("p", { class: "stale", hidden: true }, "The texts have errors. This is the last state without errors.");
+    this.stale = make("p", { class: "stale", hidden: true });
     this.applied = make("ol", { class: "steps" });
     this.history = make("details", { hidden: true }, make("summary", {}, "Applied rules"), this.applied);
     this.changes = make("p", { class: "changes", "aria-live": "polite" });
@@ -88,11 +90,20 @@ export class EditView {
     this.models.hidden = models.length < 2;
   }
 
+  /** Say why the picture is not that of the texts. */
+  showState() {
+    const { errors, models } = this.domain.data;
+    const shown = models.length ? "This is the last state without errors." : "The model is shown when they have none.";
+    const text = errors ? `The texts have errors. ${shown}` : models.length ? "" : "There is no model yet. Write one in a file that ends with .model.";
+    this.stale.hidden = !text;
+    this.stale.textContent = text;
+  }
+
   async refresh() {
-    this.stale.hidden = !this.domain.data.errors;
+    this.showState();
     if (this.domain.data.errors) return;
     this.showModels();
-    await this.ask("page/picture");
+    if (this.domain.data.models.length) await this.ask("page/picture");
     await this.definitions.refresh();
   }
 

@@ -1,8 +1,8 @@
 // The page: opens the domain, shows one of four views, and remembers the view in the address.
 
-import { make } from "../../../envgraph/page/player.js";
+import { make, messageOf } from "../../../envgraph/page/player.js";
 import { connect, workerScript } from "./connection.js";
-import { Domain, messageOf } from "./domain.js";
+import { Domain } from "./domain.js";
 import { EditView } from "./edit-view.js";
 import { PlayView } from "./play-view.js";
 import { FamilyView, SearchView } from "./run-view.js";

@@ -1,7 +1,6 @@
 // The views "Family" and "Search": the members of a run, and a search that makes new ones.
 
-import { describeBest, formatNumber, make, showSvg } from "../../../envgraph/page/player.js";
-import { messageOf } from "./domain.js";
+import { describeBest, formatNumber, make, messageOf, showSvg } from "../../../envgraph/page/player.js";
 
 /** @typedef {import("./types.js").Member} Member */
 

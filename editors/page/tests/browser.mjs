@@ -1,7 +1,7 @@
 // A server, and a browser that looks at its page.
 
 import { execFileSync, spawn } from "node:child_process";
-import { cpSync, mkdirSync, readFileSync, rmSync } from "node:fs";
+import { cpSync, mkdirSync, mkdtempSync, readFileSync, rmSync } from "node:fs";
 import { createRequire } from "node:module";
 import { dirname, join } from "node:path";
 import { fileURLToPath } from "node:url";
@@ -12,31 +12,35 @@ export const pictures = join(root, "build/page");
 const envgraph = process.env.ENVGRAPH ?? "envgraph";
 const axe = createRequire(import.meta.url).resolve("axe-core");
 
-mkdirSync(pictures, { recursive: true });
+const domains = join(pictures, "domains");
+rmSync(domains, { recursive: true, force: true });
+mkdirSync(domains, { recursive: true });
+
+/** The servers that run; a test that fails does not stop its own. */
+const servers = new Set();
+export const stopServers = () => servers.forEach((server) => server.kill("SIGKILL"));
 
 export const launch = () => chromium.launch({ executablePath: process.env.CHROMIUM ?? "/usr/bin/chromium", args: ["--no-sandbox"] });
 
 /** Return a new folder with a copy of a bundled domain. */
 export function copyOf(domain) {
-  const folder = join(pictures, "domains", domain);
-  rmSync(folder, { recursive: true, force: true });
+  const folder = join(mkdtempSync(join(domains, "copy-")), domain);
   cpSync(join(root, "rules", domain), folder, { recursive: true });
   return folder;
 }
 
 /** Return a new folder with a domain of mazes, and a family that is found in seconds. */
 export function newMazes() {
-  const folder = join(pictures, "domains", "mazes");
-  rmSync(folder, { recursive: true, force: true });
-  mkdirSync(dirname(folder), { recursive: true });
-  execFileSync(envgraph, ["new", "mazes"], { cwd: dirname(folder) });
+  const folder = join(domains, "mazes");
+  execFileSync(envgraph, ["new", "mazes"], { cwd: domains });
   cpSync(join(root, "editors/page/tests/small.toml"), join(folder, "small.toml"));
   return folder;
 }
 
-/** Start `envgraph serve`; return its address, with the token, and a function that stops it. */
+/** Start `envgraph serve` with a folder or a bundled domain; return its address, with the token, and a function that stops it. */
 export async function serve(folder) {
-  const server = spawn(envgraph, ["serve", "--no-browser", folder], { cwd: dirname(folder) });
+  const server = spawn(envgraph, ["serve", "--no-browser", folder], { cwd: domains });
+  servers.add(server);
   let output = "";
   const address = await new Promise((resolve, reject) => {
     const read = (data) => {

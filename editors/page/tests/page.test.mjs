@@ -1,10 +1,10 @@
 // The page with its server, in Chromium: what a person does, one view after the other. Prints the times that people wait.
 
 import assert from "node:assert/strict";
-import { readFileSync } from "node:fs";
+import { readFileSync, writeFileSync } from "node:fs";
 import { join } from "node:path";
 import { after, before, test } from "node:test";
-import { choose, copyOf, findings, launch, newMazes, open, pictures, serve } from "./browser.mjs";
+import { choose, copyOf, findings, launch, newMazes, open, pictures, serve, stopServers } from "./browser.mjs";
 
 let browser, folder, server;
 before(async () => {
@@ -14,7 +14,7 @@ before(async () => {
 });
 after(async () => {
   await browser?.close();
-  await server?.stop();
+  stopServers();
 });
 
 const choosePattern = (tab, key) => tab.locator(`.names [data-key="${key}"]`).click();
@@ -62,6 +62,47 @@ test("a mistake in a rule is shown at its place, and is gone after its cure", as
   assert.match(readFileSync(join(folder, "sokoban.rules"), "utf-8"), /spot : Floor; }\n {4}modify { retype spot : Wall; }\n}\n$/);
   assert.deepEqual(tab.problems, []);
   await tab.context().close();
+});
+
+test("a domain that is opened with a mistake shows its model after the cure", async () => {
+  const keydoor = copyOf("keydoor");
+  const query = join(keydoor, "keydoor.query");
+  writeFileSync(query, readFileSync(query, "utf-8").replace("pattern", "patern"));
+  const broken = await serve(keydoor);
+  const tab = await open(browser, broken.address);
+  await tab.locator(".stale", { hasText: "The model is shown when they have none" }).waitFor();
+  await tab.locator(".problems .error", { hasText: "patern" }).click();
+  for (let letter = 0; letter < 6; letter += 1) await tab.keyboard.press("Delete");
+  await tab.keyboard.insertText("pattern");
+  await tab.locator(".picture svg").waitFor();
+  await tab.locator('.names [data-key="pattern keydoor.step"]').waitFor();
+  assert.deepEqual(tab.problems, []);
+  await tab.context().close();
+  await broken.stop();
+});
+
+test("the keyboard alone reaches the content, and bundled files are not saved", async () => {
+  const bundled = await serve("taxi");
+  const tab = await open(browser, bundled.address);
+  await tab.keyboard.press("Tab");
+  assert.equal(await tab.evaluate(() => document.activeElement.className), "skip");
+  await tab.keyboard.press("Enter");
+  const reached = [];
+  for (let press = 0; press < 60 && !reached.includes("cm-content"); press += 1) {
+    await tab.keyboard.press("Tab");
+    reached.push(await tab.evaluate(() => document.activeElement.className.split(" ")[0]));
+  }
+  await tab.keyboard.insertText("// mine\n");
+  await tab.locator(".unsaved").waitFor();
+  await tab.keyboard.press("Control+s");
+  await tab.locator(".alert", { hasText: "read-only" }).waitFor();
+  assert.match(await tab.locator(".alert", { hasText: "read-only" }).innerText(), /envgraph new \w+ --domain taxi/);
+  await tab.keyboard.press("Escape");
+  await tab.keyboard.press("Tab");
+  assert.notEqual(await tab.evaluate(() => document.activeElement.className.split(" ")[0]), "cm-content");
+  assert.deepEqual(tab.problems, []);
+  await tab.context().close();
+  await bundled.stop();
 });
 
 test("completion, hover and rename answer in the editor", async () => {
