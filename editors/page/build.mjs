@@ -1,7 +1,7 @@
 // Builds the page into envgraph/page/built: a bundle, the texts that are copied, Graphviz in a file of its own.
 
 import { build } from "esbuild";
-import { copyFileSync, mkdirSync, readdirSync, readFileSync, rmSync, writeFileSync } from "node:fs";
+import { copyFileSync, existsSync, mkdirSync, readdirSync, readFileSync, rmSync, writeFileSync } from "node:fs";
 import { dirname, join } from "node:path";
 import { fileURLToPath } from "node:url";
 
@@ -9,13 +9,16 @@ const here = dirname(fileURLToPath(import.meta.url));
 const root = join(here, "../..");
 const built = join(root, "envgraph/page/built");
 
-/** Return the keywords of all languages of envgraph, as their grammars write them. */
-function keywords() {
-  const grammars = readdirSync(join(root, "grammars")).filter((name) => name.endsWith(".lark"));
-  const texts = grammars.map((name) => readFileSync(join(root, "grammars", name), "utf-8").replace(/\/\/.*/g, ""));
-  const words = texts.flatMap((text) => [...text.matchAll(/"([a-z][A-Za-z_]*)"/g)].map((found) => found[1]));
-  return [...new Set(words)].sort();
+/** Return the keywords of a grammar, and of the grammars that it imports. */
+function keywordsOf(name) {
+  const text = readFileSync(join(root, "grammars", `${name}.lark`), "utf-8").replace(/\/\/.*/g, "");
+  const imported = [...text.matchAll(/%import\s+\.?(\w+)/g)].map((found) => found[1]).filter((other) => existsSync(join(root, "grammars", `${other}.lark`)));
+  const own = [...text.matchAll(/"([a-z][A-Za-z_]*)"/g)].map((found) => found[1]);
+  return [...new Set([...own, ...imported.filter((other) => other !== name).flatMap(keywordsOf)])].sort();
 }
+
+const LANGUAGES = ["metamodel", "query", "rules", "model", "environment"];
+const keywords = Object.fromEntries(LANGUAGES.map((name) => [name, keywordsOf(name)]));
 
 const NO_FILE = {
   "@viz-js/viz": `Copyright (c) Michael Daines, MIT License: https://github.com/mdaines/viz-js/blob/v3/LICENSE
@@ -48,7 +51,7 @@ const { metafile } = await build({
   minify: true,
   legalComments: "none",
   metafile: true,
-  define: { GRAMMAR_KEYWORDS: JSON.stringify(keywords()) },
+  define: { GRAMMAR_KEYWORDS: JSON.stringify(keywords) },
   logLevel: "warning",
 });
 for (const name of ["index.html", "icon.svg"]) copyFileSync(join(here, "src", name), join(built, name));

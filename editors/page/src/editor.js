@@ -72,6 +72,7 @@ class OpenFile {
 class FolderWorkspace extends Workspace {
   /** @type {OpenFile[]} */ files = [];
   /** @type {(uri: string) => EditorView|null} */ show = () => null;
+  changed = () => {};
 
   syncFiles() {
     const updates = [];
@@ -99,6 +100,7 @@ class FolderWorkspace extends Workspace {
     const transaction = file.state.update(update);
     file.unsynced = file.unsynced ? file.unsynced.compose(transaction.changes) : transaction.changes;
     file.state = transaction.state;
+    this.changed();
     setTimeout(() => this.client.sync());
   }
 
@@ -131,6 +133,7 @@ export class TextEditor {
     this.workspace = /** @type {FolderWorkspace} */ (this.client.workspace);
     this.workspace.files = files.toSorted((one, other) => orderOf(one) - orderOf(other)).map((file) => new OpenFile(file, this.stateOf(file)));
     this.workspace.show = (uri) => this.show(uri);
+    this.workspace.changed = () => callbacks.changed();
     this.element = document.createElement("div");
     this.element.className = "editor";
     /** @type {OpenFile|null} */ this.shown = null;
@@ -148,7 +151,7 @@ export class TextEditor {
       doc: file.text,
       extensions: [
         lineNumbers(), lintGutter(), history(), drawSelection(), bracketMatching(), closeBrackets(), highlightActiveLine(), search(),
-        indentUnit.of("    "), languageOf(file.name), highlighting, theme,
+        indentUnit.of("    "), languageOf(file.language), highlighting, theme,
         EditorView.contentAttributes.of({ "aria-label": `${file.name}. Escape, then Tab, leaves the editor.`, tabindex: "0" }),
         this.client.plugin(file.uri, file.language),
         keymap.of([

@@ -1,2 +1,2 @@
-/** The keywords of all languages, written by build.mjs. */
-declare const GRAMMAR_KEYWORDS: string[];
+/** The keywords of each language, written by build.mjs. */
+declare const GRAMMAR_KEYWORDS: Record<string, string[]>;

@@ -3,8 +3,6 @@
 import { HighlightStyle, StreamLanguage, syntaxHighlighting } from "@codemirror/language";
 import { tags } from "@lezer/highlight";
 
-const KEYWORDS = new Set(GRAMMAR_KEYWORDS);
-
 /** @typedef {{block: "" | "*\/" | '"""' | "'''"}} Inside */
 
 /** Read on to the end of a text of several lines.
@@ -21,8 +19,8 @@ function readBlock(stream, inside) {
   return kind;
 }
 
-/** @param {boolean} isToml */
-const tokenizer = (isToml) => ({
+/** @param {boolean} isToml @param {Set<string>} keywords */
+const tokenizer = (isToml, keywords) => ({
   startState: () => /** @type {Inside} */ ({ block: "" }),
   token(/** @type {import("@codemirror/language").StringStream} */ stream, /** @type {Inside} */ inside) {
     if (inside.block) return readBlock(stream, inside);
@@ -41,7 +39,7 @@ const tokenizer = (isToml) => ({
     const word = stream.match(/[A-Za-z_]\w*/);
     if (Array.isArray(word)) {
       if (isToml) return stream.match(/\s*=/, false) ? "propertyName" : /^(true|false)$/.test(word[0]) ? "keyword" : null;
-      if (KEYWORDS.has(word[0])) return "keyword";
+      if (keywords.has(word[0])) return "keyword";
       return /^[A-Z]/.test(word[0]) ? "typeName" : null;
     }
     stream.next();
@@ -50,8 +48,8 @@ const tokenizer = (isToml) => ({
   languageData: { commentTokens: isToml ? { line: "#" } : { line: "//", block: { open: "/*", close: "*/" } } },
 });
 
-/** Return the highlighting of a file. @param {string} name */
-export const languageOf = (name) => StreamLanguage.define(tokenizer(name.endsWith(".toml")));
+/** Return the highlighting of a language. @param {string} language */
+export const languageOf = (language) => StreamLanguage.define(tokenizer(language === "toml", new Set(GRAMMAR_KEYWORDS[language])));
 
 const style = (/** @type {string} */ name) => `var(--code-${name})`;
 

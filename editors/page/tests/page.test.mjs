@@ -113,10 +113,16 @@ test("completion, hover and rename answer in the editor", async () => {
   await tab.locator(".cm-tooltip-autocomplete li", { hasText: "Floor" }).first().waitFor();
   await tab.keyboard.press("Escape");
   await tab.keyboard.press("Control+z");
-  await tab.locator(".cm-line", { hasText: "pattern step" }).first().waitFor({ state: "attached" });
   await tab.keyboard.press("Control+Home");
   await tab.locator(".cm-content").getByText("Cell", { exact: true }).first().hover();
   await tab.locator(".cm-lsp-hover-tooltip").waitFor();
+  await tab.locator(".cm-line", { hasText: "pattern step" }).click({ position: { x: 90, y: 10 } });
+  await tab.keyboard.press("F2");
+  await tab.locator(".cm-lsp-rename-panel input").fill("advance");
+  await tab.keyboard.press("Enter");
+  await tab.locator(".cm-line", { hasText: "pattern advance" }).waitFor();
+  await tab.locator(".files button", { hasText: "sokoban.rules" }).locator(".unsaved").waitFor();
+  await tab.locator('.names [data-key="pattern sokoban.advance"]').waitFor();
   assert.deepEqual(tab.problems, []);
   await tab.context().close();
 });
