@@ -16,11 +16,11 @@ if TYPE_CHECKING:
         ProgramLearnerGroup as ProgramLearnerGroup,
         TargetResults as TargetResults,
     )
+    from envgraph.solve.learning._policy_settings import PolicySettings as PolicySettings
     from envgraph.solve.learning._ppo import (
         LevelTables as LevelTables,
         PlayStatistics as PlayStatistics,
         PolicyLearner as PolicyLearner,
-        PolicySettings as PolicySettings,
     )
     from envgraph.solve.learning._programs import (
         InProgram as InProgram,

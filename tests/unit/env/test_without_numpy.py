@@ -1,4 +1,4 @@
-"""Models are drawn, changed and played where NumPy, Gymnasium and others are not installed, as in a browser."""
+"""Domains are checked, drawn and played where NumPy, Gymnasium and others are not installed, as in a browser."""
 
 from __future__ import annotations
 
@@ -12,9 +12,13 @@ from random import Random
 from envgraph.env import PlayedEpisode, Simulator, scene_svg, scene_text
 from envgraph.errors import RuleError
 from envgraph.lang import bundled_domains, open_workspace
+from envgraph.learn.audit import check_audit
+from envgraph.search import check_domain
 
 for domain in bundled_domains():
     workspace = open_workspace(domain)
+    for spec in workspace.families:
+        print(check_domain(spec, workspace, False), check_audit(spec, workspace))
     engine = workspace.engine(seed=1)
     model = engine.model
     assert "<svg" in model.picture().to_svg(graphviz=False)
