@@ -48,6 +48,17 @@ docs-accessibility: docs
 	npm install --silent --prefix build/accessibility axe-core@4.14.1 playwright-core@1.65.1
 	node docs/accessibility.mjs build/site build/accessibility
 
+# The page without a server, in build/playground, for any static server; needs Node, and a network once.
+playground: $(VENV)/.test page
+	rm -rf build/playground
+	npm ci --silent --prefix editors/playground
+	$(BIN)/python editors/playground/pack.py build/playground
+	node editors/playground/build.mjs build/playground
+
+# The same in Chromium; CHROMIUM=/path if it is elsewhere.
+test-playground: playground
+	node --test editors/playground/tests/
+
 # The pictures of the site and the tables that a search fills: committed, because the search takes five minutes.
 pictures: $(VENV)/.test
 	$(BIN)/python -m docs.pictures

@@ -1,0 +1,28 @@
+// Runs envgraph in this worker: takes the messages of the page, and answers them as `envgraph serve` does.
+
+import { inflate, startPython } from "./python.mjs";
+
+const waiting = [];
+let wake = () => {};
+self.onmessage = ({ data }) => (waiting.push(data), wake());
+
+/** Return the content of a file beside this one. */
+async function load(path) {
+  const response = await fetch(new URL(path, import.meta.url));
+  if (!response.ok) throw new Error(`${response.url} cannot be loaded.`);
+  return inflate(new Uint8Array(await response.arrayBuffer()));
+}
+
+async function answerMessages() {
+  const name = new URLSearchParams(location.search).get("domain") ?? "maze";
+  const [python, domain] = await Promise.all([startPython(load), load(`domains/${encodeURIComponent(name)}.json`)]);
+  const send = (text) => self.postMessage(text);
+  const playground = python.globals.get("Playground")(send, name, new TextDecoder().decode(domain));
+  for (;;) {
+    while (waiting.length) playground.receive(waiting.shift());
+    await new Promise((resolve) => setTimeout(resolve)); // messages that have arrived are answered first
+    if (!waiting.length && !playground.work()) await new Promise((resolve) => { wake = resolve; });
+  }
+}
+
+answerMessages().catch((error) => setTimeout(() => { throw error; })); // so that the page hears of it
