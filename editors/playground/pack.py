@@ -48,7 +48,7 @@ def domain_texts(folder: Path) -> list[dict[str, str]]:
 
 
 def write_list(folder: Path, domains: dict[str, list[dict[str, str]]]) -> None:
-    """Write the first page, which lists the domains with their pictures, in the order of the gallery."""
+    """Write the first page, which lists the domains in the order of the gallery; its pictures contain their titles."""
     gallery = (ROOT / "docs/gallery/index.md").read_text("utf-8")
     told = {
         FIRST: "Maze: the first example",
@@ -56,13 +56,15 @@ def write_list(folder: Path, domains: dict[str, list[dict[str, str]]]) -> None:
     }
     items = []
     for name in sorted(domains, key=[*told].index):
-        title, _, about = told[name].partition(": ")
         picture = "docs/tutorials/maze-world.svg" if name == FIRST else f"docs/gallery/pictures/{name}.svg"
         shutil.copyfile(ROOT / picture, folder / "domains" / f"{name}.svg")
-        items.append(
-            f'      <li><a href="page.html?domain={name}"><img src="domains/{name}.svg" alt="">'
-            f"{escape(title)}<span>{escape(about)}</span></a></li>"
+        text = escape(told[name])
+        shown = (
+            f'<img src="domains/{name}.svg" alt="{text}">'
+            if name != FIRST
+            else f'<img src="domains/{name}.svg" alt="">{text}'
         )
+        items.append(f'      <li><a href="page.html?domain={name}">{shown}</a></li>')
     page = Path(__file__).with_name("start.html").read_text("utf-8")
     (folder / "index.html").write_text(page.replace("DOMAINS", "\n".join(items)), "utf-8")
 

@@ -88,27 +88,28 @@ test("an edited domain is shared by a link, without a server", async () => {
   await tab.locator(".files button", { hasText: "sokoban.query" }).click();
   await tab.locator(".cm-content").focus();
   await tab.keyboard.press("Control+End");
-  await tab.keyboard.insertText("\npattern playground(spot : Flor) {}\n");
+  await tab.keyboard.insertText("\npattern playground(spot : Flor) { check(true) }\n");
   await tab.locator(".problems .error", { hasText: "Flor" }).click();
   for (let letter = 0; letter < 4; letter += 1) await tab.keyboard.press("Delete");
   await tab.keyboard.insertText("Floor");
-  await tab.locator('[data-key="sokoban.playground"]').waitFor();
+  await tab.locator('[data-key$="sokoban.playground"]').waitFor();
   await tab.getByRole("button", { name: "Share" }).click();
   await tab.waitForFunction(() => location.hash.startsWith("#domain="));
   const link = tab.url();
   await close(tab);
   const other = await open(link.slice(address.length));
-  await other.locator('[data-key="sokoban.playground"]').waitFor();
+  await other.locator('[data-key$="sokoban.playground"]').waitFor();
   await close(other);
 });
 
 test("a level is played by keys, and what needs a server says so", async () => {
   const tab = await open("page.html?domain=sokoban");
   await tab.locator('nav [data-view="play"]').click();
-  await tab.locator(".eg-player svg").waitFor();
-  const before = await tab.locator(".eg-player svg").innerHTML();
+  await tab.locator(".eg-stage svg").waitFor();
+  const before = await tab.locator(".eg-stage svg").innerHTML();
+  await tab.locator(".eg-stage").focus();
   for (const key of ["ArrowLeft", "ArrowRight", "ArrowUp", "ArrowDown"]) await tab.keyboard.press(key);
-  await tab.waitForFunction((old) => document.querySelector(".eg-player svg").innerHTML !== old, before);
+  await tab.waitForFunction((old) => document.querySelector(".eg-stage svg").innerHTML !== old, before);
   await tab.getByText("needs NumPy").waitFor();
   await close(tab);
 });
