@@ -3,15 +3,21 @@
 import json
 from typing import Any
 
+INTERNAL_ERROR = -32603
+"""The code of JSON-RPC for an error that nobody expected."""
+
 
 def ask(playground: Any, answers: list[str], method: str, **params: object) -> Any:
-    """Return the result of a request, or its error."""
+    """Return the result of a request, or its error; raise RuntimeError if this is a mistake of the program."""
     answers.clear()
     playground.receive(json.dumps({"jsonrpc": "2.0", "id": 0, "method": method, "params": params}))
     found = next((one for one in map(json.loads, answers) if "id" in one), {})
     while playground.work():
         pass
-    return found.get("result", found.get("error"))
+    error = found.get("error", {})
+    if error.get("code") == INTERNAL_ERROR:
+        raise RuntimeError(f"{method}: {error['message']}")
+    return found.get("result", error)
 
 
 def warm_up(name: str, domain: str) -> None:
