@@ -109,7 +109,8 @@ def _lay_out_part(picture: Diagram, part: list[str], frames: dict[str, BoxFrame]
     for edge in picture.edges:
         if edge.source in inside and edge.source != edge.target:
             joined.setdefault(frozenset((edge.source, edge.target)), (edge.source, edge.target))
-    places = (_spring_layout if find_spec("networkx") else _python_spring_layout)(part, [*joined.values()])
+    has_networkx = find_spec("networkx") and find_spec("numpy")  # which it needs for this
+    places = (_spring_layout if has_networkx else _python_spring_layout)(part, [*joined.values()])
     wide = max(2 * frames[key].half_width for key in part) + gap
     high = max(2 * frames[key].half_height for key in part) + gap
     lengths = sorted(abs(places[a] - places[b]) for a, b in joined.values())
