@@ -35,6 +35,11 @@ if TYPE_CHECKING:
         format_value as format_value,
         shorten as shorten,
     )
+    from envgraph.draw._notebook_html import (
+        html_fields as html_fields,
+        html_table as html_table,
+        html_text as html_text,
+    )
     from envgraph.draw._rendered_picture import Picture as Picture
     from envgraph.draw._svg_film import (
         LAST_STEPS as LAST_STEPS,

@@ -15,6 +15,7 @@ from envgraph.env._simulator import CONTINUES, Simulator
 from envgraph.env._size_errors import TooManyStates, check_observation_count, check_table_size
 from envgraph.env._tabular import Tabular, nonempty_masks
 from envgraph.env.scene._scene import Painter, Scene
+from envgraph.env.scene._scene_svg import scene_svg
 from envgraph.errors import LIMITS
 from envgraph.graph import Savepoint
 from envgraph.rewrite import Engine, SavepointWalk, walk_of_savepoints
@@ -34,6 +35,10 @@ class ExploredEnvironment:
 
     tabular: Tabular
     pictures: tuple[Scene, ...]
+
+    def _repr_html_(self) -> str:
+        start = [scene_svg(self.pictures[int(self.tabular.start_states[0])])] if self.pictures else []
+        return "".join([self.tabular._repr_html_(), *start])
 
 
 def explore(

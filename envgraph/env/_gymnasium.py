@@ -16,6 +16,7 @@ from gymnasium.error import ResetNeeded
 from numpy.typing import NDArray
 
 from envgraph.behaviour import key_bindings, key_code
+from envgraph.draw import html_table
 from envgraph.env._enumeration import ExploredEnvironment
 from envgraph.env._family_members import MemberFacts, SwitchableMembers
 from envgraph.env._model_views import ModelView, model_view
@@ -30,6 +31,7 @@ from envgraph.env._simulator import SUCCESS, Simulator
 from envgraph.env._tabular import Tabular, cumulative_sums
 from envgraph.env.scene._pixels import scene_rgb
 from envgraph.env.scene._scene import DRAW_HINT, Scene
+from envgraph.env.scene._scene_svg import scene_svg
 from envgraph.env.scene._text import scene_text
 from envgraph.env.scene._window import Window, has_window
 from envgraph.errors import InvalidArgument, list_names
@@ -175,6 +177,7 @@ class SingleEnvironment(FamilyEnvironment, gymnasium.Env[Any, Any]):
         action_masks: bool = False,
     ) -> None:
         check_render_mode(render_mode, drawn=drawn)
+        self._is_drawn = drawn
         self.render_mode = render_mode
         self.action_names = tuple(action_names)
         self.action_keys: Mapping[str, Sequence[str]] | None = {}
@@ -251,6 +254,11 @@ class SingleEnvironment(FamilyEnvironment, gymnasium.Env[Any, Any]):
             return None
         scene = self._scene()
         return scene_text(scene) if self.render_mode == "ansi" else scene_rgb(scene, self._cell)
+
+    def _repr_html_(self) -> str:
+        actions, observed = ", ".join(self.action_names), str(self.observation_space)
+        facts = html_table([("actions", actions), ("observation", observed), ("steps", self._steps)])
+        return facts + scene_svg(self._scene()) if self._is_drawn and self._has_begun else facts
 
     def close(self) -> None:
         """Close the window, if one is open."""

@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from envgraph.code import dataclass
-from envgraph.draw import escape_markup
+from envgraph.draw import html_table
 from envgraph.env._prepared_clauses import MAX_REWARD
 from envgraph.errors import TOLERANCE, InvalidArgument
 
@@ -84,10 +84,7 @@ class Tabular:
     def _repr_html_(self) -> str:
         rows = [*((what, f"{number:,}") for what, number in self._counts().items())]
         rows += [("names of actions", ", ".join(self.action_names)), ("agents", ", ".join(self.agent_names))]
-        cells = (
-            f"<tr><th>{escape_markup(what)}</th><td>{escape_markup(value)}</td></tr>" for what, value in rows if value
-        )
-        return f"<table>{''.join(cells)}</table>"
+        return html_table(row for row in rows if row[1])
 
     def _counts(self) -> dict[str, int]:
         return {

@@ -25,6 +25,8 @@ class Shown:
     items: int = 10  # of a list in a repr
     matches: int = 3  # in a repr
     rows: int = 100  # matches in a notebook, members on a terminal, objects in a picture
+    pictures: int = 24  # of members of a family in a notebook
+    lines: int = 400  # of a text in a notebook
     firings: int = 20  # last firings before the step limit, whose rules are named
     marks: int = 6  # tokens that the description of a picture names
     similar: int = 1_000  # names that are compared with a wrong one

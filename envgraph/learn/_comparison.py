@@ -10,6 +10,7 @@ from typing import Literal
 import numpy as np
 
 from envgraph.code import dataclass
+from envgraph.draw import html_text
 from envgraph.errors import InvalidArgument
 from envgraph.learn._curricula import Kind
 from envgraph.learn._regret import TEACHERS
@@ -90,6 +91,8 @@ class Comparison:
         """Format a mean as a percentage if successes are compared, otherwise as a mean return."""
         return f"{100 * value:.3g} %" if self.by == "success" else f"a mean return of {value:z.2f}"
 
+    _repr_html_ = html_text
+
     def __str__(self) -> str:
         by = "return " if self.by == "return" else ""
         chance = "p < 0.001" if self.p_value < 0.001 else f"p = {self.p_value:.2g}"
@@ -129,6 +132,8 @@ class BestWay:
     def best(self) -> list[str]:
         """Return the best way and the ways that tie with it, in words; see `Comparison.is_tie`."""
         return [self.called, *(one.called for one in self.comparisons if one.is_tie)]
+
+    _repr_html_ = html_text
 
     def __str__(self) -> str:
         first, (*more, last) = self.comparisons[0], self.best

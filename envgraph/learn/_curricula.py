@@ -10,6 +10,7 @@ from math import isfinite
 from typing import Literal, Self, get_args
 
 from envgraph.code import dataclass
+from envgraph.draw import html_fields
 from envgraph.errors import InvalidArgument, check_known
 from envgraph.solve.learning import Epsilon
 
@@ -43,6 +44,8 @@ class Curriculum:
     schedule: str | None = None
     epsilon: Epsilon | None = None
     orders: tuple[tuple[str, ...], ...] = ()
+
+    _repr_html_ = html_fields
 
     def __post_init__(self) -> None:
         if not self.stages or len(self.stages) != len(self.shares) or min(self.shares) <= 0:

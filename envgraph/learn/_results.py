@@ -13,6 +13,7 @@ from statistics import fmean
 from typing import Any, TypeVar
 
 from envgraph.code import dataclass
+from envgraph.draw import html_fields, html_table
 from envgraph.errors import EnvgraphError, InvalidArgument, parse_float, parse_int
 from envgraph.files import open_input, replacement_draft
 from envgraph.learn._curricula import Kind, parse_kind
@@ -79,6 +80,8 @@ class RunResult:
     success_before: float
     curve: Curve
 
+    _repr_html_ = html_fields
+
     def steps_to_threshold(self, threshold: float = THRESHOLD) -> int | None:
         """Return the time to threshold, including the steps of earlier stages (Taylor and Stone 2009, "total time").
 
@@ -144,12 +147,18 @@ class Summary:
     success_before: float
     steps_to_threshold: int | None
 
+    _repr_html_ = html_fields
+
 
 @dataclass(frozen=True, slots=True)
 class Experiment:
     """The results of all runs of an experiment, ordered by curriculum and then by seed."""
 
     runs: tuple[RunResult, ...]
+
+    def _repr_html_(self) -> str:
+        head = ("kind", "curriculum", "runs", "success rate", "95 % interval", "mean return", "steps to threshold")
+        return html_table(map(_shown_summary, self.summaries()), head)
 
     def summaries(self, confidence: float = 0.95) -> tuple[Summary, ...]:
         """Return a summary for each curriculum, in the order of their first runs."""
@@ -167,6 +176,12 @@ class Experiment:
                 tried[run.label] = success + run.success_rate, total + run.mean_return
         lesser = {("control", label) for label in tried if label != max(tried, key=lambda one: tried[one])}
         return Experiment(tuple(run for run in self.runs if (run.kind, run.label) not in lesser))
+
+
+def _shown_summary(one: Summary) -> tuple[object, ...]:
+    low, high = one.success_interval
+    success = (one.success_rate, f"{low:.3f} to {high:.3f}")
+    return (one.kind, one.label, one.runs, *success, one.mean_return, one.steps_to_threshold)
 
 
 def _summarise(group: Sequence[RunResult], confidence: float) -> Summary:

@@ -6,7 +6,7 @@ from collections.abc import Iterator, Mapping
 from typing import NamedTuple, Unpack
 
 from envgraph.code import dataclass, shorten_repr
-from envgraph.draw import Picture, escape_markup
+from envgraph.draw import Picture, html_table
 from envgraph.errors import SHOWN, InvalidArgument, did_you_mean
 from envgraph.graph import Model, Node, PictureOptions
 from envgraph.metamodel import Value
@@ -138,9 +138,9 @@ class Match(Mapping[str, "Node | Value"]):
         inside = ", ".join(f"{name}={self._value_text(position)}" for position, name in enumerate(self.names))
         return f"{self.definition}({inside})"
 
-    def html_cells(self) -> list[str]:
-        """Return one HTML table cell (`<td>`) for the value of each variable."""
-        return [f"<td>{escape_markup(self._value_text(position))}</td>" for position in range(len(self.names))]
+    def cell_texts(self) -> list[str]:
+        """Return the value of each variable as text."""
+        return [self._value_text(position) for position in range(len(self.names))]
 
     def _repr_html_(self) -> str:
         return Matches([self])._repr_html_()
@@ -165,10 +165,7 @@ class Matches(list[Match]):
     def _repr_html_(self) -> str:
         if not self:
             return "no matches"
-        head = "".join(f"<th>{escape_markup(name)}</th>" for name in self[0].names)
-        rows = "".join(f"<tr>{''.join(one.html_cells())}</tr>" for one in self[: SHOWN.rows])
-        more = f"<p>and {len(self) - SHOWN.rows:,} more</p>" if len(self) > SHOWN.rows else ""
-        return f"<table><caption>{escape_markup(self[0].definition)}</caption><tr>{head}</tr>{rows}</table>{more}"
+        return html_table((one.cell_texts() for one in self), self[0].names, self[0].definition, len(self))
 
 
 @shorten_repr
@@ -198,3 +195,7 @@ class Application:
     def firing(self) -> Firing:
         """Return the rule name and the row of the match as a `Firing`, for a trace."""
         return Firing(self.rule, self.match.row)
+
+    def _repr_html_(self) -> str:
+        rows = [*zip(self.match.names, self.match.cell_texts(), strict=True), *self.created.items()]
+        return html_table([*rows, *self.outputs.items()], caption=f"{self.rule} was applied")

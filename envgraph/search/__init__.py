@@ -53,6 +53,7 @@ if TYPE_CHECKING:
         TournamentParents as TournamentParents,
         acceptance_probability as acceptance_probability,
     )
+    from envgraph.search.families._certificate_texts import format_certificates as format_certificates
     from envgraph.search.families._family_file import (
         family_schema as family_schema,
         open_family as open_family,
@@ -130,7 +131,6 @@ if TYPE_CHECKING:
         Verification as Verification,
         certificates as certificates,
         differing_members as differing_members,
-        format_certificates as format_certificates,
         store_certificates as store_certificates,
         verify as verify,
     )

@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from envgraph.code import dataclass
+from envgraph.draw import html_fields
 from envgraph.env import Tabular
 from envgraph.errors import InvalidArgument
 from envgraph.solve._evaluation import evaluate_policy
@@ -41,6 +42,8 @@ class Certificates:
     optimal_return: float
     success: float
     policy_return: float
+
+    _repr_html_ = html_fields
 
     @property
     def solvable(self) -> bool:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import inspect
 from collections.abc import Iterator
-from dataclasses import fields, is_dataclass
+from dataclasses import fields, is_dataclass, replace
 from enum import Enum
 from importlib import import_module
 from typing import Any
@@ -13,9 +13,9 @@ import pytest
 
 import envgraph
 from envgraph.errors import EnvgraphError
-from envgraph.learn import FamilyMember, TrainingSettings, run_experiment, sequences
+from envgraph.learn import FamilyMember, TrainingSettings, best_way, compare, run_experiment, sequences
 from envgraph.report import family_report
-from envgraph.search import Family, Outcome, generate
+from envgraph.search import Family, Outcome, certificates, generate, verify
 
 PACKAGES = (
     "envgraph",
@@ -79,6 +79,7 @@ def world(family: Family) -> list[object]:
     """Something of every kind that people meet."""
     engine = envgraph.open("burning_forest")
     engine.model.graph.set_object_name(0, LONG)
+    engine.model.name = "<script>"
     heard = engine.on("burningTile", appear=lambda engine: None, existing=False)
     with engine.recording() as trace:
         applied = engine.apply("changeRoadToBurning")
@@ -86,7 +87,11 @@ def world(family: Family) -> list[object]:
     table = family.explored(family.members[0], pictures=True)
     members = [FamilyMember(one.name, table.tabular) for one in family.members]
     settings = TrainingSettings(steps_per_environment=20, seeds=1)
-    experiment = run_experiment(members, settings, sequences([one.name for one in members], "full"))
+    curricula = [sequences([one.name for one in members], kind)[0] for kind in ("full", "direct")]
+    experiment = run_experiment(members, settings, curricula)
+    certified = [*verify(family.subset([1]))]
+    environment = envgraph.make(domain="burning_forest", render_mode="ansi").unwrapped
+    environment.reset(seed=0)
     with pytest.raises(EnvgraphError) as failed:
         envgraph.load(engine, "no/such.rules")
     return [
@@ -97,7 +102,9 @@ def world(family: Family) -> list[object]:
         engine.explore("changeBurningToRoad", limit=3), failed.value, *failed.value.diagnostics,
         family, *family.members, family.domain, family.domain.workspace, family.domain.spec, family.bundle, family.keys,
         family.behaviour, Outcome.of(family), table, table.tabular, *table.pictures[:2], experiment,
-        *experiment.runs, *experiment.summaries(), settings, family_report(family),
+        *experiment.runs, *experiment.summaries(), *compare(experiment), settings, family_report(family), *certified,
+        best_way(experiment, members[-1].name), certificates(family, family.members[0]), environment, curricula[0],
+        envgraph.optimise(engine.copy(), "changeRoadToBurning", maximise="burningTile", steps=5),
         *family.domain.workspace.patterns, *family.domain.workspace.rules,
     ]  # fmt: skip
 
@@ -141,6 +148,28 @@ def test_public_functions_and_constants_have_a_short_repr() -> None:
     for name, item in public_objects():
         if not inspect.isclass(item) and type(item).__module__.startswith("envgraph"):
             assert has_short_repr(item), name
+
+
+def test_html_for_notebooks_is_short_and_escaped(world: list[object]) -> None:
+    shown = {}
+    for one in world:
+        html = getattr(one, "_repr_html_", lambda: None)()
+        if html is not None:
+            shown[type(one).__name__] = html
+            assert "<script>" not in html and "\x1b" not in html and len(html) < 300_000, type(one)
+            assert html.count("<table>") == html.count("</table>") and html.count("<pre>") == html.count("</pre>")
+    assert "&lt;script&gt;" in shown["Engine"] and "startTileFixedLocation" in shown["Engine"]
+    assert "<th>environments</th><td>BurningForest</td>" in shown["Workspace"]
+    assert "<caption>E1</caption>" in shown["Verification"] and "<th>shortest plan</th>" in shown["Verification"]
+    assert "<td>curriculum</td><td>E1-E" in shown["Experiment"]
+    assert "<svg" in shown["ExploredEnvironment"] and "<svg" in shown["EnvgraphEnv"]
+    assert {"Trace", "Application", "Exploration", "Optimum", "Comparison", "BestWay", "Certificates"} <= shown.keys()
+
+
+def test_notebooks_show_some_members_of_a_large_family(family: Family) -> None:
+    many = replace(family, members=tuple(replace(family.members[0], name=f"E{place}") for place in range(1, 51)))
+    html = many._repr_html_()
+    assert html.count("<figure") == 24 and "(26 members before E50 are not shown)" in html and "<b>E50</b>" in html
 
 
 def test_notebooks_show_matches_reasons_plans_and_tables(family: Family) -> None:

@@ -4,9 +4,10 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import field
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 from envgraph.code import dataclass
+from envgraph.draw import html_table, html_text
 from envgraph.errors import Diagnostic, InvalidArgument, LoadError, Severity, did_you_mean, has_errors
 from envgraph.graph import Model
 from envgraph.lang.family._family_spec import FamilySpec
@@ -51,6 +52,14 @@ class Workspace:
     unknown: UnknownNames = field(default_factory=UnknownNames)
     unread: frozenset[str] = frozenset()
     registration: Registration | None = field(default=None, compare=False, repr=False)
+
+    def _repr_html_(self) -> str:
+        kinds: dict[str, tuple[Any, ...]] = {"models": self.models, "patterns": self.patterns, "rules": self.rules}
+        kinds |= {"units": self.units, "environments": self.behaviours, "families": self.families}
+        rows = [("files", ", ".join(self.sources))]
+        rows += [(kind, ", ".join(one.name for one in some)) for kind, some in kinds.items() if some]
+        problems = html_text("\n\n".join(map(str, self.diagnostics))) if self.diagnostics else ""
+        return html_table(rows) + problems
 
     @property
     def definitions(self) -> tuple[Pattern | Rule | Unit | Derivation | FunctionDeclaration, ...]:

@@ -9,6 +9,7 @@ from typing import Final, Literal
 import numpy as np
 
 from envgraph.code import dataclass
+from envgraph.draw import html_text
 from envgraph.learn._comparison import SIGNIFICANT
 from envgraph.learn._significance import FEWEST_UNITS, holm, mean_test
 from envgraph.learn.audit._audit_settings import PROTOCOL
@@ -63,6 +64,8 @@ class Finding:
         if self.p_value < SIGNIFICANT and self.value > 0.0:
             return "stands"
         return "fails" if self.p_value < SIGNIFICANT or self.high < self.margin else "undecided"
+
+    _repr_html_ = html_text
 
     def __str__(self) -> str:
         chance = "p < 0.001" if self.p_value < 0.001 else f"p = {self.p_value:.2g}"

@@ -6,7 +6,7 @@ from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import replace
 
 from envgraph.code import shorten_repr
-from envgraph.draw import escape_markup
+from envgraph.draw import html_text
 from envgraph.match.explain._plan_trace import PlanTrace
 from envgraph.match.generate._sources import view_source
 from envgraph.match.generate._symbols import ResultMode
@@ -47,8 +47,7 @@ class Explanation(str):
     def __repr__(self) -> str:
         return f"<explanation of {self.count(chr(10)) + 1} lines: {self.partition(chr(10))[0]}>"
 
-    def _repr_html_(self) -> str:
-        return f"<pre>{'<br>'.join(map(escape_markup, self.splitlines()))}</pre>"
+    _repr_html_ = html_text
 
 
 def explain_view(planner: Planner, key: PatternQuery, actual: Actual | None) -> str:

@@ -12,7 +12,7 @@ from pathlib import PurePath
 from typing import Any, Literal
 
 from envgraph.code import dataclass
-from envgraph.draw import escape_markup
+from envgraph.draw import html_text
 from envgraph.errors import EnvgraphError, Span
 from envgraph.match.explain._plan_text import VariableNames, goal_text
 from envgraph.match.explain._plan_trace import Build, trace_plan
@@ -133,8 +133,7 @@ class WhyNot:
     def __str__(self) -> str:
         return "\n".join(self.lines(self.show, ""))
 
-    def _repr_html_(self) -> str:
-        return f"<pre>{'<br>'.join(map(escape_markup, str(self).splitlines()))}</pre>"
+    _repr_html_ = html_text
 
     def lines(self, show: Callable[[int], str], indent: str) -> list[str]:
         """Return the explanation as indented lines of text. `show` returns the text of an object."""

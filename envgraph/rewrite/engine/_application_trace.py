@@ -17,6 +17,8 @@ import json
 from collections.abc import Iterable, Sequence
 from typing import TYPE_CHECKING, Any, Final
 
+from envgraph.code import shorten_repr
+from envgraph.draw import html_table
 from envgraph.errors import Diagnostic, EvaluationError, Note, RuleError, Span, TraceError
 from envgraph.rewrite._matches import Firing
 
@@ -32,6 +34,7 @@ _UNRECORDED_HINT: Final = (
 )
 
 
+@shorten_repr
 class Trace(list[Firing]):
     """A list of applications (`Firing`s), in order, with the hashes of the states between them.
 
@@ -49,6 +52,10 @@ class Trace(list[Firing]):
         self.gaps: list[int] = []
         self.spans: tuple[Span, ...] = ()
         self.matches: tuple[Span, ...] = ()
+
+    def _repr_html_(self) -> str:
+        rows = ((number, one.rule, ", ".join(map(str, one.values))) for number, one in enumerate(self, start=1))
+        return html_table(rows, ("step", "rule", "match"), total=len(self)) if self else "no applications"
 
     def check_state(self, state: int) -> None:
         """Record the state before the next application. If it differs from the state after the last one, add a gap."""

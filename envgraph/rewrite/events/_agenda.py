@@ -8,6 +8,7 @@ from itertools import count, islice
 from typing import TYPE_CHECKING, overload
 
 from envgraph.code import shorten_repr
+from envgraph.draw import html_text
 from envgraph.errors import SHOWN, EvaluationError
 from envgraph.graph import Follower, guarded_contextmanager
 from envgraph.match import ViewMatcher
@@ -229,6 +230,8 @@ class Agenda(Sequence[Activation]):
 
     def __repr__(self) -> str:
         return f"<agenda: {len(self._activations())} to fire>"
+
+    _repr_html_ = html_text
 
     def __str__(self) -> str:
         """Return the number of activations, and the first twenty, one per line."""

@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
-from dataclasses import field
+from dataclasses import asdict, field
 from functools import cached_property
 from typing import TYPE_CHECKING, Literal, NamedTuple
 
 from envgraph.code import dataclass, shorten_repr
+from envgraph.draw import html_table
 from envgraph.errors import InvalidArgument, did_you_mean
 from envgraph.graph import Model, Version
 from envgraph.rewrite._matches import Firing, Match, Row, Shape
@@ -148,6 +149,9 @@ class Exploration:
     def __repr__(self) -> str:
         count = f"{len(self)} states, {len(self._record.sources)} transitions"
         return f"<Exploration: {count}, {self.ending}>"
+
+    def _repr_html_(self) -> str:
+        return html_table([*asdict(self.statistics).items(), ("ending", self.ending)])
 
     @property
     def complete(self) -> bool:

@@ -18,9 +18,9 @@ from envgraph.files import check_empty_folder, replace_file
 from envgraph.graph import Model
 from envgraph.search.export._array_export import write_tables
 from envgraph.search.export._templates import TemplateDirectory
+from envgraph.search.families._certificate_texts import format_certificates
 from envgraph.search.families._family_pictures import format_measures
 from envgraph.search.families._member_family import Family, Member
-from envgraph.search.runs._certificates_check import format_certificates
 
 TEMPLATES_DIRECTORY: Final = Path(__file__).parent / "templates"
 """Directory of the built-in templates."""

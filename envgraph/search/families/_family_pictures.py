@@ -8,6 +8,8 @@ from typing import TYPE_CHECKING, Final
 
 from envgraph.code import dataclass
 from envgraph.draw import escape_markup, shorten
+from envgraph.errors import SHOWN
+from envgraph.search.families._certificate_texts import format_certificates
 
 if TYPE_CHECKING:
     from envgraph.search.families._member_family import Family, Member
@@ -86,10 +88,9 @@ def _placed_svg(svg: str, x: int, y: int) -> str:
 
 
 def member_html(family: Family, member: Member) -> str:
-    """Return HTML of a member for notebooks: its picture, with name and measures below."""
-    facts = "".join(
-        f"<br>{escape_markup(name)} {escape_markup(value)}" for name, value in format_measures(family, member)
-    )
+    """Return HTML of a member for notebooks: its picture, with name, measures and certificates below."""
+    pairs = format_measures(family, member) + format_certificates(member, family.members)
+    facts = "".join(f"<br>{escape_markup(name)} {escape_markup(value)}" for name, value in pairs)
     given = " (initial)" if member.initial else ""
     text = f"<b>{escape_markup(member.name)}</b>{given}{facts}"
     style = "margin:0;width:15em;overflow-wrap:anywhere"
@@ -97,6 +98,10 @@ def member_html(family: Family, member: Member) -> str:
 
 
 def family_html(family: Family) -> str:
-    """Return HTML of a family for notebooks: all members side by side."""
-    cards = "".join(member_html(family, member) for member in family.members)
-    return f'<b>{escape_markup(family.name)}</b><div style="display:flex;flex-wrap:wrap;gap:1em">{cards}</div>'
+    """Return HTML of a family for notebooks: its members side by side. Of many members only some are shown."""
+    *first, target = family.members
+    hidden = max(0, len(family.members) - SHOWN.pictures)
+    shown = [member_html(family, member) for member in (*first[: SHOWN.pictures - 1], target)]
+    note = f" ({hidden:,} members before {escape_markup(target.name)} are not shown)" if hidden else ""
+    style = "display:flex;flex-wrap:wrap;gap:1em"
+    return f'<b>{escape_markup(family.name)}</b>{note}<div style="{style}">{"".join(shown)}</div>'

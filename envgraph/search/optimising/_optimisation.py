@@ -10,6 +10,7 @@ from time import monotonic
 import numpy as np
 
 from envgraph.code import dataclass
+from envgraph.draw import html_table
 from envgraph.errors import InvalidArgument, TransactionError
 from envgraph.graph import Version
 from envgraph.rewrite import Engine, Trace
@@ -59,6 +60,12 @@ class Optimum:
     initial: Mapping[str, float]
     steps: int
     goals: tuple[Goal, ...]
+
+    def _repr_html_(self) -> str:
+        names = [goal.name for goal in self.goals]
+        rows: list[Sequence[object]] = [("start", *(self.initial[name] for name in names), None, None)]
+        rows += [("found", *(one.values[name] for name in names), one.violation, len(one.trace)) for one in self.front]
+        return html_table(rows, ["model", *names, "violation", "applications"], f"{self.steps:,} moves were tried")
 
     @property
     def best(self) -> Solution:

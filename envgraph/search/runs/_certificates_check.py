@@ -2,21 +2,22 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping
 from contextlib import suppress
 from dataclasses import fields, replace
-from math import floor, inf, isclose, isfinite, log10
-from typing import Any
+from math import inf, isclose, isfinite
 
 import numpy as np
 from numpy.typing import NDArray
 
 from envgraph.code import dataclass
+from envgraph.draw import html_table
 from envgraph.env import Simulator, TooManyStates, explore
 from envgraph.env.compiled import ActionPlan, CompiledProgram, NotCompiled, Plans, has_numba
 from envgraph.files import report_counting
 from envgraph.rewrite import Engine
 from envgraph.search._run_store import CERTIFICATES_KEY, RunStore
+from envgraph.search.families._certificate_texts import format_certificates
 from envgraph.search.families._lazy_family import OUTCOMES_FOR_A_TABLE
 from envgraph.search.families._member_family import Family, Member
 from envgraph.search.problem._individual_measures import DEFAULT_STEP_LIMIT
@@ -56,6 +57,11 @@ class Verification:
     plan: ActionPlan | None = None
     visited_again: bool = True
 
+    def _repr_html_(self) -> str:
+        known = format_certificates(replace(self.member, certificates=self.certificates))
+        rows = [("states", self.states or self.reason), *known, ("differences", ", ".join(self.differences) or "none")]
+        return html_table(rows, caption=self.member.name)
+
 
 def _differences(known: Certificates, again: Certificates, said: Mapping[str, float | None]) -> Iterator[str]:
     """Yield the names of values that differ between two computations, or from the stored certificates of a member."""
@@ -78,45 +84,6 @@ def _certificate_values(known: Certificates) -> dict[str, float | None]:
     """Return the certificates to store, ready for JSON. An infinite value, such as of a missing plan, becomes None."""
     values = {name: getattr(known, name) for name in _STORED_CERTIFICATES}
     return {name: value if isfinite(value) else None for name, value in values.items()}
-
-
-def format_certificates(member: Member, family: Sequence[Member] = ()) -> list[tuple[str, str]]:
-    """Format a member's certificates as pairs of a name and a text for people.
-
-    A member without certificates is "not verified" if other members of `family` have certificates, else the result is
-    [].
-    """
-    said = member.certificates
-    if not said:
-        return [("shortest plan", "not verified")] if any(one.certificates for one in family) else []
-    plan, limit, best = said["shortest_plan"], said["limit"], said["optimal_return"]
-    walk = f"random walk in the family, {limit:.0f} steps"
-    if "sampled_episodes" not in said:
-        return [
-            ("shortest plan", "none" if plan is None else f"{plan:.0f}"),
-            (walk, f"{said['random_success']:.3g}"),
-            ("optimal return", "not finite" if best is None else f"{best:z.3f}"),
-        ]
-    found, gain, how = said["plan_found"], said["plan_return"], f"(sampled, {said['sampled_episodes']:,.0f} episodes)"
-    pairs = [
-        ("shortest plan", "none found" if found is None else f"{'at most ' if plan is None else ''}{found:.0f}"),
-        ("return of the plan", "" if gain is None else f"{gain:z.3f}"),
-        (walk, f"{_format_estimate(said, 'sampled_success')} {how}"),
-        ("return of the walk", f"{_format_estimate(said, 'sampled_return')} (sampled)"),
-        ("optimal return", "not computed"),
-    ]
-    if "sampled_legal_success" in said:
-        means = (_format_estimate(said, f"sampled_legal_{mean}") for mean in ("success", "return"))
-        pairs.insert(-1, ("walk of legal actions", " (sampled), return ".join(means)))
-    return pairs
-
-
-def _format_estimate(said: Mapping[str, Any], name: str) -> str:
-    """Return a mean and the larger distance to an end of its interval, with as many decimals as that needs."""
-    mean = said[name]
-    half = max(mean - said[f"{name}_low"], said[f"{name}_high"] - mean)
-    places = max(0, -floor(log10(half))) if half > 0.0 else 3
-    return f"{mean:z.{places}f} ± {half:.{places}f}"
 
 
 def differing_members(family: Family, found: Iterable[Verification]) -> dict[str, list[str]]:

@@ -9,6 +9,7 @@ from itertools import groupby
 from math import inf
 
 from envgraph.code import dataclass
+from envgraph.draw import html_text
 from envgraph.errors import SHOWN, TOLERANCE, Diagnostic, Severity
 from envgraph.lang import Strength
 from envgraph.search._run_store import RunStore, _checked_texts
@@ -58,6 +59,8 @@ class Outcome:
         diverse = "steps" not in family.objective or (spec is not None and "diversity" in spec.options)
         diverse = diverse and (family.domain.spec.samples is None or family.domain.spec.uses_diversity)
         return cls(measure.score(values), maximum, unit, bins, family.objective, target, diverse)
+
+    _repr_html_ = html_text
 
     def __str__(self) -> str:
         limit = f" of {self.maximum:.3f}" if self.maximum < inf else ""

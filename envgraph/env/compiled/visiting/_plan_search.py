@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 
 from envgraph.behaviour import Behaviour, KeyIndex, ObserveFind, OnFind, indexed_classes
 from envgraph.code import dataclass
+from envgraph.draw import html_text
 from envgraph.env._enumeration import Progress
 from envgraph.env._prepared_clauses import never_acts
 from envgraph.env._simulator import Simulator
@@ -58,6 +59,8 @@ class ActionPlan:
     def is_exact(self) -> bool:
         """Return True if no shorter plan exists, or, for a result without a plan, if no plan exists."""
         return self.width is None
+
+    _repr_html_ = html_text
 
     def __str__(self) -> str:
         if isfinite(self.steps):
