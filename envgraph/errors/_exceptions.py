@@ -54,6 +54,10 @@ class LoadError(DiagnosticError):
         """Return an error with one diagnostic."""
         return cls([Diagnostic(code, message, span, hint)])
 
+    def _render_traceback_(self) -> list[str]:
+        """Return the lines that IPython shows: the mistakes are in a text, so that no line of Python explains them."""
+        return str(self).splitlines()
+
 
 class ResolutionError(DiagnosticError):
     """An error in a definition made in Python (pattern, rule, behaviour): an unknown name or a wrong type."""
