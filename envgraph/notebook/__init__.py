@@ -9,5 +9,7 @@ from envgraph.code import export_lazily
 
 if TYPE_CHECKING:
     from envgraph.notebook._magics import load_ipython_extension as load_ipython_extension
+    from envgraph.notebook._play import play as play
+    from envgraph.notebook._player import Player as Player
 
 export_lazily(globals())

@@ -84,5 +84,14 @@ class CellMagics:
 
 
 def load_ipython_extension(shell: InteractiveShell) -> None:
-    """Register the magics; IPython calls this function for `%load_ext envgraph.notebook`."""
+    """Register the magics, and show environments of `envgraph.make`, for `%load_ext envgraph.notebook`."""
     CellMagics(shell)
+    if shell.display_formatter is not None:
+        html = shell.display_formatter.formatters["text/html"]
+        html.for_type_by_name("gymnasium.core", "Wrapper", _wrapper_html)
+
+
+def _wrapper_html(environment: Any) -> str | None:
+    """Return the HTML of the environment inside a wrapper of Gymnasium, such as a time limit; None if it has none."""
+    show = getattr(environment.unwrapped, "_repr_html_", None)
+    return None if show is None else str(show())

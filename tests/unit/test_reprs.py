@@ -160,6 +160,7 @@ def test_html_for_notebooks_is_short_and_escaped(world: list[object]) -> None:
             assert html.count("<table>") == html.count("</table>") and html.count("<pre>") == html.count("</pre>")
     assert "&lt;script&gt;" in shown["Engine"] and "startTileFixedLocation" in shown["Engine"]
     assert "<th>environments</th><td>BurningForest</td>" in shown["Workspace"]
+    assert "<td>burning_forest.environment, burning_forest.metamodel" in shown["Workspace"], "without their folder"
     assert "<caption>E1</caption>" in shown["Verification"] and "<th>shortest plan</th>" in shown["Verification"]
     assert "<td>curriculum</td><td>E1-E" in shown["Experiment"]
     assert "<svg" in shown["ExploredEnvironment"] and "<svg" in shown["EnvgraphEnv"]

@@ -56,7 +56,7 @@ class Workspace:
     def _repr_html_(self) -> str:
         kinds: dict[str, tuple[Any, ...]] = {"models": self.models, "patterns": self.patterns, "rules": self.rules}
         kinds |= {"units": self.units, "environments": self.behaviours, "families": self.families}
-        rows = [("files", ", ".join(self.sources))]
+        rows = [("files", ", ".join(self.bundle().texts))]
         rows += [(kind, ", ".join(one.name for one in some)) for kind, some in kinds.items() if some]
         problems = html_text("\n\n".join(map(str, self.diagnostics))) if self.diagnostics else ""
         return html_table(rows) + problems

@@ -77,6 +77,11 @@ class Member:
         """Return the member's model as JSON text."""
         return self.source if isinstance(self.source, str) else self.source.text()
 
+    @property
+    def family(self) -> Family | None:
+        """Return the family to which the member belongs; None for a member that was made alone."""
+        return self._family
+
     def _repr_html_(self) -> str | None:
         return None if self._family is None else member_html(self._family, self)
 
