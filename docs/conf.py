@@ -25,6 +25,7 @@ extensions = [
     "codes",
     "commands",
     "family_tables",
+    "notebook_pages",
 ]
 exclude_patterns = ["changes"]
 source_suffix = {".md": "markdown"}
