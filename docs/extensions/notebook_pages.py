@@ -6,6 +6,7 @@ the build. The page begins with a link to the notebook as an `.ipynb` file witho
 
 from __future__ import annotations
 
+import logging
 import os
 import re
 from collections.abc import Iterator
@@ -58,6 +59,7 @@ def execute_notebook(notebook: Any) -> None:
         config = Config(KernelManager={"transport": "ipc", "ip": f"{folder}/.kernel"})
         place = {"metadata": {"path": folder}}
         client = NotebookClient(notebook, kernel_name="python3", timeout=SECONDS, resources=place, config=config)
+        client.log.setLevel(logging.WARNING)  # no line for each notebook
         try:
             client.execute(
                 env={**os.environ, "IPYTHONDIR": f"{folder}/.ipython", "PYDEVD_DISABLE_FILE_VALIDATION": "1"}

@@ -1,6 +1,6 @@
-"""Work in notebooks: cells in envgraph's languages after `%load_ext envgraph.notebook`, and a widget to play with.
+"""Work in notebooks: write cells in the languages of envgraph, and play levels in a widget.
 
-Results need nothing of this package: their `_repr_html_` shows them.
+`%load_ext envgraph.notebook` adds the magics. Results need nothing of this package: their `_repr_html_` shows them.
 """
 
 from typing import TYPE_CHECKING

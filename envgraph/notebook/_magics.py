@@ -45,7 +45,7 @@ class CellMagics:
         """Check the text of a cell together with those of the other cells, and show what is wrong.
 
         Raises:
-            UsageError: the name is not a plain word.
+            UsageError: the name has other characters than letters, digits, `_` and `-`.
             LoadError: the text has errors.
         """
         if not re.fullmatch(r"[\w-]*", name):
