@@ -37,6 +37,7 @@ if TYPE_CHECKING:
     )
     from envgraph.draw._notebook_html import (
         html_fields as html_fields,
+        html_picture as html_picture,
         html_table as html_table,
         html_text as html_text,
     )

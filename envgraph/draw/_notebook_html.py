@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import fields
 from itertools import islice
 from typing import Any
 
-from envgraph.draw._diagram_data import escape_markup
-from envgraph.errors import SHOWN
+from envgraph.draw._diagram_data import escape_markup, shorten
+from envgraph.errors import SHOWN, EnvgraphError
 
 
 def html_table(
@@ -32,7 +32,7 @@ def html_table(
     if head:
         lines.append(f"<tr>{''.join(f'<th>{escape_markup(name)}</th>' for name in head)}</tr>")
     for row in shown:
-        cells = [escape_markup(_cell_text(value)) for value in row]
+        cells = [escape_markup(shorten(_cell_text(value), SHOWN.message)) for value in row]
         first = f"<td>{cells[0]}</td>" if head else f"<th>{cells[0]}</th>"
         lines.append(f"<tr>{first}{''.join(f'<td>{cell}</td>' for cell in cells[1:])}</tr>")
     more = f"<p>and {hidden:,} more</p>" if hidden else ""
@@ -54,6 +54,15 @@ def html_text(item: object) -> str:
     lines = str(item).splitlines()
     more = [f"and {len(lines) - SHOWN.lines:,} more lines"] if len(lines) > SHOWN.lines else []
     return f"<pre>{'<br>'.join(map(escape_markup, [*lines[: SHOWN.lines], *more]))}</pre>"
+
+
+def html_picture(draw: Callable[[], str | None]) -> str:
+    """Return the SVG that `draw` returns; if it fails, or the SVG is very long, a sentence that says so."""
+    try:
+        svg = draw() or ""
+    except EnvgraphError as error:
+        return f"<p>no picture: {escape_markup(error.message)}</p>"
+    return svg if len(svg) <= SHOWN.markup else "<p>the picture is too large for a notebook</p>"
 
 
 def html_fields(item: Any) -> str:

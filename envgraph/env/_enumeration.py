@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 
 from envgraph.behaviour import Behaviour, KeyIndex
 from envgraph.code import dataclass
+from envgraph.draw import html_picture
 from envgraph.env._simulator import CONTINUES, Simulator
 from envgraph.env._size_errors import TooManyStates, check_observation_count, check_table_size
 from envgraph.env._tabular import Tabular, nonempty_masks
@@ -37,8 +38,8 @@ class ExploredEnvironment:
     pictures: tuple[Scene, ...]
 
     def _repr_html_(self) -> str:
-        start = [scene_svg(self.pictures[int(self.tabular.start_states[0])])] if self.pictures else []
-        return "".join([self.tabular._repr_html_(), *start])
+        counts, start = self.tabular._repr_html_(), int(self.tabular.start_states[0])
+        return counts + html_picture(lambda: scene_svg(self.pictures[start])) if self.pictures else counts
 
 
 def explore(

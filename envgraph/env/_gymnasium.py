@@ -16,7 +16,7 @@ from gymnasium.error import ResetNeeded
 from numpy.typing import NDArray
 
 from envgraph.behaviour import key_bindings, key_code
-from envgraph.draw import html_table
+from envgraph.draw import html_picture, html_table
 from envgraph.env._enumeration import ExploredEnvironment
 from envgraph.env._family_members import MemberFacts, SwitchableMembers
 from envgraph.env._model_views import ModelView, model_view
@@ -258,7 +258,7 @@ class SingleEnvironment(FamilyEnvironment, gymnasium.Env[Any, Any]):
     def _repr_html_(self) -> str:
         actions, observed = ", ".join(self.action_names), str(self.observation_space)
         facts = html_table([("actions", actions), ("observation", observed), ("steps", self._steps)])
-        return facts + scene_svg(self._scene()) if self._is_drawn and self._has_begun else facts
+        return facts + html_picture(lambda: scene_svg(self._scene())) if self._is_drawn and self._has_begun else facts
 
     def close(self) -> None:
         """Close the window, if one is open."""

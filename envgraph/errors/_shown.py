@@ -26,6 +26,7 @@ class Shown:
     matches: int = 3  # in a repr
     rows: int = 100  # matches in a notebook, members on a terminal, objects in a picture
     pictures: int = 24  # of members of a family in a notebook
+    markup: int = 500_000  # characters of a picture in a notebook
     lines: int = 400  # of a text in a notebook
     firings: int = 20  # last firings before the step limit, whose rules are named
     marks: int = 6  # tokens that the description of a picture names

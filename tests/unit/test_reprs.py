@@ -12,7 +12,8 @@ from typing import Any
 import pytest
 
 import envgraph
-from envgraph.errors import EnvgraphError
+from envgraph.draw import html_picture
+from envgraph.errors import EnvgraphError, InvalidArgument
 from envgraph.learn import FamilyMember, TrainingSettings, best_way, compare, run_experiment, sequences
 from envgraph.report import family_report
 from envgraph.search import Family, Outcome, certificates, generate, verify
@@ -165,6 +166,15 @@ def test_html_for_notebooks_is_short_and_escaped(world: list[object]) -> None:
     assert "<td>curriculum</td><td>E1-E" in shown["Experiment"]
     assert "<svg" in shown["ExploredEnvironment"] and "<svg" in shown["EnvgraphEnv"]
     assert {"Trace", "Application", "Exploration", "Optimum", "Comparison", "BestWay", "Certificates"} <= shown.keys()
+
+
+def test_pictures_that_fail_or_are_too_large_are_replaced_by_a_sentence() -> None:
+    def fail() -> str:
+        raise InvalidArgument("the truck <b> is nowhere")
+
+    assert html_picture(fail) == "<p>no picture: the truck &lt;b&gt; is nowhere</p>"
+    assert html_picture(lambda: "<svg>" + " " * 500_000) == "<p>the picture is too large for a notebook</p>"
+    assert html_picture(lambda: "<svg></svg>") == "<svg></svg>"
 
 
 def test_notebooks_show_some_members_of_a_large_family(family: Family) -> None:

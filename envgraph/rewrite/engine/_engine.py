@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any, Concatenate, ParamSpec, TypeVar
 from weakref import ref
 
 from envgraph.code import shorten_repr
-from envgraph.draw import html_table
+from envgraph.draw import html_picture, html_table
 from envgraph.errors import Diagnostic
 from envgraph.graph import Model
 from envgraph.match import Matcher, ViewMatcher
@@ -257,7 +257,7 @@ class Engine:
     def _repr_html_(self) -> str:
         names = {"patterns": self.patterns, "rules": self.rules, "units": self.units, "watched": self.watched}
         rows = [(kind, ", ".join(some)) for kind, some in names.items() if some]
-        return f"{html_table(rows, caption=repr(self.model))}{self.model._repr_svg_() or ''}"
+        return f"{html_table(rows, caption=repr(self.model))}{html_picture(self.model._repr_svg_)}"
 
     def __repr__(self) -> str:
         return f"<Engine on {self.model!r}: {len(self.rules)} rules>"

@@ -7,7 +7,7 @@ from collections.abc import Sequence
 from typing import TYPE_CHECKING, Final
 
 from envgraph.code import dataclass
-from envgraph.draw import escape_markup, shorten
+from envgraph.draw import escape_markup, html_picture, shorten
 from envgraph.errors import SHOWN
 from envgraph.search.families._certificate_texts import format_certificates
 
@@ -93,8 +93,9 @@ def member_html(family: Family, member: Member) -> str:
     facts = "".join(f"<br>{escape_markup(name)} {escape_markup(value)}" for name, value in pairs)
     given = " (initial)" if member.initial else ""
     text = f"<b>{escape_markup(member.name)}</b>{given}{facts}"
+    picture = html_picture(lambda: family.svg(member))
     style = "margin:0;width:15em;overflow-wrap:anywhere"
-    return f'<figure style="{style}">{family.svg(member)}<figcaption>{text}</figcaption></figure>'
+    return f'<figure style="{style}">{picture}<figcaption>{text}</figcaption></figure>'
 
 
 def family_html(family: Family) -> str:

@@ -96,11 +96,11 @@ def test_cells_with_names_are_files_that_can_be_saved(notebook: Notebook, tmp_pa
 
 
 def test_environments_in_wrappers_are_shown(notebook: Notebook) -> None:
-    environment = envgraph.make(domain="lava", render_mode="ansi")
+    environment = envgraph.make(domain="burning_forest", render_mode="ansi")
     environment.reset(seed=0)
     assert notebook.shell.display_formatter is not None
     data, _ = notebook.shell.display_formatter.format(environment)
-    assert "<th>actions</th><td>left, right, forward" in data["text/html"] and "<svg" in data["text/html"]
+    assert "<th>actions</th><td>left, down, right, up" in data["text/html"] and "<svg" in data["text/html"]
 
 
 def test_a_family_cell_is_checked_with_the_cells_that_it_names(

@@ -83,15 +83,15 @@ def test_wrong_requests_are_answered_by_errors(
 
 
 def test_whatever_holds_a_level_can_be_played(family: Family) -> None:
-    workspace = open_workspace("lava")
+    workspace = open_workspace("burning_forest")
     engine = workspace.engine()
     levels = [
         (family, f"{family.name}, {family.members[-1].name}"),
         (family.members[0], f"{family.name}, E1"),
-        (workspace, "vault"),
-        (Path("rules/lava"), "vault"),
-        (envgraph.make(domain="lava"), "vault"),
-        (gymnasium.make("envgraph/Lava-v0"), "vault"),
+        (workspace, "target_8x8"),
+        (Path("rules/burning_forest"), "target_8x8"),
+        (envgraph.make(domain="burning_forest"), "target_8x8"),
+        (gymnasium.make("envgraph/BurningForest-v0"), "target_8x8"),
     ]
     for level, title in levels:
         player = play(level)
