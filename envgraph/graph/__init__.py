@@ -20,7 +20,7 @@ from envgraph.code import export_lazily
 from envgraph.graph.interchange import _copying  # noqa: F401, how models are copied
 
 if TYPE_CHECKING:
-    from envgraph.graph.compare._described_changes import DescribedObjects as DescribedObjects
+    from envgraph.graph.compare._described_changes import ModelSnapshot as ModelSnapshot
     from envgraph.graph.compare._isomorphism import IsomorphismClasses as IsomorphismClasses
     from envgraph.graph.history._delayed_interrupts import (
         defer_interrupts as defer_interrupts,

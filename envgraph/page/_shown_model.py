@@ -7,10 +7,9 @@ from itertools import islice, product
 from typing import Any
 
 from envgraph.code import dataclass
-from envgraph.errors import EnvgraphError, InvalidArgument, did_you_mean, list_names
-from envgraph.graph import Model, Node, Version
+from envgraph.errors import SHOWN, EnvgraphError, InvalidArgument, did_you_mean, list_names
+from envgraph.graph import Model, ModelSnapshot, Node, Version
 from envgraph.metamodel import EnumType, Scalar, Value
-from envgraph.page._model_changes import describe_changes, state_of
 from envgraph.page._pictures import format_object, format_value
 from envgraph.page._work import JsonObject
 from envgraph.pattern import ObjectType, StaticType
@@ -197,13 +196,13 @@ class ShownModel:
     # --- changes
 
     def apply(self, option: Option) -> list[str]:
-        """Apply a rule or run a unit, and return the changes as lines of text.
+        """Apply a rule or run a unit, and return at most 100 of its changes as lines of text.
 
         Raises:
             RuleError: the rule is refused; the model is unchanged.
             InvalidArgument: the unit fails; the model is unchanged.
         """
-        before, engine = state_of(self.model), self.engine
+        before, engine = ModelSnapshot.of(self.model.graph), self.engine
         with engine.recording() as trace, engine.transaction():
             if option.match is None:
                 result = engine.run(option.name, bound=option.values)
@@ -213,7 +212,7 @@ class ShownModel:
                 engine.apply(option.name, option.match)
         self._keep(_Step(str(option), tuple(trace), self.model.commit()))
         self._undone.clear()
-        return describe_changes(before, self.model)
+        return before.changes(self.model.graph)[: SHOWN.rows]
 
     def _keep(self, step: _Step) -> None:
         self._steps.append(step)

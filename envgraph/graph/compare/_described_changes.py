@@ -2,28 +2,28 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping
-from typing import TYPE_CHECKING
+from collections.abc import Iterable, Iterator, Mapping
+from typing import TYPE_CHECKING, Any
 
 from envgraph.code import dataclass
-from envgraph.metamodel import Reference, Value
+from envgraph.metamodel import Attribute, Feature, Metamodel
 
 if TYPE_CHECKING:
     from envgraph.graph.model._graph import Graph
 
-FeatureValues = tuple[Value, ...]
+FeatureValues = tuple[Any, ...]
 """The values of a feature; those of a reference are ids of objects."""
 
 
 @dataclass(frozen=True, slots=True)
-class DescribedObjects:
+class ModelSnapshot:
     """The names, classes and features of some objects at one moment, and the ids of all objects.
 
     >>> from envgraph.graph import Model
     >>> from envgraph.metamodel import Attribute, Class, Metamodel, Scalar
     >>> model = Model(Metamodel("house", [Class("Door", features=(Attribute("height", Scalar.INT),))]))
     >>> door = model.create("Door", height=2)
-    >>> before = DescribedObjects.of(model.graph, [door.id])
+    >>> before = ModelSnapshot.of(model.graph)
     >>> door.height = 3
     >>> before.changes(model.graph)
     ['Door#0.height = 3 (was 2)']
@@ -35,9 +35,9 @@ class DescribedObjects:
     every: frozenset[int]
 
     @classmethod
-    def of(cls, graph: Graph, objects: Iterable[int]) -> DescribedObjects:
-        """Return the present state of objects, which are given by id."""
-        ids = list(dict.fromkeys(objects))
+    def of(cls, graph: Graph, objects: Iterable[int] | None = None) -> ModelSnapshot:
+        """Return the present state of objects, which are given by id; None for all objects."""
+        ids = list(graph.store.nodes() if objects is None else dict.fromkeys(objects))
         return cls(
             {one: _title(graph, one) for one in ids},
             {one: graph.class_of(one) for one in ids},
@@ -46,16 +46,44 @@ class DescribedObjects:
         )
 
     def changes(self, graph: Graph) -> list[str]:
-        """Return a text for each change since then: of the described objects, and of objects that were created."""
-        found: list[str] = []
+        """Return a text for each change since then: of the objects in the snapshot, and of objects that were created.
+
+        A link that two opposite references hold is reported once.
+        """
+        found = [f"{self.titles[node]} is deleted" for node in self.titles if not graph.alive(node)]
         for node, title in self.titles.items():
-            if not graph.alive(node):
-                found.append(f"{title} is deleted")
-                continue
-            if graph.class_of(node) != self.classes[node]:
-                found.append(f"{title} is now {graph.class_of(node)}")
-            found += _feature_changes(graph, node, title, self.features[node])
+            if graph.alive(node):
+                if graph.class_of(node) != self.classes[node]:
+                    found.append(f"{title} is now {graph.class_of(node)}")
+                found += self._feature_changes(graph, node, title)
         return found + [f"{_title(graph, node)} is created" for node in graph.store.nodes() if node not in self.every]
+
+    def _feature_changes(self, graph: Graph, node: int, title: str) -> Iterator[str]:
+        features, before = graph.metamodel.features(graph.class_of(node)), self.features[node]
+        for name, values in _feature_values(graph, node).items():
+            feature, old = features[name], before.get(name, ())
+            if values == old or name not in before or not _is_described(graph.metamodel, feature):
+                continue
+            if isinstance(feature, Attribute):
+                yield f"{title}.{name} = {_values_text(values)} (was {_values_text(old)})"
+            elif not feature.many:
+                yield f"{title}.{name} = {', '.join(_title(graph, one) for one in values) or 'none'}"
+            else:
+                yield from (
+                    f"{title}.{name}: {self._old_title(graph, one)} removed" for one in old if one not in values
+                )
+                yield from (f"{title}.{name}: {_title(graph, one)} added" for one in values if one not in old)
+
+    def _old_title(self, graph: Graph, node: int) -> str:
+        return self.titles.get(node) or _title(graph, node)
+
+
+def _is_described(metamodel: Metamodel, feature: Feature) -> bool:
+    """Return False for a reference whose opposite is described: of two opposites, the single-valued or first one is."""
+    if isinstance(feature, Attribute) or feature.opposite is None or not feature.many:
+        return True
+    opposite = metamodel.features(feature.target)[feature.opposite]
+    return not isinstance(opposite, Attribute) and opposite.many and feature.index < opposite.index
 
 
 def _title(graph: Graph, node: int) -> str:
@@ -65,23 +93,6 @@ def _title(graph: Graph, node: int) -> str:
 def _feature_values(graph: Graph, node: int) -> dict[str, FeatureValues]:
     features = graph.metamodel.features(graph.class_of(node))
     return {name: tuple(graph.read_feature(node, feature)) for name, feature in features.items()}
-
-
-def _feature_changes(graph: Graph, node: int, title: str, before: Mapping[str, FeatureValues]) -> list[str]:
-    """Return texts for changed attributes and references with at most one target; other references have an opposite
-    that says the same, or are of no interest in a short text.
-    """
-    features = graph.metamodel.features(graph.class_of(node))
-    found = []
-    for name, values in _feature_values(graph, node).items():
-        feature, old = features[name], before.get(name, ())
-        if values == old or name not in before:
-            continue
-        if not isinstance(feature, Reference):
-            found.append(f"{title}.{name} = {_values_text(values)} (was {_values_text(old)})")
-        elif not feature.many:
-            found.append(f"{title}.{name} = {', '.join(_title(graph, int(one)) for one in values) or 'none'}")
-    return found
 
 
 def _values_text(values: FeatureValues) -> str:

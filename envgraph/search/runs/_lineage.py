@@ -7,7 +7,7 @@ from dataclasses import field
 from typing import NamedTuple
 
 from envgraph.code import dataclass, shorten_repr
-from envgraph.graph import DescribedObjects, Node
+from envgraph.graph import ModelSnapshot, Node
 from envgraph.metamodel import Value
 from envgraph.rewrite import Engine
 from envgraph.search._run_store import RunStore
@@ -111,6 +111,6 @@ def _replay(engine: Engine, rule: str, row: tuple[Value, ...]) -> str:
     """Repeat a rule application, and return its text: the rule, and what it changed."""
     shape, graph = engine.prepare(rule).shape, engine.model.graph
     matched = [one for place, one in enumerate(row) if shape.is_object(place) and isinstance(one, int)]
-    before = DescribedObjects.of(graph, matched)
+    before = ModelSnapshot.of(graph, matched)
     engine.replay([(rule, row)])
     return f"{rule.partition('.')[2] or rule}: {', '.join(before.changes(graph)) or 'no change of a matched object'}"

@@ -71,7 +71,7 @@ def test_rules_and_units_are_applied_with_values_and_their_changes_are_told() ->
     page = rooms()
     page.ask("page/open")
     done = page.ask("page/apply", rule="grow", values={"room": "hall"})
-    assert done["changes"] == ["Room hall.size: 3 → 4"]
+    assert done["changes"] == ["hall.size = 4 (was 3)"]
     assert done["picture"]["steps"] == ["grow(room=Room hall)"]
     with pytest.raises(Refused, match="`resize` needs a value for `n`"):
         page.ask("page/applicable", rule="resize")
