@@ -97,6 +97,7 @@ test("the keyboard alone reaches the content, and bundled files are not saved", 
   await tab.keyboard.press("Control+s");
   await tab.locator(".alert", { hasText: "read-only" }).waitFor();
   assert.match(await tab.locator(".alert", { hasText: "read-only" }).innerText(), /envgraph new \w+ --domain taxi/);
+  await tab.keyboard.press("Escape"); // closes a list of words, if one is open
   await tab.keyboard.press("Escape");
   await tab.keyboard.press("Tab");
   assert.notEqual(await tab.evaluate(() => document.activeElement.className.split(" ")[0]), "cm-content");
