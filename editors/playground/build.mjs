@@ -1,7 +1,7 @@
 // Writes the playground, a page without a server: node editors/playground/build.mjs FOLDER
 // The folder has the texts that pack.py writes. The page is built before, by `make page`.
 
-import { cpSync, readdirSync, readFileSync, writeFileSync } from "node:fs";
+import { appendFileSync, cpSync, readdirSync, readFileSync, writeFileSync } from "node:fs";
 import { dirname, join, resolve } from "node:path";
 import { fileURLToPath, pathToFileURL } from "node:url";
 import { gzipSync } from "node:zlib";
@@ -16,8 +16,9 @@ const folder = resolve(process.argv[2]);
 
 /** Copy files into a folder of the playground. */
 const copy = (from, names, to) => names.forEach((name) => cpSync(join(from, name), join(folder, to, name)));
-const assets = readdirSync(page).filter((name) => name !== "index.html");
+const assets = readdirSync(page).filter((name) => !["index.html", "licenses.txt"].includes(name));
 copy(page, assets, "");
+appendFileSync(join(folder, "licenses.txt"), readFileSync(join(page, "licenses.txt")));
 copy(here, ["start.css", "worker.mjs", "python.mjs", "start.py"], "");
 const meta = `<meta charset="utf-8">
   <meta http-equiv="Content-Security-Policy" content="default-src 'self'; style-src 'self' 'unsafe-inline'; img-src 'self' data:; script-src 'self' 'wasm-unsafe-eval'">

@@ -13,6 +13,7 @@ import subprocess
 import sys
 from collections.abc import Iterator
 from html import escape
+from importlib.metadata import files
 from pathlib import Path
 from tempfile import TemporaryDirectory
 
@@ -24,6 +25,14 @@ ROOT = Path(__file__).resolve().parents[2]
 UNUSABLE = ("cli", "env/compiled", "notebook", "report", "sb3.py")
 """The parts of envgraph that a page never imports."""
 SUFFIXES = (*LANGUAGES, "toml")
+LICENSES = """Pyodide 314.0.7, MPL-2.0: source and license at https://github.com/pyodide/pyodide/tree/314.0.7
+It contains Python, PSF-2.0: https://docs.python.org/3.14/license.html
+
+---
+
+Lark, MIT
+
+"""
 FIRST = "maze"
 """The domain that `envgraph new` writes."""
 
@@ -72,16 +81,18 @@ def write_list(folder: Path, domains: dict[str, list[dict[str, str]]]) -> None:
 def main(folder: Path) -> None:
     """Write the files into a folder, which is created."""
     (folder / "domains").mkdir(parents=True, exist_ok=True)
-    files = json.dumps(dict(python_files()))
-    (folder / "envgraph.bin").write_bytes(gzip.compress(files.encode(), mtime=0))
+    texts = json.dumps(dict(python_files()))
+    (terms,) = (one for one in files("lark") or () if one.name == "LICENSE")
+    (folder / "licenses.txt").write_text(f"{LICENSES}{terms.read_text()}\n---\n\n", "utf-8")
+    (folder / "envgraph.bin").write_bytes(gzip.compress(texts.encode(), mtime=0))
     domains = {name: domain_texts(data_path("rules", name)) for name in bundled_domains()}
     with TemporaryDirectory() as place:
         subprocess.run(
             [sys.executable, "-m", "envgraph", "new", FIRST], cwd=place, check=True, stdout=subprocess.DEVNULL
         )
         domains[FIRST] = domain_texts(Path(place, FIRST))
-    for name, texts in domains.items():
-        (folder / "domains" / f"{name}.json").write_text(json.dumps({"files": texts}), "utf-8")
+    for name, listed in domains.items():
+        (folder / "domains" / f"{name}.json").write_text(json.dumps({"files": listed}), "utf-8")
     write_list(folder, domains)
 
 

@@ -88,7 +88,7 @@ test("an edited domain is shared by a link, without a server", async () => {
   await tab.locator(".files button", { hasText: "sokoban.query" }).click();
   await tab.locator(".cm-content").focus();
   await tab.keyboard.press("Control+End");
-  await tab.keyboard.insertText("\npattern playground(spot : Flor) { check(true); }\n");
+  await tab.keyboard.insertText("\npattern playground(spot : Flor) { Cell.west(spot, _); }\n");
   await tab.locator(".problems .error", { hasText: "Flor" }).click();
   for (let letter = 0; letter < 4; letter += 1) await tab.keyboard.press("Delete");
   await tab.keyboard.insertText("Floor");
