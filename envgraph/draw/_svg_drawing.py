@@ -79,7 +79,7 @@ def picture_title(picture: Diagram) -> str:
 
 
 def _format_number(number: float) -> str:
-    return f"{number:.1f}".removesuffix(".0")
+    return f"{round(number, 1) + 0.0:.1f}".removesuffix(".0")  # never "-0"
 
 
 def _draw_text(x: float, y: float, text: str, style: str) -> str:

@@ -79,6 +79,7 @@ class Diagnostic:
     def fixes(self) -> tuple[Edit, ...]:
         r"""Return the changes that together correct the problem as its hint says; () if no text is known to be right.
 
+        >>> from envgraph.errors import Source, did_you_mean
         >>> span = Source("a", "find stpe(x, y)").span_between(5, 9)
         >>> Diagnostic("unknown-pattern", "unknown pattern `stpe`", span, did_you_mean("stpe", ["step"])).fixes[0].text
         'step'

@@ -82,18 +82,18 @@ def family_report(
         facts: what is needed to repeat the run, shown at the end.
     """
     sections, outcome = [], Outcome.of(family)
+    verdict, chart = verdict_and_chart(family, outcome, trained, search.values if search else ())
     if trained:
         sections.append(_stages_section(family, trained))
     sections += [training_section(one, family.members[-1].name) for one in trained]
     if search is not None:
-        sections += _search_sections(family, outcome, search)
+        sections += _search_sections(family, outcome, search, chart)
     count, classes = len(family.members), family.differing_class_counts()
     target = family.members[-1].name
     best = "".join(f"{one.suffix and f' {one.student}:'} {way}" for one in trained if (way := one.best_way(target)))
     result = f" Result: {outcome}." if str(outcome) else ""
     shown = family.members[:MOST_CARDS]
     others = f" Pictures show the first {MOST_CARDS} of {count:,} environments." if count > len(shown) else ""
-    verdict, chart = verdict_and_chart(family, outcome, trained)
     return Report(
         title=f"{family.name}: a family of {count} environments",
         summary=f"{_order_sentence(family)}{result}{_unverified_note(family)}{best}{others}",
@@ -194,11 +194,14 @@ def _member_card(family: Family, place: int, classes: Mapping[str, Sequence[int]
     return Card(member.name, family.svg(member), tuple(facts), member.initial)
 
 
-def _search_sections(family: Family, outcome: Outcome, search: SearchRecord) -> list[ReportSection]:
-    """Return the sections on the course of the search, and on the changes that lead to the members."""
+def _search_sections(family: Family, outcome: Outcome, search: SearchRecord, shown: str) -> list[ReportSection]:
+    """Return the sections on the course of the search, and on the changes that lead to the members.
+
+    `shown` is the chart at the head of the page, which is not repeated.
+    """
     sections = []
     if len(search.history) > 1 or search.rejections:
-        sections.append(_search_section(family, outcome, search))
+        sections.append(_search_section(family, outcome, search, shown))
     if search.lineage is not None and search.lineage.branches:
         text = (
             "The rule applications that lead from the initial model to each environment. "
@@ -208,7 +211,7 @@ def _search_sections(family: Family, outcome: Outcome, search: SearchRecord) -> 
     return sections
 
 
-def _search_section(family: Family, outcome: Outcome, search: SearchRecord) -> ReportSection:
+def _search_section(family: Family, outcome: Outcome, search: SearchRecord, shown: str) -> ReportSection:
     unit = f" {outcome.unit}" if outcome.unit else ""
     accepted, rejected = len(search.values), sum(search.rejections.values())
     sentences = [
@@ -228,8 +231,10 @@ def _search_section(family: Family, outcome: Outcome, search: SearchRecord) -> R
             )
         ]
     if outcome.bins:
-        sentences.append("The strip shows the value of each environment, and below each bin the accepted models in it.")
-        charts.insert(0, _strip(family, search.values))
+        strip = _strip(family, search.values)
+        place = "at the head of the page" if strip == shown else "below"
+        sentences.append(f"The strip {place} has a dot for each environment, and the number of accepted models by bin.")
+        charts = ([] if strip == shown else [strip]) + charts
     tables = []
     if search.rejections:
         counts = sorted(search.rejections.items(), key=lambda one: (-one[1], one[0]))
@@ -254,6 +259,7 @@ def verdict_and_chart(family: Family, outcome: Outcome, trained: Sequence[Traini
     """Return a sentence that says what a family is worth, and the chart that shows it.
 
     These are the results of training with the largest budget, or else those for the objective, or else the diversity.
+    `accepted` has the diversity measure of all accepted models.
     """
     target = family.members[-1].name
     for results in reversed(trained):
@@ -267,7 +273,7 @@ def verdict_and_chart(family: Family, outcome: Outcome, trained: Sequence[Traini
     verdict = f"{count_with_noun(len(values), 'environment')} with `{name}` from {min(values):.3g} to {max(values):.3g}"
     if isinstance(diversity, BinnedEntropy):
         verdict += f", in {len(set(outcome.bins))} of {diversity.bins} bins"
-    return f"{verdict}. Train agents on them with `envgraph train` to see what they teach.", _strip(family)
+    return f"{verdict}. Train agents on them with `envgraph train` to see what they teach.", _strip(family, accepted)
 
 
 def _objective_verdict(family: Family, outcome: Outcome) -> tuple[str, str]:

@@ -50,5 +50,5 @@ def test_a_street_is_shown_exported_and_reported(
     run("report", "street", "-o", "street.html")
     page = (tmp_path / "street.html").read_text()
     assert page.count("main : Street") == 6
-    assert page.count("<svg") == page.count('role="img"') == page.count("aria-label=") == 7
+    assert page.count("<svg") == page.count('role="img"') == page.count("aria-label=") == 8
     assert " bits" in page

@@ -321,10 +321,12 @@ def test_the_report_of_a_run_shows_rejections_bins_and_changes(tmp_path: Path) -
     family = generate("burning_forest/paper.toml", tmp_path / "run.sqlite", seed=1, generations=30, population=4)
     with RunStore.open(tmp_path / "run.sqlite") as store:
         record, rejected = SearchRecord.of(family, store), store.rejection_counts()
-    search, changes = family_report(family, search=record).sections
+    report = family_report(family, search=record)
+    search, changes = report.sections
     assert [row[:2] for row in search.tables[0].rows] == [(why, f"{n:,}") for why, n in rejected.most_common()]
-    counts = re.findall(r"accepted models in each bin: ([0-9, ]+)", search.charts[0])
+    counts = re.findall(r"accepted models in each bin: ([0-9, ]+)", report.chart)
     assert sum(map(int, counts[0].split(", "))) == len(record.values)
+    assert len(search.charts) == 1 and report.chart not in search.charts
     page = unescape(render_html(Report("", "", sections=(changes,))))
     assert changes.lineage is not None
     assert all(f"<li>{text}</li>" in page for text in _changes_below(changes.lineage))
