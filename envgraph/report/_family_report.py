@@ -255,7 +255,9 @@ def _strip(family: Family, others: Sequence[float] = ()) -> str:
     return value_strip(values, x_label=name, bounds=bounds, others=others)
 
 
-def verdict_and_chart(family: Family, outcome: Outcome, trained: Sequence[TrainingResults]) -> tuple[str, str]:
+def verdict_and_chart(
+    family: Family, outcome: Outcome, trained: Sequence[TrainingResults], accepted: Sequence[float] = ()
+) -> tuple[str, str]:
     """Return a sentence that says what a family is worth, and the chart that shows it.
 
     These are the results of training with the largest budget, or else those for the objective, or else the diversity.
