@@ -15,6 +15,8 @@ if TYPE_CHECKING:
     )
     from envgraph.editor._documents import Document as Document
     from envgraph.editor._language_service import LanguageService as LanguageService
+    from envgraph.editor._match_counts import first_model as first_model
+    from envgraph.editor._open_files import EditedFiles as EditedFiles
     from envgraph.editor._preview import why_not_text as why_not_text
     from envgraph.editor._stdio_server import serve_stdio as serve_stdio
 

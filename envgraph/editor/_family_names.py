@@ -47,12 +47,8 @@ def family_mentions(source: Source) -> PartNames:
     try:
         text = parse_toml(source)
     except LoadError:
-        return PartNames((), (), {})
-    found = sorted(_mentions(text), key=lambda one: (one.start, one.end))
-    by_text: dict[str, list[Mention]] = {}
-    for one in found:
-        by_text.setdefault(one.text, []).append(one)
-    return PartNames(tuple(found), tuple(one for one in found if one.is_definition), by_text)
+        return PartNames.of(())
+    return PartNames.of(_mentions(text))
 
 
 def _mentions(text: TomlText) -> Iterator[Mention]:

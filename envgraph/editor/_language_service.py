@@ -13,8 +13,8 @@ from envgraph.editor._match_counts import CountJob, MatchCounts
 from envgraph.editor._name_index import NameIndex
 from envgraph.editor._open_files import name_of_uri, uri_of_name, with_texts
 from envgraph.editor._published import Published
-from envgraph.errors import InvalidArgument, Source, name_hint
-from envgraph.lang import DiskFiles, Files, Workspace
+from envgraph.errors import InvalidArgument, Source, Span, name_hint
+from envgraph.lang import DiskFiles, Files
 
 Notify = Callable[[str, JsonObject], None]
 """A function that sends a notification, by its method and parameters, to the editor. If the editor supports them, it
@@ -121,6 +121,15 @@ class LanguageService:
                 return one
         return Document(uri_of_name(self.files, name), Source(name, text))
 
+    def document_of(self, span: Span) -> Document:
+        """Return the document of the file of a span, with the text that the span belongs to."""
+        return Document(self.document_named(span.source.name).uri, span.source)
+
+    def location(self, span: Span) -> JsonObject:
+        """Return a span as a location of the protocol: the URI of its file, and its range."""
+        document = self.document_of(span)
+        return {"uri": document.uri, "range": document.range(span)}
+
     def name_of(self, uri: str, language: str = "") -> str:
         """Return the file name of a URI; `language` is the suffix of a text that was never saved."""
         if uri in self.documents:
@@ -205,10 +214,6 @@ class LanguageService:
         if last is not None and not result.workspace.errors:
             result = replace(result, counts=last.counts)  # until they are counted again
         self._results[roots] = result
-
-    def workspace(self, document: Document) -> Workspace:
-        """Return the content of a document and of the files that belong to it, as it was last checked."""
-        return self.checked(document.source.name).workspace
 
     def index(self, name: str, word: str | None = None) -> NameIndex:
         """Return the names in a file and in the files that belong to it.

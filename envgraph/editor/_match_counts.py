@@ -9,7 +9,7 @@ from envgraph.code import dataclass
 from envgraph.editor._checked_files import CheckResult
 from envgraph.errors import EnvgraphError
 from envgraph.graph import Model
-from envgraph.lang import Workspace
+from envgraph.lang import ModelText, Workspace
 from envgraph.rewrite import Engine
 
 _SECONDS: Final = 0.5
@@ -32,16 +32,21 @@ class MatchCounts:
     numbers: dict[str, int]
 
 
-def chosen_model(workspace: Workspace) -> Model | None:
-    """Return a copy of the model that a picture shows: that of the family, else the first; None if there is none."""
+def first_model(workspace: Workspace) -> ModelText | None:
+    """Return the model of the family file, else the first model; None if there is none."""
     wanted = [spec.model.text for spec in workspace.families]
-    texts = sorted(workspace.models, key=lambda one: one.span.source.name not in wanted)
-    return texts[0].model.copy() if texts and texts[0].model is not None else None
+    return min(workspace.models, key=lambda one: one.span.source.name not in wanted, default=None)
+
+
+def copy_first_model(workspace: Workspace) -> Model | None:
+    """Return a copy of the `first_model`; None if there is no model, or if it has errors."""
+    text = first_model(workspace)
+    return None if text is None or text.model is None else text.model.copy()
 
 
 def engine_of(workspace: Workspace) -> Engine | None:
-    """Return an engine on a copy of the chosen model; None if there are errors, or no model."""
-    model = None if workspace.errors else chosen_model(workspace)
+    """Return an engine on a copy of the `first_model`; None if there are errors, or no model."""
+    model = None if workspace.errors else copy_first_model(workspace)
     if model is None or workspace.registration is None:
         return None
     engine = workspace.engine_on(model)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import field
 from typing import Any
 
@@ -11,9 +11,6 @@ from envgraph.code import dataclass
 Holder = tuple[Any, ...]
 """An object that has a feature, before it is looked up: ("class", name), ("classes", several holders), ("variable",
 scope, name), ("member", holder, feature) or ("argument", name of a pattern, position)."""
-
-"""An object that has a feature, before it is looked up: ("class", name), ("variable", scope, name), ("member", holder,
-feature) or ("argument", name of a pattern, position)."""
 
 
 @dataclass(slots=True, eq=False)
@@ -77,10 +74,20 @@ class PartNames:
 
     Attributes:
         all: all names, in their order.
-        definitions: those that are defined here, without variables.
+        definitions: the names that are defined in the part, without variables.
         by_text: the names by their texts.
     """
 
     all: tuple[Mention, ...]
     definitions: tuple[Mention, ...]
     by_text: Mapping[str, Sequence[Mention]]
+
+    @classmethod
+    def of(cls, mentions: Iterable[Mention]) -> PartNames:
+        """Return names, sorted by their places."""
+        found = sorted(mentions, key=lambda one: (one.start, one.end))
+        by_text: dict[str, list[Mention]] = {}
+        for one in found:
+            by_text.setdefault(one.text, []).append(one)
+        definitions = (one for one in found if one.is_definition and one.kind != "variable")
+        return cls(tuple(found), tuple(definitions), by_text)

@@ -9,7 +9,7 @@ from __future__ import annotations
 from functools import lru_cache
 
 from envgraph.editor._definition_names import DEFINITION_HANDLERS
-from envgraph.editor._mention_data import Mention, PartNames
+from envgraph.editor._mention_data import PartNames
 from envgraph.editor._name_finder import QUERY_HANDLERS, NameFinder
 from envgraph.lang import TextPart
 
@@ -24,8 +24,4 @@ def mentions_of(part: TextPart) -> PartNames:
 @lru_cache(maxsize=8192)
 def _find_names(language: str, text: str) -> PartNames:
     tree = TextPart(language, 0, text).reading.tree
-    found = sorted(NameFinder(_HANDLERS).find(tree), key=lambda one: (one.start, one.end)) if tree is not None else []
-    by_text: dict[str, list[Mention]] = {}
-    for one in found:
-        by_text.setdefault(one.text, []).append(one)
-    return PartNames(tuple(found), tuple(one for one in found if one.is_definition and one.kind != "variable"), by_text)
+    return PartNames.of(NameFinder(_HANDLERS).find(tree) if tree is not None else ())

@@ -138,7 +138,7 @@ class NameIndex:
 
     def definition_of(self, symbol: Symbol) -> Place | None:
         """Return where a definition is written; None if it is in a file of another format."""
-        found = [one for one in self.occurrences(symbol)]
+        found = [*self.occurrences(symbol)]
         return next(
             (one for one in found if one.mention.is_definition), found[0] if symbol.kind == "variable" else None
         )
@@ -150,13 +150,13 @@ class NameIndex:
         one, file = place.mention, place.source.name
         match one.kind:
             case "class":
-                return self._class_symbol(one.text) or self._rule_symbol(one, file) or self._named("pattern", one, file)
+                return self._class_symbol(one.text) or self._rule_or_pattern(one, file)
             case "feature":
                 return self._feature_symbol(one, place)
             case "literal":
                 return self._literal_symbol(one, place)
             case "rule":
-                return self._rule_symbol(one, file) or self._named("pattern", one, file)
+                return self._rule_or_pattern(one, file)
             case "pattern" | "function" | "metamodel" | "environment" | "model" | "measure":
                 return self._named(one.kind, one, file)
             case "object":
@@ -188,9 +188,8 @@ class NameIndex:
         chosen = exact or ([] if mention.qualifier else [*symbols])
         return chosen[0] if chosen else None
 
-    def _rule_symbol(self, mention: Mention, file: str) -> Symbol | None:
-        found = self._named("rule", mention, file)
-        return found
+    def _rule_or_pattern(self, mention: Mention, file: str) -> Symbol | None:
+        return self._named("rule", mention, file) or self._named("pattern", mention, file)
 
     def _class_symbol(self, name: str) -> Symbol | None:
         places = self.definitions.get(("class", name))
@@ -228,10 +227,11 @@ class NameIndex:
         if mention.is_definition and mention.holder:
             return Symbol("feature", mention.text, place.source.name, mention.holder[1])
         feature = self.feature_of(mention)
-        if feature is None:
-            return None
+        return None if feature is None else self._known_feature_symbol(feature)
+
+    def _known_feature_symbol(self, feature: Feature) -> Symbol:
         owner = self._class_symbol(simple_name(feature.owner))
-        return Symbol("feature", mention.text, owner.file if owner else "", simple_name(feature.owner))
+        return Symbol("feature", feature.name, owner.file if owner else "", simple_name(feature.owner))
 
     def _literal_symbol(self, mention: Mention, place: Place) -> Symbol | None:
         if mention.is_definition and mention.holder:
@@ -256,10 +256,7 @@ class NameIndex:
     def _step_symbol(self, mention: Mention, file: str) -> Symbol | None:
         """Return the reference or pattern that is a step of a path in a family file."""
         feature = self.feature_of(mention)
-        if feature is None:
-            return self._named("pattern", mention, file)
-        owner = self._class_symbol(simple_name(feature.owner))
-        return Symbol("feature", mention.text, owner.file if owner else "", simple_name(feature.owner))
+        return self._named("pattern", mention, file) if feature is None else self._known_feature_symbol(feature)
 
     def classes_of(self, holder: Holder | None) -> list[str]:
         """Return the full names of the classes or enums that an object or value may have."""

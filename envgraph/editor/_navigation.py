@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from envgraph.editor._documents import Document, JsonObject
+from envgraph.editor._documents import JsonObject
 from envgraph.editor._name_index import NameIndex, Place, Symbol
 from envgraph.errors import Span
 from envgraph.metamodel import simple_name
@@ -27,7 +27,7 @@ def find_definition(service: LanguageService, params: JsonObject) -> list[JsonOb
     symbol = index.resolve(place)
     if symbol is None:
         return []
-    return [location(service, span) for span in definition_spans(index, symbol)]
+    return [service.location(span) for span in definition_spans(index, symbol)]
 
 
 def definition_spans(index: NameIndex, symbol: Symbol) -> list[Span]:
@@ -63,7 +63,7 @@ def find_references(service: LanguageService, params: JsonObject) -> list[JsonOb
         return []
     declared = params.get("context", {}).get("includeDeclaration", True)
     found = [one for one in index.occurrences(symbol) if declared or not one.mention.is_definition]
-    return [location(service, one.span) for one in found]
+    return [service.location(one.span) for one in found]
 
 
 def highlight(service: LanguageService, params: JsonObject) -> list[JsonObject]:
@@ -80,12 +80,6 @@ def highlight(service: LanguageService, params: JsonObject) -> list[JsonObject]:
     ]
 
 
-def location(service: LanguageService, span: Span) -> JsonObject:
-    """Return a span as a location of the protocol."""
-    document = Document(service.document_named(span.source.name).uri, span.source)
-    return {"uri": document.uri, "range": document.range(span)}
-
-
 def _imported_file(service: LanguageService, index: NameIndex, place: Place) -> list[JsonObject]:
     files = service.edited_files()
     name = files.name(place.mention.text, beside=place.source.name)
@@ -93,4 +87,4 @@ def _imported_file(service: LanguageService, index: NameIndex, place: Place) -> 
         start = {"line": 0, "character": 0}
         return [{"uri": service.document_named(name).uri, "range": {"start": start, "end": start}}]
     found = index.definitions.get(("metamodel", place.mention.text), [])
-    return [location(service, one.span) for one in found]
+    return [service.location(one.span) for one in found]

@@ -5,8 +5,8 @@ from __future__ import annotations
 from typing import TYPE_CHECKING, Any
 
 from envgraph.editor._documents import JsonObject
-from envgraph.editor._match_counts import chosen_model, engine_of
-from envgraph.errors import InvalidArgument, Span
+from envgraph.editor._match_counts import copy_first_model, engine_of
+from envgraph.errors import InvalidArgument
 from envgraph.match import WhyNot
 
 if TYPE_CHECKING:
@@ -26,7 +26,7 @@ def preview(service: LanguageService, params: JsonObject) -> JsonObject | None:
     """
     name = service.name_of(params["uri"])
     result = service.checked(name)
-    model = _model_at(service, result.workspace, params) or chosen_model(result.workspace)
+    model = _model_at(service, result.workspace, params) or copy_first_model(result.workspace)
     if model is None and result.workspace.models:
         raise InvalidArgument("the model has errors", "correct them first")
     if model is None:
@@ -76,14 +76,4 @@ def why_not(service: LanguageService, params: JsonObject) -> JsonObject:
 
 def why_not_text(why: WhyNot) -> str:
     """Return the reasons and the lines of the failing constraints, as `envgraph why-not` prints them."""
-    return "\n".join([str(why), *(f"\n{span}\n{span.excerpt()}" for span in failing_spans(why))])
-
-
-def failing_spans(why: WhyNot) -> list[Span]:
-    """Return the spans of the failing constraints, each once, the innermost last."""
-    found: dict[tuple[str, int], Span] = {}
-    for failure in why.failures:
-        spans = [failure.span] if failure.span else []
-        for span in (*spans, *(failing_spans(failure.inner) if failure.inner else ())):
-            found.setdefault((span.source.name, span.start), span)
-    return [*found.values()]
+    return "\n".join([str(why), *(f"\n{span}\n{span.excerpt()}" for span in why.failing_spans())])

@@ -51,9 +51,10 @@ class Published:
         self._shown = {uri: problems for uri, problems in every.items() if problems}
 
     def _document_of(self, problem: Diagnostic, name: str) -> Document:
-        """Return a document with the text that the spans of a problem are for."""
-        open_document = self._service.document_named(name)
-        return Document(open_document.uri, problem.span.source if problem.span else Source(name, ""))
+        """Return the document with the text of a problem's span; for a problem without a span, the file `name`."""
+        if problem.span is not None:
+            return self._service.document_of(problem.span)
+        return Document(self._service.document_named(name).uri, Source(name, ""))
 
     def _to_protocol(self, problem: Diagnostic, document: Document) -> JsonObject:
         start = {"line": 0, "character": 0}
@@ -74,10 +75,8 @@ class Published:
         return made
 
     def _related_places(self, problem: Diagnostic) -> Sequence[JsonObject]:
-        found = []
-        for note in problem.notes:
-            if note.span is not None:
-                document = Document(self._service.document_named(note.span.source.name).uri, note.span.source)
-                location = {"uri": document.uri, "range": document.range(note.span)}
-                found.append({"location": location, "message": note.message})
-        return found
+        return [
+            {"location": self._service.location(note.span), "message": note.message}
+            for note in problem.notes
+            if note.span is not None
+        ]

@@ -62,7 +62,7 @@ def _actions(
 def _action(service: LanguageService, title: str, edits: Iterable[Edit], shown: Sequence[JsonObject]) -> JsonObject:
     changes: dict[str, list[JsonObject]] = {}
     for edit in edits:
-        document = Document(service.document_named(edit.span.source.name).uri, edit.span.source)
+        document = service.document_of(edit.span)
         changes.setdefault(document.uri, []).append({"range": document.range(edit.span), "newText": edit.text})
     return {"title": title, "kind": "quickfix", "diagnostics": list(shown), "edit": {"changes": changes}}
 

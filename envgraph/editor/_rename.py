@@ -6,7 +6,7 @@ import re
 from collections.abc import Iterable, Iterator
 from typing import TYPE_CHECKING, Final
 
-from envgraph.editor._documents import Document, JsonObject
+from envgraph.editor._documents import JsonObject
 from envgraph.editor._name_index import NameIndex, Place, Symbol
 from envgraph.errors import InvalidArgument
 from envgraph.lang import LANGUAGES, data_path, language_of, reserved_words, text_parts
@@ -54,7 +54,7 @@ def rename(service: LanguageService, params: JsonObject) -> JsonObject:
     _check_certain(index, symbol, found)
     changes: dict[str, list[JsonObject]] = {}
     for one in found:
-        changed = Document(service.document_named(one.source.name).uri, one.source)
+        changed = service.document_of(one.span)
         changes.setdefault(changed.uri, []).append({"range": changed.range(one.span), "newText": new})
     return {"changes": changes}
 

@@ -69,8 +69,7 @@ def workspace_symbols(service: LanguageService, params: JsonObject) -> list[Json
         for (kind, name), places in index.definitions.items():
             if kind in _SYMBOL_KINDS and _contains_letters(name.casefold(), query):
                 for place in places:
-                    document = Document(service.document_named(place.source.name).uri, place.source)
-                    location = {"uri": document.uri, "range": document.range(place.span)}
+                    location = service.location(place.span)
                     kind_number = _SYMBOL_KINDS[_shown_kind(place.mention)]
                     found.setdefault(str(location), {"name": name, "kind": kind_number, "location": location})
         if len(found) >= _MOST:

@@ -5,9 +5,8 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING, Any, Final
 
-from envgraph.errors import InvalidArgument, Span, check_known
+from envgraph.errors import InvalidArgument, check_known
 from envgraph.lang import from_text
-from envgraph.match import WhyNot
 from envgraph.page._pictures import draw_state, list_objects
 from envgraph.page._shown_model import Option, ShownModel, option_of
 from envgraph.page._work import JsonObject, Params
@@ -58,7 +57,7 @@ def matches(session: PageSession, params: Params) -> JsonObject:
     """Return the matches of a pattern in the model that is shown."""
     shown = session.model_on_page()
     found = shown.matches(_text(params, "pattern"), _bound(params))
-    return _list_matches(shown, [option_of(shown.model, one) for one in found[: _limit(params)]], len(found))
+    return _list_matches(shown, [option_of(one) for one in found[: _limit(params)]], len(found))
 
 
 def query(session: PageSession, params: Params) -> JsonObject:
@@ -74,7 +73,7 @@ def query(session: PageSession, params: Params) -> JsonObject:
     shown.engine.add(pattern)
     try:
         found = shown.matches(pattern.qualified_name, _bound(params))
-        listed = [option_of(shown.model, one) for one in found[: _limit(params)]]
+        listed = [option_of(one) for one in found[: _limit(params)]]
     finally:
         shown.engine.remove(pattern.qualified_name)
     return _list_matches(shown, listed, len(found))
@@ -129,17 +128,7 @@ def why_not(session: PageSession, params: Params) -> JsonObject:
     shown, name = session.model_on_page(), _text(params, "name")
     bound = shown.add_only_objects(name, _bound(params))
     why = shown.engine.why_not(name, bound=bound)
-    return {"text": str(why), "spans": [session.locate(span) for span in _failing_spans(why)]}
-
-
-def _failing_spans(why: WhyNot) -> Sequence[Span]:
-    """Return the spans of the failing constraints, each once, those of called patterns last."""
-    found: dict[tuple[str, int], Span] = {}
-    for failure in why.failures:
-        spans = [failure.span] if failure.span else []
-        for span in (*spans, *(_failing_spans(failure.inner) if failure.inner else ())):
-            found.setdefault((span.source.name, span.start), span)
-    return [*found.values()]
+    return {"text": str(why), "spans": [session.locate(span) for span in why.failing_spans()]}
 
 
 def _list_matches(shown: ShownModel, options: Sequence[Option], count: int, more: bool = False) -> JsonObject:

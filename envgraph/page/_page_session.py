@@ -8,7 +8,7 @@ from importlib import import_module
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final
 
-from envgraph.editor import LanguageService
+from envgraph.editor import LanguageService, first_model
 from envgraph.errors import InvalidArgument, Span, check_known, name_hint
 from envgraph.graph import Model
 from envgraph.lang import DiskFiles, Workspace, load_workspace
@@ -145,24 +145,16 @@ class PageSession:
         environments = [one.name for one in self.workspace.behaviours]
         if self.environment not in environments:
             self.environment = environments[0] if environments else None
-        old = self.shown
-        names = [text.name for text in self.workspace.models]
-        name = old.name if old is not None and old.name in names else self.first_model()
+        old, first = self.shown, first_model(self.workspace)
+        name = None if first is None else first.name
+        if old is not None and any(text.name == old.name for text in self.workspace.models):
+            name = old.name
         if self.workspace.metamodel is None:
             self.shown = None
             return
         self.shown = self.show_model(name)
         if old is not None and old.name == self.shown.name:
             self.shown.repeat_steps(old)
-
-    def first_model(self) -> str | None:
-        """Return the name of the model of the family file, else that of the first one; None if there is none."""
-        files = {text.span.source.name: text.name for text in reversed(self.workspace.models)}
-        for spec in self.workspace.families:
-            name = self.service.files.name(spec.model.text, beside=spec.path)
-            if name in files:
-                return files[name]
-        return next((text.name for text in self.workspace.models), None)
 
     def show_model(self, name: str | None) -> ShownModel:
         """Return a model of the texts, to show it; the empty model for None.
@@ -198,10 +190,7 @@ class PageSession:
 
     def locate(self, span: Span) -> JsonObject:
         """Return the URI and the range of a span, and its place as text."""
-        from envgraph.editor import Document
-
-        document = self.service.document_named(span.source.name, span.source.text)
-        return {"uri": document.uri, "range": Document(document.uri, span.source).range(span), "place": str(span)}
+        return {**self.service.location(span), "place": str(span)}
 
     def close(self) -> None:
         """Stop the search, if one runs."""

@@ -156,6 +156,15 @@ class WhyNot:
             lines.append(f"{indent}  it never has a match: each of its bodies contradicts itself")
         return lines
 
+    def failing_spans(self) -> list[Span]:
+        """Return the spans of the failing constraints, each once. Those of called patterns follow those of callers."""
+        found: dict[tuple[str, int], Span] = {}
+        for failure in self.failures:
+            spans = [failure.span] if failure.span else []
+            for span in (*spans, *(failure.inner.failing_spans() if failure.inner else ())):
+                found.setdefault((span.source.name, span.start), span)
+        return [*found.values()]
+
 
 def _object(value: Value, show: Callable[[int], str]) -> str:
     """Return the text of an object, given its id."""

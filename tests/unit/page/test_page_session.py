@@ -177,6 +177,14 @@ def test_texts_of_a_link_replace_those_in_memory_but_not_those_on_the_disk(tmp_p
         folder(tmp_path).ask("page/open", files=[])
 
 
+def test_the_model_of_the_family_file_is_shown_first_in_a_folder_below_others() -> None:
+    texts = {f"a/{file.name}": file.read_text("utf-8") for file in bundled_domain("sokoban").iterdir()}
+    texts["a/before.model"] = texts["a/small.model"].replace("model small", "model before")
+    page = Page(Target("sokoban", TextFiles(texts), "a"))
+    page.ask("page/open")
+    assert page.ask("page/picture")["model"] == "small"
+
+
 def test_a_folder_without_a_metamodel_says_what_is_missing() -> None:
     page = Page(Target("empty", TextFiles({}), "."))
     assert page.ask("page/open")["errors"] == 1
