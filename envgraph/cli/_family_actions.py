@@ -9,7 +9,6 @@ from pathlib import Path
 from typing import Any
 
 from envgraph.cli._inputs import as_overrides, check_file_format
-from envgraph.cli._match_and_apply import format_value
 from envgraph.cli._output import (
     print_diagnostics,
     print_json,
@@ -20,6 +19,7 @@ from envgraph.cli._output import (
 )
 from envgraph.env import scene_text
 from envgraph.errors import SHOWN, Diagnostic, EnvgraphError, InvalidArgument
+from envgraph.graph import value_text
 from envgraph.lang import DiskFiles, read_source
 from envgraph.search import (
     Domain,
@@ -189,7 +189,7 @@ def show_lineage(run: str, directory: Path, variant: str) -> None:
     with _open_store(run, directory) as store:
         assert member.individual is not None, "members of runs are individuals"
         steps = [
-            (step.generation, step.rule, {name: format_value(one) for name, one in step.match.items()})
+            (step.generation, step.rule, {name: value_text(one) for name, one in step.match.items()})
             for step in lineage(store, family.domain, member.individual)
         ]
     names = ("generation", "rule", "match")

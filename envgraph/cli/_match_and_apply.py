@@ -21,7 +21,7 @@ from envgraph.cli._output import print_json, print_line, print_lines, print_tabl
 from envgraph.code import dataclass
 from envgraph.errors import InvalidArgument, check_known, list_names, name_hint, parse_int, quote_with_article
 from envgraph.files import replace_file
-from envgraph.graph import Model, Node, model_from_json
+from envgraph.graph import Model, Node, model_from_json, value_text
 from envgraph.lang import Workspace, bundled_domains
 from envgraph.metamodel import Attribute, EnumType, Scalar, Value, parse_value, type_name
 from envgraph.pattern import ObjectType, StaticType
@@ -46,7 +46,7 @@ def print_matches(model: str, queries: str, pattern: str | None, where: Sequence
         return
     names = matches[0].names
     count = f"{len(matches)} match{'es' if len(matches) > 1 else ''} of {pattern}"
-    print_table(count, names or ("",), [tuple(format_value(match[name]) for name in names) for match in matches])
+    print_table(count, names or ("",), [tuple(value_text(match[name]) for name in names) for match in matches])
 
 
 def _list_patterns(engine: Engine) -> None:
@@ -147,7 +147,7 @@ def apply_rule(
     taken = (*signature.parameters, *signature.variables)
     bound = parse_values(engine, {one.name: one.type for one in taken}, where)
     add_unique_arguments(engine, signature, bound)
-    named = {node.id: format_value(node) for node in engine.model.nodes()}
+    named = {node.id: value_text(node) for node in engine.model.nodes()}
     done: list[dict[str, Any]] = []
     lines: list[str] = []
     failed: RunResult | None = None
@@ -224,7 +224,7 @@ def _apply_once(
         return [_trace_step(engine, firing, named) for firing in result.firings], None if result else result
     application = engine.apply(rule, bound=bound)
     if application is not None:
-        named.update((node.id, format_value(node)) for node in application.created.values())
+        named.update((node.id, value_text(node)) for node in application.created.values())
     return [] if application is None else [_application_step(engine, application, named)], None
 
 
@@ -238,19 +238,19 @@ def _trace_step(engine: Engine, firing: Firing, named: Mapping[int, str]) -> _Ap
     for position, (name, value) in enumerate(zip(shape.names, firing.values, strict=True)):
         if shape.is_object(position) and isinstance(value, int) and model.graph.alive(value):
             match[name] = _json_value(model.node(value))
-            shown.append(f"{name}={format_value(model.node(value))}")
+            shown.append(f"{name}={value_text(model.node(value))}")
         elif shape.is_object(position) and isinstance(value, int):
             match[name] = {"id": value, "deleted": True}
             shown.append(f"{name}={named.get(value, f'#{value}')} (deleted)")
         else:
             match[name] = value
-            shown.append(f"{name}={format_value(value)}")
+            shown.append(f"{name}={value_text(value)}")
     return _AppliedStep(f"{firing.rule}({', '.join(shown)})", {"rule": firing.rule, "match": match})
 
 
 def _application_step(engine: Engine, application: Application, named: Mapping[int, str]) -> _AppliedStep:
     step, nodes = _trace_step(engine, application.firing, named), application.created
-    created = "".join(f"; created {format_value(node)}" for node in nodes.values())
+    created = "".join(f"; created {value_text(node)}" for node in nodes.values())
     created_data = {name: _json_value(node) for name, node in nodes.items()}
     return _AppliedStep(step.text + created, {**step.data, "created": created_data})
 
@@ -346,14 +346,6 @@ def _objects_hint(engine: Engine, text: str, cls: str) -> str:
     """Return a hint with objects of a class whose names are similar to `text`, or with all of them if `text` is ""."""
     names = [called[0] for called in _object_names(engine.model, cls).values()]
     return name_hint(text, names) or "" if names else f"the model has no `{cls}`"
-
-
-def format_value(value: Node | Value) -> str:
-    """Return an object as text with its class, such as `Box a`; return a value as the languages write it."""
-    if isinstance(value, Node):
-        title = value.model.graph.display_name(value.id)
-        return f"{value.cls} {title}" if title else value.model.graph.describe(value.id).strip("`")
-    return str(value).lower() if isinstance(value, bool) else str(value)
 
 
 def _json_value(value: Node | Value) -> Any:

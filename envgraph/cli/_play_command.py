@@ -5,7 +5,7 @@ from __future__ import annotations
 import json
 import random
 from collections.abc import Callable
-from math import inf
+from dataclasses import replace
 from pathlib import Path
 from typing import Final
 
@@ -130,9 +130,7 @@ class _Game:
             self._advisor = EpisodeAdvisor(table)
             if not member.certificates:
                 found = certify(table, limit=family.limit or _WALK_STEPS)
-                plan = f"{found.shortest_plan:.0f}" if found.shortest_plan < inf else "none"
-                walk = f"random walk, {found.limit} steps"
-                facts = [("shortest plan", plan), (walk, f"{found.random_success:.3g}")]
+                facts = format_certificates(replace(member, certificates=found.values()))
         known = ", ".join(f"{name}: {value}" for name, value in facts)
         self.message = f"{member.name} of {family.name}" + (f"; {known}" if known else "")
 

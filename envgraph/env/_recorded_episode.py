@@ -11,7 +11,7 @@ from envgraph.env.scene._scene_svg import scene_svg
 from envgraph.errors import InvalidArgument
 
 END_NAMES = {1: "success", 2: "failure", -1: "truncated"}
-"""The names of the ends of an episode, by their numbers in `PlayedStep`."""
+"""By number in `PlayedStep.end`: how an episode ended."""
 
 
 def episode_svg(episode: PlayedEpisode, title: str) -> str:

@@ -56,6 +56,7 @@ if TYPE_CHECKING:
         FeatureDefinition as FeatureDefinition,
         first_object_with_value as first_object_with_value,
     )
+    from envgraph.graph.model._value_texts import object_text as object_text, value_text as value_text
     from envgraph.graph.store._followers import Follower as Follower
     from envgraph.graph.store._relation import ReferenceStorage as ReferenceStorage
     from envgraph.graph.store._store import Store as Store

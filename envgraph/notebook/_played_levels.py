@@ -28,9 +28,11 @@ def open_level(level: object, environment: str | Behaviour | None = None) -> Pla
         LoadError: the files have errors.
     """
     if isinstance(level, Family):
-        return open_level(level.member())
+        return PlaySession.of_member(level, level.member())
     if isinstance(level, Member):
-        return _open_member(level)
+        if level.family is None:
+            raise InvalidArgument(f"member `{level.name}` belongs to no family", "use `family.member(..)`")
+        return PlaySession.of_member(level.family, level)
     if isinstance(level, Engine):
         if not isinstance(environment, Behaviour):
             raise InvalidArgument("an engine has no environment", "write `play(engine, workspace.behaviour())`")
@@ -48,18 +50,11 @@ def open_level(level: object, environment: str | Behaviour | None = None) -> Pla
     raise InvalidArgument(message, "give a family, a member, a workspace, an engine, a path, or an `envgraph.make(..)`")
 
 
-def _open_member(member: Member) -> PlaySession:
-    family = member.family
-    if family is None:
-        raise InvalidArgument(f"member `{member.name}` belongs to no family", "use `family.member(..)`")
-    simulator = Simulator(family.domain.engine(family.model(member)), family.behaviour, family.keys)
-    return PlaySession(simulator, family.limit, f"{family.name}, {member.name}")
-
-
 def _open_made(arguments: dict[str, Any], limit: int | None) -> PlaySession:
     """Return a session that plays the member or domain from which `envgraph.make` made an environment."""
     if arguments.get("family") is not None:
-        found = open_level(open_family(arguments["family"]).member(arguments.get("variant")))
+        family = open_family(arguments["family"])
+        found = PlaySession.of_member(family, family.member(arguments.get("variant")))
     else:
         files = arguments["domain"]
         found = open_level(open_workspace(*([files] if isinstance(files, str) else files)))

@@ -49,7 +49,7 @@ class Player(anywidget.AnyWidget):
         actions: the names of the actions so far.
         steps: the number of steps.
         total: the sum of the rewards.
-        end: "" while the episode goes on, then "success", "failure" or "truncation".
+        end: "" while the episode goes on, then "success", "failure" or "truncated".
     """
 
     _esm = files("envgraph.page").joinpath("player.js").read_text("utf-8") + _GLUE

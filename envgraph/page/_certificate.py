@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-from math import isfinite, isinf
+from collections.abc import Mapping
 from threading import Event
-from typing import TYPE_CHECKING, Any, Final
+from typing import TYPE_CHECKING, Final
 
 from envgraph.behaviour import Behaviour, KeyIndex
 from envgraph.code import dataclass
@@ -67,17 +67,8 @@ def certify_level(
         table = explore(engine, behaviour, keys, outcomes=MAX_OUTCOMES, progress=check_stopped).tabular
     except TooManyStates as error:
         return Certificate(_sample(Simulator(engine, behaviour, keys), within, f"Not exact: {error.message}.", stopped))
-    found = certify(table, limit=within)
-    plan = found.shortest_plan if isfinite(found.shortest_plan) else None
-    data: JsonObject = {
-        "solvable": found.solvable,
-        "shortest": plan,
-        "optimal": found.optimal_return,
-        "randomWalk": found.random_success,
-        "states": table.n_states,
-        "limit": within,
-    }
-    return Certificate({**data, "text": describe(data)}, _best_policy(table))
+    data = certificate_of(certify(table, limit=within).values(), states=table.n_states)
+    return Certificate(data, _best_policy(table))
 
 
 def _best_policy(table: Tabular) -> EpisodeAdvisor | None:
@@ -108,43 +99,38 @@ def _unknown(text: str) -> JsonObject:
     return {**dict.fromkeys(names), "text": text}
 
 
-def describe(data: JsonObject) -> str:
-    """Return the results in one sentence.
+def certificate_of(values: Mapping[str, float | None], states: int | None = None) -> JsonObject:
+    """Return the certificate of a level for the page.
 
-    >>> describe({"shortest": 14, "limit": 120, "randomWalk": 5e-6, "optimal": 0.87, "states": 1200})
+    Args:
+        values: the values of `Certificates.values`, or those that `envgraph verify` stores with a member.
+        states: the number of states, if it is known.
+
+    >>> exact = {"shortest_plan": 14, "limit": 120, "random_success": 5e-6, "optimal_return": 0.87}
+    >>> certificate_of(exact, 1200)["text"]
     'Solvable in 14 steps. A random walk succeeds with probability 5e-06 in 120 steps. Best return 0.87; 1,200 states.'
     """
-    plan, limit = data["shortest"], data["limit"]
+    is_exact, limit = "sampled_episodes" not in values, values["limit"]
+    plan = values["shortest_plan" if is_exact else "plan_found"]
+    walk, best = values["random_success" if is_exact else "sampled_success"], values["optimal_return"]
     if plan is None:
-        solved = "It cannot be solved"
+        solved = "It cannot be solved" if is_exact else "No plan was found"
     else:
         solved = f"Solvable in {plan:.0f} step{'s' * (plan != 1)}"
-        if plan > limit:
-            solved += f", but an episode has only {limit} steps"
-    walk = f"A random walk succeeds with probability {data['randomWalk']:.2g} in {limit} steps"
-    best = data["optimal"]
-    value = "not finite" if isinf(best) else f"{best:.4g}"
-    return f"{solved}. {walk}. Best return {value}; {data['states']:,} states."
-
-
-def certificate_of_member(values: Any) -> JsonObject | None:
-    """Return the certificate that `envgraph verify` stored for a member of a run; None if there is none."""
-    if not values:
-        return None
-    plan, walk = values.get("shortest_plan"), values.get("random_success")
-    exact = "sampled_episodes" not in values
-    data: JsonObject = {
-        "solvable": plan is not None if exact else None,
-        "shortest": plan if exact else values.get("plan_found"),
-        "optimal": values.get("optimal_return"),
-        "randomWalk": walk if exact else values.get("sampled_success"),
-        "states": None,
-        "limit": values.get("limit"),
+        if limit is not None and plan > limit:
+            solved += f", but an episode has only {limit:.0f} steps"
+    sentences = [solved, f"A random walk succeeds with probability {walk:.2g} in {limit:.0f} steps"]
+    if is_exact:
+        value = "not finite" if best is None else f"{best:.4g}"
+        sentences.append(f"Best return {value}" + (f"; {states:,} states" if states is not None else ""))
+    else:
+        sentences[-1] += " (sampled)"
+    return {
+        "solvable": plan is not None and limit is not None and plan <= limit if is_exact else None,
+        "shortest": plan,
+        "optimal": best,
+        "randomWalk": walk,
+        "states": states,
+        "limit": limit,
+        "text": f"{'. '.join(sentences)}.",
     }
-    parts = ["not solvable" if exact and plan is None else f"solvable in {data['shortest']:.0f} steps"]
-    if data["shortest"] is None and not exact:
-        parts = ["no plan was found"]
-    if data["randomWalk"] is not None:
-        parts.append(f"a random walk succeeds with probability {data['randomWalk']:.2g}" + " (sampled)" * (not exact))
-    text = ", ".join(parts)
-    return {**data, "text": f"{text[0].upper()}{text[1:]}."}

@@ -7,11 +7,10 @@ from collections.abc import Iterator, Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING, Final
 
-from envgraph.env import Simulator
 from envgraph.errors import SHOWN
-from envgraph.page._certificate import certificate_of_member
-from envgraph.page._pictures import draw_state, format_object, format_value
-from envgraph.page._play_session import PlaySession
+from envgraph.graph import value_text
+from envgraph.page._certificate import certificate_of
+from envgraph.page._pictures import draw_state
 from envgraph.page._shown_model import ShownModel
 from envgraph.page._work import JsonObject
 
@@ -33,20 +32,13 @@ class OpenedRun:
 
     def __init__(self, name: str, family: Family, path: Path | None) -> None:
         self.name, self.family, self.path = name, family, path
-        self._certificates = {one.name: certificate_of_member(one.certificates) for one in family.members}
+        self._certificates = {one.name: certificate_of(one.certificates) for one in family.members if one.certificates}
 
     def show_member(self, name: str) -> ShownModel:
         """Return the model of a member, with the definitions of its run."""
         family = self.family
         member = family.member(name)
         return ShownModel(family.domain.engine(family.model(member)), member.name)
-
-    def play_session(self, name: str) -> PlaySession:
-        """Return an episode on a member that has not begun."""
-        family = self.family
-        member = family.member(name)
-        simulator = Simulator(family.domain.engine(family.model(member)), family.behaviour, family.keys)
-        return PlaySession(simulator, family.limit, f"{family.name}, {member.name}")
 
     def certificate(self, name: str) -> JsonObject | None:
         """Return the stored certificate of a member; None if it was not verified."""
@@ -92,7 +84,6 @@ class OpenedRun:
 
     def _lineage(self, members: tuple[Member, ...]) -> list[JsonObject]:
         """Return for each member the rules that led to it from the initial model; [] for a family file."""
-        from envgraph.graph import Node
         from envgraph.search import RunStore, lineage
 
         if self.path is None:
@@ -103,10 +94,7 @@ class OpenedRun:
                 assert member.individual is not None, "members of runs are individuals"
                 steps = []
                 for step in lineage(store, self.family.domain, member.individual):
-                    values = (
-                        f"{name}={format_object(one.model, one.id) if isinstance(one, Node) else format_value(one)}"
-                        for name, one in step.match.items()
-                    )
+                    values = (f"{name}={value_text(one)}" for name, one in step.match.items())
                     steps.append(f"{step.rule}({', '.join(values)})")
                 found.append({"name": member.name, "steps": steps})
         return found

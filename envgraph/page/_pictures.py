@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 from envgraph.behaviour import Behaviour, DrawGrid
 from envgraph.draw import Picture
 from envgraph.env import Painter, scene_svg, scene_text
 from envgraph.errors import SHOWN, EnvgraphError, InvalidArgument
-from envgraph.graph import Model
+from envgraph.graph import Model, object_text, value_text
 from envgraph.metamodel import Attribute
 from envgraph.page._work import JsonObject
 from envgraph.rewrite import Engine
@@ -80,28 +80,15 @@ def _lines_of(model: Model) -> Iterator[str]:
             if isinstance(feature, Attribute):
                 values = model.graph.values(node.id, feature)
                 if values:
-                    parts.append(f"{feature.name} = {', '.join(map(format_value, values))}")
+                    parts.append(f"{feature.name} = {', '.join(map(value_text, values))}")
             else:
                 targets = model.graph.targets(node.id, feature)
                 if targets:
-                    parts.append(f"{feature.name} -> {', '.join(format_object(model, one) for one in targets)}")
-        yield f"{format_object(model, node.id)}: {'; '.join(parts)}" if parts else format_object(model, node.id)
-
-
-def format_value(value: Any) -> str:
-    """Return a data value as the languages write it."""
-    return str(value).lower() if isinstance(value, bool) else str(value)
-
-
-def format_object(model: Model, node: int) -> str:
-    """Return the class and the name of an object, such as `Box a`; the class and the number without a name."""
-    if not model.graph.alive(node):
-        return f"#{node}"
-    title = model.graph.display_name(node)
-    return f"{model.graph.class_of(node)} {title}" if title else model.graph.describe(node).strip("`")
+                    parts.append(f"{feature.name} -> {', '.join(object_text(model.graph, one) for one in targets)}")
+        yield f"{value_text(node)}: {'; '.join(parts)}" if parts else value_text(node)
 
 
 def list_objects(model: Model) -> list[JsonObject]:
     """Return the id, name and class of each object; of many objects, only of the first ones."""
     numbered = zip(range(SHOWN.rows * 10), model.nodes(), strict=False)
-    return [{"id": one.id, "name": format_object(model, one.id), "class": one.cls} for _, one in numbered]
+    return [{"id": one.id, "name": value_text(one), "class": one.cls} for _, one in numbered]

@@ -75,7 +75,7 @@ def make_play_session(session: PageSession, params: Params) -> PlaySession:
     if member is not None:
         if session.run is None:
             raise InvalidArgument("no run is open", "open a run first")
-        return session.run.play_session(member)
+        return PlaySession.of_member(session.run.family, session.run.family.member(member))
     behaviours = {one.name: one for one in session.workspace.behaviours}
     name = chosen or session.environment
     if name is None:

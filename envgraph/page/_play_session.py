@@ -9,7 +9,7 @@ from threading import Event
 from typing import TYPE_CHECKING, Any, Final
 
 from envgraph.behaviour import clause_name
-from envgraph.env import PlayedEpisode, Simulator
+from envgraph.env import END_NAMES, PlayedEpisode, Simulator
 from envgraph.errors import InvalidArgument, check_known
 from envgraph.page._certificate import Certificate, certify_level
 from envgraph.page._pictures import draw_state
@@ -17,10 +17,9 @@ from envgraph.page._work import JsonObject, Params, Work
 
 if TYPE_CHECKING:
     from envgraph.env import AgentStepper
+    from envgraph.search import Family, Member
 
 POLICIES: Final = ("best", "random")
-
-_ENDS: Final = {0: None, 1: "success", 2: "failure", -1: "truncation"}
 
 
 class PlaySession:
@@ -55,6 +54,12 @@ class PlaySession:
             for action in agent.actions:
                 for reward in (action.reward, action.else_reward):
                     self._reward_names[id(reward)] = action.name.partition("(")[0]
+
+    @classmethod
+    def of_member(cls, family: Family, member: Member) -> PlaySession:
+        """Return a session that plays a copy of a member of a family."""
+        simulator = Simulator(family.domain.engine(family.model(member)), family.behaviour, family.keys)
+        return cls(simulator, family.limit, f"{family.name}, {member.name}")
 
     def answer(self, method: str, params: Params) -> JsonObject | Work:
         """Return the result of a request, or the work that leads to it.
@@ -174,7 +179,7 @@ class PlaySession:
             "total": totals[-1],
             "terminated": episode.end > 0,
             "truncated": episode.end < 0,
-            "end": _ENDS[episode.end],
+            "end": END_NAMES.get(episode.end),
             "reason": (last.reason or None) if last else None,
             "chosen": chosen,
             "chosenName": last.name if last else None,

@@ -8,9 +8,8 @@ from typing import Any
 
 from envgraph.code import dataclass
 from envgraph.errors import SHOWN, EnvgraphError, InvalidArgument, did_you_mean, list_names
-from envgraph.graph import Model, ModelSnapshot, Node, Version
+from envgraph.graph import Model, ModelSnapshot, Node, Version, value_text
 from envgraph.metamodel import EnumType, Scalar, Value
-from envgraph.page._pictures import format_object, format_value
 from envgraph.page._work import JsonObject
 from envgraph.pattern import ObjectType, StaticType
 from envgraph.rewrite import Engine, Firing, Match, Signature
@@ -43,18 +42,15 @@ class Option:
         return {"values": dict(self.texts), "objects": list(self.objects)}
 
 
-def option_of(model: Model, match: Match) -> Option:
+def option_of(match: Match) -> Option:
     """Return a match as an option."""
-    return _make_option(model, match.definition, match, {}, match)
+    return _make_option(match.definition, match, {}, match)
 
 
 def _make_option(
-    model: Model, name: str, match: Match | None, values: Mapping[str, Value], shown: Mapping[str, Node | Value]
+    name: str, match: Match | None, values: Mapping[str, Value], shown: Mapping[str, Node | Value]
 ) -> Option:
-    texts = {
-        one: format_object(model, value.id) if isinstance(value, Node) else format_value(value)
-        for one, value in shown.items()
-    }
+    texts = {one: value_text(value) for one, value in shown.items()}
     objects = dict.fromkeys(value.id for value in shown.values() if isinstance(value, Node))
     return Option(name, match, values, texts, tuple(objects))
 
@@ -127,10 +123,10 @@ class ShownModel:
                     one: self.model.node(value) if isinstance(types[one], ObjectType) and type(value) is int else value
                     for one, value in given.items()
                 }
-                yield _make_option(self.model, signature.name, None, given, shown)
+                yield _make_option(signature.name, None, given, shown)
             else:
                 found = self.engine.matches(signature.name, applicable=True, bound=given)
-                yield from (option_of(self.model, match) for match in found)
+                yield from (option_of(match) for match in found)
 
     def add_only_objects(self, name: str, bound: Mapping[str, Any]) -> dict[str, Value]:
         """Return the values for a pattern, rule or unit, and the only object for each required parameter of its class.
@@ -187,7 +183,7 @@ class ShownModel:
             return value
         node = graph.find_object(value) if isinstance(value, str) else None
         if node is None:
-            shown = (one.id for one in self.model.nodes() if format_object(self.model, one.id) == value)
+            shown = (one.id for one in self.model.nodes() if value_text(one) == value)
             node = next(shown, None)
         if node is None:
             raise InvalidArgument(f"`{name}`: the model has no object `{value}`")

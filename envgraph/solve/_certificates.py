@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from math import inf
+from math import inf, isfinite
 from typing import Any
 
 import numpy as np
@@ -59,6 +59,11 @@ class Certificates:
     def learnability(self) -> float:
         """Return p (1 - p) for the probability p that the policy succeeds (Rutherford et al. 2024)."""
         return self.success * (1.0 - self.success)
+
+    def values(self) -> dict[str, float | None]:
+        """Return the values that depend on no policy, by name, ready for JSON; None for an infinite value."""
+        values = {name: getattr(self, name) for name in ("limit", "shortest_plan", "random_success", "optimal_return")}
+        return {name: value if isfinite(value) else None for name, value in values.items()}
 
 
 def certify(

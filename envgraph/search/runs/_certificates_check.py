@@ -23,9 +23,6 @@ from envgraph.search.families._member_family import Family, Member
 from envgraph.search.problem._individual_measures import DEFAULT_STEP_LIMIT
 from envgraph.solve import Certificates, bootstrap_interval, certify, recomputed, sample_walks, wilson_interval
 
-_STORED_CERTIFICATES = ("limit", "shortest_plan", "random_success", "optimal_return")
-"""Fields of the certificates that are stored. The others are about a policy, here a random one."""
-
 _CHECKED_EPISODES, _PLAN_OUTCOMES = 10, 300_000
 """Numbers of sampled episodes that the live engine repeats, which takes a second, and of outcomes of a search for a
 plan with numba, which takes two seconds."""
@@ -68,7 +65,7 @@ def _differences(known: Certificates, again: Certificates, said: Mapping[str, fl
     for field in fields(Certificates):
         if not _are_close(getattr(known, field.name), getattr(again, field.name)):
             yield field.name
-    kept = _certificate_values(again)
+    kept = again.values()
     for name, value in {} if "sampled_episodes" in said else said.items():
         if name not in kept or not _are_close(value, kept[name]):
             yield f"{name} of the file"
@@ -78,12 +75,6 @@ def _are_close(one: float | None, other: float | None) -> bool:
     if one is None or other is None:
         return one is other
     return isclose(one, other, rel_tol=1e-9, abs_tol=1e-9)
-
-
-def _certificate_values(known: Certificates) -> dict[str, float | None]:
-    """Return the certificates to store, ready for JSON. An infinite value, such as of a missing plan, becomes None."""
-    values = {name: getattr(known, name) for name in _STORED_CERTIFICATES}
-    return {name: value if isfinite(value) else None for name, value in values.items()}
 
 
 def differing_members(family: Family, found: Iterable[Verification]) -> dict[str, list[str]]:
@@ -151,7 +142,7 @@ def verify(family: Family, members: Iterable[Member] | None = None, *, seed: int
         found = certify(known, limit=limit)
         differing = [*_differences(found, recomputed(live, limit=limit), member.certificates)]
         differing += ["states"] * (known.n_states != live.n_states)
-        values = _certificate_values(found)
+        values = found.values()
         yield Verification(member, values, tuple(differing), live.n_states, visited_again=again)
 
 

@@ -95,7 +95,10 @@ def test_best_policy_needs_as_many_steps_as_a_shortest_plan(
     capsys.readouterr()
     assert play(monkeypatch, "triage", "--policy", "best", "--delay", "0") == 0
     printed = capsys.readouterr().out
-    assert "\nE1 of TriageTeaching; shortest plan: 7, random walk, 60 steps: 0.521" in printed
+    assert (
+        "\nE1 of TriageTeaching; shortest plan: 7, random walk in the family, 60 steps: 0.521, optimal return: "
+        in printed
+    )
     assert ", success by `on neg find inHouse(_)" in printed.splitlines()[-1]
 
 
