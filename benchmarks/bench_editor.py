@@ -1,4 +1,4 @@
-"""How long an editor waits: for the diagnostics of bundled domains, and for answers about a file of 1,000 patterns."""
+"""Measure how long an editor waits for the diagnostics of bundled domains, and for answers about a large file."""
 
 from __future__ import annotations
 

@@ -190,7 +190,7 @@ class _BehaviourChecker(CallChecks, ViewChecks):
         return count
 
     def _check_keys(self, action: Action, count: int) -> None:
-        """Report keys that are unknown, used twice, or do not give each of the `count` actions of a clause as many."""
+        """Report keys that are unknown or used twice, and a number of keys that does not fit `count` actions."""
         types = [domain_type(domain, self.metamodel) for _, domain in action.parameters]
         is_open, number = any(isinstance(one, ObjectType) for one in types), len(action.keys)
         if action.keys_span and (number == 0 or (number % max(count, 1) and not is_open)):

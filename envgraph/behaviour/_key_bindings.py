@@ -1,4 +1,4 @@
-"""The keys of a keyboard that do actions: those that `@key` gives, and keys for actions without one."""
+"""Assign keys of the keyboard to actions: the keys that `@key` names, and other keys for actions without `@key`."""
 
 from __future__ import annotations
 
@@ -65,8 +65,8 @@ def action_keys(behaviour: Behaviour, keys: KeyIndex, metamodel: Metamodel) -> d
 def key_bindings(names: Sequence[str], written: Mapping[str, Iterable[str]] = MappingProxyType({})) -> dict[str, int]:
     """Return the number of the action that each key does, by the name of the key; `a` stands for `A` too.
 
-    Actions without written keys get others, as long as there are any: an arrow, if the action has a direction in its
-    name, otherwise one of `_SPARE_KEYS`.
+    An action without written keys gets an arrow if its name has a direction, otherwise one of `_SPARE_KEYS`, as long
+    as one is free.
 
     Args:
         names: the names of all actions, in the order of their numbers.

@@ -153,12 +153,15 @@ def show() -> None:
 @click.option(
     "--policy",
     type=click.Choice(["best", "random"]),
-    help="Let an optimal policy, or a random one, do a step for each press of Enter.",
+    help="Let an optimal or a random policy choose the action at each press of Enter.",
 )
 @click.option("--delay", type=float, metavar="SECONDS", help="Let the policy do a step after each delay, without keys.")
 @count_option("--seed", minimum=0, default=0, help="Random seed of resets and steps.")
 @click.option(
-    "--record", type=PATH, metavar="FILE", help="Write the last episode: an animation (.svg, .gif), or .json."
+    "--record",
+    type=PATH,
+    metavar="FILE",
+    help="Write the last episode as animation (.svg, .gif) or data (.json).",
 )
 @click.option("--window", is_flag=True, help="Open a window, which needs the extra `human`.")
 @directory_option
@@ -202,14 +205,14 @@ def export() -> None:
     required=False,
     help="A folder with files of a domain, by default the working directory; a bundled domain; or a run.",
 )
-@click.option("--port", type=click.IntRange(1, 65535), show_default="a free one", help="Port of the page.")
+@click.option("--port", type=click.IntRange(1, 65535), show_default="a free port", help="Port of the page.")
 @click.option("--no-browser", is_flag=True, help="Only print the address, and do not open it.")
 @directory_option
 @implemented_in("_serve_command", "serve_page")
 def serve() -> None:
     """Show a domain or a run in the browser: edit files, see models, apply rules, play levels, search.
 
-    The page is for this machine alone, and for those who know the address, which has a secret word. Ctrl-C stops it.
+    Only this machine can open the page, by the printed address, which contains a secret token. Ctrl-C stops it.
     """
 
 

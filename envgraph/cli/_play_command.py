@@ -26,8 +26,8 @@ from envgraph.files import replace_file
 from envgraph.search import Family, Member, find_playable, format_certificates, play_episode
 
 _COMMANDS: Final = {**PLAY_COMMANDS, "policy": ("Enter", ".")}
-_KEYS: Final = {"Space": " "}
-"""The keys that have another name on a line."""
+_KEY_NAMES: Final = {"Space": " "}
+"""By name in a script: the key."""
 _WALK_STEPS: Final = 200
 """The steps of a random walk whose success is shown, if the environment has no limit of steps."""
 _RECORDINGS: Final = (".svg", ".gif", ".json")
@@ -51,7 +51,7 @@ def play(
         delay: seconds between the steps of the policy; None if it does a step for each key.
 
     Raises:
-        EnvgraphError: something named does not exist, or a line of standard input that is no terminal is wrong.
+        EnvgraphError: the run, domain or member does not exist, or a line of a script is wrong.
     """
     if delay is not None and (policy is None or not 0 <= delay <= 3600):
         raise InvalidArgument("`--delay` needs `--policy`, and a number of seconds from 0 to 3600")
@@ -61,7 +61,7 @@ def play(
         check_render_mode("human", drawn=drawn)
     if record is not None:
         if record.suffix not in _RECORDINGS:
-            raise InvalidArgument(f"`{record}` is no recording: choose a file name that ends in .svg, .gif or .json")
+            raise InvalidArgument(f"`{record}` is not a recording: choose a name that ends in .svg, .gif or .json")
         if record.suffix != ".json":
             check_render_mode("rgb_array", drawn=drawn)
     game = _Game(family, member, seed, policy, delay)
@@ -77,7 +77,7 @@ def play(
 
 
 def _play_on(screen: PlayScreen, game: _Game) -> None:
-    """Show states and do what keys say, until the input or, with `--delay`, the episode ends."""
+    """Show the state and handle keys until the input ends. With `--delay` and a script, also stop after the episode."""
     while True:
         screen.show(game.view())
         waits = game.delay is not None and not game.episode.end
@@ -86,7 +86,7 @@ def _play_on(screen: PlayScreen, game: _Game) -> None:
         key = screen.read_key(game.delay if waits else None)
         if key is None:
             return
-        key = normal_key(_KEYS.get(key, key))
+        key = normal_key(_KEY_NAMES.get(key, key))
         if game.command_of(key) == "quit":
             return
         game.message = ""
@@ -119,7 +119,7 @@ class _Game:
         self._begin(member)
 
     def _begin(self, member: Member) -> None:
-        """Begin to play a member; compute the best policy, if it is wanted. The message says what is known of it."""
+        """Begin to play a member, and compute the best policy if it is chosen. The message has the certificates."""
         self.member, family = member, self.family
         self.episode: PlayedEpisode = play_episode(family, member, self._random)
         facts = format_certificates(member, family.members)
@@ -149,13 +149,13 @@ class _Game:
         return ", ".join(parts)
 
     def view(self) -> PlayView:
-        """Return what people see now."""
+        """Return the picture, the status, the actions and the commands of the current state."""
         episode = self.episode
         scene = episode.scenes[-1] if episode.scenes else None
         picture = scene_text(scene) if scene else episode.simulator.engine.model.picture().to_text()
         keys: dict[int, list[str]] = {}
         for key, number in episode.bindings.items():
-            keys.setdefault(number, []).append(_shown_key(key))
+            keys.setdefault(number, []).append(_key_text(key))
         actions = [
             (" ".join(["/".join(keys.get(number, [])), name]).strip(), can)
             for number, (name, can) in enumerate(zip(episode.action_names, episode.allowed, strict=True))
@@ -164,7 +164,7 @@ class _Game:
         return PlayView(scene, picture, self.status, tuple(actions), commands, self.message)
 
     def _commands(self) -> list[str]:
-        """Return the commands that make sense: `next` if there are several members, `policy` if there is one."""
+        """Return the commands that can be used: `next` needs several members, `policy` needs a policy."""
         without = {"next": len(self.family.members) == 1, "policy": self.policy is None}
         return [command for command in _COMMANDS if not without.get(command)]
 
@@ -173,16 +173,16 @@ class _Game:
         return next((key for key in _COMMANDS[command] if key not in self.episode.bindings), "")
 
     def command_of(self, key: str) -> str | None:
-        """Return the command that a key or a word stands for; None for none."""
+        """Return the command that a key or a word stands for; None if it stands for no command."""
         if key in self.episode.bindings:
             return None
         return next((one for one in self._commands() if key == one or key in _COMMANDS[one]), None)
 
     def do(self, key: str) -> None:
-        """Do what a key, the name of an action or a command says.
+        """Do the action or the command that a key or a name stands for.
 
         Raises:
-            EnvgraphError: it is unknown, or the action is impossible.
+            EnvgraphError: the key or name is unknown, or the action is impossible.
         """
         episode, names = self.episode, self.episode.action_names
         number = episode.bindings.get(key)
@@ -203,9 +203,9 @@ class _Game:
             case "policy":
                 self.do_policy()
             case _:
-                known = [*map(_shown_key, episode.bindings), *names, *self._commands()]
+                known = [*map(_key_text, episode.bindings), *names, *self._commands()]
                 hint = did_you_mean(key, known) or f"there are {', '.join(known)}"
-                raise InvalidArgument(f"`{key}` is no key of an action or command", hint)
+                raise InvalidArgument(f"`{key}` is not the key or the name of an action or command", hint)
 
     def do_policy(self) -> None:
         """Do a step of the policy. Raise InvalidArgument if the episode is over."""
@@ -218,12 +218,12 @@ class _Game:
             episode.choose(self._chosen.choice([number for number, can in enumerate(episode.allowed) if can] or [0]))
 
 
-def _shown_key(key: str) -> str:
+def _key_text(key: str) -> str:
     return "Space" if key == " " else key
 
 
 def _write_recording(path: Path, game: _Game) -> None:
-    """Write the steps of the episode, as the ending of the file name says."""
+    """Write the steps of the episode, in the format that the ending of the file name selects."""
     episode, name = game.episode, f"{game.member.name} of {game.family.name}"
     if path.suffix == ".svg":
         replace_file(path, episode_svg(episode, name))

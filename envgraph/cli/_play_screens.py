@@ -1,4 +1,4 @@
-"""Where people play: a terminal that gives single keys, lines of standard input, or a window."""
+"""Show an episode and read keys: in a terminal, as lines of a script, or in a window."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ _ESCAPES: Final = {
 _CONTROLS: Final = {"\r": "Enter", "\n": "Enter", "\t": "Tab", "\x7f": "Backspace", "\b": "Backspace"}
 _END_OF_INPUT: Final = "\x04"
 _ESCAPE_SECONDS: Final = 0.1
-"""Seconds that the rest of a sequence may take. After this time it was the key Escape."""
+"""Seconds to wait for the rest of an escape sequence. If nothing follows, the key was Escape."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -35,7 +35,7 @@ class PlayView:
         scene: the picture; None if the environment has none.
         picture: the picture, or else the objects, as text.
         status: the number of steps, the last action, the rewards, and the end.
-        actions: each action with its key in front, and True if it would do something now.
+        actions: each action with its key in front, and True if it is allowed now.
         commands: the commands with their keys.
         message: an answer to the last key; "" for none.
     """
@@ -49,11 +49,11 @@ class PlayView:
 
 
 class PlayScreen(Protocol):
-    """Something that shows the state, and reads keys."""
+    """An interface to a person or a script: it shows the state, and reads keys."""
 
     @property
     def script_line(self) -> str:
-        """Return the place of the last key for an error about it; "" if a person can press another key instead."""
+        """Return the line of the script with the last key, for errors; "" if a person can press another key instead."""
 
     def show(self, view: PlayView) -> None:
         """Show the state."""
@@ -96,7 +96,7 @@ class LineScreen:
 
 
 class TerminalScreen:
-    """A terminal whose second screen shows the state. Created by `open_terminal`, which sets the modes."""
+    """A terminal that shows the state on its alternate screen. `open_screen` creates it and sets its modes."""
 
     script_line = ""
 
@@ -142,7 +142,7 @@ class TerminalScreen:
 
 
 class WindowScreen:
-    """A window of pygame."""
+    """A window of pygame that shows the picture; its title is the status."""
 
     script_line = ""
 
@@ -182,7 +182,7 @@ def open_screen(window_name: str | None) -> Iterator[PlayScreen]:
 
 @contextmanager
 def _terminal_modes() -> Iterator[None]:
-    """Let the terminal give single keys and show its second screen; restore its modes and screen in the end."""
+    """Make the terminal return single keys and show its alternate screen; restore its modes and screen at the end."""
     import termios
     import tty
 
@@ -202,7 +202,7 @@ def _terminal_modes() -> Iterator[None]:
 
 
 def _is_character(encoded: bytes) -> bool:
-    """Return True if bytes are a whole character in UTF-8."""
+    """Return True if bytes are a complete character in UTF-8."""
     try:
         encoded.decode("utf-8")
     except UnicodeDecodeError:

@@ -14,13 +14,13 @@ from envgraph.errors import SHOWN, EnvgraphError
 def html_table(
     rows: Iterable[Sequence[object]], head: Sequence[str] = (), caption: str = "", total: int | None = None
 ) -> str:
-    """Return a table of escaped texts. Only the first 100 rows are shown; a line below has the number of the others.
+    """Return a table of escaped texts. Only the first 100 rows are shown, and a line below counts the others.
 
     Args:
         rows: the rows of values. Strings are shown as they are, floats with four digits, other values by their `repr`.
         head: the heads of the columns. Without heads, the first cell of each row is the head of the row.
         caption: a description above the table; "" for none.
-        total: the number of rows. None: count them, so that `rows` ends soon.
+        total: the number of rows; None to count `rows`, which must then be finite.
 
     >>> html_table([("states", 127), ("actions", "left, right")])
     '<table><tr><th>states</th><td>127</td></tr><tr><th>actions</th><td>left, right</td></tr></table>'
@@ -57,7 +57,7 @@ def html_text(item: object) -> str:
 
 
 def html_picture(draw: Callable[[], str | None]) -> str:
-    """Return the SVG that `draw` returns; if it fails, or the SVG is very long, a sentence that says so."""
+    """Return the SVG that `draw` returns, or a sentence if `draw` raises an error or the SVG is too long."""
     try:
         svg = draw() or ""
     except EnvgraphError as error:

@@ -42,7 +42,7 @@ class SvgFrame:
 
 @dataclass(frozen=True, slots=True)
 class ElementGroup:
-    """Elements that lie one above the other in all pictures that show them; `pictures` are the numbers of these."""
+    """Elements that follow each other in every picture that has them. `pictures` has the numbers of these pictures."""
 
     pictures: frozenset[int]
     elements: tuple[str, ...]

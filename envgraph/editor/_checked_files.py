@@ -83,7 +83,7 @@ class CheckJob:
 
 
 def all_roots(files: Files, folders: Iterable[str]) -> Iterator[tuple[str, ...]]:
-    """Yield what may be checked in some folders: each directory with files in our languages, each other family file."""
+    """Yield the roots of each check in folders: a directory with files in our languages, or another family file."""
     waiting, most = list(folders), _MAX_DIRECTORIES
     while waiting and most:
         most -= 1
@@ -122,7 +122,7 @@ def _is_below(directory: str, folder: str) -> bool:
 
 
 def find_problems(workspace: Workspace) -> list[Diagnostic]:
-    """Return all problems of the files of a workspace, sorted, but for those that a search finds."""
+    """Return all problems of the files of a workspace, sorted, except those that only a search finds."""
     from envgraph.lang import check_start
 
     found = list(workspace.diagnostics)

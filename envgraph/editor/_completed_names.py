@@ -12,7 +12,7 @@ from itertools import pairwise
 from typing import Final, TypeAlias
 
 from envgraph.editor._cursors import Cursor
-from envgraph.editor._scopes import Definitions, Scope, Signature, attribute_type
+from envgraph.editor._scopes import CallSignature, CursorScope, Definitions, attribute_type
 from envgraph.editor._wanted_values import WantedValue
 from envgraph.lang import Lexeme, name_roles
 from envgraph.metamodel import Attribute, EnumType, Feature, Reference, Scalar, simple_name
@@ -38,7 +38,7 @@ ANNOTATIONS: Final[Mapping[str, Mapping[str, str]]] = {
     "environment": {"key": 'key("${1:ArrowUp}")'},
 }  # fmt: skip
 """By language: the annotations, each as a snippet."""
-_NOTHING: Final = Signature("nothing", (), "Do nothing.", "nothing")
+_NOTHING: Final = CallSignature("nothing", (), "Do nothing.", "nothing")
 """The rule without effect that every environment can call."""
 _OBJECT_ACTIONS: Final = ("set", "create", "delete", "retype", "move", "merge", "redirect", "to")
 """The keywords of actions before the name of an object."""
@@ -69,8 +69,8 @@ class _NameOffers:
         self._before = cursor.before().value
 
     @cached_property
-    def _scope(self) -> Scope:
-        return Scope(self._definitions, self._cursor)
+    def _scope(self) -> CursorScope:
+        return CursorScope(self._definitions, self._cursor)
 
     @cached_property
     def _wanted(self) -> WantedValue:
@@ -226,7 +226,7 @@ class _NameOffers:
             yield simple_name(enum.name), "enum", ", ".join(enum.literals), enum.doc, "", False
 
     def _types(self) -> Iterator[OfferedName]:
-        """Yield classes and, where parameters are declared, enums and data types."""
+        """Yield the names of classes; for the type of a parameter, also those of enums and data types."""
         if self._cursor.following in ("-", "<-") and self._before != ":":
             return  # an object is before an arrow
         is_new = self._before == ":" and self._cursor.before(3).value in ("retype", "create")
@@ -240,7 +240,7 @@ class _NameOffers:
 
     def _calls(self) -> Iterator[OfferedName]:
         if self._before == "find" or self._cursor.before(2).value == "import" or self._before == "import":
-            found: Iterable[Signature] = self._definitions.patterns.values()
+            found: Iterable[CallSignature] = self._definitions.patterns.values()
         elif self._before == "package":
             return
         else:

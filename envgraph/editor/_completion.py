@@ -1,4 +1,4 @@
-"""Answer which words can be written at the cursor."""
+"""Complete the word at the cursor."""
 
 from __future__ import annotations
 

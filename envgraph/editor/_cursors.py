@@ -12,7 +12,7 @@ _OPENING, _CLOSING = ("(", "[", "{"), (")", "]", "}")
 
 
 @dataclass(frozen=True, slots=True)
-class Call:
+class EnclosingCall:
     """A call whose brackets contain a place.
 
     Attributes:
@@ -51,7 +51,7 @@ class Cursor:
         return self.reading.lexemes
 
     def before(self, distance: int = 1) -> Lexeme:
-        """Return the lexeme at a distance before the word; an empty end of the text if there is none."""
+        """Return the lexeme at a distance before the word; an empty lexeme if there is none."""
         place = self.index - distance
         return self.lexemes[place] if place >= 0 else Lexeme(END, "", 0, 0)
 
@@ -62,9 +62,9 @@ class Cursor:
         return self.lexemes[min(place, len(self.lexemes) - 1)].value
 
     def enclosing(self, sign: str, through: str = "") -> int | None:
-        """Return the index of the innermost open bracket before the word; None if it is not `sign`.
+        """Return the index of the innermost bracket that is open at the word; None if this bracket is not `sign`.
 
-        Brackets in `through` are skipped.
+        Open brackets `through` are ignored.
         """
         depth = 0
         for place in range(self.index - 1, -1, -1):
@@ -86,13 +86,13 @@ class Cursor:
         text, place = self.reading.source.text, self.start - self.part_start
         return TextPart(self.language, 0, f"{text[:place]} _ {text[place:]}").reading
 
-    def call(self) -> Call | None:
+    def call(self) -> EnclosingCall | None:
         """Return the call around the word; None if the innermost open bracket before it is no `(`."""
         opening = self.enclosing("(")
         if opening is None:
             return None
         arguments = [*split_arguments(self.lexemes[opening + 1 : self.index])]
-        return Call(opening, max(0, len(arguments) - 1))
+        return EnclosingCall(opening, max(0, len(arguments) - 1))
 
 
 def split_arguments(lexemes: Sequence[Lexeme]) -> Iterator[Sequence[Lexeme]]:

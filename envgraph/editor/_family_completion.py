@@ -53,7 +53,7 @@ _KIND = re.compile(r"^[ \t]*(?:kind|name)[ \t]*=[ \t]*[\"'](\w+)", re.MULTILINE)
 
 
 @dataclass(frozen=True, slots=True)
-class _Place:
+class _TomlPlace:
     """A place in a family file: the table, the text of the table, the line up to the place, and all of the text."""
 
     table: str
@@ -84,7 +84,7 @@ def complete_family(
     headers = [one for one in _HEADER.finditer(text) if one.end() <= offset - len(line)]
     begin = headers[-1].end() if headers else 0
     following = _HEADER.search(text, begin)
-    place = _Place(
+    place = _TomlPlace(
         headers[-1][1] if headers else "", text[begin : following.start() if following else None], line, text
     )
     word = re.search(r"[\w./-]*$", line)
@@ -94,7 +94,7 @@ def complete_family(
         yield start, rest.end() if rest else offset, offer
 
 
-def _offers(place: _Place, definitions: Definitions, file: str, files: Files) -> Iterator[OfferedName]:
+def _offers(place: _TomlPlace, definitions: Definitions, file: str, files: Files) -> Iterator[OfferedName]:
     if re.fullmatch(r"[ \t]*\[{1,2}[\w.-]*", place.line):
         for table in dict.fromkeys([*TABLES, *_COMPONENT_TABLES, "measures.", "audit", "ga4cl"]):
             if f"[{table}]" not in place.text:
@@ -113,7 +113,7 @@ def _offers(place: _Place, definitions: Definitions, file: str, files: Files) ->
                 yield label, kind, detail, doc, label if is_text or is_boolean else f'"{label}"', False
 
 
-def _keys(place: _Place) -> Iterator[OfferedName]:
+def _keys(place: _TomlPlace) -> Iterator[OfferedName]:
     if not place.table:
         docs = _field_docs(FamilySpec)
         for name in _TOP_KEYS:
@@ -131,7 +131,7 @@ def _keys(place: _Place) -> Iterator[OfferedName]:
 
 
 def _options(role: str, kind: str) -> dict[str, tuple[str, str | None]]:
-    """Return detail and documentation of each option of a component."""
+    """Return the default and the documentation of each option of a component, by its name."""
     if role == "measure":
         return {name: (what, None) for name, what in MEASURE_OPTIONS.get(kind, {}).items()}
     if (role, kind) in _OPTION_CLASSES:
@@ -143,7 +143,7 @@ def _options(role: str, kind: str) -> dict[str, tuple[str, str | None]]:
     return {name: ("", doc) for name, doc in _OTHER_OPTIONS.get(role, {}).items()}
 
 
-def _values(place: _Place, key: str, definitions: Definitions) -> Iterable[tuple[str, str, str, str | None]]:
+def _values(place: _TomlPlace, key: str, definitions: Definitions) -> Iterable[tuple[str, str, str, str | None]]:
     """Yield label, kind, detail and documentation of the values of a key, except names of files."""
     role = place.role
     if role is None and f"{place.table}.{key}" in _COMPONENT_TABLES:
@@ -176,7 +176,7 @@ def _measure_values(
 
 
 def _choices(table: str, key: str) -> Iterator[str]:
-    """Yield the words that a key of a table can have; `true` and `false` for one that is either."""
+    """Yield the words that a key of a table can have; `true` and `false` for a Boolean key."""
     if table not in TABLES:
         return
     for one in fields(TABLES[table]):

@@ -27,7 +27,7 @@ _KINDS = {
     ("environment",): "file",
     ("imports",): "file",
 }
-"""By the keys that lead to a text or a list of texts: the kind of what it names."""
+"""By the path of keys to a text or a list of texts: the kind of definition that it names."""
 _MEASURE_OPTIONS = {
     "of": "pattern",
     "guide": "pattern",
@@ -36,7 +36,7 @@ _MEASURE_OPTIONS = {
     "avoid": "class",
     "along": "step",
 }
-"""By option of a measure: the kind of what it names."""
+"""By option of a measure: the kind of definition that it names."""
 
 _WORD = re.compile(r"[^\W\d]\w*")
 

@@ -1,4 +1,4 @@
-"""Answer which lines of a text can be folded, which text encloses a position, and which imports are links."""
+"""Find the lines of a text that can be folded, the texts that enclose a position, and the links of imports."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Answer which edits bring a text into the standard style."""
+"""Compute the edits that format a text."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ if TYPE_CHECKING:
 
 
 def format_document(service: LanguageService, params: JsonObject) -> list[JsonObject]:
-    """Return the edits that format a document; [] for one with syntax errors, which is not changed."""
+    """Return the edits that format a document; [] if it has syntax errors."""
     document = service.document(params)
     return [*_edits(document, _blocks(document))]
 
@@ -45,7 +45,7 @@ def _blocks(document: Document) -> list[TextPart]:
 
 
 def _edits(document: Document, blocks: Iterable[TextPart]) -> Iterator[JsonObject]:
-    """Yield an edit for each group of lines that changes; none if one of the blocks has syntax errors."""
+    """Yield an edit for each group of changed lines; yield none if a block has syntax errors."""
     try:
         formatted = [(one, _formatted(one.language, one.text)) for one in blocks]
     except LoadError:

@@ -17,7 +17,7 @@ if TYPE_CHECKING:
 
 
 def hover(service: LanguageService, params: JsonObject) -> JsonObject | None:
-    """Return the description of the name at a position, as Markdown; None if there is none."""
+    """Return the description of the name at a position, as Markdown; None if there is no name."""
     document = service.document(params)
     index = service.index(document.source.name)
     place = index.place_at(document.source, document.offset(params["position"]))
@@ -117,7 +117,7 @@ def qualified_name(symbol: Symbol) -> str:
     return f"{symbol.within}.{symbol.name}" if symbol.within else symbol.name
 
 
-def _typed(name: str, type_: StaticType | None) -> str:
+def _parameter_text(name: str, type_: StaticType | None) -> str:
     return f"{name} : {simple_name(type_text(type_))}" if type_ is not None else name
 
 
@@ -130,13 +130,13 @@ def _describe_pattern(result: CheckResult, symbol: Symbol) -> Iterator[str]:
         return
     if library is not None and name in library.names():
         types: Iterable[StaticType | None] = library.parameter_types(name)
-        shown = [_typed(one.name, type_) for one, type_ in zip(pattern.parameters, types, strict=True)]
+        shown = [_parameter_text(one.name, type_) for one, type_ in zip(pattern.parameters, types, strict=True)]
     else:
         shown = [f"{one.name} : {one.type}" if one.type else one.name for one in pattern.parameters]
     yield f"{'private ' if pattern.private else ''}pattern {symbol.name}({', '.join(shown)})"
     if pattern.doc:
         yield pattern.doc
-    yield from _counted(result, name, "pattern")
+    yield from _match_count_line(result, name, "pattern")
 
 
 def _describe_callable(result: CheckResult, symbol: Symbol) -> Iterator[str]:
@@ -146,13 +146,13 @@ def _describe_callable(result: CheckResult, symbol: Symbol) -> Iterator[str]:
     if symbol.kind == "function" or name not in table:
         yield f"{symbol.kind} {symbol.name}"
     else:
-        parameters = ", ".join(_typed(one.name, one.type) for one in table[name].parameters)
+        parameters = ", ".join(_parameter_text(one.name, one.type) for one in table[name].parameters)
         yield f"{table[name].kind} {symbol.name}" + (f"({parameters})" if table[name].kind != "group" else "")
     if found is not None and found.doc:
         yield found.doc
-    yield from _counted(result, name, "rule")
+    yield from _match_count_line(result, name, "rule")
 
 
-def _counted(result: CheckResult, name: str, kind: str) -> Iterator[str]:
+def _match_count_line(result: CheckResult, name: str, kind: str) -> Iterator[str]:
     if result.counts is not None and name in result.counts.numbers:
         yield f"{count_text(result.counts.numbers[name], kind)} in `{result.counts.model}`"

@@ -94,7 +94,7 @@ class LanguageService:
         """Return the result of a request or, for a notification of the editor, None.
 
         Raises:
-            InvalidArgument: there is no such method, or it is not possible here, such as a rename to a keyword.
+            InvalidArgument: there is no such method, or the request is refused, such as a rename to a keyword.
         """
         if method not in METHODS:
             raise InvalidArgument(f"there is no method `{method}`", name_hint(method, METHODS))
@@ -169,7 +169,7 @@ class LanguageService:
         return {self.roots_of(one.source.name): None for one in self.documents.values()}
 
     def next_job(self) -> CheckJob | CountJob | None:
-        """Return what to do next, and count it as done: a check, or else a count of matches; None if all is done."""
+        """Remove and return the next job: a check, or else a count of matches; None if there is no job."""
         wanted = self._open_roots()
         self._stale = {roots: None for roots in self._stale if roots in wanted}
         if self._stale:

@@ -14,7 +14,7 @@ if TYPE_CHECKING:
 def code_lenses(service: LanguageService, params: JsonObject) -> list[JsonObject]:
     """Return the numbers of matches of the patterns and rules of a document, as they were last counted.
 
-    One without a match gets the command `envgraph.whyNot`, with its name and the URI of the document.
+    A definition without a match gets the command `envgraph.whyNot`, with its name and the URI of the document.
     """
     document = service.document(params)
     counts = service.checked(document.source.name).counts

@@ -64,7 +64,7 @@ class NameFinder:
         self.found.append(found)
 
     def add_chain(self, tokens: Sequence[Any], holder: Holder, scope: Scope | None) -> Holder:
-        """Add features, each of the object that the one before leads to; return where the last one leads."""
+        """Add the features of a path such as `.f.g`; return the holder of a feature after the path."""
         for token in tokens:
             self.add("feature", token, scope, holder=holder)
             holder = ("member", holder, str(token))
@@ -321,7 +321,7 @@ def _variables(finder: NameFinder, tree: Any, scope: Scope | None, holder: Holde
 
 
 def _call(finder: NameFinder, tree: Any, scope: Scope | None, holder: Holder | None) -> None:
-    """Add the rule of a call in a unit or environment."""
+    """Add the name of the rule or unit that is called."""
     for part in trees_in(tree):
         if part.data == "qualified_name":
             _add_rule(finder, part, scope)

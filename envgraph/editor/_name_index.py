@@ -116,7 +116,7 @@ class NameIndex:
         }
 
     def place_at(self, source: Source, offset: int) -> Place | None:
-        """Return the name at an offset of a file, or that ends there; None if there is no name."""
+        """Return the name that contains an offset of a file or ends there; None if there is no name."""
         for start, names in self.parts(source):
             if start <= offset:
                 for one in names.all:

@@ -1,4 +1,4 @@
-"""Answer which changes correct the problems of a text."""
+"""Offer changes that correct the problems of a text."""
 
 from __future__ import annotations
 
@@ -125,7 +125,7 @@ def _removal_fixes(document: Document, problem: Diagnostic) -> Iterator[tuple[st
 
 
 def _suppression_fixes(document: Document, problem: Diagnostic) -> Iterator[tuple[str, Edit]]:
-    """Yield an annotation before the definition with a warning that hides the warning."""
+    """Yield the insertion of `@suppress`, which hides a warning, before the definition with the warning."""
     source, span = document.source, problem.span
     if problem.severity is not Severity.WARNING or span is None or problem.code in ("unused-suppress", "unused-import"):
         return

@@ -110,7 +110,7 @@ def _check_certain(index: NameIndex, symbol: Symbol, found: list[Place]) -> None
     known = {(one.source.name, one.span.start) for one in found}
     if not any(one.mention.is_definition for one in found) and symbol.kind != "variable":
         message = f"`{symbol.name}` is not defined in a file of envgraph's languages"
-        raise InvalidArgument(message, "change the file that defines it")
+        raise InvalidArgument(message, "rename it by hand, in the file that defines it")
     bundled = [one.source.name for one in found if _is_bundled(one.source.name)]
     if bundled:
         hint = "copy the domain first, with `envgraph new NAME --domain DOMAIN`"

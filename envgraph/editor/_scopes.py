@@ -19,7 +19,7 @@ _CLAUSES = ("action", "each", "on", "observe", "agent", "agents", "limit", "draw
 
 
 @dataclass(frozen=True, slots=True)
-class Signature:
+class CallSignature:
     """A definition that can be called.
 
     Attributes:
@@ -36,12 +36,12 @@ class Signature:
 
     @property
     def label(self) -> str:
-        """Return the signature as it is written in a definition."""
+        """Return the signature as text, such as `near(a : Cell, b : Cell)`."""
         return f"{self.name}({', '.join(self.parameter_labels)})"
 
     @property
     def parameter_labels(self) -> list[str]:
-        """Return the parameters as they are written in a definition."""
+        """Return each parameter as text, such as `a : Cell`."""
         return [f"{name} : {type_}" if type_ else name for name, type_ in self.parameters]
 
 
@@ -58,7 +58,7 @@ class Definitions:
         self._file = file
 
     @cached_property
-    def patterns(self) -> Mapping[str, Signature]:
+    def patterns(self) -> Mapping[str, CallSignature]:
         """Return the patterns that the file may call, by the name in the call."""
         visible = [
             one
@@ -68,7 +68,7 @@ class Definitions:
         return _by_name((one, "pattern", self._parameters(one)) for one in visible)
 
     @cached_property
-    def rules(self) -> Mapping[str, Signature]:
+    def rules(self) -> Mapping[str, CallSignature]:
         """Return the rules, units and derived groups, by the name in a call."""
         workspace = self.workspace
         rules = [(one, "rule", self._parameters(one)) for one in workspace.rules]
@@ -131,13 +131,13 @@ class Definitions:
 
 def _by_name(
     found: Iterable[tuple[Pattern | Rule | Unit | Derivation, str, list[tuple[str, str]]]],
-) -> Mapping[str, Signature]:
+) -> Mapping[str, CallSignature]:
     """Return the signatures of definitions by their simple names, or by the qualified names of those that share one."""
     given = [*found]
     counts = Counter(one.name for one, _, _ in given)
     names = [one.name if counts[one.name] == 1 else one.qualified_name for one, _, _ in given]
     return {
-        name: Signature(name, parameters, one.doc, kind)
+        name: CallSignature(name, parameters, one.doc, kind)
         for name, (one, kind, parameters) in zip(names, given, strict=True)
     }
 
@@ -148,7 +148,7 @@ def attribute_type(feature: Feature) -> str:
     return str(type_name(feature.type))
 
 
-class Scope:
+class CursorScope:
     """The variables that can be used at the cursor, with their types as far as the text shows them.
 
     Attributes:
@@ -249,7 +249,7 @@ class Scope:
 
 
 def _definition_around(lexemes: Sequence[Lexeme], index: int) -> tuple[int, int]:
-    """Return the first and last index (excluded) of the definition with a place."""
+    """Return the range of indices (first, last + 1) of the lexemes of the definition that contains an index."""
     starts = [place for place, one in enumerate(lexemes) if one.value in _HEADERS and not one.brace_depth]
     first = max((place for place in starts if place < index), default=0)
     return first, min((place for place in starts if place >= max(index, first + 1)), default=len(lexemes))

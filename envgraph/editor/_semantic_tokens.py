@@ -1,4 +1,4 @@
-"""Answer which kind of token each piece of a text is, so that editors can colour it."""
+"""Find the kind of each token of a text, so that editors can colour it."""
 
 from __future__ import annotations
 

@@ -1,11 +1,11 @@
-"""Answer which parameters the call around the cursor has."""
+"""Describe the parameters of the call around the cursor."""
 
 from __future__ import annotations
 
 from typing import TYPE_CHECKING, Final
 
 from envgraph.code import dataclass
-from envgraph.editor._cursors import Call, Cursor, cursor_at
+from envgraph.editor._cursors import Cursor, EnclosingCall, cursor_at
 from envgraph.editor._documents import JsonObject
 from envgraph.editor._scopes import Definitions
 from envgraph.pattern import FUNCTIONS
@@ -27,9 +27,12 @@ _ANNOTATIONS: Final = {
     "priority": (("number",), "Rules with a higher priority are tried first; 0 without it."),
     "semantics": (
         ("dpo | spo",),
-        "Whether deleting an object with other links is refused (dpo) or deletes them (spo).",
+        "An object with other links cannot be deleted (dpo), or is deleted with them (spo).",
     ),
-    "match": (("homomorphic | injective",), "Whether different names may stand for the same object."),
+    "match": (
+        ("homomorphic | injective",),
+        "Different names may stand for the same object (homomorphic) or not (injective).",
+    ),
     "hom": (("name", "name ..."), "Names that may stand for the same object."),
     "cap": (("number", "kind = number ..."), "The largest number of derived rules of a kind."),
     "Constraint": (("key = {..}", "severity = ..", "message = .."), "Each match of the pattern is a violation."),
@@ -68,8 +71,8 @@ def signature_help(service: LanguageService, params: JsonObject) -> JsonObject |
     return {"signatures": [signature], "activeSignature": 0, "activeParameter": active}
 
 
-def _help_for(cursor: Cursor, call: Call, definitions: Definitions) -> _Help | None:
-    """Return the help for what is called; None if it is unknown or no call."""
+def _help_for(cursor: Cursor, call: EnclosingCall, definitions: Definitions) -> _Help | None:
+    """Return the help for the definition that a call names; None if it is unknown, or defined here."""
     place = call.opening - 1
     if cursor.lexemes[place].value in ("+", "*"):
         place -= 1

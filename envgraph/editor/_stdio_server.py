@@ -33,14 +33,14 @@ def serve_stdio() -> int:
     logging.basicConfig(stream=sys.stderr, format="%(message)s")
     output, sys.stdout = sys.stdout, sys.stderr
     try:
-        return asyncio.run(_Connection(StdoutWriter(output.buffer)).serve(StdinAsyncReader(sys.stdin.buffer)))
+        return asyncio.run(_EditorConnection(StdoutWriter(output.buffer)).serve(StdinAsyncReader(sys.stdin.buffer)))
     except BrokenPipeError:
         return 1
     finally:
         sys.stdout = output
 
 
-class _Connection:
+class _EditorConnection:
     """A connection with one editor. Messages are answered one after the other; checks run in a thread."""
 
     def __init__(self, writer: StdoutWriter) -> None:
@@ -55,7 +55,7 @@ class _Connection:
         self._last_id = 0
 
     async def serve(self, reader: StdinAsyncReader) -> int:
-        """Read and answer messages until the end; return the exit code."""
+        """Read and answer messages until the input ends or the editor sends `exit`; return the exit code."""
         tasks = [asyncio.create_task(self._answer_all()), asyncio.create_task(self._check_all())]
         await run_async(self._stop, reader, self, _LOG)  # type: ignore[arg-type]  # it needs only the two methods below
         while self._waiting:  # The connection is closed: answer what was sent before.

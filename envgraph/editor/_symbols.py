@@ -16,7 +16,7 @@ _SYMBOL_KINDS: Final = {
     "environment": 2, "action": 24, "model": 19, "object": 19, "measure": 14,
 }  # fmt: skip
 """By kind of definition: the `SymbolKind` of the protocol."""
-_MOST: Final = 200
+_MAX_SYMBOLS: Final = 200
 """Definitions that a search of the folder returns."""
 
 
@@ -72,9 +72,9 @@ def workspace_symbols(service: LanguageService, params: JsonObject) -> list[Json
                     location = service.location(place.span)
                     kind_number = _SYMBOL_KINDS[_shown_kind(place.mention)]
                     found.setdefault(str(location), {"name": name, "kind": kind_number, "location": location})
-        if len(found) >= _MOST:
+        if len(found) >= _MAX_SYMBOLS:
             break
-    return [*found.values()][:_MOST]
+    return [*found.values()][:_MAX_SYMBOLS]
 
 
 def _contains_letters(name: str, letters: str) -> bool:

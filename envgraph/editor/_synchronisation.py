@@ -13,7 +13,7 @@ if TYPE_CHECKING:
     from envgraph.editor._language_service import LanguageService
 
 _INCREMENTAL = 2
-_WATCHED = (*LANGUAGES, "vql", "ecore", "xmi", "json", "toml")
+_WATCHED_SUFFIXES = (*LANGUAGES, "vql", "ecore", "xmi", "json", "toml")
 
 
 def initialize(service: LanguageService, params: JsonObject) -> JsonObject:
@@ -30,7 +30,7 @@ def initialize(service: LanguageService, params: JsonObject) -> JsonObject:
 def watch_files(service: LanguageService, params: JsonObject) -> None:
     """Ask the editor to report files in our languages that other programs change, if it can."""
     if service.watches_files:
-        watchers = [{"globPattern": f"**/*.{{{','.join(_WATCHED)}}}"}]
+        watchers = [{"globPattern": f"**/*.{{{','.join(_WATCHED_SUFFIXES)}}}"}]
         method = "workspace/didChangeWatchedFiles"
         registration = {"id": "files", "method": method, "registerOptions": {"watchers": watchers}}
         service.notify("client/registerCapability", {"registrations": [registration]})

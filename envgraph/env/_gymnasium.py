@@ -209,10 +209,10 @@ class SingleEnvironment(FamilyEnvironment, gymnasium.Env[Any, Any]):
         """Return the action of each key, given as a key code, for `gymnasium.utils.play.play`; see `key_bindings`.
 
         Raises:
-            InvalidArgument: agents act together, so that an action consists of several, for which there are no keys.
+            InvalidArgument: agents act simultaneously, so an action combines several, and has no key.
         """
         if self.action_keys is None:
-            raise InvalidArgument("agents act together, so that one key cannot do an action", "use `envgraph play`")
+            raise InvalidArgument("agents act simultaneously, so no key stands for an action", "use `envgraph play`")
         bindings = key_bindings(self.action_names, self.action_keys)
         return {(code,): number for key, number in bindings.items() if (code := key_code(key)) is not None}
 

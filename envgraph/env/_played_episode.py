@@ -1,4 +1,4 @@
-"""An episode that people play step by step, by keys or buttons, and in which they take steps back."""
+"""Play an episode step by step, by keys or buttons, and undo steps."""
 
 from __future__ import annotations
 
@@ -74,7 +74,7 @@ class PlayedEpisode:
         self.restart()
 
     def restart(self) -> None:
-        """Begin another episode, in a start state that is sampled anew."""
+        """Begin another episode in a newly sampled start state."""
         self._uniforms = [self._random()]
         self.steps.clear()
         self.close()
@@ -96,7 +96,7 @@ class PlayedEpisode:
 
     @property
     def end(self) -> int:
-        """Return the end of the last step; 0 while the episode goes on."""
+        """Return how the episode ended, as in `PlayedStep.end`; 0 while it goes on."""
         return self.steps[-1].end if self.steps else CONTINUES
 
     @property
@@ -117,13 +117,13 @@ class PlayedEpisode:
 
     @property
     def allowed(self) -> list[bool]:
-        """Return for each action if it would do something now; all True if none would, and all False after the end."""
+        """Return True for each enabled action. If no action is enabled, all are True; after the end, all are False."""
         if self.end:
             return [False] * len(self.action_names)
         return self.simulator.agent_allowed_actions(self._chooser)
 
     def choose(self, action: int) -> PlayedStep | None:
-        """Choose an action for `agent`, and do a step; if agents act together, only when all of them have chosen.
+        """Choose an action for `agent`. Do a step, unless other agents have to choose for the same step.
 
         Returns:
             The step; None if other agents have to choose first.
@@ -144,7 +144,7 @@ class PlayedEpisode:
         return self.step(stepper.joint_action(self._choices))
 
     def step(self, action: int) -> PlayedStep:
-        """Do an action of the environment: if agents act together, one that consists of an action of each agent.
+        """Do an action of the environment. If agents act simultaneously, it combines an action of each agent.
 
         Raises:
             InvalidArgument, RuleError, EvaluationError: as for `choose`.
@@ -175,7 +175,7 @@ class PlayedEpisode:
         return done
 
     def undo(self) -> bool:
-        """Take back the choices of agents for the next step, or else the last step; return False if there is none."""
+        """Undo the choices of agents for the next step, or else the last step; return False if there are none."""
         if any(self._can_act(place) for place in range(len(self._choices))):
             self._choices = []
         elif self.steps:
@@ -201,7 +201,7 @@ class PlayedEpisode:
         return agents.can_act(agents.prepared_agents[number])
 
     def _skip_missing_agents(self) -> None:
-        """Choose action 0, which has no effect, for agents that act together with others and do not exist any more.
+        """Choose action 0, which has no effect, for agents whose object was deleted, if agents act simultaneously.
 
         If none of them exists, the first one chooses, so that the episode can go on.
         """

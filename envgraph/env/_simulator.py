@@ -234,7 +234,7 @@ class Simulator:
         return np.array(self.agent_allowed_actions(number), np.bool_)
 
     def allowed_actions(self) -> list[bool]:
-        """Return for each action if it would do something in the current state; all True if none would.
+        """Return True for each action that is enabled in the current state; all True if no action is enabled.
 
         An action does something if a branch of it is `nothing()`, a rule that has a match, or a unit that can succeed.
         For a joint action this must be true of each agent's action, tested on the state before the step.
@@ -248,7 +248,7 @@ class Simulator:
         return found
 
     def agent_allowed_actions(self, number: int) -> list[bool]:
-        """Return for each action of one agent if it would do something; all True if none would.
+        """Return True for each enabled action of one agent; all True if no action is enabled.
 
         Of agents that act together, one whose object does not exist could do anything. One whose turn it is can do what
         needs no such object.

@@ -124,7 +124,7 @@ class Diagnostic:
 
 
 def _word_places(text: str, word: str) -> list[int]:
-    """Return the places of a word in a text, as offsets; a word is no part of a longer one."""
+    """Return the offsets at which a word occurs in a text, but not inside of a longer word."""
     return [found.start() for found in re.finditer(rf"(?<!\w){re.escape(word)}(?!\w)", text)]
 
 

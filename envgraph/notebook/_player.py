@@ -11,7 +11,7 @@ import traitlets
 from envgraph.draw import escape_markup
 from envgraph.page import PlaySession, Work, error_object
 
-_GLUE: Final = """
+_WIDGET_CODE: Final = """
 function render({ model, el }) {
   const waiting = new Map();
   let last = 0;
@@ -52,7 +52,7 @@ class Player(anywidget.AnyWidget):
         end: "" while the episode goes on, then "success", "failure" or "truncated".
     """
 
-    _esm = files("envgraph.page").joinpath("player.js").read_text("utf-8") + _GLUE
+    _esm = files("envgraph.page").joinpath("player.js").read_text("utf-8") + _WIDGET_CODE
     _css = files("envgraph.page").joinpath("player.css").read_text("utf-8")
 
     seed = traitlets.Int(0, read_only=True).tag(sync=True)

@@ -57,7 +57,7 @@ def certify_level(
     except ImportError:
         return Certificate(_unknown("Exact results need NumPy, which is not available here."))
 
-    within = limit or DEFAULT_LIMIT
+    steps = limit or DEFAULT_LIMIT
 
     def check_stopped(states: int, outcomes: int) -> None:
         if stopped.is_set():
@@ -66,8 +66,8 @@ def certify_level(
     try:
         table = explore(engine, behaviour, keys, outcomes=MAX_OUTCOMES, progress=check_stopped).tabular
     except TooManyStates as error:
-        return Certificate(_sample(Simulator(engine, behaviour, keys), within, f"Not exact: {error.message}.", stopped))
-    data = certificate_of(certify(table, limit=within).values(), states=table.n_states)
+        return Certificate(_sample(Simulator(engine, behaviour, keys), steps, f"Not exact: {error.message}.", stopped))
+    data = certificate_of(certify(table, limit=steps).values(), states=table.n_states)
     return Certificate(data, _best_policy(table))
 
 

@@ -42,7 +42,7 @@ class Connection:
         self.session = target.open_session(self.service, self._notify)
 
     def receive(self, text: str) -> Work | None:
-        """Answer a message, unless this takes long: then return the work, whose `finish` answers it."""
+        """Answer a message. If this takes long, return work instead, whose `finish` sends the answer."""
         try:
             message = json.loads(text)
         except ValueError:
@@ -74,7 +74,7 @@ class Connection:
         if not isinstance(result, Work):
             self._reply(id_, result)
             return None
-        return self._answering(id_, result)
+        return self._work_with_answer(id_, result)
 
     def _check_place(self, params: dict[str, Any]) -> None:
         """Raise InvalidArgument if a request is about a file outside of the folder."""
@@ -83,8 +83,8 @@ class Connection:
         if uri is not None and not self.session.contains(self.service.name_of(str(uri))):
             raise InvalidArgument(f"`{uri}` is not in the folder that is open")
 
-    def _answering(self, id_: Any, work: Work) -> Work:
-        """Return the work, extended by sending its result or its error."""
+    def _work_with_answer(self, id_: Any, work: Work) -> Work:
+        """Return the work; at its end, the result or the error is sent."""
 
         def run() -> tuple[Any, BaseException | None]:
             try:
@@ -105,7 +105,7 @@ class Connection:
         return Work(run, finish, work.stopped)
 
     def next_work(self) -> Work | None:
-        """Return what the language server has to do after texts were edited, such as a check; None if all is done."""
+        """Return the next work of the language server, such as a check of edited texts; None if there is none."""
         job = self.service.next_job()
         if job is None:
             return None
@@ -113,7 +113,7 @@ class Connection:
         def finish(result: Any) -> None:
             self.service.record(job, result)
             if isinstance(result, CheckResult) and job.roots == (self.session.folder,):
-                self.session.take_edited(result.workspace)
+                self.session.show_edited(result.workspace)
 
         return Work(job.run, finish)
 

@@ -54,13 +54,13 @@ def open_page(session: PageSession, params: Params) -> JsonObject:
 
 def _replace_texts(session: PageSession, given: Any) -> None:
     if isinstance(session.service.files, DiskFiles):
-        raise InvalidArgument("the texts of a folder on the disk cannot be replaced", "save each text on its own")
+        raise InvalidArgument("a link with files cannot be opened by `envgraph serve`", "open it in the playground")
     texts = {str(one["name"]): str(one["text"]) for one in given}
     wrong = [name for name in texts if name[:1] == "/" or ".." in name or "\\" in name or not _language(name)]
     if wrong:
         endings = ", ".join(f".{one}" for one in _LANGUAGE_OF)
         raise InvalidArgument(
-            f"the link has texts with wrong names: {list_names(wrong)}", f"they must end in {endings}"
+            f"the link has files with wrong names: {list_names(wrong)}", f"names are relative, and end in {endings}"
         )
     session.service.files = TextFiles(texts)
     session.service.documents.clear()

@@ -100,7 +100,7 @@ def apply(session: PageSession, params: Params) -> JsonObject:
         if (version, offered) != (shown.version, rule):
             options = shown.options(rule, _bound(params), _LIMIT)[0]
     if type(index) is not int or not 0 <= index < len(options):
-        raise InvalidArgument(f"`{rule}` cannot be applied here", "ask why it has no match")
+        raise InvalidArgument(f"`{rule}` cannot be applied here", "choose the rule again to see why it has no match")
     changes = shown.apply(options[index])
     return {"changes": changes, "picture": picture(session)}
 
@@ -126,7 +126,7 @@ def reset(session: PageSession, params: Params) -> JsonObject:
 def why_not(session: PageSession, params: Params) -> JsonObject:
     """Return why a pattern, rule or unit has no match, or the match if it has one; and the constraints that fail."""
     shown, name = session.model_on_page(), _text(params, "name")
-    bound = shown.add_only_objects(name, _bound(params))
+    bound = shown.add_only_values(name, _bound(params))
     why = shown.engine.why_not(name, bound=bound)
     return {"text": str(why), "spans": [session.locate(span) for span in why.failing_spans()]}
 

@@ -116,9 +116,9 @@ class PageSession:
 
     def load(self) -> None:
         """Read and check the files of the folder."""
-        self.take(load_workspace([self.folder], files=self.service.edited_files()))
+        self.show_checked(load_workspace([self.folder], files=self.service.edited_files()))
 
-    def take(self, workspace: Workspace) -> None:
+    def show_checked(self, workspace: Workspace) -> None:
         """Show the content of checked files, unless they have errors."""
         self.sources = workspace.sources
         self.errors, self.version = len(workspace.errors), self.version + 1
@@ -127,10 +127,10 @@ class PageSession:
             if self.member is None:
                 self._show_again()
 
-    def take_edited(self, workspace: Workspace) -> None:
+    def show_edited(self, workspace: Workspace) -> None:
         """Show files that were checked again, and tell the page to ask for them again, if a text is different."""
         if workspace.sources != self.sources:
-            self.take(workspace)
+            self.show_checked(workspace)
             self.notify("page/changed", {"version": self.version, "errors": self.errors})
 
     def contains(self, name: str) -> bool:

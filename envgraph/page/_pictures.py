@@ -57,7 +57,7 @@ def _draw_boxes(model: Model) -> JsonObject:
 
 
 def svg_of_boxes(picture: Picture) -> str | None:
-    """Return a picture of a model as SVG, in which boxes have the ids of their objects; None if it cannot be placed."""
+    """Return a picture of a model as SVG, with the ids of the objects; None if the boxes cannot be placed."""
     try:
         svg = picture.to_svg(graphviz=False)
     except InvalidArgument:

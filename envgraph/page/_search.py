@@ -55,7 +55,7 @@ class RunningSearch:
         return self._thread.is_alive()
 
     def join(self, seconds: float) -> None:
-        """Wait until the search has ended, or until the time is over."""
+        """Wait until the search has ended, but at most for a number of seconds."""
         self._thread.join(seconds)
 
     def _run(self) -> None:
@@ -128,7 +128,7 @@ def start(session: PageSession, params: Params) -> JsonObject:
     except ImportError as error:
         raise InvalidArgument("a search needs NumPy and Gymnasium, which are not available here") from error
     if session.search is not None and session.search.is_running:
-        raise InvalidArgument("a search is running", "stop it first")
+        raise InvalidArgument("another search is running", "stop it, or wait until it has ended")
     if session.runs is None:
         raise InvalidArgument("a search needs a folder on the disk for its run", "use `envgraph serve`")
     name = _family_file(session, params.get("family"))

@@ -54,7 +54,7 @@ def make_app(target: Target, built: Path, token: str, port: int) -> Starlette:
     Args:
         target: what the page shows.
         built: the directory of the static files.
-        token: the secret in the first address; who has it may read and write the folder.
+        token: the secret in the first address; it allows to read and write the folder.
         port: the port at which the application is served.
     """
     cookie = f"envgraph-{port}"  # browsers send cookies to all ports
@@ -85,7 +85,7 @@ def make_app(target: Target, built: Path, token: str, port: int) -> Starlette:
 
 
 class _Guard:
-    """Middleware that refuses requests of others, and adds headers to all responses."""
+    """Middleware that refuses requests without the token or from other pages, and adds headers to all responses."""
 
     def __init__(self, app: ASGIApp, token: str, cookie: str, port: int) -> None:
         self._app, self._token, self._cookie = app, token, cookie
@@ -189,9 +189,9 @@ class _Socket:
             changed = True
             work = await self._loop.run_in_executor(self._in_order, connection.receive, text)
             if work is not None:
-                self._begin(self._do(work), work)
+                self._start_task(self._run_work(work), work)
 
-    def _begin(self, task: Coroutine[Any, Any, None], work: Work) -> asyncio.Task[None]:
+    def _start_task(self, task: Coroutine[Any, Any, None], work: Work) -> asyncio.Task[None]:
         begun = asyncio.create_task(task)
         self._tasks[begun] = work
         begun.add_done_callback(lambda done: self._tasks.pop(done, None))
@@ -204,11 +204,11 @@ class _Socket:
 
         async def check() -> None:
             while (work := await self._loop.run_in_executor(self._in_order, connection.next_work)) is not None:
-                await self._do(work)
+                await self._run_work(work)
 
-        self._check = self._begin(check(), Work(lambda: None))
+        self._check = self._start_task(check(), Work(lambda: None))
 
-    async def _do(self, work: Work) -> None:
+    async def _run_work(self, work: Work) -> None:
         try:
             value = await self._loop.run_in_executor(self._beside, work.run)
             await self._loop.run_in_executor(self._in_order, work.finish, value)

@@ -98,11 +98,11 @@ class ShownModel:
     def options(self, name: str, bound: Mapping[str, Any], limit: int) -> tuple[list[Option], bool]:
         """Return the first ways to apply a rule, derived group or unit, and True if there are more.
 
-        Values that matching cannot find are tried one after the other, if there are finitely many. The options of a
-        unit are such values; the unit may still fail with them.
+        A parameter whose value matching cannot find is tried with each possible value, if there are finitely many.
+        The options of a unit are values of its parameters; the unit may still fail with them.
 
         Raises:
-            InvalidArgument: the name is unknown, or a value is needed that cannot be tried.
+            InvalidArgument: the name is unknown, or a parameter without a given value has too many possible ones.
         """
         found = list(islice(self._options(name, bound), limit + 1))
         return found[:limit], len(found) > limit
@@ -128,8 +128,8 @@ class ShownModel:
                 found = self.engine.matches(signature.name, applicable=True, bound=given)
                 yield from (option_of(match) for match in found)
 
-    def add_only_objects(self, name: str, bound: Mapping[str, Any]) -> dict[str, Value]:
-        """Return the values for a pattern, rule or unit, and the only object for each required parameter of its class.
+    def add_only_values(self, name: str, bound: Mapping[str, Any]) -> dict[str, Value]:
+        """Return the given values of a pattern, rule or unit. A missing one is added if only one value is possible.
 
         Raises:
             InvalidArgument: a required value is missing, and there are several possible ones or none.
@@ -143,12 +143,14 @@ class ShownModel:
             if needed not in found:
                 possible = self._possible_values(signature.simple_name, needed, types[needed])
                 if len(possible) != 1:
-                    raise InvalidArgument(f"`{signature.simple_name}` needs a value for `{needed}`", "choose one")
+                    raise InvalidArgument(
+                        f"`{signature.simple_name}` needs a value for `{needed}`", f"choose a value for `{needed}`"
+                    )
                 found[needed] = possible[0]
         return found
 
     def _needed(self, signature: Signature) -> Sequence[str]:
-        """Return the parameters of a rule or unit that matching cannot find."""
+        """Return the parameters of a rule or unit whose values matching cannot find."""
         if signature.kind == "unit":
             return [one.name for one in signature.parameters if one.is_required]
         return self.engine.prepare(signature.name).inputs if signature.kind == "rule" else ()
@@ -203,14 +205,16 @@ class ShownModel:
             if option.match is None:
                 result = engine.run(option.name, bound=option.values)
                 if not result:
-                    raise InvalidArgument(f"`{option.name}` failed: {result.reason}", "ask why it has no match")
+                    raise InvalidArgument(
+                        f"`{option.name}` failed: {result.reason}", "choose the unit again to see why"
+                    )
             else:
                 engine.apply(option.name, option.match)
-        self._keep(_Step(str(option), tuple(trace), self.model.commit()))
+        self._add_step(_Step(str(option), tuple(trace), self.model.commit()))
         self._undone.clear()
         return before.changes(self.model.graph)[: SHOWN.rows]
 
-    def _keep(self, step: _Step) -> None:
+    def _add_step(self, step: _Step) -> None:
         self._steps.append(step)
         self.version += 1
 
@@ -249,7 +253,7 @@ class ShownModel:
                 self.engine.replay(step.firings)
             except EnvgraphError:
                 return
-            self._keep(_Step(step.text, step.firings, self.model.commit()))
+            self._add_step(_Step(step.text, step.firings, self.model.commit()))
 
     @property
     def history(self) -> JsonObject:

@@ -21,9 +21,9 @@ class Target:
     """The files that a page shows: those of a folder, of a bundled domain, or of a run.
 
     Attributes:
-        title: its name.
+        title: the name of the folder, domain or run.
         files: the files.
-        folder: the folder with the texts, as a name for `files`.
+        folder: the name of the folder with the texts, for `files`.
         writable: True if texts may be saved.
         runs: the directory of all runs; None if there are none here.
         run: the run that is open from the beginning; None for none.
@@ -37,7 +37,7 @@ class Target:
     run: OpenedRun | None = None
 
     def open_session(self, service: LanguageService, notify: Notify) -> PageSession:
-        """Return a new session that shows this."""
+        """Return a new session that shows the files."""
         session = PageSession(service, self.folder, notify, title=self.title, writable=self.writable, runs=self.runs)
         session.run = self.run
         return session

@@ -1,4 +1,4 @@
-"""Work that takes long, which a connection does beside its requests."""
+"""Describe work that takes long, so that a connection can answer other requests meanwhile."""
 
 from __future__ import annotations
 

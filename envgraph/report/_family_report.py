@@ -233,7 +233,10 @@ def _search_section(family: Family, outcome: Outcome, search: SearchRecord, show
     if outcome.bins:
         strip = _strip(family, search.values)
         place = "at the head of the page" if strip == shown else "below"
-        sentences.append(f"The strip {place} has a dot for each environment, and the number of accepted models by bin.")
+        sentences.append(
+            f"In the chart {place}, each dot is an environment at its value. "
+            "Numbers below bins count the accepted models in them."
+        )
         charts = ([] if strip == shown else [strip]) + charts
     tables = []
     if search.rejections:

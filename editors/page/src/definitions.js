@@ -32,8 +32,8 @@ export class Definitions {
       ...rules.map((each) => ({ name: each.name, isRule: true, parameters: each.parameters, doc: each.doc })),
     ];
     this.showNames(entries);
-    const still = entries.find((each) => each.name === this.chosen?.name && each.isRule === this.chosen.isRule);
-    if (still) await this.choose(still, false);
+    const sameEntry = entries.find((each) => each.name === this.chosen?.name && each.isRule === this.chosen.isRule);
+    if (sameEntry) await this.choose(sameEntry, false);
     else this.showEmpty();
     for (const entry of entries) {
       // Matches of patterns are counted without a list; of rules, those in the list are counted.

@@ -1,6 +1,6 @@
 // The page of the preview, without VS Code: a picture, its title, and a message.
 
-/** What the page shows. A message without a picture leaves the last picture, paler. */
+/** The content of the page. With a message and no picture, the last picture stays, in pale colours. */
 export interface Shown {
     title?: string;
     svg?: string;

@@ -11,7 +11,7 @@ interface Definition extends vscode.TaskDefinition {
     folder: string;
 }
 
-/** Offers both tasks for each folder of the window. */
+/** Offers the tasks `check` and `serve` for each folder of the window. */
 export const TASKS: vscode.TaskProvider = {
     async provideTasks() {
         const folders = vscode.workspace.workspaceFolders ?? [];

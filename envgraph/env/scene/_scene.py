@@ -226,12 +226,12 @@ class Painter:
         standing, aside = self._token_marks(place_of)
         marks = [*self._cell_marks(place_of), *standing]
         shown = {x + y * width: node for node, (x, y) in place_of.items()}
-        scene = GridScene(width, height, grid.glyphs, cells, _marks_of(marks), grid.kinds, self._aside_of(aside))
+        scene = GridScene(width, height, grid.glyphs, cells, _marks_of(marks), grid.kinds, self._placeless_marks(aside))
         objects = DrawnObjects(tuple(map(shown.get, range(len(cells)))), (), _ids_of(marks), _ids_of(aside))
         return scene, objects
 
-    def _aside_of(self, aside: Sequence[tuple[int, Mark]]) -> tuple[Mark, ...] | None:
-        """Return the tokens without a place, or None if every token always has a place."""
+    def _placeless_marks(self, aside: Sequence[tuple[int, Mark]]) -> tuple[Mark, ...] | None:
+        """Return the tokens that are on no cell or node; None if the metamodel allows no such token."""
         return _marks_of(aside) if self._may_lack_place else None
 
     def _draw_graph(self) -> tuple[GraphScene, DrawnObjects]:
@@ -249,7 +249,7 @@ class Painter:
         kinds = tuple(", ".join((cls, *look.states)) for cls, look in zip(classes, looks, strict=True))
         edges = [*self._edges(draw, number)]
         drawn = tuple(edge for _, edge in edges)
-        scene = GraphScene(labels, glyphs, drawn, _marks_of(marks), kinds, self._aside_of(aside))
+        scene = GraphScene(labels, glyphs, drawn, _marks_of(marks), kinds, self._placeless_marks(aside))
         return scene, DrawnObjects(tuple(nodes), tuple(node for node, _ in edges), _ids_of(marks), _ids_of(aside))
 
     def _token_classes(self) -> list[str]:

@@ -42,7 +42,7 @@ def format_certificates(member: Member, family: Sequence[Member] = ()) -> list[t
 
 
 def _format_estimate(said: Mapping[str, Any], name: str) -> str:
-    """Return a mean and the larger distance to an end of its interval, with as many decimals as that needs."""
+    """Return a mean "± distance" to the farther end of its interval, rounded to the first digit of the distance."""
     mean = said[name]
     half = max(mean - said[f"{name}_low"], said[f"{name}_high"] - mean)
     places = max(0, -floor(log10(half))) if half > 0.0 else 3

@@ -1,4 +1,4 @@
-"""Find what people name when they want to play: a member of a run or of a family file, or the model of a domain."""
+"""Find the level that a person wants to play: a member of a run or family file, or the model of a domain."""
 
 from __future__ import annotations
 

@@ -55,7 +55,11 @@ def test_lines_are_keys_actions_and_commands(
 @pytest.mark.parametrize(
     ("arguments", "lines", "message"),
     [
-        (("keydoor",), "ArrowRight\nArrowRihgt\n", "line 2 of standard input: `ArrowRihgt` is no key of an action or"),
+        (
+            ("keydoor",),
+            "ArrowRight\nArrowRihgt\n",
+            "line 2 of standard input: `ArrowRihgt` is not the key or the name of",
+        ),
         (
             ("keydoor",),
             "\n".join([*SHORTEST, "a"]),
@@ -67,7 +71,7 @@ def test_lines_are_keys_actions_and_commands(
         (("railway",), "", "railway"),
         (("keydoor", "--delay", "1"), "", "`--delay` needs `--policy`"),
         (("keydoor", "--delay", "-1", "--policy", "best"), "", "a number of seconds from 0 to 3600"),
-        (("keydoor", "--record", "film.png"), "", "`film.png` is no recording: choose a file name that ends in .svg"),
+        (("keydoor", "--record", "film.png"), "", "`film.png` is not a recording: choose a name that ends in .svg"),
     ],
 )
 def test_mistakes_are_told(
@@ -189,7 +193,7 @@ def test_terminal_gives_single_keys_and_is_restored(terminals: list[Terminal], l
         terminal.press("\x1b[C")
         assert "1 step, go(east), reward -0.01, total -0.01" in terminal.wait_for("q quit")
         terminal.press("z")
-        assert "`z` is no key of an action or command" in terminal.wait_for("restart, quit")
+        assert "`z` is not the key or the name of an action or command" in terminal.wait_for("restart, quit")
         terminal.press("\x1bOB\r")
         terminal.wait_for("3 steps, take")
         terminal.press("\x7fu")

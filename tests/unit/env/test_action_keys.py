@@ -59,5 +59,5 @@ def test_agents_that_act_together_have_no_keys_for_joint_actions(tmp_path: Path)
     text = (place / "warehouse.environment").read_text().replace("limit 300", "agents together\n    limit 300")
     (place / "warehouse.environment").write_text(text)
     env = envgraph.make(model=place / "small_hall.model", environment=place / "warehouse.environment", engine="live")
-    with pytest.raises(InvalidArgument, match="one key cannot do an action; use `envgraph play`"):
+    with pytest.raises(InvalidArgument, match="no key stands for an action; use `envgraph play`"):
         env.unwrapped.get_keys_to_action()

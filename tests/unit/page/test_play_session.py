@@ -196,7 +196,7 @@ def test_a_search_is_stopped_and_wrong_ones_are_refused(tmp_path: Path) -> None:
             page.ask("page/run/open", name=name)
     uri = next(one["uri"] for one in page.ask("page/open")["files"] if one["name"] == "diverse.toml")
     page.ask("page/search/start", family=uri, generations=5000)
-    with pytest.raises(Refused, match="a search is running"):
+    with pytest.raises(Refused, match="another search is running"):
         page.ask("page/search/start", family=uri)
     page.ask("page/search/stop")
     search = page.connection.session.search
