@@ -27,7 +27,6 @@ function render({ model, el }) {
       waiting.set(id, { resolve, reject });
       model.send({ jsonrpc: "2.0", id, method, params });
     }),
-    on: () => {},
   };
   model.on("msg:custom", receive);
   el.setAttribute("data-lm-suppress-shortcuts", "true"); // keys are those of the player, not those of Jupyter

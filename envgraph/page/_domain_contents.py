@@ -99,22 +99,7 @@ def list_definitions(session: PageSession) -> JsonObject:
         "models": [{"name": one.name, "uri": _uri(session, one.span)} for one in workspace.models],
         "patterns": patterns,
         "rules": _rules(session),
-        "environments": [
-            {
-                "name": one.name,
-                "uri": _uri(session, one.span),
-                "doc": one.doc,
-                "actions": [
-                    {
-                        "name": action.name,
-                        "keys": list(action.keys),
-                        "parameters": [name for name, _ in action.parameters],
-                    }
-                    for action in (*one.actions, *(action for agent in one.agents for action in agent.actions))
-                ],
-            }
-            for one in workspace.behaviours
-        ],
+        "environments": [{"name": one.name} for one in workspace.behaviours],
         "members": [{"name": one.name} for one in members],
     }
 

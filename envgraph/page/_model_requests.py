@@ -6,19 +6,15 @@ from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING, Any, Final
 
 from envgraph.errors import InvalidArgument, check_known
-from envgraph.lang import from_text
 from envgraph.page._pictures import draw_state, list_objects
 from envgraph.page._shown_model import Option, ShownModel, option_of
 from envgraph.page._work import JsonObject, Params
-from envgraph.pattern import Pattern
 
 if TYPE_CHECKING:
     from envgraph.page._page_session import PageSession
 
 _LIMIT: Final = 100
 """Matches that are listed, if the page does not say how many."""
-
-_QUERY: Final = "query of the page"
 
 
 def select(session: PageSession, params: Params) -> JsonObject:
@@ -58,25 +54,6 @@ def matches(session: PageSession, params: Params) -> JsonObject:
     shown = session.model_on_page()
     found = shown.matches(_text(params, "pattern"), _bound(params))
     return _list_matches(shown, [option_of(one) for one in found[: _limit(params)]], len(found))
-
-
-def query(session: PageSession, params: Params) -> JsonObject:
-    """Return the matches of a pattern that is not in the texts, such as `pattern free(c : Cell) { .. }`."""
-    shown, text = session.model_on_page(), _text(params, "text")
-    definitions = from_text(text, "query", _QUERY)
-    if len(definitions) != 1 or not isinstance(definitions[0], Pattern):
-        raise InvalidArgument("write one pattern", "for example `pattern rooms(room : Room) { }`")
-    pattern = definitions[0]
-    known = shown.engine.patterns
-    if pattern.qualified_name in known:
-        raise InvalidArgument(f"there is already a pattern `{pattern.qualified_name}`", "choose another name")
-    shown.engine.add(pattern)
-    try:
-        found = shown.matches(pattern.qualified_name, _bound(params))
-        listed = [option_of(one) for one in found[: _limit(params)]]
-    finally:
-        shown.engine.remove(pattern.qualified_name)
-    return _list_matches(shown, listed, len(found))
 
 
 def applicable(session: PageSession, params: Params) -> JsonObject:

@@ -27,7 +27,6 @@ METHODS: Final[Mapping[str, str]] = {
     "page/select": "_model_requests:select",
     "page/picture": "_model_requests:picture",
     "page/matches": "_model_requests:matches",
-    "page/query": "_model_requests:query",
     "page/applicable": "_model_requests:applicable",
     "page/apply": "_model_requests:apply",
     "page/undo": "_model_requests:undo",

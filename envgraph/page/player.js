@@ -3,16 +3,14 @@
 
 /**
  * @typedef {{name: string, keys?: string[], allowed: boolean}} Action
- * @typedef {{solvable?: boolean|null, shortest?: number|null, optimal?: number|null, value?: number|null, randomWalk?: number|null, text?: string}} Best
+ * @typedef {{value?: number|null, text: string}} Best
  * @typedef {{
  *   picture: {svg?: string, text?: string}, observation?: unknown, actions: Action[], agent?: string|null, title?: string,
  *   steps: number, limit?: number|null, reward: number, rewards?: Record<string, number>|null, total: number,
  *   terminated: boolean, truncated: boolean, end?: string|null, reason?: string|null,
  *   chosen?: number|null, values?: (number|null)[]|null, best?: Best|null}} State
  * @typedef {{environment?: string, model?: string, member?: string, seed?: number}} Start
- * @typedef {{
- *   request: (method: string, params?: object) => Promise<any>,
- *   on: (method: string, callback: (params: any) => void) => (void | (() => void))}} Connection
+ * @typedef {{request: (method: string, params?: object) => Promise<any>}} Connection
  */
 
 const PAUSE = 350; // milliseconds between two steps of a policy that runs
@@ -49,21 +47,10 @@ export function formatNumber(number, digits = 6) {
 }
 
 /**
- * Return one line about how good an environment can be played.
+ * Return the certificate of a level in sentences.
  * @param {Best|null|undefined} best
  */
-export function describeBest(best) {
-  if (!best) return "";
-  if (best.text) return best.text;
-  const parts = [];
-  if (best.solvable === false) parts.push("not solvable");
-  else if (best.shortest != null) parts.push(`solvable in ${best.shortest} ${best.shortest === 1 ? "step" : "steps"}`);
-  else if (best.solvable) parts.push("solvable");
-  if (best.optimal != null) parts.push(`best return ${formatNumber(best.optimal)}`);
-  if (best.randomWalk != null) parts.push(`a random walk succeeds with probability ${formatNumber(best.randomWalk)}`);
-  const line = parts.join(", ");
-  return line && line[0].toUpperCase() + line.slice(1) + ".";
-}
+export const describeBest = (best) => best?.text ?? "";
 
 const KEY_NAMES = /** @type {Record<string, string>} */ ({
   ArrowLeft: "←", ArrowRight: "→", ArrowUp: "↑", ArrowDown: "↓", " ": "Space", Escape: "Esc",

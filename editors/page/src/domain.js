@@ -32,6 +32,6 @@ export class Domain extends EventTarget {
   }
 
   get members() {
-    return this.data.members.map((member) => (typeof member === "string" ? member : member.name));
+    return this.data.members.map((member) => member.name);
   }
 }

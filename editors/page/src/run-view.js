@@ -10,7 +10,6 @@ function memberCard(member, play) {
   showSvg(picture, member.svg, `Map of ${member.title ?? member.name}`);
   return make("article", { class: "card" }, picture, make("h4", {}, member.title ?? member.name),
     make("p", { "data-certificate": member.name }, describeBest(member.certificate)),
-    ...(member.parent ? [make("p", { class: "quiet" }, `Made from ${member.parent}`)] : []),
     ...(play ? [make("button", { type: "button", onclick: () => play(member.name) }, "Play", make("span", { class: "hidden" }, ` ${member.name}`))] : []));
 }
 

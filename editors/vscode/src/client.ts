@@ -4,9 +4,8 @@ import { type ChildProcess, spawn } from "node:child_process";
 import { once } from "node:events";
 import * as vscode from "vscode";
 import { CloseAction, ErrorAction, type ErrorHandler, LanguageClient, type LanguageClientOptions } from "vscode-languageclient/node";
-import { type Command, findCommand, firstFolder } from "./command";
+import { type Command, findCommand, firstFolder, INSTALL } from "./command";
 
-const INSTALL = 'pip install "envgraph[editor]"';
 const LONGEST_REASON = 400; // characters; the rest is in the output
 const SUFFIXES = "{metamodel,ecore,model,xmi,query,vql,rules,environment,toml}";
 export const LANGUAGES = ["metamodel", "model", "query", "rules", "environment", "toml"].map((one) => `envgraph-${one}`);

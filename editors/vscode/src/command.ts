@@ -6,6 +6,8 @@ import * as vscode from "vscode";
 
 const run = promisify(execFile);
 
+export const INSTALL = 'pip install "envgraph[editor]"';
+
 /** A program and its first arguments. */
 export type Command = [string, ...string[]];
 

@@ -2,7 +2,7 @@
 
 import { basename, dirname } from "node:path";
 import * as vscode from "vscode";
-import { findCommand } from "./command";
+import { findCommand, INSTALL } from "./command";
 
 const SUBCOMMANDS = ["check", "serve"] as const;
 
@@ -24,11 +24,15 @@ export const TASKS: vscode.TaskProvider = {
 /** Run a command of envgraph on the folder of the active text; what `check` finds is listed in the view "Problems". */
 export async function runTask(command: Definition["command"]): Promise<void> {
     const document = vscode.window.activeTextEditor?.document;
-    const task = document?.uri.scheme === "file" ? await taskOf(command, dirname(document.uri.fsPath)) : undefined;
+    if (document?.uri.scheme !== "file") {
+        await vscode.window.showInformationMessage("Open a saved file of envgraph first.");
+        return;
+    }
+    const task = await taskOf(command, dirname(document.uri.fsPath));
     if (task) {
         await vscode.tasks.executeTask(task);
     } else {
-        await vscode.window.showInformationMessage("Open a file of envgraph that is saved, and install envgraph.");
+        await vscode.window.showErrorMessage(`envgraph was not found. Install it with \`${INSTALL}\`.`);
     }
 }
 

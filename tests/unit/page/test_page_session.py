@@ -111,19 +111,6 @@ def test_missing_matches_are_explained_with_their_place() -> None:
     assert error.value.data["hint"] == "did you mean `room`?"
 
 
-def test_a_pattern_can_be_tried_without_writing_it_to_a_file() -> None:
-    page = rooms()
-    page.ask("page/open")
-    text = "pattern small(room : Room) { Room.size(room, 1); }"
-    assert [one["values"] for one in page.ask("page/query", text=text)["matches"]] == [{"room": "Room attic"}]
-    assert page.ask("page/query", text=text)["count"] == 1  # it was not kept
-    with pytest.raises(Refused, match="`Room` has no feature `sise`") as error:
-        page.ask("page/query", text=text.replace("size", "sise"))
-    assert error.value.data["spans"][0]["range"]["start"] == {"line": 0, "character": 34}
-    with pytest.raises(Refused, match="write one pattern"):
-        page.ask("page/query", text="")
-
-
 def test_edits_count_and_with_mistakes_the_last_state_stays(tmp_path: Path) -> None:
     page = folder(tmp_path)
     page.ask("page/open")
