@@ -223,7 +223,7 @@ def _key_text(key: str) -> str:
 
 
 def _write_recording(path: Path, game: _Game) -> None:
-    """Write the steps of the episode, in the format that the ending of the file name selects."""
+    """Write the steps of the episode, as the ending of the file name says."""
     episode, name = game.episode, f"{game.member.name} of {game.family.name}"
     if path.suffix == ".svg":
         replace_file(path, episode_svg(episode, name))

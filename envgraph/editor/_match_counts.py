@@ -13,8 +13,8 @@ from envgraph.lang import ModelText, Workspace
 from envgraph.rewrite import Engine
 
 _SECONDS: Final = 0.5
-"""Seconds for all counts of some files. Definitions that are not counted by then have no number. A single count ends
-after about a second, at the limit on matches."""
+"""Time for all counts of some files; what is not counted then has no number. A single count ends after about a second,
+at the limit on matches."""
 _MOST_OBJECTS: Final = 5_000
 """Objects of a model in which matches are counted."""
 

@@ -32,7 +32,7 @@ def error_object(error: BaseException, locate: Locate, code: int | None = None) 
     The page is not shown the traceback of an unexpected exception; it is written to the log.
     """
     if isinstance(error, StoppedError):
-        return {"code": STOPPED, "message": "the request was cancelled", "hint": None, "spans": []}
+        return {"code": STOPPED, "message": "the page has stopped this", "hint": None, "spans": []}
     if not isinstance(error, EnvgraphError):
         _LOG.error("a request of the page failed", exc_info=error)
         message = f"internal error: {type(error).__name__}"

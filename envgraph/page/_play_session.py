@@ -104,15 +104,15 @@ class PlaySession:
 
     def _choose(self, action: int) -> bool:
         """Choose an action for the next agent; return True if this completes a step."""
-        episode, stepper = self._current_episode(), self.simulator.current_stepper
+        episode, stepper = self._begun(), self.simulator.current_stepper
         done = episode.choose(action)
         if done is not None:
-            self._record_step(stepper, action, None)
+            self._keep(stepper, action, None)
         return done is not None
 
     def undo(self) -> JsonObject:
         """Undo the last step, if there was one, and return the state before it."""
-        episode = self._current_episode()
+        episode = self._begun()
         episode.undo()
         del self._rewards[len(episode.steps) :], self._chosen[len(episode.steps) :]
         return self.state()
@@ -120,7 +120,7 @@ class PlaySession:
     def follow(self, policy: Any) -> JsonObject | Work:
         """Do one step of a policy, and return the state after it; the best policy is computed when first used."""
         check_known(policy, POLICIES, f"there is no policy `{policy}`")
-        episode = self._current_episode()
+        episode = self._begun()
         if episode.end:
             raise InvalidArgument("the episode is over", "undo the last step, or restart")
         if policy == "random":
@@ -159,7 +159,7 @@ class PlaySession:
 
     def state(self) -> JsonObject:
         """Return the state of the episode for the page."""
-        episode, simulator = self._current_episode(), self.simulator
+        episode, simulator = self._begun(), self.simulator
         last, totals = episode.steps[-1] if episode.steps else None, episode.totals
         keys: list[list[str]] = [[] for _ in episode.action_names]
         for key, number in episode.bindings.items():
@@ -188,10 +188,10 @@ class PlaySession:
         }
 
     def best(self) -> JsonObject | None:
-        """Return the certificate with the value of the best policy in the current state; None before it is computed."""
+        """Return what is known of the level, with the value of the best policy in the current state; or None."""
         if self.certificate is None:
             return None
-        value, episode = None, self._current_episode()
+        value, episode = None, self._begun()
         if self.certificate.advisor is not None and not episode.end:
             value = float(self.certificate.advisor.action_values(episode).max())
         return {**self.certificate.data, "value": value}
@@ -204,13 +204,13 @@ class PlaySession:
             rest, found[name] = divmod(rest, size)
         return {"index": index, "values": found}
 
-    def _current_episode(self) -> PlayedEpisode:
+    def _begun(self) -> PlayedEpisode:
         if self.episode is None:
             raise InvalidArgument("no episode has begun", "request `page/play/start` first")
         return self.episode
 
-    def _record_step(self, stepper: AgentStepper, chosen: int | None, values: list[float | None] | None) -> None:
-        """Record the rewards of the last step by clause, and the action and the values of the policy."""
+    def _keep(self, stepper: AgentStepper, chosen: int | None, values: list[float | None] | None) -> None:
+        """Keep the rewards of the step that was just done, by the names of the clauses that paid them."""
         found: dict[str, float] = {}
         for reward, gain in stepper.paid:
             name = self._reward_names[id(reward)]
@@ -219,7 +219,7 @@ class PlaySession:
         self._chosen.append((chosen, values))
 
     def _follow_best(self) -> JsonObject:
-        found, episode = self.certificate, self._current_episode()
+        found, episode = self.certificate, self._begun()
         if found is None or found.advisor is None:
             reason = "" if found is None else found.data["text"]
             raise InvalidArgument(f"the best policy is not known. {reason}".strip(), "watch the random policy instead")
@@ -227,7 +227,7 @@ class PlaySession:
         stepper = self.simulator.current_stepper
         episode.step(action)
         if self.simulator.joint_stepper is not None:  # the action combines those of all agents
-            self._record_step(stepper, None, None)
+            self._keep(stepper, None, None)
         else:
-            self._record_step(stepper, action, [one if isfinite(one) else None for one in values])
+            self._keep(stepper, action, [one if isfinite(one) else None for one in values])
         return self.state()

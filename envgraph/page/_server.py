@@ -189,9 +189,9 @@ class _Socket:
             changed = True
             work = await self._loop.run_in_executor(self._in_order, connection.receive, text)
             if work is not None:
-                self._start_task(self._run_work(work), work)
+                self._begin(self._do(work), work)
 
-    def _start_task(self, task: Coroutine[Any, Any, None], work: Work) -> asyncio.Task[None]:
+    def _begin(self, task: Coroutine[Any, Any, None], work: Work) -> asyncio.Task[None]:
         begun = asyncio.create_task(task)
         self._tasks[begun] = work
         begun.add_done_callback(lambda done: self._tasks.pop(done, None))
@@ -204,11 +204,11 @@ class _Socket:
 
         async def check() -> None:
             while (work := await self._loop.run_in_executor(self._in_order, connection.next_work)) is not None:
-                await self._run_work(work)
+                await self._do(work)
 
-        self._check = self._start_task(check(), Work(lambda: None))
+        self._check = self._begin(check(), Work(lambda: None))
 
-    async def _run_work(self, work: Work) -> None:
+    async def _do(self, work: Work) -> None:
         try:
             value = await self._loop.run_in_executor(self._beside, work.run)
             await self._loop.run_in_executor(self._in_order, work.finish, value)

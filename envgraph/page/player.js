@@ -3,7 +3,7 @@
 
 /**
  * @typedef {{name: string, keys?: string[], allowed: boolean}} Action
- * @typedef {{value?: number|null, text: string}} Best
+ * @typedef {{solvable?: boolean|null, shortest?: number|null, optimal?: number|null, value?: number|null, randomWalk?: number|null, text?: string}} Best
  * @typedef {{
  *   picture: {svg?: string, text?: string}, observation?: unknown, actions: Action[], agent?: string|null, title?: string,
  *   steps: number, limit?: number|null, reward: number, rewards?: Record<string, number>|null, total: number,
@@ -47,10 +47,21 @@ export function formatNumber(number, digits = 6) {
 }
 
 /**
- * Return the certificate of a level in sentences.
+ * Return one line about how good an environment can be played.
  * @param {Best|null|undefined} best
  */
-export const describeBest = (best) => best?.text ?? "";
+export function describeBest(best) {
+  if (!best) return "";
+  if (best.text) return best.text;
+  const parts = [];
+  if (best.solvable === false) parts.push("not solvable");
+  else if (best.shortest != null) parts.push(`solvable in ${best.shortest} ${best.shortest === 1 ? "step" : "steps"}`);
+  else if (best.solvable) parts.push("solvable");
+  if (best.optimal != null) parts.push(`best return ${formatNumber(best.optimal)}`);
+  if (best.randomWalk != null) parts.push(`a random walk succeeds with probability ${formatNumber(best.randomWalk)}`);
+  const line = parts.join(", ");
+  return line && line[0].toUpperCase() + line.slice(1) + ".";
+}
 
 const KEY_NAMES = /** @type {Record<string, string>} */ ({
   ArrowLeft: "←", ArrowRight: "→", ArrowUp: "↑", ArrowDown: "↓", " ": "Space", Escape: "Esc",
