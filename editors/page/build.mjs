@@ -34,7 +34,7 @@ function licenses(inputs) {
     const file = readdirSync(folder).find((each) => /^licen[cs]e/i.test(each));
     const about = JSON.parse(readFileSync(join(folder, "package.json"), "utf-8"));
     const text = file ? readFileSync(join(folder, file), "utf-8").trim() : NO_FILE[name];
-    if (!text) throw new Error(`${folder} has no license file; add what it says elsewhere to NO_FILE`);
+    if (!text) throw new Error(`${folder} has no license file: add the text of its license to NO_FILE`);
     return `${name} ${about.version}, ${about.license}\n\n${text}\n`;
   }).join("\n---\n\n");
 }

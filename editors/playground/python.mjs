@@ -33,7 +33,7 @@ function writeFiles(python, bytes) {
   for (const [path, text] of files) python.FS.writeFile(path, encoder.encode(text));
 }
 
-/** Start Python and define what `start.py` defines. This takes some seconds.
+/** Start Python and execute `start.py`. This takes some seconds.
  * @param {(path: string) => Promise<Uint8Array>} load @param {object} [options] of `loadPyodide` */
 export async function startNewPython(load, options) {
   const python = await loadPyodide(options);
@@ -43,7 +43,7 @@ export async function startNewPython(load, options) {
   return python;
 }
 
-/** Return Python in which everything is defined that `start.py` defines.
+/** Return a Python that has executed `start.py`: restore its stored memory or, if this fails, start it.
  * @param {(path: string) => Promise<Uint8Array>} load reads a file beside this one */
 export async function startPython(load) {
   const files = load("envgraph.bin"); // for modules that are not imported yet

@@ -8,7 +8,7 @@ from envgraph.page import Connection, Target, Work
 
 
 class Playground:
-    """A page whose messages are texts: `receive` takes one from the page, and `send` gets those to the page."""
+    """The connection of a page: pass each message of the page to `receive`; it calls `send` with each message back."""
 
     def __init__(self, send: Callable[[str], None], title: str, domain: str) -> None:
         """Open a domain, given as JSON with the names and texts of its files."""

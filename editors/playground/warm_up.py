@@ -21,7 +21,7 @@ def ask(playground: Any, answers: list[str], method: str, **params: object) -> A
 
 
 def warm_up(name: str, domain: str) -> None:
-    """Open a domain, and use each part of the page."""
+    """Open a domain, and send requests of all kinds, so that the code and grammars for them are loaded."""
     answers: list[str] = []
     playground = Playground(answers.append, name, domain)  # type: ignore[name-defined]  # noqa: F821  # of start.py
 

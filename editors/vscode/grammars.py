@@ -104,10 +104,10 @@ def _keyword_rules(tokens: LanguageTokens) -> list[JsonObject]:
 
 
 def _before(word: str, tokens: LanguageTokens, words: str) -> str:
-    """Return a lookbehind for the tokens that may precede a keyword; the start of a line allows any.
+    """Return a lookbehind that checks the token before a keyword; at the start of a line, any token is accepted.
 
-    The lookbehind stands after the keyword and contains it, as `words`. An expression that begins with a word is found
-    several times as fast as one that begins with a lookbehind.
+    Write the lookbehind after the keyword: it also contains the keyword, as `words`. Expressions that begin with a word
+    are found several times as fast as expressions that begin with a lookbehind.
     """
     allowed = {before for before, after in tokens.pairs if after == word}
     parts = ["^", r"\*/"]

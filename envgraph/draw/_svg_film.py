@@ -102,7 +102,7 @@ def _film_style(films: dict[frozenset[int], str], count: int) -> str:
 
 
 def merge_elements(pictures: Sequence[Sequence[str]]) -> list[ElementGroup]:
-    """Return groups of elements such that the groups of each picture are its elements, in their order.
+    """Return the elements of all pictures in groups. The groups of a picture have its elements, in their order.
 
     >>> for group in merge_elements([["wall", "red", "hero"], ["wall", "blue", "hero"]]):
     ...     print(sorted(group.pictures), *group.elements)

@@ -37,7 +37,7 @@ ANNOTATIONS: Final[Mapping[str, Mapping[str, str]]] = {
     },
     "environment": {"key": 'key("${1:ArrowUp}")'},
 }  # fmt: skip
-"""By language: the annotations, each as a snippet."""
+"""By language and name: the snippet of an annotation."""
 _NOTHING: Final = CallSignature("nothing", (), "Do nothing.", "nothing")
 """The rule without effect that every environment can call."""
 _OBJECT_ACTIONS: Final = ("set", "create", "delete", "retype", "move", "merge", "redirect", "to")
@@ -115,7 +115,7 @@ class _NameOffers:
         yield from _feature_names(wanted)
 
     def _after_colons(self) -> Iterator[OfferedName]:
-        """Yield the literals of the enum before `::`; without an enum, those that fit here."""
+        """Yield the literals of the enum before `::`; without an enum, the literals that fit here."""
         named = self._cursor.before(2)
         enum = self._definitions.find_enum(named.value) if named.kind == "NAME" else None
         if self._rules & {"enum_literal", "value", "plain"}:
@@ -376,7 +376,7 @@ class _NameOffers:
                 yield name, "variable", type_, None, "", False
 
     def _objects(self) -> dict[str, str]:
-        """Return the named objects of the model with their classes, and the grids with ""."""
+        """Return the class of each named object of the model by name; "" for a grid."""
         found: dict[str, str] = {}
         lexemes = self._cursor.lexemes
         for before, one, after in zip(lexemes, lexemes[1:], lexemes[2:], strict=False):

@@ -78,9 +78,9 @@ def _mentions(text: TomlText) -> Iterator[Mention]:
 
 
 def _dotted(kind: str, name: str, span: Span) -> Iterator[Mention]:
-    """Yield the last part of a name that may be qualified, such as `package.pattern` or `Class.feature`.
+    """Yield a mention of the last part of a name such as `package.pattern` or `Class.feature`.
 
-    A rule may be a member of a derived group, so the part before the last dot is a mention, too.
+    A rule may be a member of a derived group, so yield a mention of the part before the last dot, too.
     """
     start = span.start + span.text.startswith(('"', "'"))
     before, _, last = name.rpartition(".")

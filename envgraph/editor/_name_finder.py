@@ -166,7 +166,7 @@ def _import_pattern(finder: NameFinder, tree: Any, scope: Scope | None, holder: 
 
 
 def add_parameter(finder: NameFinder, tree: Any, scope: Scope | None, holder: Holder | None) -> None:
-    """Add a parameter, the domain of an action, an agent or a name behind `for`."""
+    """Add the name of a parameter, of the domain of an action, of an agent, or after `for`."""
     names = names_in(tree)
     if names and scope is not None:
         finder.add("variable", names[0], scope, tree)
@@ -244,7 +244,7 @@ def _navigation(finder: NameFinder, tree: Any, scope: Scope | None, holder: Hold
 
 
 def _class_behind(finder: NameFinder, tree: Any, scope: Scope | None, holder: Holder | None) -> None:
-    """Add the class of a cast or of `instanceof`."""
+    """Add the class after `as` or `instanceof`."""
     finder.add("class", tree.children[-1], scope)
     finder.walk(tree, scope)
 

@@ -19,7 +19,7 @@ if TYPE_CHECKING:
     from envgraph.editor._language_service import LanguageService
 
 _MAX_STEPS = 200
-"""Steps by which the class of a variable is looked for: names may refer to each other in a circle."""
+"""The most steps of a search for the class of a variable. Without a limit, names in a circle would not end it."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -125,7 +125,7 @@ class NameIndex:
         return None
 
     def occurrences(self, symbol: Symbol, sources: Iterable[Source] | None = None) -> Iterator[Place]:
-        """Yield all names in some files, or in all, that refer to a definition; the definition is included."""
+        """Yield all names in the files that refer to a definition, and the name in the definition; None for all files."""
         local = symbol.kind in ("variable", "object", "alias", "action", "measure")
         for source in self.sources.values() if sources is None else sources:
             if (local and source.name != symbol.file) or symbol.name not in source.text:

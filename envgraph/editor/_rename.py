@@ -137,7 +137,7 @@ def _check_certain(index: NameIndex, symbol: Symbol, found: list[Place]) -> None
                     and (source.name, place.span.start) not in known
                     and not index.resolve(place)
                 ):
-                    message = f"it is not known what `{symbol.name}` means at {place.span}"
+                    message = f"the meaning of `{symbol.name}` at {place.span} is unknown"
                     raise InvalidArgument(message, "give the variable before it a class")
 
 

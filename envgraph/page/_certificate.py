@@ -1,4 +1,4 @@
-"""Compute what is known exactly of a level: if it can be solved, in how many steps, and how random walks do."""
+"""Compute the certificate of a level: if it can be solved, in how many steps, and how often random walks succeed."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ _EPISODES: Final = 100
 """Random walks that are sampled if there are too many states; the live engine takes a second for 20,000 steps."""
 
 DEFAULT_LIMIT: Final = 200
-"""Steps of an episode, if the environment has no limit."""
+"""The most steps of an episode, if the environment has no limit."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -81,7 +81,7 @@ def _best_policy(table: Tabular) -> EpisodeAdvisor | None:
 
 
 def _sample(simulator: Simulator, limit: int, reason: str, stopped: Event) -> JsonObject:
-    """Return what sampled random walks tell about a level with too many states for a table."""
+    """Return the success of sampled random walks, for a level with too many states for a table."""
     from envgraph.solve import sample_walks
 
     def check_stopped(episodes: int, _: int) -> None:

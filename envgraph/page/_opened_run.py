@@ -1,4 +1,4 @@
-"""A run that is open on the page: its members, how they came about, and the results of training."""
+"""Describe a run that is open on the page: its members, the rules that made them, and the results of training."""
 
 from __future__ import annotations
 

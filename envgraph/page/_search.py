@@ -158,7 +158,7 @@ def _family_file(session: PageSession, uri: Any) -> str:
     """Return the name of the family file with this URI; without one, that of the folder."""
     if uri is None:
         if not session.workspace.families:
-            raise InvalidArgument("the folder has no `family.toml`", "write one, or choose another file")
+            raise InvalidArgument("the folder has no `family.toml`", "write it, or choose another family file")
         return session.workspace.families[0].path
     name = session.service.name_of(str(uri))
     if not name.endswith(".toml") or name not in session.service.edited_files().entries(session.folder):

@@ -90,7 +90,7 @@ export class EditView {
     this.models.hidden = models.length < 2;
   }
 
-  /** Say why the picture is not that of the texts. */
+  /** Show why the picture does not show the current texts. */
   showState() {
     const { errors, models } = this.domain.data;
     const shown = models.length ? "This is the last state without errors." : "The model is shown when they have none.";

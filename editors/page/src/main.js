@@ -10,7 +10,7 @@ import { filesOfLink, linkWith } from "./share.js";
 
 const byId = (/** @type {string} */ id) => /** @type {HTMLElement} */ (document.getElementById(id));
 
-/** Switch between the scheme of the system and the other one; remember the choice. */
+/** Return a button that switches between the light and the dark scheme, and remembers the choice. */
 function themeButton() {
   const root = document.documentElement;
   const isDark = () => (root.dataset.theme ?? (matchMedia("(prefers-color-scheme: dark)").matches ? "dark" : "light")) === "dark";

@@ -44,7 +44,7 @@ export class PlayView {
     this.level.value = `member ${member}`;
   }
 
-  /** What is played, as text: another text needs another episode. */
+  /** The choice of the level as text. If the text changes, another episode begins. */
   get choice() {
     return JSON.stringify([this.environment.value, this.level.value, this.seed.value, this.domain.data.version]);
   }

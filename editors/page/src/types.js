@@ -1,5 +1,5 @@
 /**
- * What the page and its server say to each other, as data. docs/architecture/page.md describes the requests.
+ * The data that the page and its server exchange. docs/architecture/page.md describes the requests.
  *
  * @typedef {{line: number, character: number}} Position lines and characters from 0
  * @typedef {{start: Position, end: Position}} Range

@@ -46,7 +46,7 @@ class ModelSnapshot:
         )
 
     def changes(self, graph: Graph) -> list[str]:
-        """Return a text for each change since then: of the objects in the snapshot, and of objects that were created.
+        """Return a text for each change since the snapshot: of its objects, and of objects that were created.
 
         A link that two opposite references hold is reported once.
         """
@@ -79,7 +79,7 @@ class ModelSnapshot:
 
 
 def _is_described(metamodel: Metamodel, feature: Feature) -> bool:
-    """Return False for a reference whose opposite is described: of two opposites, the single-valued or first one is."""
+    """Return False if the opposite is described instead: of two opposites, the single-valued or else the first one."""
     if isinstance(feature, Attribute) or feature.opposite is None or not feature.many:
         return True
     opposite = metamodel.features(feature.target)[feature.opposite]

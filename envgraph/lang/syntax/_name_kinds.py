@@ -1,4 +1,4 @@
-"""Say what the names in a syntax tree stand for, as far as the syntax shows it."""
+"""Find the kind of each name in a syntax tree, such as "type" or "variable", as far as the syntax shows it."""
 
 from __future__ import annotations
 
@@ -128,7 +128,7 @@ def _names_with_parameters(tree: Tree[Token], outer: frozenset[str]) -> Iterator
 
 
 def _names_in(root: Tree[Token]) -> Iterator[KnownName]:
-    """Yield the names in a tree, but for those in clauses of an environment."""
+    """Yield the names in a tree, except the names in clauses of an environment."""
     waiting = [(root, False)]
     while waiting:
         tree, is_package = waiting.pop()

@@ -154,10 +154,10 @@ def _cut_offsets(language: str, text: str) -> Iterator[int]:
 
 
 def name_roles(grammar: Grammar, states: list[int]) -> tuple[frozenset[str], frozenset[str]] | None:
-    """Return what a name after these parser states can be; None if no name is accepted there.
+    """Return the roles of a name that is read in these parser states; None if no name is accepted there.
 
-    The result has the grammar rules that the name can end, without the prefixes of imported rules, and the signs and
-    keywords that can follow it inside of a rule.
+    The roles are the grammar rules that the name can end, without the prefixes of imported rules, and the signs and
+    keywords that can follow the name inside of a rule.
     """
     if not grammar.accepts(states, "NAME"):
         return None
